@@ -22,15 +22,13 @@ import struct
 import sys
 import threading
 import time
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-import tega.net.robot
 from tega.config import load_config
 from tega.errors import TegaError
-from tega.net.commands import Commands
-from tega.net.messages import ArmMessage, HandMessage
 from tega.safety.ctrl_c import CtrlC
 from tega.safety.states import Transition
 from tega.teleop import run_session
@@ -48,65 +46,18 @@ _PAGE_MIB = os.sysconf("SC_PAGE_SIZE") / 2**20 if hasattr(os, "sysconf") else 0.
 _MEMORY = Path("/proc/self/statm")
 
 
-class _Judged(Commands):
-    """Commands that are looked at, as they are used, by somebody who knows the true time."""
-
-    newest: _Judged | None = None
-
-    def __init__(self, *, ttl_ns: int, **rest: Any) -> None:
-        self._looked = threading.local()
-        super().__init__(ttl_ns=ttl_ns, clock=self._look, **rest)
-        self._true_ttl_ns = ttl_ns
-        self._used = self._stale = self._oldest_ns = 0
-        type(self).newest = self
-
-    def hand(self, data: bytes) -> HandMessage | None:
-        """Take in a command for the hand, and judge it."""
-        command = super().hand(data)
-        self._judge(command)
-        return command
-
-    def arm(self, data: bytes) -> ArmMessage | None:
-        """Take in a command for the arm, and judge it."""
-        command = super().arm(data)
-        self._judge(command)
-        return command
-
-    def counts(self) -> dict[str, Any]:
-        """Return what was used and refused so far, and how old the oldest was since this was asked."""
-        oldest_ns, self._oldest_ns = self._oldest_ns, 0
-        return {
-            "used": self._used,
-            "stale": self._stale,
-            "oldest_ms": oldest_ns / 1e6,
-            "refused": self.refused,
-        }
-
-    def _look(self) -> int:
-        """Return the time, and keep when it was: this program may be held up right after."""
-        now_ns: int = time.monotonic_ns()
-        self._looked.ns = now_ns
-        return now_ns
-
-    def _judge(self, command: HandMessage | ArmMessage | None) -> None:
-        if command is not None:
-            age_ns = self._looked.ns - command.sent_ns
-            self._used += 1
-            self._stale += age_ns > self._true_ttl_ns
-            self._oldest_ns = max(self._oldest_ns, age_ns)
-
-
 class _Teller:
     """Says what has changed, and notes how far the loop has come.
 
     Args:
         progress: Memory of a file that a kill leaves; ``None`` for no note.
+        counts: Returns what the station did with commands; ``None`` where nobody looks on.
     """
 
-    def __init__(self, progress: mmap.mmap | None) -> None:
+    def __init__(self, progress: mmap.mmap | None, counts: Callable[[], dict[str, Any]] | None) -> None:
         self._key = ""
         self._next_s = 0.0
-        self._progress = progress
+        self._progress, self._counts = progress, counts
 
     def look(self, view: LoopView) -> None:
         """See a moment."""
@@ -119,8 +70,7 @@ class _Teller:
         key = re.sub(r"[\d.]+", "#", f"{view.state} {view.reason} {view.alerts} {arm} {felt}")
         if key == self._key and now_s < self._next_s:
             return
-        judged = _Judged.newest
-        self._key, self._next_s = key, now_s + (_EVERY_S if judged is None else _COUNTS_S)
+        self._key, self._next_s = key, now_s + (_EVERY_S if self._counts is None else _COUNTS_S)
         _say(
             state=view.state,
             reason=view.reason,
@@ -129,7 +79,7 @@ class _Teller:
             felt=felt,
             no_data=any("no data from the robot" in alert for alert in view.alerts),
             rss_mib=_rss_mib(),
-            **({} if judged is None else judged.counts()),
+            **({} if self._counts is None else self._counts()),
         )
 
 
@@ -177,9 +127,11 @@ def main() -> int:
     parser.add_argument("--progress", type=Path, metavar="FILE", help="note there how far the loop has come")
     given = parser.parse_args()
     sys.setswitchinterval(0.0005)  # as in ``run``
+    counts = None
     if given.commands:
-        # The same, with somebody who looks on.
-        tega.net.robot.Commands = _Judged  # type: ignore[attr-defined]
+        from tega_campaigns.judged_commands import look_on  # which brings the link's packages
+
+        counts = look_on()
     with ExitStack() as stack:
         if given.cap is not None:
             stack.enter_context(HidPort(HidBoard(given.cap, 0x046D, 0xC626)).installed())
@@ -195,7 +147,7 @@ def main() -> int:
             _say(said="begins")
             summary = run_session(
                 config,
-                observer=_Teller(progress).look,
+                observer=_Teller(progress, counts).look,
                 on_state=_change,
                 stop=stop,
                 tell=lambda said: _say(said=said),
