@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from decimal import Decimal
-from typing import Any
 
 import numpy as np
 import pytest
@@ -11,10 +10,11 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from reference.extremes import Extreme, short
+from reference.emg import farthest, rounding_bound
+from reference.extremes import Extreme
 from tega.emg import ButterworthLowpass
 from tega.errors import InvalidValueError
-from tega_figures.exact import dc_gain, design, filtered, gain_squared, transfer_function
+from tega_figures.exact import dc_gain, design, filtered, gain_squared
 
 Samples = NDArray[np.float64]
 
@@ -27,12 +27,6 @@ few = settings(max_examples=8, deadline=None)
 seeds = st.integers(0, 2**32 - 1)
 orders = st.integers(1, 8)
 
-
-def bound_at(rate_hz: float) -> float:
-    """Return the error that passes: poles crowd towards 1 with the rate, rounding grows as its square."""
-    return 1e-14 + 5e-21 * rate_hz**2
-
-
 IMPULSE = Extreme("emg", "impulse", f"orders 1 to 8, 50 Hz at 1 kHz, {N_SAMPLES} samples", 1e-14, FULL_SCALE)
 STEP = Extreme("emg", "step", f"orders 1 to 8, 50 Hz at 1 kHz, {N_SAMPLES} samples", 1e-14, FULL_SCALE)
 AT_RATE = {
@@ -40,7 +34,7 @@ AT_RATE = {
         "emg",
         f"{name} sampling",
         f"4th order, 50 Hz, {N_SAMPLES} samples of noise, with an offset and without",
-        bound_at(rate_hz),
+        rounding_bound(rate_hz),
         FULL_SCALE,
     )
     for name, rate_hz in RATES_HZ.items()
@@ -93,30 +87,11 @@ LONG = {
         f"three channels (noise, a constant, a sine, all on {OFFSET:g}), repeated every {PERIOD} samples; the mean of "
         f"every period against the input's, and the last period against a filter that saw only {SETTLING_PERIODS} "
         "before it; no output above 1.5 times the largest input",
-        bound_at(RATES_HZ[name]),
+        rounding_bound(RATES_HZ[name]),
         FULL_SCALE,
     )
     for name in ("1 kHz", "1 MHz")
 }
-FORMS = {
-    name: Extreme(
-        "emg",
-        f"sections and fraction at {name}",
-        "a step of at least 2000 samples and 0.1 s; the fraction's coefficients are rounded once, from 60 digits",
-        bound_at(RATES_HZ[name]),
-        FULL_SCALE,
-    )
-    for name in ("1 kHz", "10 kHz", "100 kHz", "1 MHz")
-}
-# From these rates on, the fraction's output is off by more than a hundredth of full scale.
-FLOAT32_FAILS_HZ, FLOAT64_FAILS_HZ, USELESS = 1e4, 1e6, 0.01
-
-
-def worst(got: Samples, exact: list[Decimal]) -> float:
-    """Return the largest distance; infinite if a number is not finite."""
-    if not np.isfinite(got).all():
-        return float("inf")
-    return max(float(abs(Decimal(g) - e)) for g, e in zip(got.tolist(), exact, strict=True))
 
 
 @pytest.mark.parametrize("order", range(1, 9))
@@ -125,7 +100,7 @@ def test_impulse_and_step(line: Extreme, order: int) -> None:
     signal = np.zeros(N_SAMPLES) if line is IMPULSE else np.ones(N_SAMPLES)
     signal[0 if line is STEP else 1] = 0.0 if line is STEP else 1.0
     got = ButterworthLowpass(1e3, CUTOFF_HZ, order, channels=1).process(signal)[:, 0]
-    line.hold(worst(got, filtered(design(1e3, CUTOFF_HZ, order), signal.tolist())))
+    line.hold(farthest(got, filtered(design(1e3, CUTOFF_HZ, order), signal.tolist())))
 
 
 @pytest.mark.parametrize("rate", RATES_HZ)
@@ -137,7 +112,7 @@ def test_a_sampling_rate(rate: str, seed: int, offset: float) -> None:
     signal = np.random.default_rng(seed).integers(-1000, 1001, N_SAMPLES) / 1000.0 + offset
     got = ButterworthLowpass(rate_hz, CUTOFF_HZ, ORDER, channels=1).process(signal)[:, 0]
     exact = filtered(design(rate_hz, CUTOFF_HZ, ORDER), signal.tolist())
-    AT_RATE[rate].hold(worst(got, exact) / (1 + offset))
+    AT_RATE[rate].hold(farthest(got, exact) / (1 + offset))
 
 
 @given(st.floats(1e-6, 1e-3), orders)
@@ -260,70 +235,3 @@ def sums(rows: Samples) -> Samples:
     """Return column sums by halves, whose rounding is far below the filter's."""
     by_halves: Samples = np.ascontiguousarray(rows.T).sum(axis=1)
     return by_halves
-
-
-@pytest.mark.parametrize("rate", FORMS)
-def test_sections_hold_where_one_fraction_falls_apart(rate: str) -> None:
-    rate_hz = RATES_HZ[rate]
-    step = np.ones(max(N_SAMPLES, round(0.1 * rate_hz)))
-    step[0] = 0.0
-    sections = design(rate_hz, CUTOFF_HZ, ORDER)
-    exact = filtered(sections, step.tolist())
-    b, a = transfer_function(sections)
-    wide, narrow = (worst(as_fraction(b, a, step.tolist(), kind), exact) for kind in (float, np.float32))
-    others = [f"{peer} {off(worst(out, exact))}" for peer, out in peers(rate_hz, step).items()]
-    told = ", ".join([f"fraction in float64 {off(wide)}, in float32 {off(narrow)}", *others])
-    ours = ButterworthLowpass(rate_hz, CUTOFF_HZ, ORDER, channels=1).process(step)[:, 0]
-    FORMS[rate].hold(worst(ours, exact), f"off by as much: {told}")
-    assert rate_hz < FLOAT32_FAILS_HZ or narrow > USELESS
-    assert rate_hz < FLOAT64_FAILS_HZ or wide > USELESS
-
-
-def as_fraction(b: list[float], a: list[float], samples: list[float], kind: Any) -> Samples:
-    """Run the fraction's transposed direct form II from rest, all in one type."""
-    numerator, denominator = [kind(x) for x in b], [kind(x) for x in a[1:]]
-    delays = [kind(0)] * (len(denominator) + 1)
-    out = []
-    with np.errstate(all="ignore"):
-        for sample in samples:
-            x = kind(sample)
-            y = numerator[0] * x + delays[0]
-            for i, (bi, ai) in enumerate(zip(numerator[1:], denominator, strict=True)):
-                delays[i] = bi * x + delays[i + 1] - ai * y
-            out.append(float(y))
-    return np.array(out)
-
-
-def peers(rate_hz: float, step: Samples) -> dict[str, Samples]:
-    """Return what SciPy makes of a step, in both forms."""
-    signal = pytest.importorskip("scipy.signal", reason="scipy is not installed")
-    b, a = signal.butter(ORDER, CUTOFF_HZ, fs=rate_hz)
-    with np.errstate(all="ignore"):
-        return {
-            "SciPy `sosfilt`": signal.sosfilt(
-                signal.butter(ORDER, CUTOFF_HZ, fs=rate_hz, output="sos"), step
-            ),
-            "SciPy `lfilter`": signal.lfilter(b, a, step),
-        }
-
-
-def off(error: float) -> str:
-    return "overflow" if error == float("inf") else short(error)
-
-
-def test_the_exact_response_of_a_known_filter() -> None:
-    # y[n] = (x[n] + x[n-1]) / 2: gain 1 at frequency 0, cos²(π f) elsewhere; half of it at a quarter of the rate.
-    mean = [[0.5, 0.5, 0.0, 1.0, 0.0, 0.0]]
-    assert dc_gain(mean) == 1
-    assert abs(gain_squared(mean, 0.25) - Decimal("0.5")) < Decimal("1e-55")
-    for share in (1e-6, 0.125, 0.49):
-        assert float(gain_squared(mean, share)) == pytest.approx(np.cos(np.pi * share) ** 2, rel=1e-12)
-
-
-def test_the_exact_fraction_is_the_sections_multiplied_out() -> None:
-    sections = design(1e3, 50.0, 4)
-    b, a = transfer_function(sections)
-    x = 0.3
-    floats = [[float(c) for c in s] for s in sections]
-    by_sections = np.prod([(s[0] + s[1] * x + s[2] * x * x) / (1 + s[3] * x + s[4] * x * x) for s in floats])
-    assert np.polyval(b[::-1], x) / np.polyval(a[::-1], x) == pytest.approx(by_sections, rel=1e-12)

@@ -4,9 +4,25 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from decimal import Decimal
 from fractions import Fraction
 
+import numpy as np
+from numpy.typing import NDArray
+
 TOLERANCE = Fraction(1, 10**9)
+
+
+def rounding_bound(rate_hz: float) -> float:
+    """Return the error that passes: poles crowd towards 1 with the rate, rounding grows as its square."""
+    return 1e-14 + 5e-21 * rate_hz**2
+
+
+def farthest(got: NDArray[np.float64], exact: list[Decimal]) -> float:
+    """Return the largest distance; infinite if a number is not finite."""
+    if not np.isfinite(got).all():
+        return float("inf")
+    return max(float(abs(Decimal(g) - e)) for g, e in zip(got.tolist(), exact, strict=True))
 
 
 def block_means(samples: Sequence[float], tau: int) -> list[Fraction]:
