@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PYTHON ?= python3
 .DEFAULT_GOAL := help
-.PHONY: help setup build test slow guards deep lint fmt fuzz bench counts figures msrv licences arm64 wheel site pictures clean
+.PHONY: help setup build test slow guards deep stress lint fmt fuzz bench counts figures msrv licences arm64 wheel site pictures clean
 
 help: ## print this
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 10
@@ -33,6 +33,9 @@ guards: ## tests have to fail without the guard they show; all of them into docs
 deep: ## what computes for long: all tests marked deep, and each property with 2,000 examples
 	HYPOTHESIS_PROFILE=deep $(BIN)/python -m pytest -m deep
 	HYPOTHESIS_PROFILE=deep $(BIN)/python -m pytest -m 'not slow and not deep' tests/property
+
+stress: ## the properties at the ends of the number range, and docs/stress.md from what they found
+	PYTHONPATH=tests $(BIN)/python tests/property/stress_page.py docs/stress.md
 
 lint: ## formatting, clippy, ruff, mypy, stub against extension, circles of files, words of the pages
 	cargo fmt --all --check

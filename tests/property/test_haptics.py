@@ -1,11 +1,11 @@
-"""The vest law and columns against 50-digit and integer references."""
+"""The vest law and columns against 60-digit and integer references."""
 
 from __future__ import annotations
 
 import math
+from decimal import Decimal
 from fractions import Fraction
 
-import mpmath
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
@@ -22,6 +22,7 @@ from tega.haptics import (
     intensity,
     vest_frame,
 )
+from tega_figures.exact import exact_intensity
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 positive = st.floats(min_value=0, exclude_min=True, allow_infinity=False)
@@ -31,15 +32,15 @@ percents = st.one_of(st.floats(-5, 105), st.integers(-2, 202).map(lambda n: n / 
 four = st.lists(percents, min_size=4, max_size=4)
 
 
-def relative_error(got: float, exact: mpmath.mpf) -> float:
-    return float(abs((mpmath.mpf(got) - exact) / exact))
+def relative_error(got: float, exact: Decimal) -> float:
+    return float(abs((Decimal(got) - exact) / exact))
 
 
 @given(value=finite, maximum=positive)
 def test_any_finite_input_gives_the_printed_law(value: float, maximum: float) -> None:
-    got, exact = intensity(value, maximum), reference.intensity(value, maximum)
+    got, exact = intensity(value, maximum), exact_intensity(value, maximum)
     assert 0.0 <= got <= 100.0
-    if exact > 1e-290:
+    if exact > Decimal("1e-290"):
         assert relative_error(got, exact) < 3e-15
     else:
         assert got < 1e-289
@@ -48,13 +49,13 @@ def test_any_finite_input_gives_the_printed_law(value: float, maximum: float) ->
 @given(ratio=st.floats(-70, 5), maximum=st.floats(1e-6, 1e6))
 def test_the_law_where_it_is_used(ratio: float, maximum: float) -> None:
     value = ratio * maximum
-    assert relative_error(intensity(value, maximum), reference.intensity(value, maximum)) < 3e-15
+    assert relative_error(intensity(value, maximum), exact_intensity(value, maximum)) < 3e-15
 
 
 @given(ratio=st.floats(-2, 3), maximum=st.floats(1e-6, 1e6), end_value=st.floats(1e-6, 0.49))
 def test_another_end_value(ratio: float, maximum: float, end_value: float) -> None:
     value = ratio * maximum
-    exact = reference.intensity(value, maximum, end_value)
+    exact = exact_intensity(value, maximum, end_value)
     assert relative_error(intensity(value, maximum, end_value=end_value), exact) < 1e-13
 
 

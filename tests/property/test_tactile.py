@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
-from reference import tactile as reference
 from tega.tactile import ContactGate, ContactMetrics, contact_metrics, read_contact
+from tega_figures.exact import ExactContact, exact_contact, exact_paper, printed
 
 Image = NDArray[np.uint8]
 
@@ -37,7 +37,7 @@ def weight_triples(draw: st.DrawFn) -> tuple[float, float, float]:
     if kind == "long":
         r, g = draw(st.floats(-1, 1)), draw(st.floats(-1, 1))
         b = 1 - r - g
-        total = reference.printed(r) + reference.printed(g) + reference.printed(b)
+        total = printed(r) + printed(g) + printed(b)
         assume(abs(total - 1) <= Fraction(1, 10**9))
         return (r, g, b)
     tiny = draw(st.sampled_from([1e-300, 5e-324, -1e-30, 1e-12]))
@@ -64,7 +64,7 @@ def close(value: float, exact: Fraction | Decimal | None, rel: float = 1e-12) ->
         return abs(Decimal(value) - exact) <= abs(exact) * Decimal(rel) + Decimal("1e-323")
 
 
-def assert_equals_exact(m: ContactMetrics, exact: reference.Exact) -> None:
+def assert_equals_exact(m: ContactMetrics, exact: ExactContact) -> None:
     assert m.in_contact == exact.in_contact
     assert m.eda == exact.eda
     assert m.peak == float(exact.peak)
@@ -81,32 +81,29 @@ def assert_equals_exact(m: ContactMetrics, exact: reference.Exact) -> None:
 def test_every_reading_equals_the_fractions(
     pair: tuple[Image, Image], weights, order, difference, spread, factor, centroid_value
 ) -> None:
-    m = contact_metrics(
-        *pair,
-        weights=weights,
-        order=order,
-        difference=difference,
-        spread=spread,
-        factor=factor,
-        centroid_value=centroid_value,
-    )
-    grey = reference.grey_map(pair[0], pair[1], weights, order, difference)
-    exact = reference.metrics_of_map(grey, spread=spread, factor=factor, centroid_value=centroid_value)
-    assert_equals_exact(m, exact)
+    reading = {
+        "weights": weights,
+        "order": order,
+        "difference": difference,
+        "spread": spread,
+        "factor": factor,
+        "centroid_value": centroid_value,
+    }
+    assert_equals_exact(contact_metrics(*pair, **reading), exact_contact(*pair, **reading))
 
 
 @given(pairs(), st.sampled_from([0.0, 0.114, 6.0, 99.5, 255.0]), st.integers(0, 50), DIFFERENCES)
 def test_the_gate_counts_pixels_over_its_floor(pair, noise_floor, min_pixels, difference) -> None:
     gate = ContactGate(noise_floor, min_pixels)
     m = contact_metrics(*pair, difference=difference, gate=gate)
-    grey = reference.grey_map(pair[0], pair[1], difference=difference)
-    assert_equals_exact(m, reference.metrics_of_map(grey, gate=gate))
+    exact = exact_contact(*pair, difference=difference, gate=(noise_floor, min_pixels))
+    assert_equals_exact(m, exact)
 
 
 @given(pairs(max_side=9), ORDERS)
 def test_the_paper_reading_equals_the_fractions(pair, order) -> None:
     assert_equals_exact(
-        read_contact(*pair, reading="paper", order=order), reference.read_paper(pair[0], pair[1], order)
+        read_contact(*pair, reading="paper", order=order), exact_paper(pair[0], pair[1], order)
     )
 
 
@@ -115,7 +112,7 @@ def test_the_paper_reading_of_dense_frames_equals_the_fractions(height, width, l
     rng = np.random.default_rng(seed)
     frame = rng.integers(level // 2, level + 1, (height, width, 3), dtype=np.uint8)
     baseline = np.zeros_like(frame)
-    assert_equals_exact(read_contact(frame, baseline, reading="paper"), reference.read_paper(frame, baseline))
+    assert_equals_exact(read_contact(frame, baseline, reading="paper"), exact_paper(frame, baseline))
 
 
 @given(pairs(), DIFFERENCES, SPREADS)

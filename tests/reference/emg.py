@@ -1,15 +1,28 @@
-"""The EMG equations once more, exactly or to 50 digits, straight from the text, with no regard for speed."""
+"""Grasp levels and presets from EMG (Eq 10 to 13) once more, straight from the text, with no regard for speed."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from decimal import Decimal
 from fractions import Fraction
 
-import mpmath
+import numpy as np
+from numpy.typing import NDArray
 
-DIGITS = 50
 TOLERANCE = Fraction(1, 10**9)
+
+
+def rounding_bound(rate_hz: float) -> float:
+    """Return the error that passes: poles crowd towards 1 with the rate, rounding grows as its square."""
+    return 1e-14 + 5e-21 * rate_hz**2
+
+
+def farthest(got: NDArray[np.float64], exact: list[Decimal]) -> float:
+    """Return the largest distance; infinite if a number is not finite."""
+    if not np.isfinite(got).all():
+        return float("inf")
+    return max(float(abs(Decimal(g) - e)) for g, e in zip(got.tolist(), exact, strict=True))
 
 
 def block_means(samples: Sequence[float], tau: int) -> list[Fraction]:
@@ -30,46 +43,6 @@ def fuse(levels: Sequence[int]) -> int:
     if len(ranked) == 1 or ranked[0][1] > ranked[1][1]:
         return ranked[0][0]
     return int(Fraction(sum(levels), len(levels)) // 1)
-
-
-def butterworth_lowpass(rate_hz: float, cutoff_hz: float, order: int) -> list[list[mpmath.mpf]]:
-    """Sections ``b0 b1 b2 a1 a2`` by pole placement and bilinear transform in complex numbers."""
-    with mpmath.workdps(DIGITS):
-        warped = 2 * mpmath.tan(mpmath.pi * mpmath.mpf(cutoff_hz) / mpmath.mpf(rate_hz))
-        poles = [
-            warped * mpmath.expjpi(mpmath.mpf(2 * k + order - 1) / (2 * order)) for k in range(1, order + 1)
-        ]
-        digital = [(2 + p) / (2 - p) for p in poles]
-        sections = []
-        for z in digital:
-            if order % 2 and abs(mpmath.im(z)) < mpmath.mpf(10) ** -40:
-                sections.append([mpmath.mpf(1), mpmath.mpf(1), mpmath.mpf(0), -mpmath.re(z), mpmath.mpf(0)])
-            elif mpmath.im(z) > 0:
-                sections.append(
-                    [mpmath.mpf(1), mpmath.mpf(2), mpmath.mpf(1), -2 * mpmath.re(z), mpmath.fabs(z) ** 2]
-                )
-        sections.sort(key=lambda s: s[4])
-        for s in sections:
-            gain = (1 + s[3] + s[4]) / (s[0] + s[1] + s[2])
-            s[:3] = [gain * b for b in s[:3]]
-        return sections
-
-
-def filtered(sections: Iterable[Sequence[mpmath.mpf]], samples: Sequence[float]) -> list[mpmath.mpf]:
-    """Run one channel through the sections by the difference equation, settled on its first sample."""
-    with mpmath.workdps(DIGITS):
-        signal = [mpmath.mpf(x) for x in samples]
-        for b0, b1, b2, a1, a2 in sections:
-            dc_gain = (b0 + b1 + b2) / (1 + a1 + a2)
-            x1 = x2 = signal[0]
-            y1 = y2 = signal[0] * dc_gain
-            out = []
-            for x in signal:
-                y = b0 * x + b1 * x1 + b2 * x2 - a1 * y1 - a2 * y2
-                out.append(y)
-                x1, x2, y1, y2 = x, x1, y, y1
-            signal = out
-        return signal
 
 
 def paper_levels(means: Sequence[Sequence[float]], maxima: Sequence[float]) -> list[int]:

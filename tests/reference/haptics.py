@@ -1,25 +1,10 @@
-"""Eq 7 to 9 and the vest columns, in 50 digits and in integers: what the fast versions are judged by."""
+"""The vest columns in integers: what the fast version is judged by."""
 
 from __future__ import annotations
 
 from fractions import Fraction
 
-import mpmath
-
 FINGERS = 4
-DIGITS = 50
-
-
-def intensity(value: float, maximum: float, end_value: Fraction | float = Fraction(1, 100)) -> mpmath.mpf:
-    """Percent by the printed law, k = 2 ln((1 - e)/e) / maximum."""
-    with mpmath.workdps(DIGITS):
-        e = (
-            mpmath.mpf(end_value.numerator) / end_value.denominator
-            if isinstance(end_value, Fraction)
-            else mpmath.mpf(end_value)
-        )
-        k = 2 * mpmath.log((1 - e) / e) / mpmath.mpf(maximum)
-        return 100 / (1 + mpmath.exp(-k * (mpmath.mpf(value) - mpmath.mpf(maximum) / 2)))
 
 
 def percent(value: float) -> int:

@@ -30,7 +30,6 @@ def run_without(code: str) -> subprocess.CompletedProcess[str]:
     ("words", "folders"),
     [
         (("soak",), ("emulators", "campaigns")),
-        (("stress", "--help"), ("emulators", "campaigns")),
         (("bench", "sim"), ("emulators", "figures")),
         (("init", "--emulated"), ("emulators",)),
         (("hand", "measure", "--emulated"), ("emulators",)),

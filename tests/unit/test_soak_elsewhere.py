@@ -14,7 +14,7 @@ from tega_campaigns.soak import trial
 
 
 def test_soak_is_imported_where_there_is_no_resource_module() -> None:
-    modules = "tega_campaigns.soak.supervisor, tega_campaigns.soak.command"
+    modules = "tega_campaigns.supervisor, tega_campaigns.soak.command"
     code = f"import sys; sys.modules['resource'] = None; import {modules}"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -65,9 +65,6 @@ _VERBS = {
         "soak",
         "Run all emulated devices for long, with random faults.",
     ),
-    "stress": _Verb(
-        "", "tega_campaigns.stress.command", "stress", "Test each kernel at its numerical extremes."
-    ),
     "robot": _Verb(
         "Two machines", "tega.cli.station", "robot", "Run the robot's half of a session on two machines."
     ),

@@ -1,1 +1,1 @@
-"""Run campaigns of faults against TEGA on emulated devices: soak, stress, kills, faults of devices and of stations."""
+"""Run campaigns of faults against TEGA on emulated devices: soak, kills, faults of devices and of stations."""

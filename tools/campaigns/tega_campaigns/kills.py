@@ -2,8 +2,8 @@
 
 ``python -m tega_campaigns.kills --instants 20 --seed 1`` starts a lossless recording in real time as often, kills its
 process (SIGKILL) at a random instant, opens the file with the public ``mcap`` reader, finishes it as the next run
-would, opens that too, and computes it again. What is lost is counted in the finished file. One line per instant, exit
-code 1 unless every one is good.
+would, opens that too, and computes it again. What is lost is counted in the finished file. Exit code 1 unless every
+one is good; ``--markdown docs/evidence/recording.md`` writes the table of the docs.
 
 The run is fed by the emulated DIGIT, Cyton and Allegro Hand in processes of their own, and feels an emulated Player;
 ``--synthetic`` takes made-up sources instead, which need nothing and start sooner.
@@ -11,18 +11,13 @@ The run is fed by the emulated DIGIT, Cyton and Allegro Hand in processes of the
 
 from __future__ import annotations
 
-import argparse
-import json
-import mmap
 import random
-import signal
-import struct
-import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -30,19 +25,21 @@ import msgspec
 import numpy as np
 
 from tega.calibration import Calibration, EmgMaxima, FingerMaxima, TouchMaxima, save_calibration
-from tega.child_process import python_command, python_environment
 from tega.recording.mcap_folder import SessionFolder
 from tega.recording.mcap_reader import McapReader
 from tega.replay import replay_file
 from tega.toml_text import tree_text
+from tega_campaigns.program import noted_tick_ns
+from tega_campaigns.report import put_table, table
+from tega_campaigns.runner import CampaignCase, campaign_parser, report_cases, until
+from tega_campaigns.supervisor import Supervisor
 
-__all__ = ["Kill", "kill_one", "main", "settings"]
+__all__ = ["Kill", "kill_one", "kill_table", "main", "settings"]
 
 MOST_LOST_S = 0.5
 """What a kill may cost."""
 
 _BEGIN_S = 60.0
-_NOTE_BYTES = 8
 
 
 class Kill(msgspec.Struct, frozen=True):
@@ -148,23 +145,23 @@ def kill_one(path: Path, after_s: float) -> Kill:
     Raises:
         RuntimeError: The run did not begin.
     """
-    session = path.parent / "session"
-    words = python_command("tega_campaigns.kills", "--run", str(path))
-    with subprocess.Popen(
-        words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, env=python_environment()
-    ) as run:
-        part, began_ns = _begun(path, run)
+    note = path.with_suffix(".tick")
+    with Supervisor(path, "--progress", str(note), errors=path.with_suffix(".log")) as run:
+        run.start()
+        if until(lambda: noted_tick_ns(note) >= 0 or not run.alive, _BEGIN_S) is None or not run.alive:
+            raise RuntimeError(f"the run did not begin: {run.lines[-1:]}")
+        # Not by the file: a disk that stands still would hold that up.
+        began_ns = time.time_ns() - noted_tick_ns(note)
+        (part,) = (path.parent / "session").glob("*.mcap.part")
         time.sleep(max(0.0, after_s - (time.time_ns() - began_ns) / 1e9))
-        killed_ns = time.time_ns()
-        run.send_signal(signal.SIGKILL)
-        run.wait()
+        killed_ns = run.kill()
     left, ending = _public_reader(part)[1:]
-    (recovered,) = SessionFolder(session).recovered
+    (recovered,) = SessionFolder(path.parent / "session").recovered
     newest, counts, _ = _public_reader(recovered.path)
     reader = McapReader(recovered.path)
     next(reader.messages(), None)
     epoch_ns = int(reader.metadata["tega"]["epoch_ns"])
-    alive_ns = epoch_ns + _tick_ns(path)
+    alive_ns = epoch_ns + noted_tick_ns(note)
     # A made-up source is read ahead of its time: the loop's own frames tell how far it had come.
     told = [newest.get(topic, epoch_ns) for topic in ("/hand/frames", "/vest/frame")]
     lost_s = max(0, alive_ns - max(told)) / 1e9
@@ -205,27 +202,6 @@ def _steady(topic: str) -> bool:
     return topic in {"/hand/frames", "/vest/frame", "/emg/samples"} or topic.endswith("/image")
 
 
-def _tick_ns(path: Path) -> int:
-    """Return how far a run had come as it noted itself; -1 where it had not begun."""
-    note = path.with_suffix(".tick")
-    data = note.read_bytes() if note.exists() else b""
-    return int(struct.unpack("<q", data)[0]) if len(data) == _NOTE_BYTES else -1
-
-
-def _begun(path: Path, run: subprocess.Popen[str]) -> tuple[Path, int]:
-    """Wait until a session has begun; return its file and the time of day at its start, about."""
-    end_s = time.monotonic() + _BEGIN_S
-    while time.monotonic() < end_s and run.poll() is None:
-        # Not by the file: a disk that stands still would hold that up.
-        if (tick_ns := _tick_ns(path)) >= 0:
-            (part,) = (path.parent / "session").glob("*.mcap.part")
-            return part, time.time_ns() - tick_ns
-        time.sleep(0.01)
-    run.kill()
-    said = "" if run.stderr is None else run.stderr.read()
-    raise RuntimeError(f"the run did not begin: {said.strip()}")
-
-
 def _public_reader(path: Path) -> tuple[dict[str, int], dict[str, int], str]:
     """Read a cut file with nothing but the ``mcap`` package."""
     from mcap.reader import NonSeekingReader
@@ -243,68 +219,49 @@ def _public_reader(path: Path) -> tuple[dict[str, int], dict[str, int], str]:
     return newest, counts, ending
 
 
-def _run(path: Path) -> None:
-    """Run a session and note how far it has come where a kill does not reach."""
-    from tega.config import load_config
-    from tega.teleop import run_session
-
-    note = path.with_suffix(".tick")
-    note.write_bytes(struct.pack("<q", -1))
-    with note.open("r+b") as file, mmap.mmap(file.fileno(), _NOTE_BYTES) as tick:
-        sys.setswitchinterval(0.0005)
-        run_session(
-            load_config(path).config, observer=lambda view: struct.pack_into("<q", tick, 0, view.t_ns)
-        )
-
-
-def main(arguments: list[str] | None = None) -> None:
-    """Kill, look, print, and exit."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+def main() -> int:
+    """Kill and look; return 1 unless every kill left what is promised."""
+    parser = campaign_parser("kills", "Kill recordings at random instants and look at what is left.")
     parser.add_argument("--instants", type=int, default=20)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--longest-s", type=float, default=4.0)
-    parser.add_argument("--synthetic", action="store_true")
-    parser.add_argument("--jpeg", action="store_true")
-    parser.add_argument("--json", action="store_true")
-    parser.add_argument("--run", type=Path, help=argparse.SUPPRESS)
-    given = parser.parse_args(arguments)
-    if given.run is not None:
-        _run(given.run)
-        return
+    parser.add_argument("--synthetic", action="store_true", help="made-up sources instead of emulators")
+    parser.add_argument("--jpeg", action="store_true", help="record pictures as JPEG instead of as they are")
+    given = parser.parse_args()
     instants = random.Random(given.seed)
-    kills = []
-    for k in range(given.instants):
-        after_s = instants.uniform(0.3, given.longest_s)
+
+    def kill(after_s: float) -> Kill:
         with (
             tempfile.TemporaryDirectory() as folder,
             settings(Path(folder), synthetic=given.synthetic, lossless=not given.jpeg) as path,
         ):
-            kills.append(kill_one(path, after_s))
-        if not given.json:
-            _print(k, kills)
-    if given.json:
-        print(json.dumps(msgspec.to_builtins(kills), indent=2))  # noqa: T201  # this is a program
-    elif kills:
-        worst = max(kill.stream_lost_s for kill in kills)
-        print(f"{sum(k.good for k in kills)} of {len(kills)} good, at most {worst:.3f} s lost")  # noqa: T201
-    sys.exit(0 if all(kill.good for kill in kills) else 1)
+            return kill_one(path, after_s)
+
+    at_s = [instants.uniform(0.3, given.longest_s) for _ in range(given.instants)]
+    cases = [CampaignCase({"kill": k}, partial(kill, after_s)) for k, after_s in enumerate(at_s)]
+    kills = report_cases(cases, as_json=given.json, attempts=1)
+    if given.markdown is not None:
+        put_table(given.markdown, kill_table(kills), name="kills")
+    return 0 if all(kill.good for kill in kills) else 1
 
 
-def _print(k: int, kills: list[Kill]) -> None:
-    kill = kills[-1]
-    if k == 0:
-        names = ("killed at s", "messages", "recovered", "lost s", "worst stream s", "stood s", "dropped")
-        print(f"| {' | '.join(names)} | replay differs |\n{'|---' * 8}|")  # noqa: T201
-    row = (
-        kill.messages,
-        kill.recovered,
-        f"{kill.lost_s:.3f}",
-        f"{kill.stream_lost_s:.3f}",
-        f"{kill.stood_s:.3f}",
-        kill.dropped,
-    )
-    print(f"| {kill.at_s:.2f} | {' | '.join(map(str, row))} | {kill.differ} rows |", flush=True)  # noqa: T201
+def kill_table(kills: Sequence[Kill]) -> str:
+    """Return the kills as a table in Markdown."""
+    head = ("killed at s", "messages", "recovered", "lost s", "worst stream s", "stood s", "dropped")
+    rows = [
+        (
+            f"{kill.at_s:.2f}",
+            str(kill.messages),
+            str(kill.recovered),
+            *(f"{lost_s:.3f}" for lost_s in (kill.lost_s, kill.stream_lost_s, kill.stood_s)),
+            str(kill.dropped),
+            f"{kill.differ} rows",
+            "yes" if kill.good else "**no**",
+        )
+        for kill in kills
+    ]
+    return table((*head, "replay differs", "as promised"), rows)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

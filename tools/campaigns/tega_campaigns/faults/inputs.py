@@ -12,7 +12,8 @@ from tega.devices.hid_input import AT_REST, HidInput
 from tega.devices.pedal import Pedal, PedalOptions
 from tega.devices.spacemouse import SpaceMouse, SpaceMouseOptions
 from tega.errors import DeviceUnavailableError
-from tega_campaigns.faults.trials import DriverOutcome, FaultTrial, until
+from tega_campaigns.faults.trials import DriverOutcome, FaultTrial
+from tega_campaigns.runner import until
 from tega_emulators.hid_input import FAULTS
 from tega_emulators.hid_port import HidBoard, HidPort
 from tega_emulators.process import Emulator

@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from tega_campaigns.faults.trials import FAULTS, DriverOutcome, FaultTrial
+from tega_campaigns.report import seconds, table
 
 __all__ = ["page"]
+
+_COLUMNS = ("the emulator", "effect", "after", "back", "the driver")
 
 _HEAD = """# When something breaks
 
@@ -41,38 +44,35 @@ def page(done: Sequence[tuple[FaultTrial, DriverOutcome]], cannot: Mapping[tuple
     """
     drivers = list(dict.fromkeys(trial.driver for trial, _ in done))
     by_cell = {(trial.driver, trial.fault): (trial, outcome) for trial, outcome in done}
-    lines = [_HEAD + "## At a glance\n"]
-    lines += [f"| | {' | '.join(FAULTS)} |", "|---" * (len(FAULTS) + 1) + "|"]
-    for driver in drivers:
-        cells = [_short(by_cell[driver, f][1]) if (driver, f) in by_cell else "–" for f in FAULTS]
-        lines.append(f"| {_code(driver)} | {' | '.join(cells)} |")
-    lines.append("\n–: that cannot happen there; the reason is below.\n")
+    glance = [
+        (_code(driver), *(_short(by_cell[driver, f][1]) if (driver, f) in by_cell else "–" for f in FAULTS))
+        for driver in drivers
+    ]
+    parts = [
+        _HEAD + "## At a glance\n",
+        table(("", *FAULTS), glance),
+        "–: that cannot happen there; the reason is below.\n",
+    ]
     for fault, what in FAULTS.items():
-        lines += [f"## {fault.capitalize()}\n", f"{what}\n", *_header("driver")]
-        for driver in drivers:
-            if (driver, fault) in by_cell:
-                lines.append(_row(_code(driver), *by_cell[driver, fault]))
-            else:
-                lines.append(f"| {_code(driver)} | – | – | | | {cannot[driver, fault]} |")
-        lines.append("")
-    lines += ["## Others\n", *_header("driver, fault")]
-    lines += [
+        rows = [
+            _row(_code(driver), *by_cell[driver, fault])
+            if (driver, fault) in by_cell
+            else (_code(driver), "–", "–", "", "", cannot[driver, fault])
+            for driver in drivers
+        ]
+        parts += [f"## {fault.capitalize()}\n", f"{what}\n", table(("driver", *_COLUMNS), rows)]
+    others = [
         _row(f"{_code(trial.driver)}, {trial.fault}", trial, outcome)
         for trial, outcome in done
         if trial.fault not in FAULTS
     ]
-    lines.append("")
-    return "\n".join(lines)
+    parts += ["## Others\n", table(("driver, fault", *_COLUMNS), others)]
+    return "\n".join(parts)
 
 
-def _header(first: str) -> list[str]:
-    return [f"| {first} | the emulator | effect | after | back | the driver |", "|---|---|---|---|---|---|"]
-
-
-def _row(first: str, trial: FaultTrial, outcome: DriverOutcome) -> str:
+def _row(first: str, trial: FaultTrial, outcome: DriverOutcome) -> tuple[str, ...]:
     after, back = _seconds(outcome.seen_s), _seconds(outcome.back_s)
-    said = outcome.said.replace("|", "\\|")
-    return f"| {first} | {trial.what} | {outcome.effect} | {after} | {back} | {said} |"
+    return (first, trial.what, outcome.effect, after, back, outcome.said)
 
 
 def _short(outcome: DriverOutcome) -> str:
@@ -81,7 +81,7 @@ def _short(outcome: DriverOutcome) -> str:
 
 
 def _seconds(value: float | None) -> str:
-    return "" if value is None else "at once" if value < 0.005 else f"{value:.2f} s"
+    return "at once" if value is not None and value < 0.005 else seconds(value, never="")
 
 
 def _code(driver: str) -> str:

@@ -10,7 +10,8 @@ import msgspec
 
 from tega.devices.digit import Digit, DigitOptions
 from tega.errors import DeviceUnavailableError
-from tega_campaigns.faults.trials import DriverOutcome, FaultTrial, until
+from tega_campaigns.faults.trials import DriverOutcome, FaultTrial
+from tega_campaigns.runner import until
 from tega_emulators.digit import FAULTS
 from tega_emulators.process import Emulator
 

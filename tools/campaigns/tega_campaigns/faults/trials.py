@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from typing import Final, Literal, NamedTuple
 
 import msgspec
 
-__all__ = ["FAULTS", "DriverOutcome", "Effect", "FaultTrial", "all_trials", "until"]
+__all__ = ["FAULTS", "DriverOutcome", "Effect", "FaultTrial", "all_trials"]
 
 FAULTS: Final = {
     "unplug": "The device is taken away, and in the end put back.",
@@ -70,13 +69,3 @@ def all_trials() -> tuple[list[FaultTrial], dict[tuple[str, str], str]]:
         trials += group.trials()
         cannot |= group.CANNOT
     return trials, cannot
-
-
-def until(condition: Callable[[], bool], within_s: float, *, look_s: float = 0.002) -> float | None:
-    """Wait until something holds and return how long that took; ``None`` if it did not come true."""
-    start_s = time.monotonic()
-    while not condition():
-        if time.monotonic() - start_s > within_s:
-            return None
-        time.sleep(look_s)
-    return time.monotonic() - start_s

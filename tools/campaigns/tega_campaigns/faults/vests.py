@@ -11,7 +11,8 @@ from tega.devices.vest_stream import StreamedVest
 from tega.errors import DeviceUnavailableError
 from tega.haptics import MotorLevels, vest_frame
 from tega.wire import vest_levels
-from tega_campaigns.faults.trials import DriverOutcome, FaultTrial, until
+from tega_campaigns.faults.trials import DriverOutcome, FaultTrial
+from tega_campaigns.runner import until
 from tega_emulators.process import Emulator
 from tega_emulators.vest_bench import vest_bench
 from tega_emulators.vests import seen_by

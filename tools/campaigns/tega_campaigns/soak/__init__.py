@@ -4,16 +4,17 @@
 module         what it does
 =============  =========================================================================================
 ``plan``       which faults there are, how each is made, seen and over; in which order a seed puts them
-``system``     the program under test, in a process of its own: a recorded run that says how it is
-``supervisor`` starts it, hears what it says, starts it again
 ``programs``   one run or two stations, each with its supervisor
 ``operator``   the foot on the pedal, and the hand on the arm
 ``faults``     makes the faults, and takes them away
 ``trial``      the soak: one fault after another, what was seen when, what the emulators really got
 ``lost``       what is missing in the recordings
-``standstill`` when the whole machine did nothing, which is no fault of the system
 ``report``     the result, for people and machines
 =============  =========================================================================================
+
+What it shares with the other campaigns: :mod:`tega_campaigns.runner` runs its faults, :mod:`tega_campaigns.supervisor`
+starts :mod:`tega_campaigns.program`, hears it and starts it again, and :mod:`tega_campaigns.standstill` says when the
+whole machine did nothing, which is no fault of the system.
 """
 
 from __future__ import annotations

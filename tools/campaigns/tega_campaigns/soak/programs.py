@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from types import TracebackType
 from typing import Any, Self
 
-from tega_campaigns.soak.supervisor import SaidLine, Supervisor
+from tega_campaigns.supervisor import SaidLine, Supervisor
 
 __all__ = ["Programs"]
 
@@ -49,18 +49,11 @@ class Programs:
     @property
     def told(self) -> Mapping[str, Any]:
         """What the first of them has told last."""
-        return self.main.newest.said
+        return self.main.now
 
-    def mark(self) -> dict[str, int]:
-        """Return how far each has told, for :meth:`lines`."""
-        return {name: len(part.lines) for name, part in self._parts.items()}
-
-    def lines(self, since: Mapping[str, int]) -> list[SaidLine]:
-        """Return what all of them have told since a mark, oldest first; all of it of one that was started since."""
-        found = []
-        for name, part in self._parts.items():
-            lines = part.lines
-            found += lines[since[name] if since[name] <= len(lines) else 0 :]
+    def lines(self, since_s: float) -> list[SaidLine]:
+        """Return what all of them have told since a moment, oldest first."""
+        found = (line for part in self._parts.values() for line in part.backwards(since_s))
         return sorted(found, key=lambda line: line.at_s)
 
     def start(self) -> None:
@@ -87,14 +80,15 @@ class Programs:
     @property
     def now(self) -> str:
         """What each of them has told last, for people."""
-        return "; ".join(f"{name}: {part.newest.said}" for name, part in self._parts.items())
+        return "; ".join(f"{name}: {part.now}" for name, part in self._parts.items())
 
     @property
     def last_words(self) -> str:
         """The last that each has told that does not run."""
         found = []
         for name, part in self._parts.items():
-            if not part.alive and part.lines:
-                said = part.lines[-1].said
+            line = next(part.backwards(part.started_s), None)
+            if not part.alive and line is not None:
+                said = line.said
                 found.append(f"{name}: {said.get('ended') or said}")
         return "; ".join(found) or "it said nothing; see errors.log"

@@ -5,8 +5,9 @@ from __future__ import annotations
 import statistics
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,14 +16,15 @@ from tega.hand import TORQUE_LIMITS
 from tega.recording.mcap_folder import SessionFolder
 from tega.toml_text import tree_text
 from tega_campaigns.impaired import ImpairedLink
+from tega_campaigns.runner import CampaignCase, run_cases, until
 from tega_campaigns.soak.faults import Breaker, link_board
 from tega_campaigns.soak.lost import KeptCounts, look
 from tega_campaigns.soak.operator import SoakOperator
 from tega_campaigns.soak.plan import KINDS, STATION_KINDS, Kind, Planned, plan
 from tega_campaigns.soak.programs import Programs
 from tega_campaigns.soak.report import NOT_JUDGED, SoakFault, SoakReport
-from tega_campaigns.soak.standstill import Standstills, within_ns
-from tega_campaigns.soak.supervisor import SaidLine, Supervisor
+from tega_campaigns.standstill import Standstills, within_ns
+from tega_campaigns.supervisor import SaidLine, Supervisor
 from tega_emulators.lab import EmulatedLab, emulated_lab
 from tega_emulators.stations import free_port, split, write_trees
 from tega_emulators.vests import felt_now, seen_by
@@ -118,7 +120,7 @@ def soak(
         programs = stack.enter_context(
             Programs(
                 {
-                    name: Supervisor(file, folder / "errors.log", lab.environment)
+                    name: Supervisor(file, errors=folder / "errors.log", environment=lab.environment)
                     for name, file in files.items()
                 }
             )
@@ -181,20 +183,9 @@ class _Soak:
             return report
         self._began_s = time.monotonic()
         end_s = self._began_s + seconds
-        for k, each in enumerate(planned):
-            if time.monotonic() + _ROOM_S > end_s:
-                break
-            progress(f"{k + 1}: {each.fault.kind} of {each.fault.device}", self._elapsed(), round(seconds))
-            self._until(lambda: False, each.wait_s)
-            self._until(lambda: program.well() or not program.alive, _READY_S)
-            if not program.alive:
-                report.failures.append(f"the run ended by itself: {program.last_words}")
-                self._restart()
-            began_ns = time.time_ns()
-            fault = self._one(each)
-            still_ns = self._still.within_ns(began_ns, time.time_ns())
+        for fault, still_ns in run_cases(self._cases(planned, end_s, progress), self._still):
             # What a kill leaves behind is no matter of time.
-            if still_ns and not fault.good and each.fault.how != "kill":
+            if still_ns and not fault.good and fault.how != "kill":
                 fault.outcome = f"{NOT_JUDGED}: the machine stood still for {still_ns / 1e9:.1f} s"
             report.faults.append(fault)
         while (left_s := end_s - time.monotonic()) > 0:
@@ -206,11 +197,28 @@ class _Soak:
         report.judge()
         return report
 
+    def _cases(
+        self, planned: Sequence[Planned], end_s: float, progress: Progress
+    ) -> Iterator[CampaignCase[SoakFault]]:
+        """Give one fault after another, each once all is well, for as long as there is time for one."""
+        program = self._programs
+        for k, each in enumerate(planned):
+            if time.monotonic() + _ROOM_S > end_s:
+                return
+            name = f"{k + 1}: {each.fault.kind} of {each.fault.device}"
+            progress(name, self._elapsed(), round(end_s - self._began_s))
+            time.sleep(each.wait_s)
+            until(lambda: program.well() or not program.alive, _READY_S)
+            if not program.alive:
+                self.report.failures.append(f"the run ended by itself: {program.last_words}")
+                self._restart()
+            yield CampaignCase({"fault": name}, partial(self._one, each))
+
     def _one(self, each: Planned) -> SoakFault:
         """Make one fault, take it away, and wait until all is well again."""
         kind, program = each.fault, self._programs
         fault = SoakFault(kind=kind.kind, device=kind.device, how=kind.how, injected_s=self._now())
-        seen = program.mark()
+        seen_s = time.monotonic()
         if kind.how == "kill" and kind.device != "arm":
             return self._kill(fault)
         at_ns = time.time_ns()
@@ -220,18 +228,18 @@ class _Soak:
         told: SaidLine | None = None
         while told is None and time.monotonic() < over_s + _TELL_S:
             time.sleep(_STEP_S)
-            told = self._told(kind, seen)
+            told = self._told(kind, seen_s)
             if told is None and kind.then == "recovers" and time.monotonic() > over_s:
                 break
         # A fault that is over before it could be seen may be told a moment later.
-        self._until(lambda: time.monotonic() >= over_s, each.lasts_s + 1)
+        time.sleep(max(0.0, over_s - time.monotonic()))
         still_felt = kind.device in FINGERS and kind.how not in _FRESH and self._felt(kind.device)
         self._breaker.mend(kind)
         self.operator.waits = False
         fault.ended_s = self._now()
         if told is None:
-            self._until(lambda: self._told(kind, seen) is not None, 1.0)
-            told = self._told(kind, seen)
+            until(lambda: self._told(kind, seen_s) is not None, 1.0)
+            told = self._told(kind, seen_s)
         if told is not None:
             fault.detected_s, fault.said = told.at_s - self._began_s, _words(told, kind)
         if kind.then == "restarts" or not program.alive:
@@ -245,12 +253,12 @@ class _Soak:
         """Tell whether the emulated vest still shows a finger."""
         return bool(felt_now(self._lab.vest)[FINGERS.index(finger)])
 
-    def _told(self, kind: Kind, seen: Mapping[str, int]) -> SaidLine | None:
-        return next((line for line in self._programs.lines(seen) if _words(line, kind)), None)
+    def _told(self, kind: Kind, since_s: float) -> SaidLine | None:
+        return next((line for line in self._programs.lines(since_s) if _words(line, kind)), None)
 
     def _kill(self, fault: SoakFault) -> SoakFault:
         """Kill the program, see that the devices are safe without it, and start it again."""
-        victim, seen = self._programs[fault.device], self._programs.mark()
+        victim, since_s = self._programs[fault.device], time.monotonic()
         leads_devices = victim is self._programs.main
         arm = victim.arm_process()
         killed_ns = victim.kill()
@@ -260,10 +268,10 @@ class _Soak:
             if leads_devices:
                 return self._lab.limp() and self._lab.at_rest() and not _runs(arm)
             return self._lab.at_rest() and any(
-                line.said.get("state") not in {None, "active"} for line in self._programs.lines(seen)
+                line.said.get("state") not in {None, "active"} for line in self._programs.lines(since_s)
             )
 
-        if self._until(safe, _LIMP_S):
+        if until(safe, _LIMP_S) is not None:
             fault.detected_s = self._now()
             fault.said = "the vest is at rest, the robot no longer obeys"
             if leads_devices:
@@ -280,9 +288,9 @@ class _Soak:
         """After a fault that ends a run or its recording: see that all is safe, and start again."""
         program = self._programs
         if program.alive and (kind.device, kind.how) not in _GOES_ON:
-            self._until(lambda: not program.alive, _TELL_S)
+            until(lambda: not program.alive, _TELL_S)
         program.end()
-        if not self._until(lambda: self._lab.limp() and self._lab.at_rest(), _LIMP_S):
+        if until(lambda: self._lab.limp() and self._lab.at_rest(), _LIMP_S) is None:
             self.report.failures.append(f"after {fault.kind} of {fault.device} hand or vest were not at rest")
         if kind.how == "disk":
             for recovered in SessionFolder(self._session).recovered:
@@ -336,7 +344,8 @@ class _Soak:
             if anew or k:
                 program.end()
             program.start()
-            if self._until(lambda: program.well() or not program.alive, _READY_S) and program.alive:
+            began = until(lambda: program.well() or not program.alive, _READY_S)
+            if began is not None and program.alive:
                 return True
         return False
 
@@ -345,7 +354,7 @@ class _Soak:
         code = program.end()
         if code != 0:
             report.failures.append(f"the run ended with {code}: {program.last_words}")
-        if not self._until(lambda: lab.limp() and lab.at_rest(), _LIMP_S):
+        if until(lambda: lab.limp() and lab.at_rest(), _LIMP_S) is None:
             report.failures.append("at the end hand or vest were not at rest")
         self._look_through()
         vest, hand = seen_by(lab.vest), lab.hand.say("look")
@@ -398,14 +407,6 @@ class _Soak:
         if not self._keep:
             path.unlink()
 
-    def _until(self, what: Callable[[], bool], seconds: float) -> bool:
-        end_s = time.monotonic() + seconds
-        while not what():
-            if time.monotonic() > end_s:
-                return False
-            time.sleep(_STEP_S)
-        return True
-
     def _now(self) -> float:
         return time.monotonic() - self._began_s
 
@@ -416,6 +417,8 @@ class _Soak:
 def _words(line: SaidLine, kind: Kind) -> str:
     """Return what of a line reports a fault of this kind."""
     said = line.said
+    if "said" in said:  # to a person, of the link
+        return ""
     if "ended" in said:
         return str(said["ended"]) if "ended" in kind.told else ""
     reason = said.get("reason", "") if said.get("state") in {"hold", "idle", "armed"} else ""

@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import Literal
 
 from tega.net.keys import make_keys
-from tega_campaigns.station_faults.scene import SECOND, StationScene, WatchedStation, until
+from tega_campaigns.program import REFUSED
+from tega_campaigns.runner import until
+from tega_campaigns.station_faults.scene import SECOND, StationScene
 from tega_campaigns.station_faults.trials import StationFault
 
 __all__ = ["FAULTS", "WIRE_FAULTS"]
@@ -30,13 +32,14 @@ _well = _worse(delay_ms=0.0, jitter_ms=0.0, loss=0.0)
 
 def _other_operator(scene: StationScene, settings: Path, words: str) -> None:
     """Have another operator ask for the lead; it has to be told no, and to end."""
-    with WatchedStation(settings, "--cap", str(scene.lab.cap.port)) as other:
-        until(lambda: other.process.poll() is not None, patience_s=30.0)
-        until(lambda: other.has_said(words) is not None, patience_s=1.0)
-        told_s = other.has_said(words)
-        scene.operator.told.extend(one for one in list(other.told) if words in one.get("said", ""))
+    with scene.station_of(settings) as other:
+        other.start()
+        until(lambda: not other.alive, 30.0)
+        until(lambda: other.has_said(words) is not None, 1.0)
+        told_s, code = other.has_said(words), other.end()
+    scene.others_said = [line for line in other.lines if words in str(line.said)]
     begun_s = other.has_said("begins")
-    if told_s is not None and begun_s is not None and other.process.returncode == 3:
+    if told_s is not None and begun_s is not None and code == REFUSED:
         scene.refused_s = told_s - begun_s
 
 
@@ -54,18 +57,6 @@ def _wrong_certificate(scene: StationScene) -> None:
     _other_operator(scene, scene.files("wrong-", keys=keys)[1], "answers at")
 
 
-def _restart_robot(scene: StationScene) -> None:
-    scene.robot.kill()
-
-
-def _robot_again(scene: StationScene) -> None:
-    scene.robot.follow(scene.start_robot())
-
-
-def _operator_again(scene: StationScene) -> None:
-    scene.operator.follow(scene.start_operator())
-
-
 _HOLDS = "hand keeps its level, then opens; arm holds, lets go, stops; vest silent"
 _ON = "all goes on"
 _SHORT = "all goes on, or holds until a young command comes"
@@ -79,15 +70,15 @@ FAULTS = (
     StationFault(
         "operator's program frozen for 3 s",
         _HOLDS,
-        lambda s: s.operator.freeze(),
-        lambda s: s.operator.go_on(),
+        lambda s: s.operator.hold_up(on=True),
+        lambda s: s.operator.hold_up(on=False),
         vest="its program stands still: the vest's own watchdog",
     ),
     StationFault(
         "robot's program frozen for 3 s",
         "arm's own program holds it; vest silent",
-        lambda s: s.robot.freeze(),
-        lambda s: s.robot.go_on(),
+        lambda s: s.robot.hold_up(on=True),
+        lambda s: s.robot.hold_up(on=False),
     ),
     StationFault("3 s stall, then all at once", _HOLDS, lambda s: s.link.stall(), lambda s: s.link.resume()),
     StationFault(
@@ -186,14 +177,14 @@ FAULTS = (
     StationFault(
         "robot's program killed, started again after 3 s",
         "vest silent; then an arm that nobody holds, an open hand",
-        _restart_robot,
-        _robot_again,
+        lambda s: s.robot.kill(),
+        lambda s: s.robot.start(),
     ),
     StationFault(
         "operator's program killed, started again after 3 s",
         _HOLDS,
         lambda s: s.operator.kill(),
-        _operator_again,
+        lambda s: s.operator.start(),
         vest="its program is gone: the vest's own watchdog",
     ),
 )

@@ -4,53 +4,35 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from pathlib import Path
 
+from tega_campaigns.report import seconds, table
 from tega_campaigns.station_faults.trials import StationFault, StationOutcome
 
-__all__ = ["put_table", "table"]
+__all__ = ["station_table"]
 
 _HAND = {"hold": "keeps its level", "idle": "opens", "active": "steered", "armed": "", "stopped": "no force"}
 _ARM = {"following": "follows", "holding": "holds", "idle": "lets go", "stopped": "stops"}
 
 
-def table(done: Sequence[tuple[StationFault, StationOutcome]]) -> str:
+def station_table(done: Sequence[tuple[StationFault, StationOutcome]]) -> str:
     """Return the outcomes as a table in Markdown."""
     rows = [
-        "| fault | shall | seen | hand | arm | vest | over | used | too old | oldest |",
-        "|---|---|---|---|---|---|---|---|---|---|",
-    ]
-    for fault, found in done:
-        cells = (
+        (
             fault.name,
             fault.wish + ("" if found.as_wished else " (**did not**)"),
-            _seconds(found.seen_s),
+            seconds(found.seen_s),
             _course(found.hand, _HAND, "active"),
             _course(found.arm, _ARM, "following"),
             fault.vest or _vest(found) + _refused(found),
-            _seconds(found.over_s) if found.over_s != 0 else "–",
+            seconds(found.over_s) if found.over_s != 0 else "–",
             str(found.used),
             str(found.stale),
             f"{found.oldest_ms:.0f} ms",
         )
-        rows.append(f"| {' | '.join(cells)} |")
-    return "\n".join(rows) + "\n"
-
-
-def put_table(page: Path, done: Sequence[tuple[StationFault, StationOutcome]], *, name: str) -> None:
-    """Put the table between the two marks of a page that bear a name.
-
-    Raises:
-        ValueError: The page has none.
-    """
-    begin, end = (f"<!-- {name}: {where} -->\n" for where in ("begin", "end"))
-    head, rest = page.read_text(encoding="utf-8").split(begin)
-    _, tail = rest.split(end)
-    page.write_text(f"{head}{begin}\n{table(done)}\n{end}{tail}", encoding="utf-8", newline="\n")
-
-
-def _seconds(value: float | None) -> str:
-    return "–" if value is None else f"{value:.2f} s"
+        for fault, found in done
+    ]
+    head = ("fault", "shall", "seen", "hand", "arm", "vest", "over", "used", "too old", "oldest")
+    return table(head, rows)
 
 
 def _vest(found: StationOutcome) -> str:

@@ -3,148 +3,31 @@
 from __future__ import annotations
 
 import contextlib
-import json
-import os
-import signal
-import subprocess
-import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from tega.child_process import end_child, python_command, python_environment
 from tega.errors import DeviceUnavailableError, TegaError
 from tega.every import every
 from tega_campaigns.impaired import ImpairedLink
 from tega_campaigns.lossy_wire import LossyWire
+from tega_campaigns.runner import until
+from tega_campaigns.supervisor import SaidLine, Supervisor
 from tega_emulators.lab import EmulatedLab, emulated_lab
 from tega_emulators.stations import free_port, split, write_trees
 
-__all__ = ["SECOND", "StationScene", "WatchedStation", "until"]
+__all__ = ["SECOND", "StationScene"]
 
 SECOND = "bob"
 """Name of an operator besides the one who leads, who is called ``operator``."""
 
 _PATIENCE_S = 60.0
-_LEAVE_S = 10.0
 _DEAD_MAN, _CLUTCH, _RECOVER = 0, 1, 2
 _PATH_S = 600
 _PRESS_S = 2.0
-
-Told = dict[str, Any]
-
-
-def until(what: Callable[[], bool], *, patience_s: float = _PATIENCE_S) -> bool:
-    """Wait until something is so; return whether it came to be."""
-    end_s = time.monotonic() + patience_s
-    while not what():
-        if time.monotonic() > end_s:
-            return False
-        time.sleep(0.01)
-    return True
-
-
-class WatchedStation:
-    """A station as a program that tells what it does, see :mod:`tega_campaigns.watched`.
-
-    Args:
-        settings: Its file.
-        words: Further words of its command line.
-        before: Words in front of the command, such as those that run it in another network namespace.
-
-    Attributes:
-        told: All that it has told, oldest first.
-        process: The program.
-    """
-
-    process: subprocess.Popen[str]
-
-    def __init__(self, settings: Path, *words: str, before: Sequence[str] = ()) -> None:
-        self._command = [*before, *python_command("tega_campaigns.watched", str(settings), *words)]
-        self.told: list[Told] = []
-
-    def __enter__(self) -> Self:
-        """Start it."""
-        self.process = subprocess.Popen(
-            self._command,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            text=True,
-            env=python_environment(),
-        )
-        self._thread = threading.Thread(target=self._read, name="tega-watch", daemon=True)
-        self._thread.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """End it, by force if it does not by itself."""
-        if self.process.poll() is None:
-            self.process.send_signal(signal.SIGCONT)
-            self.process.terminate()
-        end_child(self.process, _LEAVE_S)
-        self._hang_up()
-
-    def _hang_up(self) -> None:
-        self._thread.join(5)
-        if self.process.stdout is not None:
-            self.process.stdout.close()
-
-    def _read(self) -> None:
-        assert self.process.stdout is not None
-        for line in self.process.stdout:
-            self.told.append(json.loads(line))
-
-    @property
-    def now(self) -> Told:
-        """What it does, as last told."""
-        return next((one for one in reversed(self.told) if "state" in one), {})
-
-    def since(self, t_s: float, key: str) -> list[tuple[float, Any]]:
-        """Return what one thing became after a time, and when; what it was before stands first, at that time."""
-        changes: list[tuple[float, Any]] = []
-        for one in list(self.told):
-            if key not in one:
-                continue
-            if one["t_s"] <= t_s:
-                changes = [(t_s, one[key])]
-            elif not changes or changes[-1][1] != one[key]:
-                changes.append((one["t_s"], one[key]))
-        return changes
-
-    def has_said(self, words: str, since_s: float = 0.0) -> float | None:
-        """Return when it has said something after a time; ``None`` if it has not."""
-        return next(
-            (one["t_s"] for one in list(self.told) if one["t_s"] >= since_s and words in one.get("said", "")),
-            None,
-        )
-
-    def follow(self, other: WatchedStation) -> None:
-        """Go on as a program that was started in the place of this one; what this one has told stays."""
-        before = self.told
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            self.process.wait(5)
-        self._hang_up()
-        self.process, self._thread = other.process, other._thread
-        other.told[:0] = before
-        self.told = other.told
-
-    def freeze(self) -> None:
-        """Let it stand still, as a machine that hangs."""
-        os.kill(self.process.pid, signal.SIGSTOP)
-
-    def go_on(self) -> None:
-        """Let it run again."""
-        os.kill(self.process.pid, signal.SIGCONT)
-
-    def kill(self) -> None:
-        """End it without a word."""
-        self.process.kill()
-        self.process.wait()
 
 
 class StationScene:
@@ -164,12 +47,14 @@ class StationScene:
         operator: The operator's.
         lab: Their devices.
         refused_s: How long after it began another operator's program was told no; ``None`` for never.
+        others_said: With which words.
     """
 
     refused_s: float | None = None
+    others_said: Sequence[SaidLine] = ()
     link: ImpairedLink
-    robot: WatchedStation
-    operator: WatchedStation
+    robot: Supervisor
+    operator: Supervisor
     lab: EmulatedLab
 
     def __init__(
@@ -202,12 +87,14 @@ class StationScene:
             stack.enter_context(every(self._hold_on, every_s=_PRESS_S, name="tega-person"))
             self._tree, self._port = tree, port
             self._robot_file, self._operator_file = self.files("", keys=self.keys)
-            self.robot = self.start_robot()
-            stack.callback(lambda: self.robot.__exit__(None, None, None))
-            if not until(lambda: self.robot.has_said("waits for an operator") is not None):
-                raise DeviceUnavailableError("the robot's station has not started", str(self.robot.told[-3:]))
-            self.operator = self.start_operator()
-            stack.callback(lambda: self.operator.__exit__(None, None, None))
+            self.robot = stack.enter_context(Supervisor(self._robot_file, "--commands"))
+            self.robot.start()
+            if until(lambda: self.robot.has_said("waits for an operator") is not None, _PATIENCE_S) is None:
+                raise DeviceUnavailableError(
+                    "the robot's station has not started", str(self.robot.lines[-3:])
+                )
+            self.operator = stack.enter_context(self.station_of(self._operator_file))
+            self.operator.start()
             self.take_hold()
             self._stack = stack.pop_all()
         return self
@@ -232,15 +119,10 @@ class StationScene:
             trees[1]["net"]["keys"] = str(keys / name)
         return write_trees(self.folder, trees, stem)
 
-    def start_robot(self) -> WatchedStation:
-        """Start the robot's station."""
-        return WatchedStation(self._robot_file).__enter__()
-
-    def start_operator(self, settings: Path | None = None) -> WatchedStation:
-        """Start an operator's station, with the one SpaceMouse that is there."""
+    def station_of(self, settings: Path) -> Supervisor:
+        """Return an operator's station, with the one SpaceMouse that is there; nothing is started yet."""
         before = () if self.wire is None else self.wire.inside
-        cap = str(self.lab.cap.port)
-        return WatchedStation(settings or self._operator_file, "--cap", cap, before=before).__enter__()
+        return Supervisor(settings, "--cap", str(self.lab.cap.port), before=before)
 
     def ready(self) -> bool:
         """Whether muscles steer the hand and touch is felt."""
@@ -252,7 +134,7 @@ class StationScene:
 
     def steers(self) -> bool:
         """Whether the operator steers hand and arm and feels touch."""
-        return self.ready() and self._arm("following")
+        return self.ready() and self.robot.leads
 
     def take_hold(self) -> None:
         """Have the arm follow, however it is."""
@@ -262,13 +144,13 @@ class StationScene:
             time.sleep(0.1)
             self.lift(_RECOVER)
             self.press(_DEAD_MAN)  # without it a run that leads an arm is not active
-            if not until(lambda: self.ready() and self._arm("idle: the clutch is open"), patience_s=10.0):
+            if until(lambda: self.ready() and self._arm("idle: the clutch is open"), 10.0) is None:
                 continue
             self.press(_CLUTCH)
-            if until(lambda: self._arm("following"), patience_s=3.0):
+            if until(lambda: self.robot.leads, 3.0) is not None:
                 return
         raise DeviceUnavailableError(
-            "the stations do not come together", f"{self.robot.told[-2:]} {self.operator.told[-2:]}"
+            "the stations do not come together", f"{self.robot.lines[-2:]} {self.operator.lines[-2:]}"
         )
 
     def _arm(self, words: str) -> bool:

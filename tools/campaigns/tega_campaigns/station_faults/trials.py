@@ -8,7 +8,8 @@ from typing import Any
 
 import msgspec
 
-from tega_campaigns.station_faults.scene import StationScene, until
+from tega_campaigns.runner import until
+from tega_campaigns.station_faults.scene import StationScene
 from tega_campaigns.station_faults.setups import Setups
 
 __all__ = ["StationFault", "StationOutcome", "try_fault"]
@@ -38,8 +39,8 @@ class StationFault(msgspec.Struct, frozen=True):
 
     name: str
     wish: str
-    begin: Callable[[StationScene], None]
-    end: Callable[[StationScene], None]
+    begin: Callable[[StationScene], object]
+    end: Callable[[StationScene], object]
     lasts_s: float = 3.0
     interrupts: bool | None = True
     comes_back: bool = True
@@ -90,7 +91,7 @@ def try_fault(fault: StationFault, setups: Setups) -> StationOutcome:
         DeviceUnavailableError: The stations do not come together in the first place.
     """
     scene = setups.scene(net=fault.net, keys=fault.keys, wire=fault.wire)
-    scene.refused_s = None
+    scene.refused_s, scene.others_said = None, ()
     for _ in range(_ATTEMPTS):
         time.sleep(_CALM_S)
         if scene.steers():
@@ -102,11 +103,11 @@ def try_fault(fault: StationFault, setups: Setups) -> StationOutcome:
     ended_s = time.monotonic()
     went = not scene.ready()
     fault.end(scene)
-    back = fault.comes_back and until(
-        lambda: scene.ready() and scene.robot.now["t_s"] > ended_s, patience_s=_BACK_S
-    )
     over_s = None
-    if back:
+    if (
+        fault.comes_back
+        and until(lambda: scene.ready() and scene.robot.newest.at_s > ended_s, _BACK_S) is not None
+    ):
         over_s = time.monotonic() - ended_s if went else 0.0
     time.sleep(_CALM_S)
     return _outcome(fault, scene, begun_s=begun_s, ended_s=ended_s, over_s=over_s, before=before)
@@ -131,20 +132,22 @@ def _outcome(
     felt = [one for one in after(operator.since(begun_s, "felt")) if one[0] <= ended_s - begun_s]
     no_data = [t for t, is_so in after(operator.since(begun_s, "no_data")) if is_so]
     acted = [t for t, state in hand if state != "active"] + [t for t, state in arm if state != "following"]
-    now = robot.now
+    now = {"used": 0, "stale": 0, **robot.now}
     # Of a station that was started again the counts begin anew.
     same = now["used"] >= before["used"]
     used, stale = (now[key] - (before[key] if same else 0) for key in ("used", "stale"))
-    ages_ms = [one["oldest_ms"] for one in list(robot.told) if one["t_s"] > begun_s and "oldest_ms" in one]
+    ages_ms = [said["oldest_ms"] for at_s, said in robot.lines if at_s > begun_s and "oldest_ms" in said]
     interrupted = bool(acted)
     silent_s = felt[-1][0] if felt and not felt[-1][1] else None
     if silent_s is not None:
         acted.append(silent_s)
     met = fault.interrupts is None or interrupted == fault.interrupts
     said = [
-        one["said"]
-        for one in sorted(robot.told + operator.told, key=lambda one: one["t_s"])
-        if one["t_s"] > begun_s and "said" in one
+        str(said.get("said", said.get("ended")))
+        for at_s, said in sorted(
+            [*robot.lines, *operator.lines, *scene.others_said], key=lambda line: line.at_s
+        )
+        if at_s > begun_s and said.keys() & {"said", "ended"}
     ]
     return StationOutcome(
         hand=hand,

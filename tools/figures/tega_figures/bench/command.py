@@ -323,7 +323,6 @@ def _print_emg(out: Console, report: BenchReport) -> None:
     for name in ("median µs", "p99 µs", "ns/sample", "× best peer", "error/full scale"):
         table.add_column(name, justify="right")
     for row in report.emg:
-        error = row.error_of_full_scale
         table.add_row(
             str(row.n_rows),
             row.variant,
@@ -331,7 +330,7 @@ def _print_emg(out: Console, report: BenchReport) -> None:
             f"{row.time.p99_us:.2f}",
             f"{row.ns_per_sample:.2f}",
             "–" if row.to_best_peer is None else f"{row.to_best_peer:.2f}",
-            "–" if error is None else f"{error:.0e}",
+            f"{row.error_of_full_scale:.0e}",
         )
     out.print(table)
 

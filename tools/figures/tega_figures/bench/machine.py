@@ -25,7 +25,6 @@ _PACKAGES = {
         "opencv-contrib-python",
     ),
     "numba": ("numba",),
-    "mpmath": ("mpmath",),
 }
 
 

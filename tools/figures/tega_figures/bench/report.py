@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from tega_figures.bench.batches import BatchRow, batch_rows
-from tega_figures.bench.exact import ContactError, Exact, exact_metrics, exact_paper, measure_error, worst
+from tega_figures.bench.error import ContactError, measure_error, worst
 from tega_figures.bench.filters import (
     BLOCK_ROWS,
     CHANNELS,
@@ -35,6 +35,7 @@ from tega_figures.bench.variants import (
     law_kernel,
     preset_kernel,
 )
+from tega_figures.exact import ExactContact, exact_contact, exact_paper
 
 __all__ = ["BILINEAR", "FLOOR", "BenchReport", "ContactRow", "FilterRow", "run_bench"]
 
@@ -45,7 +46,7 @@ METHOD = (
     "from round to round; two rounds go before the timed ones. Wall clock, garbage collector off, libraries held to "
     "one thread. A ratio is the median over rounds of the ratio of the turns' medians. A variant's time is the call "
     "from Python with arrays in and numbers out. Errors are the worst of three generated presses against exact "
-    "integers and fractions (contact) and against 50 digits (EMG); times are of the second press. The floor is the C "
+    "integers and fractions (contact) and against 60 digits (EMG); times are of the second press. The floor is the C "
     "library's memcmp of a picture and its copy."
 )
 # Every law is measured at the size of a finger's picture; of the other sizes these show how times grow.
@@ -89,7 +90,7 @@ class FilterRow(msgspec.Struct, frozen=True, kw_only=True):
         time: What a call took.
         ns_per_sample: Median over rows and channels.
         to_best_peer: Its time over that of the fastest peer.
-        error_of_full_scale: Largest deviation from 50 digits over the converter's range; ``None`` without mpmath.
+        error_of_full_scale: Largest deviation from 60 digits over the converter's range.
     """
 
     case: Literal["block", "bulk"]
@@ -98,7 +99,7 @@ class FilterRow(msgspec.Struct, frozen=True, kw_only=True):
     time: Timing
     ns_per_sample: float
     to_best_peer: float | None
-    error_of_full_scale: float | None
+    error_of_full_scale: float
 
 
 class BenchReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -159,7 +160,7 @@ def run_bench(
         method=METHOD,
         machine=machine,
         threads=threads,
-        missing=[name for name in ("cv2", "mpmath", "numba", "scipy") if find_spec(name) is None],
+        missing=[name for name in ("cv2", "numba", "scipy") if find_spec(name) is None],
         contact=[row for row in rows if isinstance(row, ContactRow)],
         emg=[row for row in rows if isinstance(row, FilterRow)],
         batches=[row for row in rows if isinstance(row, BatchRow)],
@@ -171,7 +172,7 @@ def contact_rows(law: Law, size: tuple[int, int], *, budget_s: float) -> list[Co
     """Measure the ways to compute one law: ours first, then the peers, then the floor."""
     pictures = scenes(size)
     kernels: dict[str, ContactKernel] = {OURS: law_kernel(law)}
-    truths = {OURS: [exact_metrics(*scene, law) for scene in pictures]}
+    truths = {OURS: [exact_contact(*scene, **law._asdict()) for scene in pictures]}
     peers = contact_peers(law, size)
     if size[0] * size[1] > LARGEST_FOR_COPIES:
         peers.pop("NumPy, as printed", None)
@@ -179,7 +180,7 @@ def contact_rows(law: Law, size: tuple[int, int], *, budget_s: float) -> list[Co
     if law.spread == "spatial" and size == SIZE_OF_A_FINGER:
         between = law._replace(centroid_value="bilinear")
         kernels[BILINEAR] = law_kernel(between)
-        truths[BILINEAR] = [exact_metrics(*scene, between) for scene in pictures]
+        truths[BILINEAR] = [exact_contact(*scene, **between._asdict()) for scene in pictures]
     return _measured(law.name, size, pictures, kernels | peers, truths, budget_s=budget_s)
 
 
@@ -196,7 +197,7 @@ def _measured(
     size: tuple[int, int],
     pictures: list[BenchScene],
     kernels: Mapping[str, ContactKernel],
-    truths: Mapping[str, list[Exact]],
+    truths: Mapping[str, list[ExactContact]],
     *,
     budget_s: float,
 ) -> list[ContactRow]:
@@ -220,7 +221,7 @@ def _measured(
 
 
 def _worst_error(
-    kernel: ContactKernel, pictures: list[BenchScene], answers: list[Exact]
+    kernel: ContactKernel, pictures: list[BenchScene], answers: list[ExactContact]
 ) -> ContactError | None:
     pairs = zip(pictures, answers, strict=True)
     return worst([measure_error(kernel(*scene), truth) for scene, truth in pairs])
@@ -251,16 +252,14 @@ def filter_rows(*, budget_s: float) -> list[FilterRow]:
                     time=time,
                     ns_per_sample=time.median_us * 1000 / (n_rows * CHANNELS),
                     to_best_peer=ratio(own, turns[best]) if best else None,
-                    error_of_full_scale=errors.get(name),
+                    error_of_full_scale=errors[name],
                 )
             )
     return rows
 
 
 def _filter_errors() -> dict[str, float]:
-    """Return each filter's error on a short signal, taken in blocks; empty without mpmath."""
-    if find_spec("mpmath") is None:
-        return {}
+    """Return each filter's error on a short signal, taken in blocks."""
     samples = signal(ERROR_ROWS)
     truth = true_response(samples)
     blocks = np.split(samples, ERROR_ROWS // BLOCK_ROWS)

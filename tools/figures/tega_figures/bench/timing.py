@@ -1,4 +1,8 @@
-"""Timing by turns: every variant in every round, so that what slows the machine down slows all of them."""
+"""Timing by turns: every variant in every round, so that what slows the machine down slows all of them.
+
+A benchmark runner that finishes one variant before the next cannot take turns; ``docs/performance.md`` says what
+that does to a ratio.
+"""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ def design(rate_hz: float, cutoff_hz: float, order: int) -> list[Section]:
         order: Number of poles.
 
     Returns:
-        Sections of gain 1 at frequency 0.
+        Sections of gain 1 at frequency 0, by rising a2.
     """
     with localcontext() as context:
         context.prec = DIGITS
@@ -56,14 +56,14 @@ def design(rate_hz: float, cutoff_hz: float, order: int) -> list[Section]:
             a1 = (radius - 1) / (radius + 1)
             gain = (1 + a1) / 2
             sections.append((gain, gain, Decimal(0), a1, Decimal(0)))
-        return sections
+        return sorted(sections, key=lambda section: section[4])
 
 
-def filtered(sections: Iterable[Section], samples: Sequence[float]) -> list[Decimal]:
+def filtered(sections: Iterable[Sequence[Decimal | float]], samples: Sequence[float]) -> list[Decimal]:
     """Run the difference equation, settled on the first sample.
 
     Args:
-        sections: As `design` gives them.
+        sections: As `design` gives them, or rounded to floats.
         samples: One channel.
 
     Returns:
@@ -72,8 +72,10 @@ def filtered(sections: Iterable[Section], samples: Sequence[float]) -> list[Deci
     with localcontext() as context:
         context.prec = DIGITS
         signal = [Decimal(x) for x in samples]
-        for b0, b1, b2, a1, a2 in sections:
-            x1 = x2 = y1 = y2 = signal[0]
+        for section in sections:
+            b0, b1, b2, a1, a2 = map(Decimal, section)
+            x1 = x2 = signal[0]
+            y1 = y2 = signal[0] * (b0 + b1 + b2) / (1 + a1 + a2)
             out = []
             for x in signal:
                 y = b0 * x + b1 * x1 + b2 * x2 - a1 * y1 - a2 * y2

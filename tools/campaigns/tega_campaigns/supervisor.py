@@ -1,4 +1,4 @@
-"""Starts the program under test, hears what it says, and starts it again."""
+"""Starts the program under test, hears what it says, holds it up, kills it, and starts it again."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import signal
 import subprocess
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import takewhile
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, Self
@@ -18,6 +19,8 @@ from tega.child_process import end_child, python_command, python_environment
 __all__ = ["SaidLine", "Supervisor"]
 
 _LEAVE_S = 20.0
+# Lines of the processes before that stay when the next one is started.
+_KEPT_LINES = 2000
 
 
 class SaidLine(NamedTuple):
@@ -28,24 +31,35 @@ class SaidLine(NamedTuple):
 
 
 class Supervisor:
-    """One process after another.
+    """One process of :mod:`tega_campaigns.program` after another.
 
     Args:
         settings: The session's settings.
-        errors: Where its error output goes.
+        words: Further words of its command line.
+        errors: The file that its error output is added to; ``None`` for this program's own.
         environment: What it finds in its environment besides this program's.
+        before: Words in front of the command, such as those that run it in another network namespace.
 
     Attributes:
-        lines: What the present one has said.
+        lines: What the present one and those before it have said, oldest first.
+        started_s: When the present one was started.
         memory: Resident memory of each process in turn, as (time, MiB).
-        exits: Exit code of each that has ended, with the time.
     """
 
-    def __init__(self, settings: Path, errors: Path, environment: Mapping[str, str]) -> None:
-        self._settings, self._environment = settings, environment
-        self._errors = errors.open("ab")
+    def __init__(
+        self,
+        settings: Path,
+        *words: str,
+        errors: Path | None = None,
+        environment: Mapping[str, str] | None = None,
+        before: Sequence[str] = (),
+    ) -> None:
+        self._command = [*before, *python_command("tega_campaigns.program", str(settings), *words)]
+        self._environment = python_environment({**os.environ, **(environment or {})})
+        self._errors = None if errors is None else errors.open("ab")
         self._process: subprocess.Popen[str] | None = None
         self._reader: threading.Thread | None = None
+        self.started_s = 0.0
         self.lines: list[SaidLine] = []
         self.memory: list[list[tuple[float, float]]] = []
 
@@ -58,10 +72,10 @@ class Supervisor:
     ) -> None:
         """End what still runs."""
         try:
-            if self._process is not None:
-                self.end()
+            self.end()
         finally:
-            self._errors.close()
+            if self._errors is not None:
+                self._errors.close()
 
     @property
     def alive(self) -> bool:
@@ -70,13 +84,19 @@ class Supervisor:
 
     @property
     def newest(self) -> SaidLine:
-        """The newest line that tells the state and the alerts."""
-        return next((line for line in reversed(self.lines) if "alerts" in line.said), SaidLine(0.0, {}))
+        """The present process's newest line that tells the state and the alerts."""
+        told = (line for line in self.backwards(self.started_s) if "alerts" in line.said)
+        return next(told, SaidLine(0.0, {}))
+
+    @property
+    def now(self) -> dict[str, Any]:
+        """What it does, as last told."""
+        return self.newest.said
 
     @property
     def leads(self) -> bool:
         """Whether the arm follows, as it told last."""
-        return bool(self.newest.said.get("arm", "").startswith("following"))
+        return bool(self.now.get("arm", "").startswith("following"))
 
     def well(self, since_s: float = 0.0) -> bool:
         """Tell whether it runs, has been heard since then, is active, and nothing but latency is wrong."""
@@ -84,19 +104,46 @@ class Supervisor:
         wrong = [alert for alert in said.get("alerts", ()) if not alert.startswith("latency")]
         return self.alive and at_s > since_s and said.get("state") == "active" and not wrong
 
+    def backwards(self, since_s: float) -> Iterator[SaidLine]:
+        """Return what was said since a moment, newest first."""
+        return takewhile(lambda line: line.at_s >= since_s, reversed(self.lines))
+
+    def since(self, at_s: float, key: str) -> list[tuple[float, Any]]:
+        """Return what one thing became after a time, and when; what it was before stands first, at that time."""
+        changes: list[tuple[float, Any]] = []
+        for line in list(self.lines):
+            if key not in line.said:
+                continue
+            if line.at_s <= at_s:
+                changes = [(at_s, line.said[key])]
+            elif not changes or changes[-1][1] != line.said[key]:
+                changes.append((line.at_s, line.said[key]))
+        return changes
+
+    def has_said(self, words: str) -> float | None:
+        """Return when it has told something to a person, or ended with it; ``None`` if it has not."""
+        return next(
+            (
+                line.at_s
+                for line in list(self.lines)
+                if any(words in str(line.said.get(key, "")) for key in ("said", "ended"))
+            ),
+            None,
+        )
+
     def start(self) -> None:
         """Start it."""
         memory: list[tuple[float, float]] = []
-        self.lines = []
+        self.lines = self.lines[-_KEPT_LINES:]
         self.memory.append(memory)
-        words = python_command("tega_campaigns.soak.system", str(self._settings))
+        self.started_s = time.monotonic()
         self._process = subprocess.Popen(
-            words,
+            self._command,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._errors,
             text=True,
-            env=python_environment({**os.environ, **self._environment}),
+            env=self._environment,
         )
         self._reader = threading.Thread(
             target=self._hear, args=(self._process, self.lines, memory), daemon=True
@@ -132,26 +179,25 @@ class Supervisor:
         return None
 
     def hold_up(self, *, on: bool) -> None:
-        """Give it no time at all, or time again."""
+        """Give it no time at all, as a machine that hangs, or time again."""
         if self._process is not None:
             self._process.send_signal(signal.SIGSTOP if on else signal.SIGCONT)
 
     def kill(self) -> int:
-        """Kill it and return the time of day, ns, just before."""
+        """Kill it without a word and return the time of day, ns, just before."""
         at_ns = time.time_ns()
         if self._process is not None:
             self._process.kill()
-        self._ended()
+        self.end()
         return at_ns
 
     def end(self) -> int:
-        """Ask it to end, wait for that, and return its exit code."""
-        return self._ended()
-
-    def _ended(self) -> int:
+        """Ask it to end, wait for that, and return its exit code; 0 where there is none."""
         process, self._process = self._process, None
         if process is None:
             return 0
+        if process.poll() is None and os.name == "posix":
+            process.send_signal(signal.SIGCONT)  # what is held up cannot end
         code = end_child(process, _LEAVE_S)
         if self._reader is not None:
             self._reader.join(_LEAVE_S)

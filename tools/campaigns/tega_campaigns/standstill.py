@@ -1,13 +1,15 @@
 """Notices when this whole machine stood still, as when another program was given all of it.
 
-A process of its own looks how late it wakes: a thread of the soak, or of what is tried, would take its own program's
-business for the machine's.
+A process of its own (``python -m tega_campaigns.standstill``) looks how late it wakes: a thread of the campaign, or of
+what is tried, would take its own program's business for the machine's.
 """
 
 from __future__ import annotations
 
 import subprocess
+import sys
 import threading
+import time
 from collections.abc import Sequence
 from types import TracebackType
 from typing import Self
@@ -17,6 +19,8 @@ from tega.child_process import end_child, python_command, python_environment
 __all__ = ["Standstills", "within_ns"]
 
 _LEAVE_S = 5.0
+_STEP_S = 0.02
+_LEAST_S = 0.25
 
 
 def within_ns(found: Sequence[tuple[int, int]], since_ns: int, till_ns: int) -> int:
@@ -35,7 +39,7 @@ class Standstills:
     def __enter__(self) -> Self:
         """Begin to look."""
         self._process = subprocess.Popen(
-            python_command("tega_campaigns.soak.standstill_watch"),
+            python_command("tega_campaigns.standstill"),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
@@ -68,3 +72,24 @@ class Standstills:
             for line in self._process.stdout:
                 since, _, till = line.partition(" ")
                 self._found.append((int(since), int(till)))
+
+
+def main() -> None:
+    """Look until the standard input ends; print since when and till when the machine stood still, ns of the day."""
+    over = threading.Event()
+
+    def listen() -> None:
+        sys.stdin.read()
+        over.set()
+
+    threading.Thread(target=listen, daemon=True).start()
+    last_ns = time.time_ns()
+    while not over.wait(_STEP_S):
+        now_ns = time.time_ns()
+        if now_ns - last_ns > _LEAST_S * 1e9:
+            print(last_ns, now_ns, flush=True)  # noqa: T201  # to the program that started it
+        last_ns = now_ns
+
+
+if __name__ == "__main__":
+    main()

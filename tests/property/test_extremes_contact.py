@@ -1,0 +1,200 @@
+"""Contact metrics (Eq 1 to 6) at their extremes, each with every way of reading the equations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from fractions import Fraction
+from itertools import product
+from typing import Any
+
+import numpy as np
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from reference.extremes import Extreme, relative
+from tega.tactile import ContactMetrics, contact_metrics, read_contact
+from tega_figures.exact import ExactContact, exact_contact
+
+Image = NDArray[np.uint8]
+Weights = tuple[float, float, float]
+
+LUMA: Weights = (0.299, 0.587, 0.114)
+ALL_WAYS: list[Any] = list(product(("signed", "rectified", "absolute"), ("spatial", "intensity")))
+SHAPE = (240, 320, 3)
+few = settings(max_examples=8, deadline=None)
+seeds = st.integers(0, 2**32 - 1)
+counts = st.integers(0, 255)
+
+
+def extreme(name: str, done: str) -> Extreme:
+    # Each number is rounded once or twice from exact sums.
+    return Extreme("contact", name, done, 1e-15, "relative, worst number")
+
+
+EVEN = extreme(
+    "even frames", "black, grey, saturated, gone dark: any even frame on any other; `live` says no contact"
+)
+ONE_PIXEL = extreme("one pixel", "one pixel of any brightness in a black frame; `live` says no contact")
+SHIFT = extreme(
+    "uniform shift", "every pixel 1 to 40 counts brighter than its baseline; `live` says no contact"
+)
+CROSSING = extreme(
+    "signed mass crossing zero",
+    "a bump and a dent that cancel, and one pixel that carries the sum from -3 to +3; signed, both spreads",
+)
+LARGEST = extreme(
+    "4096×4096",
+    "a bump of 900 px radius on the largest frame taken; signed with σ of intensity, rectified with σ in pixels",
+)
+FAINT = extreme("contrast 1 of 255", "a disc one count brighter than its baseline, anywhere")
+NEGATIVE = extreme(
+    "negative weights", "frames of noise, weights (r, g, b) such as (2, -1.5, 0.5) and (-1, 3, -1)"
+)
+HUGE = extreme("weights of 1e300", "frames of noise, weights (1e300, -1e300, 1) in any order")
+TINY = extreme(
+    "tiny weights", "frames of noise, weights (1, 1e-300, -1e-300) and (1, 5e-324, 0) in any order"
+)
+UNSEEN = extreme(
+    "only tiny weights seen", "green alone changes, weights (1, 1e-300, 0) and (0.5, 5e-324, 0.5)"
+)
+
+
+def error(got: ContactMetrics, exact: ExactContact) -> float:
+    """Return the largest relative error; infinite where something is wrong that has to be exact."""
+    if (got.in_contact, got.eda, got.peak_xy) != (exact.in_contact, exact.eda, exact.peak_xy):
+        return float("inf")
+    errors = [relative(got.mass, exact.mass), relative(got.peak, exact.peak)]
+    if exact.centroid_xy is None or exact.spread is None or exact.threshold is None:
+        return max(errors) if np.isnan([*got.centroid_xy, got.spread, got.threshold]).all() else float("inf")
+    for centre, true in zip(got.centroid_xy, exact.centroid_xy, strict=True):
+        errors.append(relative(centre, true, max(abs(true), Fraction(1))))
+    errors += [
+        relative(got.spread, exact.spread),
+        relative(got.threshold, exact.threshold, exact.threshold_parts),
+        relative(got.cci, exact.cci),
+    ]
+    return max(errors)
+
+
+def held(
+    line: Extreme, frame: Image, baseline: Image, *, weights: Weights = LUMA, ways: Iterable[Any] = ALL_WAYS
+) -> None:
+    for difference, spread in ways:
+        how = {"weights": weights, "difference": difference, "spread": spread}
+        line.hold(error(contact_metrics(frame, baseline, **how), exact_contact(frame, baseline, **how)))
+
+
+def blob(
+    shape: tuple[int, int, int], centre: tuple[float, float], radius: float, height: int
+) -> NDArray[np.int16]:
+    """Return a round bump of whole grey values, the same in every channel: (H, W, 1)."""
+    rows, columns = np.ogrid[: shape[0], : shape[1]]
+    square = ((columns - centre[0]) ** 2 + (rows - centre[1]) ** 2) / radius**2
+    return np.floor(height * np.clip(1 - square, 0, None)).astype(np.int16)[..., np.newaxis]
+
+
+def noise(seed: int) -> tuple[Image, Image]:
+    """Return a small frame and its baseline, both of noise."""
+    rng = np.random.default_rng(seed)
+    baseline = rng.integers(0, 128, (24, 32, 3), np.uint8)
+    return rng.integers(64, 256, (24, 32, 3), np.uint8), baseline
+
+
+@few
+@given(counts, counts)
+@example(0, 0)
+@example(0, 90)
+@example(255, 0)
+def test_even_frames(level: int, still: int) -> None:
+    frame, baseline = np.full(SHAPE, level, np.uint8), np.full(SHAPE, still, np.uint8)
+    held(EVEN, frame, baseline)
+    assert not read_contact(frame, baseline, reading="live").in_contact
+
+
+@few
+@given(st.integers(0, 319), st.integers(0, 239), st.integers(1, 255))
+@example(319, 239, 255)
+def test_one_pixel(x: int, y: int, level: int) -> None:
+    black = np.zeros(SHAPE, np.uint8)
+    lone = black.copy()
+    lone[y, x] = level
+    held(ONE_PIXEL, lone, black)
+    assert not read_contact(lone, black, reading="live").in_contact
+
+
+@few
+@given(seeds, st.integers(1, 40))
+@example(1, 7)
+def test_a_uniform_shift(seed: int, shift: int) -> None:
+    baseline = np.random.default_rng(seed).integers(60, 120, SHAPE, np.uint8)
+    frame = baseline + np.uint8(shift)
+    held(SHIFT, frame, baseline)
+    assert not read_contact(frame, baseline, reading="live").in_contact
+
+
+@few
+@given(st.integers(-3, 3), st.integers(0, 319), st.integers(0, 40))
+@example(-1, 300, 20)
+@example(0, 300, 20)
+@example(1, 300, 20)
+def test_a_signed_mass_that_crosses_zero(extra: int, x: int, y: int) -> None:
+    bumps = blob(SHAPE, (90.0, 120.0), 40.0, 50) - blob(SHAPE, (230.0, 120.0), 40.0, 50)
+    frame = (100 + bumps + np.zeros(SHAPE, np.int16)).astype(np.uint8)
+    # The bumps cancel to the last count; a few counts at one pixel carry the mass across zero.
+    frame[y, x] = 100 + extra
+    held(
+        CROSSING, frame, np.full(SHAPE, 100, np.uint8), ways=[("signed", "intensity"), ("signed", "spatial")]
+    )
+
+
+def test_the_largest_frame() -> None:
+    shape = (4096, 4096, 3)
+    baseline = np.full(shape, 40, np.uint8)
+    frame = (40 + blob(shape, (2900.5, 1200.25), 900.0, 200) + np.zeros(shape, np.int16)).astype(np.uint8)
+    frame[-1, -1] = 0
+    held(LARGEST, frame, baseline, ways=[("signed", "intensity"), ("rectified", "spatial")])
+
+
+@few
+@given(seeds, st.floats(40, 280), st.floats(40, 200), st.floats(1, 40))
+@example(2, 200.0, 80.0, 35.0)
+def test_a_contrast_of_one_count(seed: int, x: float, y: float, radius: float) -> None:
+    baseline = np.random.default_rng(seed).integers(60, 120, SHAPE, np.uint8)
+    held(FAINT, baseline + (blob(SHAPE, (x, y), radius, 40) > 0).astype(np.uint8), baseline)
+
+
+@few
+@given(seeds, st.permutations([2.0, -1.5, 0.5]), st.sampled_from([(-1.0, 3.0, -1.0), (0.5, 1.5, -1.0)]))
+@example(3, [2.0, -1.5, 0.5], (-1.0, 3.0, -1.0))
+def test_negative_weights(seed: int, some: list[float], others: Weights) -> None:
+    for weights in ((some[0], some[1], some[2]), others):
+        held(NEGATIVE, *noise(seed), weights=weights)
+
+
+@few
+@given(seeds, st.permutations([1e300, -1e300, 1.0]))
+@example(3, [1e300, -1e300, 1.0])
+@example(3, [1.0, 1e300, -1e300])
+def test_huge_weights(seed: int, weights: list[float]) -> None:
+    held(HUGE, *noise(seed), weights=(weights[0], weights[1], weights[2]))
+
+
+@few
+@given(seeds, st.one_of(st.permutations([1.0, 1e-300, -1e-300]), st.permutations([1.0, 5e-324, 0.0])))
+@example(3, [1.0, 1e-300, -1e-300])
+@example(3, [1.0, 5e-324, 0.0])
+@example(3, [1e-300, 1.0, 5e-324])
+def test_tiny_weights(seed: int, weights: list[float]) -> None:
+    held(TINY, *noise(seed), weights=(weights[0], weights[1], weights[2]))
+
+
+@few
+@given(seeds, st.sampled_from([(1.0, 1e-300, 0.0), (0.5, 5e-324, 0.5)]))
+@example(3, (1.0, 1e-300, 0.0))
+@example(3, (0.5, 5e-324, 0.5))
+def test_only_tiny_weights_are_seen(seed: int, weights: Weights) -> None:
+    baseline = noise(seed)[1]
+    green = baseline.copy()
+    green[4:20, 6:28, 1] = 255
+    held(UNSEEN, green, baseline, weights=weights)

@@ -1,0 +1,104 @@
+"""Run the cases of a campaign one after another, and report each: faults, stations, kills and soak alike.
+
+A case that the machine stood still in is tried again, or reported as such to a campaign that cannot: see
+:mod:`tega_campaigns.standstill`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+import msgspec
+
+from tega.errors import TegaError
+from tega_campaigns.standstill import Standstills
+
+__all__ = ["CampaignCase", "campaign_parser", "report_cases", "run_cases", "until"]
+
+Found = TypeVar("Found")
+Reported = TypeVar("Reported", bound=msgspec.Struct)
+
+
+def until(condition: Callable[[], bool], within_s: float, *, look_s: float = 0.005) -> float | None:
+    """Wait until something holds and return how long that took, seconds; ``None`` if it did not come true."""
+    start_s = time.monotonic()
+    while not condition():
+        if time.monotonic() - start_s > within_s:
+            return None
+        time.sleep(look_s)
+    return time.monotonic() - start_s
+
+
+@dataclass(frozen=True)
+class CampaignCase(Generic[Found]):
+    """One thing to try.
+
+    Attributes:
+        about: What its report begins with, by name: the driver and the fault, say.
+        run: Tries it.
+    """
+
+    about: Mapping[str, Any]
+    run: Callable[[], Found]
+
+
+def run_cases(
+    cases: Iterable[CampaignCase[Found]], still: Standstills, *, attempts: int = 1
+) -> Iterator[tuple[Found, int]]:
+    """Run cases, each again while the machine stood still in it.
+
+    Args:
+        cases: Asked for the next one when the one before is over.
+        still: Looks at the machine.
+        attempts: How often a case is run at most; the last time counts, whatever the machine did.
+
+    Yields:
+        What came of each, and for how long the machine stood still meanwhile, ns.
+
+    Raises:
+        TegaError: The last attempt at a case did, or one in which the machine did not stand still.
+    """
+    for case in cases:
+        for left in reversed(range(attempts)):
+            since_ns = time.time_ns()
+            try:
+                found = case.run()
+            except TegaError:
+                if not left or not still.within_ns(since_ns, time.time_ns()):
+                    raise
+                continue
+            still_ns = still.within_ns(since_ns, time.time_ns())
+            if not still_ns or not left:
+                yield found, still_ns
+                break
+
+
+def campaign_parser(module: str, description: str) -> argparse.ArgumentParser:
+    """Return a command line that ``--json`` is an option of."""
+    parser = argparse.ArgumentParser(prog=f"python -m tega_campaigns.{module}", description=description)
+    parser.add_argument("--json", action="store_true", help="print one object a case")
+    parser.add_argument("--markdown", type=Path, metavar="FILE", help="write the page, or its tables, there")
+    return parser
+
+
+def report_cases(
+    cases: Sequence[CampaignCase[Reported]], *, as_json: bool, attempts: int = 4
+) -> list[Reported]:
+    """Run cases and print what came of each, as it comes: an object of JSON a line, or lines for a person."""
+    done: list[Reported] = []
+    with Standstills() as still:
+        for case, (found, _) in zip(cases, run_cases(cases, still, attempts=attempts), strict=True):
+            done.append(found)
+            told = {**case.about, **msgspec.structs.asdict(found)}
+            if as_json:
+                sys.stdout.write(msgspec.json.encode(told).decode() + "\n")
+            else:
+                sys.stdout.write("\n  ".join(f"{name}: {value}" for name, value in told.items()) + "\n")
+            sys.stdout.flush()
+    return done
