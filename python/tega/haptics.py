@@ -131,14 +131,13 @@ class MotorLevels:
             raise DtypeError(f"intensities is {_kind(self.intensities)}, not an array of uint8")
         if self.intensities.ndim != 1:
             raise ShapeError(f"intensities has shape {self.intensities.shape}, not one dimension")
-        if self.layout in SHIPPED:
-            _native.vest_steps(self.layout, self.intensities)
-            return
-        n = len(find_layout(self.layout).motors)
-        if len(self.intensities) != n:
-            raise ShapeError(f"{len(self.intensities)} intensities for the {n} motors of {self.layout!r}")
-        if self.intensities.max() > 100:
-            raise InvalidValueError(f"motor {int(self.intensities.argmax())} is above 100 percent")
+        n, wanted = len(self.intensities), len(find_layout(self.layout).motors)
+        if n != wanted:
+            raise ShapeError(f"intensities has {n} motors, layout {self.layout} has {wanted}")
+        worst = int(self.intensities.argmax())
+        if self.intensities[worst] > 100:
+            what = f"intensities[{worst}] = {self.intensities[worst]} percent"
+            raise InvalidValueError(f"{what} is out of range: 0 to 100")
 
     def __eq__(self, other: object) -> bool:
         """Compare layout and every motor."""
@@ -165,9 +164,7 @@ class MotorLevels:
 
         ``(15 * percent + 50) // 100`` in integers.
         """
-        if self.layout in SHIPPED:
-            return _native.vest_steps(self.layout, self.intensities)
-        return ((15 * self.intensities.astype(np.uint16) + 50) // 100).astype(np.uint8)
+        return _native.motor_steps(self.intensities)
 
     def x40(self) -> NDArray[np.uint8]:
         """Return the frame of a 40-motor vest, uint8 (40,), percent, in wearer order (front, then back).

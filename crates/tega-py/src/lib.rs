@@ -45,8 +45,7 @@ mod _native {
     use crate::hand_link::HandLink;
     #[pymodule_export]
     use crate::haptics::{
-        contact_type, layout_motors, linear_intensity, logistic_intensity, vest_intensities, vest_steps,
-        vest_x40,
+        contact_type, layout_motors, linear_intensity, logistic_intensity, vest_intensities, vest_x40,
     };
     #[pymodule_export]
     use crate::image::decode_png;
