@@ -50,10 +50,7 @@ mod _native {
     #[pymodule_export]
     use crate::image::decode_png;
     #[pymodule_export]
-    use crate::tactile::{
-        KnownBaseline, contact_mask, contact_metrics, contact_metrics_many, estimate_baseline, pressure_map,
-        read_contact, read_contacts,
-    };
+    use crate::tactile::{Equations, KnownBaseline, Preset, estimate_baseline};
     #[pymodule_export]
     use crate::touch::{Contact, TouchTracker, nominal_light, sensor_noise, update_fingers};
     #[pymodule_export]
