@@ -8,6 +8,7 @@ the caller. Coordinates are (column, row), pixel centres counted from 0. Grey va
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, cast
 
 from tega import _native
@@ -135,15 +136,7 @@ def contact_metrics(
         >>> m.peak, m.eda, m.centroid_xy
         (40.0, 600, (64.5, 109.5))
     """
-    equations = _native.Equations(
-        weights=weights,
-        order=order,
-        difference=difference,
-        spread=spread,
-        factor=factor,
-        centroid_value=centroid_value,
-        gate=gate,
-    )
+    equations = _equations(weights, order, difference, spread, factor, centroid_value, gate)
     return ContactMetrics(*equations.metrics(frame, baseline))
 
 
@@ -180,7 +173,22 @@ def contact_metrics_many(
         ShapeError: An image has another shape than its baseline, or there are not as many baselines as frames.
         InvalidValueError: An option is out of range.
     """
-    equations = _native.Equations(
+    equations = _equations(weights, order, difference, spread, factor, centroid_value, gate)
+    return _each(equations.metrics_many, frames, baseline)
+
+
+@lru_cache(maxsize=32)
+def _equations(  # noqa: PLR0917  # by position: a key of keywords takes longer to make than the options
+    weights: tuple[float, float, float],
+    order: str,
+    difference: str,
+    spread: str,
+    factor: float,
+    centroid_value: str,
+    gate: ContactGate | None,
+) -> _native.Equations:
+    # Kept, since parsing the decimals takes longer than finding them again.
+    return _native.Equations(
         weights=weights,
         order=order,
         difference=difference,
@@ -189,7 +197,6 @@ def contact_metrics_many(
         centroid_value=centroid_value,
         gate=gate,
     )
-    return _each(equations.metrics_many, frames, baseline)
 
 
 def _each(
