@@ -12,74 +12,41 @@ __version__: Final[str]
 
 _Contact = tuple[float, tuple[float, float], float, float, int, float, float, tuple[int, int], bool]
 
-def contact_metrics(
-    frame: NDArray[np.uint8],
-    baseline: NDArray[np.uint8],
-    *,
-    weights: tuple[float, float, float],
-    order: str,
-    difference: str,
-    spread: str,
-    factor: float,
-    centroid_value: str,
-    gate: tuple[float, int] | None,
-) -> _Contact: ...
-def contact_metrics_many(
-    frames: Sequence[NDArray[np.uint8]],
-    baselines: Sequence[NDArray[np.uint8]],
-    *,
-    weights: tuple[float, float, float],
-    order: str,
-    difference: str,
-    spread: str,
-    factor: float,
-    centroid_value: str,
-    gate: tuple[float, int] | None,
-) -> list[_Contact]: ...
-def read_contacts(
-    frames: Sequence[NDArray[np.uint8]],
-    baselines: Sequence[NDArray[np.uint8]],
-    *,
-    reading: str,
-    order: str,
-    outline: str,
-    noise: Sequence[float] | None,
-) -> list[_Contact]: ...
-def read_contact(
-    frame: NDArray[np.uint8],
-    baseline: NDArray[np.uint8],
-    *,
-    reading: str,
-    order: str,
-    outline: str,
-    noise: Sequence[float] | None,
-) -> _Contact: ...
+@final
+class Equations:
+    def __new__(
+        cls,
+        *,
+        weights: tuple[float, float, float],
+        order: str,
+        difference: str,
+        spread: str,
+        factor: float,
+        centroid_value: str,
+        gate: tuple[float, int] | None,
+    ) -> Self: ...
+    def metrics(self, frame: NDArray[np.uint8], baseline: NDArray[np.uint8], /) -> _Contact: ...
+    def metrics_many(
+        self, frames: Sequence[NDArray[np.uint8]], baselines: Sequence[NDArray[np.uint8]], /
+    ) -> list[_Contact]: ...
+
+@final
+class Preset:
+    def __new__(cls, *, reading: str, order: str, outline: str, noise: Sequence[float] | None) -> Self: ...
+    def read(self, frame: NDArray[np.uint8], baseline: NDArray[np.uint8], /) -> _Contact: ...
+    def read_many(
+        self, frames: Sequence[NDArray[np.uint8]], baselines: Sequence[NDArray[np.uint8]], /
+    ) -> list[_Contact]: ...
+    def mask(self, frame: NDArray[np.uint8], baseline: NDArray[np.uint8], /) -> NDArray[np.bool_]: ...
+    def pressure_map(
+        self, frame: NDArray[np.uint8], baseline: NDArray[np.uint8], /
+    ) -> NDArray[np.float32]: ...
+    def known(self, baseline: NDArray[np.uint8], /) -> KnownBaseline: ...
 
 @final
 class KnownBaseline:
-    def __new__(
-        cls, baseline: NDArray[np.uint8], /, *, order: str, outline: str, noise: Sequence[float] | None
-    ) -> Self: ...
     def read(self, frame: NDArray[np.uint8], /) -> _Contact: ...
 
-def contact_mask(
-    frame: NDArray[np.uint8],
-    baseline: NDArray[np.uint8],
-    *,
-    reading: str,
-    order: str,
-    outline: str,
-    noise: Sequence[float] | None,
-) -> NDArray[np.bool_]: ...
-def pressure_map(
-    frame: NDArray[np.uint8],
-    baseline: NDArray[np.uint8],
-    *,
-    reading: str,
-    order: str,
-    outline: str,
-    noise: Sequence[float] | None,
-) -> NDArray[np.float32]: ...
 def estimate_baseline(frames: Sequence[NDArray[np.uint8]]) -> tuple[NDArray[np.uint8], list[int]]: ...
 
 @final
@@ -158,7 +125,6 @@ def vest_intensities(
 ) -> NDArray[np.uint8]: ...
 def vest_percents(levels: NDArray[np.float64], /) -> NDArray[np.uint8]: ...
 def layout_motors(layout: str, /) -> NDArray[np.uint8]: ...
-def vest_steps(layout: str, intensities: NDArray[np.uint8], /) -> NDArray[np.uint8]: ...
 def vest_x40(layout: str, intensities: NDArray[np.uint8], /) -> NDArray[np.uint8]: ...
 
 # --- emg ---

@@ -18,6 +18,7 @@ from tega.arm.settings import (
     MappingSettings,
     WatchdogSettings,
 )
+from tega.haptics import FINGERS
 from tega.net.settings import NetSection
 from tega.safety.settings import SafetySection
 
@@ -51,8 +52,6 @@ __all__ = [
 ]
 
 Pace = Literal["steady", "by-frame"]
-
-FINGERS = ("thumb", "index", "middle", "ring")
 
 DEFAULT_LAYOUT: dict[str, Layout] = {"paper": "paper32", "live": "x40"}
 """The vest's layout where the settings name none, by preset."""

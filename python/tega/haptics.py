@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Final, Literal, TypeAlias, cast
+from typing import TYPE_CHECKING, Final, Literal, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,9 @@ from numpy.typing import NDArray
 from tega import _native
 from tega.errors import DtypeError, InvalidValueError, ShapeError
 from tega.motor_layout import SHIPPED, Mirror, find_layout
+
+if TYPE_CHECKING:
+    from tega.wire.allegro_messages import Finger
 
 __all__ = [
     "CONTACT_RULES",
@@ -48,8 +51,8 @@ Layout: TypeAlias = str
 
 ContactType: TypeAlias = Literal["none", "focal", "broad", "mixed"]
 
-FINGERS: Final[tuple[str, ...]] = tuple(_native.FINGERS)
-"""The four columns, from the wearer's left."""
+FINGERS: Final = cast("tuple[Finger, Finger, Finger, Finger]", tuple(_native.FINGERS))
+"""The fingers in the order of the columns, from the wearer's left; the hand's is :data:`tega.wire.HAND_FINGERS`."""
 
 LAYOUTS: Final[tuple[Layout, ...]] = tuple(SHIPPED)
 """Names of the layouts that come with TEGA."""
@@ -131,14 +134,13 @@ class MotorLevels:
             raise DtypeError(f"intensities is {_kind(self.intensities)}, not an array of uint8")
         if self.intensities.ndim != 1:
             raise ShapeError(f"intensities has shape {self.intensities.shape}, not one dimension")
-        if self.layout in SHIPPED:
-            _native.vest_steps(self.layout, self.intensities)
-            return
-        n = len(find_layout(self.layout).motors)
-        if len(self.intensities) != n:
-            raise ShapeError(f"{len(self.intensities)} intensities for the {n} motors of {self.layout!r}")
-        if self.intensities.max() > 100:
-            raise InvalidValueError(f"motor {int(self.intensities.argmax())} is above 100 percent")
+        n, wanted = len(self.intensities), len(find_layout(self.layout).motors)
+        if n != wanted:
+            raise ShapeError(f"intensities has {n} motors, layout {self.layout} has {wanted}")
+        worst = int(self.intensities.argmax())
+        if self.intensities[worst] > 100:
+            what = f"intensities[{worst}] = {self.intensities[worst]} percent"
+            raise InvalidValueError(f"{what} is out of range: 0 to 100")
 
     def __eq__(self, other: object) -> bool:
         """Compare layout and every motor."""
@@ -165,9 +167,7 @@ class MotorLevels:
 
         ``(15 * percent + 50) // 100`` in integers.
         """
-        if self.layout in SHIPPED:
-            return _native.vest_steps(self.layout, self.intensities)
-        return ((15 * self.intensities.astype(np.uint16) + 50) // 100).astype(np.uint8)
+        return _native.motor_steps(self.intensities)
 
     def x40(self) -> NDArray[np.uint8]:
         """Return the frame of a 40-motor vest, uint8 (40,), percent, in wearer order (front, then back).

@@ -8,7 +8,8 @@ the caller. Coordinates are (column, row), pixel centres counted from 0. Grey va
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias, cast
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, cast
 
 from tega import _native
 from tega.errors import ShapeError
@@ -16,7 +17,7 @@ from tega.records.touch import NamedValue
 from tega.touch import GelLight, TouchTracker, TrackedContact, nominal_light, sensor_noise, update_fingers
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     import numpy as np
     from numpy.typing import NDArray
@@ -135,19 +136,8 @@ def contact_metrics(
         >>> m.peak, m.eda, m.centroid_xy
         (40.0, 600, (64.5, 109.5))
     """
-    return ContactMetrics(
-        *_native.contact_metrics(
-            frame,
-            baseline,
-            weights=weights,
-            order=order,
-            difference=difference,
-            spread=spread,
-            factor=factor,
-            centroid_value=centroid_value,
-            gate=gate,
-        )
-    )
+    equations = _equations(weights, order, difference, spread, factor, centroid_value, gate)
+    return ContactMetrics(*equations.metrics(frame, baseline))
 
 
 def contact_metrics_many(
@@ -183,9 +173,22 @@ def contact_metrics_many(
         ShapeError: An image has another shape than its baseline, or there are not as many baselines as frames.
         InvalidValueError: An option is out of range.
     """
-    found = _native.contact_metrics_many(
-        list(frames),
-        _baselines(frames, baseline),
+    equations = _equations(weights, order, difference, spread, factor, centroid_value, gate)
+    return _each(equations.metrics_many, frames, baseline)
+
+
+@lru_cache(maxsize=32)
+def _equations(  # noqa: PLR0917  # by position: a key of keywords takes longer to make than the options
+    weights: tuple[float, float, float],
+    order: str,
+    difference: str,
+    spread: str,
+    factor: float,
+    centroid_value: str,
+    gate: ContactGate | None,
+) -> _native.Equations:
+    # Kept, since parsing the decimals takes longer than finding them again.
+    return _native.Equations(
         weights=weights,
         order=order,
         difference=difference,
@@ -194,17 +197,22 @@ def contact_metrics_many(
         centroid_value=centroid_value,
         gate=gate,
     )
-    return [ContactMetrics(*fields) for fields in found]
 
 
-def _baselines(frames: Images, baseline: NDArray[np.uint8] | Images) -> list[NDArray[np.uint8]]:
+def _each(
+    read: Callable[[list[NDArray[np.uint8]], list[NDArray[np.uint8]]], list[Any]],
+    frames: Images,
+    baseline: NDArray[np.uint8] | Images,
+) -> list[ContactMetrics]:
     if getattr(baseline, "ndim", 0) == 3:
-        return [cast("NDArray[np.uint8]", baseline)] * len(frames)
-    if len(baseline) != len(frames):
+        baselines = [cast("NDArray[np.uint8]", baseline)] * len(frames)
+    elif len(baseline) == len(frames):
+        baselines = list(baseline)
+    else:
         raise ShapeError(
             f"{len(baseline)} baselines for {len(frames)} frames", "give one for all frames, or one for each"
         )
-    return list(baseline)
+    return [ContactMetrics(*fields) for fields in read(list(frames), baselines)]
 
 
 def read_contact(
@@ -242,9 +250,8 @@ def read_contact(
         ShapeError: An image is not (H, W, 3), is empty or too large, or the two differ in size.
         InvalidValueError: ``reading``, ``order`` or ``outline`` is not known.
     """
-    return ContactMetrics(
-        *_native.read_contact(frame, baseline, reading=reading, order=order, outline=outline, noise=noise)
-    )
+    preset = _native.Preset(reading=reading, order=order, outline=outline, noise=noise)
+    return ContactMetrics(*preset.read(frame, baseline))
 
 
 def read_contacts(
@@ -274,15 +281,8 @@ def read_contacts(
         ShapeError: An image has another shape than its baseline, or there are not as many baselines as frames.
         InvalidValueError: ``reading``, ``order`` or ``outline`` is not known.
     """
-    found = _native.read_contacts(
-        list(frames),
-        _baselines(frames, baseline),
-        reading=reading,
-        order=order,
-        outline=outline,
-        noise=noise,
-    )
-    return [ContactMetrics(*fields) for fields in found]
+    preset = _native.Preset(reading=reading, order=order, outline=outline, noise=noise)
+    return _each(preset.read_many, frames, baseline)
 
 
 class ContactReader:
@@ -319,11 +319,10 @@ class ContactReader:
         outline: Outline = "dent",
         noise: Sequence[float] | None = None,
     ) -> None:
-        read_contact(baseline, baseline, reading=reading, order=order, outline=outline, noise=noise)
-        self._baseline, self._reading, self._order = baseline.copy(), reading, order
-        live = reading == "live"
-        known = _native.KnownBaseline
-        self._known = known(self._baseline, order=order, outline=outline, noise=noise) if live else None
+        self._preset = _native.Preset(reading=reading, order=order, outline=outline, noise=noise)
+        self._preset.read(baseline, baseline)
+        self._baseline = baseline.copy()
+        self._known = self._preset.known(baseline) if reading == "live" else None
 
     def read(self, frame: NDArray[np.uint8]) -> ContactMetrics:
         """Return the contact metrics of a frame.
@@ -335,9 +334,8 @@ class ContactReader:
             DtypeError: It is not a uint8 array.
             ShapeError: It is not of the baseline's size.
         """
-        if self._known is not None:
-            return ContactMetrics(*self._known.read(frame))
-        return read_contact(frame, self._baseline, reading=self._reading, order=self._order)
+        known = self._known
+        return ContactMetrics(*(known.read(frame) if known else self._preset.read(frame, self._baseline)))
 
 
 def contact_mask(
@@ -356,7 +354,8 @@ def contact_mask(
     Returns:
         bool (H, W).
     """
-    return _native.contact_mask(frame, baseline, reading=reading, order=order, outline=outline, noise=noise)
+    preset = _native.Preset(reading=reading, order=order, outline=outline, noise=noise)
+    return preset.mask(frame, baseline)
 
 
 def pressure_map(
@@ -376,7 +375,8 @@ def pressure_map(
     Returns:
         float32 (H, W).
     """
-    return _native.pressure_map(frame, baseline, reading=reading, order=order, outline=outline, noise=noise)
+    preset = _native.Preset(reading=reading, order=order, outline=outline, noise=noise)
+    return preset.pressure_map(frame, baseline)
 
 
 def estimate_baseline(frames: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:

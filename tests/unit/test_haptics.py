@@ -8,8 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tega import config
 from tega.errors import DtypeError, InvalidValueError, ShapeError
 from tega.haptics import CONTACT_RULES, FINGERS, MotorLevels, contact_type, intensity, vest_frame
+from tega.stages.columns import ColumnsOptions
+from tega.wire import HAND_FINGERS
 
 CCI = [80, 60, 40, 20]
 EDA = [10, 0, 100, 55]
@@ -142,3 +145,10 @@ def test_every_contact_type_has_its_rule() -> None:
         contact_type(0.5, math.nan)
     with pytest.raises(InvalidValueError, match=r"cci_norm = -0\.5"):
         contact_type(-0.5, 0.5)
+
+
+def test_the_fingers_have_one_order_of_the_columns_and_one_of_the_hand() -> None:
+    assert config.FINGERS is FINGERS
+    assert ColumnsOptions().fingers is FINGERS
+    assert sorted(HAND_FINGERS) == sorted(FINGERS)
+    assert HAND_FINGERS != FINGERS

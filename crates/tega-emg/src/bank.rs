@@ -1,7 +1,7 @@
 //! The recursion: one filter run over many channels, four channels to a vector lane group.
 //!
 //! Transposed direct form II, each channel and sample by the same operations in the same order and without fused
-//! multiply-add, so the result does not depend on how a stream is cut up nor on the instruction set.
+//! multiply-add, so the result does not depend on how a stream is cut up nor on the processor.
 
 use crate::butterworth::{MAX_SECTIONS, Section, Sos};
 use crate::lanes::{LANES, LaneRows, Lanes};
@@ -47,11 +47,6 @@ impl BiquadBank {
 
     /// Filter whole rows into `out`, which is longer than they are by [`MARGIN`]; what lies there is overwritten.
     pub(crate) fn process(&mut self, rows: &[f64], out: &mut [f64]) {
-        filter(self, rows, out);
-    }
-
-    #[inline(always)]
-    fn filter(&mut self, rows: &[f64], out: &mut [f64]) {
         // A last group of fewer channels than lanes spills into the next row, so it goes first and the others write
         // over what it spilt.
         for (index, state) in self.groups.iter_mut().enumerate().rev() {
@@ -68,11 +63,6 @@ impl BiquadBank {
         let since_sweep = SWEEP_ROWS - self.rows_to_sweep + rows.len() / self.channels;
         self.rows_to_sweep = SWEEP_ROWS - since_sweep % SWEEP_ROWS;
     }
-}
-
-tega_simd::dispatched! {
-    /// [`BiquadBank::filter`] for the instruction set in use.
-    filter = BiquadBank::filter, (bank: &mut BiquadBank, rows: &[f64], out: &mut [f64]) -> ()
 }
 
 /// Where a group's lanes are in a row, and where in the stream the rows begin.
@@ -122,8 +112,6 @@ fn run<const S: usize>(
 #[cfg(test)]
 #[allow(clippy::float_cmp)] // Exact values are meant.
 mod tests {
-    use proptest::prelude::*;
-
     use super::*;
     use crate::EmgError;
 
@@ -203,32 +191,5 @@ mod tests {
             }
         }
         Ok(())
-    }
-
-    fn sample() -> impl Strategy<Value = f64> {
-        prop_oneof![8 => -1e4..1e4, 1 => Just(0.0), 1 => -1e-249..1e-249, 1 => -1e300..1e300]
-    }
-
-    proptest! {
-        #[test]
-        fn every_instruction_set_filters_to_the_same_bits(
-            (channels, samples) in (1..=9usize)
-                .prop_flat_map(|n| (Just(n), prop::collection::vec(prop::collection::vec(sample(), n), 0..150))),
-            order in 1..=8usize,
-            cut in 0..150usize,
-        ) {
-            let run = |filter: fn(&mut BiquadBank, &[f64], &mut [f64])| -> Result<Vec<u64>, EmgError> {
-                let mut bank = BiquadBank::new(&Sos::lowpass(200.0, 50.0, order)?, channels);
-                let mut bits = Vec::new();
-                for part in [&samples[..cut.min(samples.len())], &samples[cut.min(samples.len())..]] {
-                    let rows = part.concat();
-                    let mut out = vec![0.0; rows.len() + MARGIN];
-                    filter(&mut bank, &rows, &mut out);
-                    bits.extend(out[..rows.len()].iter().map(|x| x.to_bits()));
-                }
-                Ok(bits)
-            };
-            prop_assert_eq!(run(filter)?, run(BiquadBank::filter)?);
-        }
     }
 }

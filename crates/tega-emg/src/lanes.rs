@@ -7,8 +7,8 @@ pub(crate) const LANES: usize = 4;
 
 /// A group of numbers that are computed with lane by lane, each operation rounded by itself.
 ///
-/// Plain numbers: the compiler makes vectors of them wherever a kernel is compiled for a set that has some, and neither
-/// fuses multiplications with additions nor reorders them, so that each set gives the same bits.
+/// Plain numbers: the compiler makes vectors of them, and neither fuses multiplications with additions nor reorders them,
+/// so that every processor gives the same bits.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Lanes(pub(crate) [f64; LANES]);
 

@@ -15,7 +15,7 @@
 //! assert_eq!(intent.process(&squeeze)?.fused.last(), Some(&5));
 //! # Ok::<(), tega_emg::EmgError>(())
 //! ```
-#![deny(unsafe_code)] // allowed in what `dispatched!` writes
+#![forbid(unsafe_code)]
 
 mod bank;
 mod block_mean;

@@ -23,5 +23,5 @@ mod sigmoid;
 
 pub use contact_type::{ContactType, HIGH_SHARE, contact_type};
 pub use error::HapticsError;
-pub use layout::{FINGERS, Layout, Mirror, VestFrame, motor_step, vest_frame, whole_percents};
+pub use layout::{FINGERS, Layout, Mirror, VestFrame, vest_frame, whole_percents};
 pub use sigmoid::{DEFAULT_END_VALUE, intensity, linear_intensity};

@@ -63,24 +63,11 @@ pub(crate) fn layout_motors<'py>(
 
 #[pyfunction]
 #[pyo3(signature = (layout, intensities, /))]
-pub(crate) fn vest_steps<'py>(
-    py: Python<'py>,
-    layout: &str,
-    intensities: PyReadonlyArray1<'py, u8>,
-) -> Result<Bound<'py, PyArray1<u8>>, BindError> {
-    Ok(frame(layout, &intensities)?.steps().into_pyarray(py))
-}
-
-#[pyfunction]
-#[pyo3(signature = (layout, intensities, /))]
 pub(crate) fn vest_x40<'py>(
     py: Python<'py>,
     layout: &str,
     intensities: PyReadonlyArray1<'py, u8>,
 ) -> Result<Bound<'py, PyArray1<u8>>, BindError> {
-    Ok(frame(layout, &intensities)?.x40().to_vec().into_pyarray(py))
-}
-
-fn frame(layout: &str, intensities: &PyReadonlyArray1<'_, u8>) -> Result<VestFrame, BindError> {
-    Ok(VestFrame::new(Layout::from_name(layout)?, intensities.as_array().to_vec())?)
+    let frame = VestFrame::new(Layout::from_name(layout)?, intensities.as_array().to_vec())?;
+    Ok(frame.x40().to_vec().into_pyarray(py))
 }

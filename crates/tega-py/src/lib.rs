@@ -48,15 +48,12 @@ mod _native {
     #[pymodule_export]
     use crate::haptics::{
         contact_type, layout_motors, linear_intensity, logistic_intensity, vest_intensities, vest_percents,
-        vest_steps, vest_x40,
+        vest_x40,
     };
     #[pymodule_export]
     use crate::image::decode_png;
     #[pymodule_export]
-    use crate::tactile::{
-        KnownBaseline, contact_mask, contact_metrics, contact_metrics_many, estimate_baseline, pressure_map,
-        read_contact, read_contacts,
-    };
+    use crate::tactile::{Equations, KnownBaseline, Preset, estimate_baseline};
     #[pymodule_export]
     use crate::touch::{Contact, TouchTracker, nominal_light, sensor_noise, update_fingers};
     #[pymodule_export]

@@ -42,70 +42,77 @@ fn fields(m: ContactMetrics) -> Fields {
     (m.mass, m.centroid_xy, m.spread, m.threshold, m.eda, m.cci, m.peak, m.peak_xy, m.in_contact)
 }
 
-#[pyfunction]
-#[pyo3(signature = (frame, baseline, *, weights, order, difference, spread, factor, centroid_value, gate))]
-#[allow(clippy::too_many_arguments)] // one argument per named reading of the equations
-pub(crate) fn contact_metrics(
+/// Options of equations 1 to 6, parsed once.
+#[pyclass(module = "tega._native", frozen)]
+pub(crate) struct Equations(Options);
+
+#[pymethods]
+impl Equations {
+    #[new]
+    #[pyo3(signature = (*, weights, order, difference, spread, factor, centroid_value, gate))]
+    fn new(
+        weights: (f64, f64, f64),
+        order: &str,
+        difference: &str,
+        spread: &str,
+        factor: f64,
+        centroid_value: &str,
+        gate: Option<(f64, u32)>,
+    ) -> Result<Self, BindError> {
+        Ok(Self(Options {
+            weights: Weights::printed(weights.0, weights.1, weights.2)?,
+            order: choice("order", order, &ORDERS)?,
+            difference: choice("difference", difference, &DIFFERENCES)?,
+            spread: choice("spread", spread, &SPREADS)?,
+            factor: Decimal::printed("factor", factor)?,
+            centroid_value: choice("centroid_value", centroid_value, &CENTROID_VALUES)?,
+            gate: gate.map(|(floor, pixels)| Gate::new(floor, pixels)).transpose()?,
+        }))
+    }
+
+    #[pyo3(signature = (frame, baseline, /))]
+    fn metrics(
+        &self,
+        py: Python<'_>,
+        frame: &Bound<'_, PyAny>,
+        baseline: &Bound<'_, PyAny>,
+    ) -> Result<Fields, BindError> {
+        with_pair(py, frame, baseline, |pair| SCRATCH.with_borrow_mut(|scratch| self.of(pair, scratch)))
+    }
+
+    #[pyo3(signature = (frames, baselines, /))]
+    fn metrics_many(
+        &self,
+        py: Python<'_>,
+        frames: Vec<Bound<'_, PyAny>>,
+        baselines: Vec<Bound<'_, PyAny>>,
+    ) -> Result<Vec<Fields>, BindError> {
+        with_pairs(py, &frames, &baselines, |pairs, pixels| {
+            let work = |pair: &Pair<'_>, scratch: &mut Scratch| self.of(pair, scratch);
+            SCRATCH.with_borrow_mut(|scratch| many::each(pairs, pixels, scratch, work))
+        })
+    }
+}
+
+impl Equations {
+    fn of(&self, pair: &Pair<'_>, scratch: &mut Scratch) -> Fields {
+        fields(tega_tactile::contact_metrics(pair, &self.0, scratch))
+    }
+}
+
+/// Borrows a frame and its baseline and runs `work` on them, without the interpreter lock where that pays.
+fn with_pair<T: Send>(
     py: Python<'_>,
     frame: &Bound<'_, PyAny>,
     baseline: &Bound<'_, PyAny>,
-    weights: (f64, f64, f64),
-    order: &str,
-    difference: &str,
-    spread: &str,
-    factor: f64,
-    centroid_value: &str,
-    gate: Option<(f64, u32)>,
-) -> Result<Fields, BindError> {
-    let options = options((weights, order, difference, spread, factor, centroid_value, gate))?;
+    work: impl FnOnce(&Pair<'_>) -> T + Send,
+) -> Result<T, BindError> {
     let (frame, baseline) = (image("frame", frame)?, image("baseline", baseline)?);
     let pair = Pair::new(frame.as_array(), baseline.as_array())?;
-    let work = |scratch: &mut Scratch| tega_tactile::contact_metrics(&pair, &options, scratch);
-    let n = pair.width() * pair.height();
-    Ok(fields(released(py, n > KEEP_UP_TO, || SCRATCH.with_borrow_mut(work))))
+    Ok(released(py, pair.width() * pair.height() > KEEP_UP_TO, || work(&pair)))
 }
 
-#[pyfunction]
-#[pyo3(signature = (frames, baselines, *, weights, order, difference, spread, factor, centroid_value, gate))]
-#[allow(clippy::too_many_arguments)] // as above
-pub(crate) fn contact_metrics_many(
-    py: Python<'_>,
-    frames: Vec<Bound<'_, PyAny>>,
-    baselines: Vec<Bound<'_, PyAny>>,
-    weights: (f64, f64, f64),
-    order: &str,
-    difference: &str,
-    spread: &str,
-    factor: f64,
-    centroid_value: &str,
-    gate: Option<(f64, u32)>,
-) -> Result<Vec<Fields>, BindError> {
-    let options = options((weights, order, difference, spread, factor, centroid_value, gate))?;
-    with_pairs(py, &frames, &baselines, |pairs, pixels| {
-        let work = |pair: &Pair<'_>, scratch: &mut Scratch| {
-            fields(tega_tactile::contact_metrics(pair, &options, scratch))
-        };
-        SCRATCH.with_borrow_mut(|scratch| many::each(pairs, pixels, scratch, work))
-    })
-}
-
-/// The named readings of the equations as they come from Python.
-type Readings<'a> = ((f64, f64, f64), &'a str, &'a str, &'a str, f64, &'a str, Option<(f64, u32)>);
-
-fn options(readings: Readings<'_>) -> Result<Options, BindError> {
-    let (weights, order, difference, spread, factor, centroid_value, gate) = readings;
-    Ok(Options {
-        weights: Weights::printed(weights.0, weights.1, weights.2)?,
-        order: choice("order", order, &ORDERS)?,
-        difference: choice("difference", difference, &DIFFERENCES)?,
-        spread: choice("spread", spread, &SPREADS)?,
-        factor: Decimal::printed("factor", factor)?,
-        centroid_value: choice("centroid_value", centroid_value, &CENTROID_VALUES)?,
-        gate: gate.map(|(floor, pixels)| Gate::new(floor, pixels)).transpose()?,
-    })
-}
-
-/// Borrows frames and their baselines and runs `work` on all of them without the interpreter lock.
+/// The same for many frames and their baselines; `work` is told how many pixels they have in all.
 fn with_pairs<T: Send>(
     py: Python<'_>,
     frames: &[Bound<'_, PyAny>],
@@ -123,17 +130,18 @@ fn with_pairs<T: Send>(
 thread_local! {
     /// Buffers, sized by the first frame, then reused.
     static SCRATCH: RefCell<Scratch> = RefCell::default();
-    static PRESETS: RefCell<Presets> = RefCell::default();
+    static PRESETS: RefCell<PresetScratch> = RefCell::default();
 }
 
 #[derive(Default)]
-struct Presets {
+struct PresetScratch {
     paper: PaperScratch,
     live: LiveScratch,
 }
 
-/// A preset's reading of one frame.
-struct Preset {
+/// Options of a preset's reading, parsed once.
+#[pyclass(module = "tega._native", frozen)]
+pub(crate) struct Preset {
     reading: Reading,
     order: Order,
     outline: Outline,
@@ -145,8 +153,11 @@ pub(crate) fn noise_of(bgr: Option<[f64; 3]>) -> Result<SensorNoise, BindError> 
     Ok(bgr.map(SensorNoise::of_counts).transpose()?.unwrap_or_default())
 }
 
+#[pymethods]
 impl Preset {
-    fn named(reading: &str, order: &str, outline: &str, noise: Option<[f64; 3]>) -> Result<Self, BindError> {
+    #[new]
+    #[pyo3(signature = (*, reading, order, outline, noise))]
+    fn new(reading: &str, order: &str, outline: &str, noise: Option<[f64; 3]>) -> Result<Self, BindError> {
         Ok(Self {
             reading: choice("reading", reading, &READINGS)?,
             order: choice("order", order, &ORDERS)?,
@@ -155,22 +166,85 @@ impl Preset {
         })
     }
 
-    fn read<T: Send>(
+    #[pyo3(signature = (frame, baseline, /))]
+    fn read(
+        &self,
         py: Python<'_>,
         frame: &Bound<'_, PyAny>,
         baseline: &Bound<'_, PyAny>,
-        take: impl FnOnce(&Pair<'_>, &mut Presets) -> Result<T, TactileError> + Send,
-    ) -> Result<T, BindError> {
-        let (frame, baseline) = (image("frame", frame)?, image("baseline", baseline)?);
-        let pair = Pair::new(frame.as_array(), baseline.as_array())?;
-        let n = pair.width() * pair.height();
-        Ok(released(py, n > KEEP_UP_TO, || PRESETS.with_borrow_mut(|presets| take(&pair, presets)))?)
+    ) -> Result<Fields, BindError> {
+        Ok(fields(with_scratch(py, frame, baseline, |pair, scratch| self.metrics(pair, scratch))?))
     }
 
-    fn metrics(&self, pair: &Pair<'_>, presets: &mut Presets) -> Result<ContactMetrics, TactileError> {
+    #[pyo3(signature = (frames, baselines, /))]
+    fn read_many(
+        &self,
+        py: Python<'_>,
+        frames: Vec<Bound<'_, PyAny>>,
+        baselines: Vec<Bound<'_, PyAny>>,
+    ) -> Result<Vec<Fields>, BindError> {
+        let found = with_pairs(py, &frames, &baselines, |pairs, pixels| {
+            let work = |pair: &Pair<'_>, scratch: &mut PresetScratch| self.metrics(pair, scratch).map(fields);
+            PRESETS.with_borrow_mut(|scratch| many::each(pairs, pixels, scratch, work))
+        })?;
+        Ok(found.into_iter().collect::<Result<_, _>>()?)
+    }
+
+    #[pyo3(signature = (frame, baseline, /))]
+    fn mask<'py>(
+        &self,
+        py: Python<'py>,
+        frame: &Bound<'py, PyAny>,
+        baseline: &Bound<'py, PyAny>,
+    ) -> Result<Bound<'py, PyArray2<bool>>, BindError> {
+        let mask = with_scratch(py, frame, baseline, |pair, scratch| match self.reading {
+            Reading::Paper => {
+                read_paper(pair, self.order, &mut scratch.paper);
+                Ok(scratch.paper.mask().collect::<Vec<_>>())
+            }
+            Reading::Live => {
+                let (_, mask) = self.reader(pair, &mut scratch.live)?.mask(pair.frame())?;
+                Ok(mask.iter().map(|&m| m != 0).collect())
+            }
+        })?;
+        like_image(py, frame, mask)
+    }
+
+    #[pyo3(signature = (frame, baseline, /))]
+    fn pressure_map<'py>(
+        &self,
+        py: Python<'py>,
+        frame: &Bound<'py, PyAny>,
+        baseline: &Bound<'py, PyAny>,
+    ) -> Result<Bound<'py, PyArray2<f32>>, BindError> {
+        let map = with_scratch(py, frame, baseline, |pair, scratch| match self.reading {
+            Reading::Paper => {
+                read_paper(pair, self.order, &mut scratch.paper);
+                Ok(scratch.paper.pressure_map().collect::<Vec<_>>())
+            }
+            Reading::Live => {
+                let reader = self.reader(pair, &mut scratch.live)?;
+                reader.read(pair.frame())?;
+                Ok(reader.pressure_map().collect())
+            }
+        })?;
+        like_image(py, frame, map)
+    }
+
+    /// `live` for many frames of one sensor.
+    #[pyo3(signature = (baseline, /))]
+    fn known(&self, baseline: &Bound<'_, PyAny>) -> Result<KnownBaseline, BindError> {
+        let baseline = image("baseline", baseline)?;
+        let reader = LiveReader::new(baseline.as_array(), self.order, self.outline, self.noise)?;
+        Ok(KnownBaseline(Shared::new(reader)))
+    }
+}
+
+impl Preset {
+    fn metrics(&self, pair: &Pair<'_>, scratch: &mut PresetScratch) -> Result<ContactMetrics, TactileError> {
         match self.reading {
-            Reading::Paper => Ok(read_paper(pair, self.order, &mut presets.paper)),
-            Reading::Live => read_live(pair, self.order, self.outline, self.noise, &mut presets.live),
+            Reading::Paper => Ok(read_paper(pair, self.order, &mut scratch.paper)),
+            Reading::Live => read_live(pair, self.order, self.outline, self.noise, &mut scratch.live),
         }
     }
 
@@ -183,19 +257,14 @@ impl Preset {
     }
 }
 
-#[pyfunction]
-#[pyo3(signature = (frame, baseline, *, reading, order, outline, noise))]
-pub(crate) fn read_contact(
+fn with_scratch<T: Send>(
     py: Python<'_>,
     frame: &Bound<'_, PyAny>,
     baseline: &Bound<'_, PyAny>,
-    reading: &str,
-    order: &str,
-    outline: &str,
-    noise: Option<[f64; 3]>,
-) -> Result<Fields, BindError> {
-    let preset = Preset::named(reading, order, outline, noise)?;
-    Preset::read(py, frame, baseline, |pair, presets| Ok(fields(preset.metrics(pair, presets)?)))
+    work: impl FnOnce(&Pair<'_>, &mut PresetScratch) -> Result<T, TactileError> + Send,
+) -> Result<T, BindError> {
+    let work = |pair: &Pair<'_>| PRESETS.with_borrow_mut(|scratch| work(pair, scratch));
+    Ok(with_pair(py, frame, baseline, work)??)
 }
 
 /// Reads frames of one sensor against one picture of its untouched gel, as `live` does.
@@ -204,20 +273,6 @@ pub(crate) struct KnownBaseline(Shared<LiveReader>);
 
 #[pymethods]
 impl KnownBaseline {
-    #[new]
-    #[pyo3(signature = (baseline, /, *, order, outline, noise))]
-    fn new(
-        baseline: &Bound<'_, PyAny>,
-        order: &str,
-        outline: &str,
-        noise: Option<[f64; 3]>,
-    ) -> Result<Self, BindError> {
-        let (order, outline) = (choice("order", order, &ORDERS)?, choice("outline", outline, &OUTLINES)?);
-        let reader =
-            LiveReader::new(image("baseline", baseline)?.as_array(), order, outline, noise_of(noise)?)?;
-        Ok(Self(Shared::new(reader)))
-    }
-
     #[pyo3(signature = (frame, /))]
     fn read(&self, py: Python<'_>, frame: &Bound<'_, PyAny>) -> Result<Fields, BindError> {
         let frame = image("frame", frame)?;
@@ -225,76 +280,6 @@ impl KnownBaseline {
         let read = || self.0.with(|reader| reader.read(view));
         Ok(fields(released(py, view.len() / 3 > KEEP_UP_TO, read)?))
     }
-}
-
-#[pyfunction]
-#[pyo3(signature = (frames, baselines, *, reading, order, outline, noise))]
-pub(crate) fn read_contacts(
-    py: Python<'_>,
-    frames: Vec<Bound<'_, PyAny>>,
-    baselines: Vec<Bound<'_, PyAny>>,
-    reading: &str,
-    order: &str,
-    outline: &str,
-    noise: Option<[f64; 3]>,
-) -> Result<Vec<Fields>, BindError> {
-    let preset = Preset::named(reading, order, outline, noise)?;
-    let found = with_pairs(py, &frames, &baselines, |pairs, pixels| {
-        let work = |pair: &Pair<'_>, presets: &mut Presets| preset.metrics(pair, presets).map(fields);
-        PRESETS.with_borrow_mut(|presets| many::each(pairs, pixels, presets, work))
-    })?;
-    Ok(found.into_iter().collect::<Result<_, _>>()?)
-}
-
-#[pyfunction]
-#[pyo3(signature = (frame, baseline, *, reading, order, outline, noise))]
-pub(crate) fn contact_mask<'py>(
-    py: Python<'py>,
-    frame: &Bound<'py, PyAny>,
-    baseline: &Bound<'py, PyAny>,
-    reading: &str,
-    order: &str,
-    outline: &str,
-    noise: Option<[f64; 3]>,
-) -> Result<Bound<'py, PyArray2<bool>>, BindError> {
-    let preset = Preset::named(reading, order, outline, noise)?;
-    let mask = Preset::read(py, frame, baseline, |pair, presets| match preset.reading {
-        Reading::Paper => {
-            read_paper(pair, preset.order, &mut presets.paper);
-            Ok(presets.paper.mask().collect::<Vec<_>>())
-        }
-        Reading::Live => {
-            let (_, mask) = preset.reader(pair, &mut presets.live)?.mask(pair.frame())?;
-            Ok(mask.iter().map(|&m| m != 0).collect())
-        }
-    })?;
-    like_image(py, frame, mask)
-}
-
-#[pyfunction]
-#[pyo3(signature = (frame, baseline, *, reading, order, outline, noise))]
-pub(crate) fn pressure_map<'py>(
-    py: Python<'py>,
-    frame: &Bound<'py, PyAny>,
-    baseline: &Bound<'py, PyAny>,
-    reading: &str,
-    order: &str,
-    outline: &str,
-    noise: Option<[f64; 3]>,
-) -> Result<Bound<'py, PyArray2<f32>>, BindError> {
-    let preset = Preset::named(reading, order, outline, noise)?;
-    let map = Preset::read(py, frame, baseline, |pair, presets| match preset.reading {
-        Reading::Paper => {
-            read_paper(pair, preset.order, &mut presets.paper);
-            Ok(presets.paper.pressure_map().collect::<Vec<_>>())
-        }
-        Reading::Live => {
-            let reader = preset.reader(pair, &mut presets.live)?;
-            reader.read(pair.frame())?;
-            Ok(reader.pressure_map().collect())
-        }
-    })?;
-    like_image(py, frame, map)
 }
 
 /// The values of an image's pixels, row by row, as an array of its height and width.

@@ -54,6 +54,7 @@ fn sixteen_levels() {
         (96, 14),
         (97, 15),
         (100, 15),
+        (255, 15),
     ];
     for (intensity, wanted) in table {
         assert_eq!(motor_step(intensity), wanted, "{intensity}");

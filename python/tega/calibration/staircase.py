@@ -15,14 +15,17 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from tega.errors import InvalidValueError
+from tega.wire import vest_levels
 
 __all__ = ["LEVEL_PERCENT", "TOP_LEVEL", "Ladder", "Limen", "highest_level"]
 
 TOP_LEVEL = 15
 
 LEVEL_PERCENT: tuple[int, ...] = tuple(
-    next(p for p in range(101) if (15 * p + 50) // 100 == level) for level in range(TOP_LEVEL + 1)
+    np.searchsorted(vest_levels(range(101)), range(TOP_LEVEL + 1)).tolist()
 )
 """The lowest percentage that reaches the motor as each level."""
 

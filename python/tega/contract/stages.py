@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.contract.rule import rule
+from tega.haptics import FINGERS
 from tega.motor_layout import SHIPPED, MotorLayout
 from tega.records import Contact, Event, Intent
 from tega.stages.base import Decoder, FingerSetup, Mapping, Metric, MuscleSetup, VestSetup
@@ -16,7 +17,6 @@ from tega.stages.base import Decoder, FingerSetup, Mapping, Metric, MuscleSetup,
 __all__ = ["check_decoder", "check_layout", "check_mapping", "check_metric", "check_stage"]
 
 _FRAME_NS = 16_666_667
-_FINGERS = ("thumb", "index", "middle", "ring")
 
 
 def check_stage(stage: Any, options: Any = None) -> None:
@@ -137,14 +137,14 @@ def check_decoder(decoder: type[Decoder], options: Any) -> None:
 def check_mapping(mapping: type[Mapping], options: Any) -> None:
     """Check a mapping on every layout that comes with TEGA."""
     for layout in SHIPPED.values():
-        maxima = {finger: {"cci": 0.1, "eda": 8000.0} for finger in _FINGERS}
-        made: Any = mapping(VestSetup(layout, _FINGERS, maxima), options)  # type: ignore[call-arg]
+        maxima = {finger: {"cci": 0.1, "eda": 8000.0} for finger in FINGERS}
+        made: Any = mapping(VestSetup(layout, FINGERS, maxima), options)  # type: ignore[call-arg]
         n = len(layout.motors)
         rule(_percents(made.levels(0, {}, ()), n).max() == 0, "without a fresh finger every motor rests")
         for step in range(1, 40):
             t_ns = step * 33_333_333
             share = step % 10 / 9
-            contacts = {finger: _touching(finger, t_ns, share) for finger in _FINGERS}
+            contacts = {finger: _touching(finger, t_ns, share) for finger in FINGERS}
             kinds = ("contact", "slip", "release")
             told = ("index", "") if made.wants_events else ()
             events = tuple(Event(t_ns=t_ns, kind=kinds[step % 3], finger=finger) for finger in told)

@@ -10,8 +10,9 @@ import msgspec
 import numpy as np
 
 from tega.errors import ConfigError
-from tega.haptics import intensity
+from tega.haptics import FINGERS, intensity
 from tega.stages.base import Mapping, StageOptions, VestSetup
+from tega.wire.allegro_messages import Finger
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -34,9 +35,6 @@ FIELDS = (
     "broad",
 )
 """Numbers of a contact that a face can show."""
-
-_Finger = Literal["thumb", "index", "middle", "ring"]
-_FINGERS: tuple[_Finger, _Finger, _Finger, _Finger] = ("thumb", "index", "middle", "ring")
 
 _EndValue = Annotated[float, msgspec.Meta(gt=0, lt=0.5)]
 _Positive = Annotated[float, msgspec.Meta(gt=0, le=1e12)]
@@ -72,7 +70,7 @@ class ColumnsOptions(StageOptions, frozen=True):
     at_rest: Literal["silent", "law"] = "silent"
     rows: Literal["alike", "bar"] = "alike"
     saturate: bool = False
-    fingers: tuple[_Finger, _Finger, _Finger, _Finger] = _FINGERS
+    fingers: tuple[Finger, Finger, Finger, Finger] = FINGERS
 
 
 class ColumnsMapping(Mapping):
@@ -174,7 +172,7 @@ def value_of(contact: Contact, name: str) -> float:
     return float(value)
 
 
-def finger_columns(setup: VestSetup, fingers: Sequence[str] = _FINGERS) -> dict[int, str]:
+def finger_columns(setup: VestSetup, fingers: Sequence[str] = FINGERS) -> dict[int, str]:
     """Return the finger that each column of a layout shows, from the wearer's left.
 
     Raises:

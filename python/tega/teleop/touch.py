@@ -11,7 +11,7 @@ import numpy as np
 
 from tega import _native
 from tega.errors import InvalidValueError
-from tega.haptics import MotorLevels
+from tega.haptics import FINGERS, MotorLevels
 from tega.motor_layout import find_layout
 from tega.records import Event
 from tega.stages.base import Mapping, VestSetup
@@ -32,7 +32,6 @@ __all__ = ["STALE_NS", "TouchLoop", "TouchMoment"]
 # A frame older than this says nothing about the present: the finger's columns fall silent.
 STALE_NS = 100_000_000
 
-_FINGERS = ("thumb", "index", "middle", "ring")
 # Events between two frames of the vest; more than these are no events of a grasp.
 _MOST_EVENTS = 1024
 
@@ -136,9 +135,9 @@ class TouchLoop:
 
     def fresh(self, t_ns: int) -> Sequence[TouchMoment]:
         """Return what each finger feels at a time, thumb first; nothing where its frame is too old."""
-        fresh = [_NOTHING] * len(_FINGERS)
+        fresh = [_NOTHING] * len(FINGERS)
         for finger, (_, felt, _) in self._seen_lately(t_ns):
-            fresh[_FINGERS.index(finger)] = felt
+            fresh[FINGERS.index(finger)] = felt
         return fresh
 
     def frame(self, t_ns: int) -> MotorLevels:

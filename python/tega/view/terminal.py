@@ -18,6 +18,7 @@ from tega.haptics import CONTACT_RULES, FINGERS
 from tega.teleop.touch import STALE_NS
 from tega.view.labels import ContactLabels
 from tega.view.run_state import MEANINGS, NO_NEWS, NO_NEWS_S, lines_beside
+from tega.wire import HAND_FINGERS
 
 if TYPE_CHECKING:
     from tega.haptics import MotorLevels
@@ -108,8 +109,9 @@ def _closure(angles_rad: Sequence[float] | None) -> Text:
     if angles_rad is None:
         return Text("")
     bends = [sum(angles_rad[4 * finger + 1 : 4 * finger + 4]) for finger in range(4)]
-    names = ("index", "middle", "ring", "thumb")
-    return Text("  ".join(f"{n} {b:4.2f}" for n, b in zip(names, bends, strict=True)) + " rad bend", "grey70")
+    return Text(
+        "  ".join(f"{n} {b:4.2f}" for n, b in zip(HAND_FINGERS, bends, strict=True)) + " rad bend", "grey70"
+    )
 
 
 def _inputs(view: LoopView) -> Table:

@@ -13,7 +13,7 @@ from tega_figures.boxes import FILLS, GROUND, INK, SOFT
 __all__ = ["main"]
 
 UNIT, HEIGHT, LEFT = 26.0, 40.0, 16.0
-FINGERS: Final = ("#e07b39", "#4a90d9", "#58a55c", "#b07cc6")
+FINGER_COLOURS: Final = ("#e07b39", "#4a90d9", "#58a55c", "#b07cc6")
 
 
 class PacketField(NamedTuple):
@@ -111,7 +111,8 @@ def slots() -> str:
                 x, y = left + 30 + 64 * column, 58 + 46 * row
                 motor = 20 * face + 4 * row + column
                 parts.append(
-                    f'<circle cx="{x}" cy="{y}" r="19" fill="{FINGERS[column]}" fill-opacity="0.35" stroke="{INK}"/>'
+                    f'<circle cx="{x}" cy="{y}" r="19" fill="{FINGER_COLOURS[column]}" fill-opacity="0.35" '
+                    f'stroke="{INK}"/>'
                 )
                 parts.append(_text(x, y + 1, f"slot {where[motor]}", 10))
                 parts.append(_text(x, y + 12, f"m{motor}", 9, colour=SOFT))

@@ -83,8 +83,7 @@ impl HandLink {
         }
         if self.n_checked == 0 {
             let finger = self.sets.silent_finger(t_ns - CHECK_NS / 2).unwrap_or(Finger::Index);
-            let finger = ["index", "middle", "ring", "thumb"][usize::from(finger.number())];
-            self.fail(Fault::NoPositions { finger }, t_ns);
+            self.fail(Fault::NoPositions { finger: finger.name() }, t_ns);
         } else if enough && spent_s == 0.0 {
             // Everything came in one go after a stall of this side; look at some more.
             self.n_checked = 0;

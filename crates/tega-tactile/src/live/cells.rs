@@ -59,8 +59,14 @@ impl Strip {
 /// Bytes of eight pixels.
 const OCTET: usize = 24;
 
-/// Averages an image of the grid's size over each cell.
-pub(super) fn average(image: ArrayView3<'_, u8>, grid: &Grid, strip: &mut Strip, planes: &mut Planes) {
+tega_simd::dispatched! {
+    /// Averages an image of the grid's size over each cell.
+    average = average_plain,
+    (image: ArrayView3<'_, u8>, grid: &Grid, strip: &mut Strip, planes: &mut Planes) -> ()
+}
+
+#[inline(always)]
+fn average_plain(image: ArrayView3<'_, u8>, grid: &Grid, strip: &mut Strip, planes: &mut Planes) {
     for plane in planes.iter_mut() {
         plane.resize(grid.cells(), 0);
     }
@@ -73,6 +79,7 @@ pub(super) fn average(image: ArrayView3<'_, u8>, grid: &Grid, strip: &mut Strip,
 }
 
 /// Whole cells of 8 x 8 pixels: four rows of bytes a time.
+#[inline(always)]
 fn average_octets(bytes: &[u8], grid: &Grid, strip: &mut Strip, planes: &mut Planes) {
     let stride = 3 * grid.width;
     let [p0, p1, p2] = planes;
@@ -83,8 +90,7 @@ fn average_octets(bytes: &[u8], grid: &Grid, strip: &mut Strip, planes: &mut Pla
     for (rows, ((p0, p1), p2)) in bytes.chunks_exact(8 * stride).zip(cells) {
         let sums = strip.sums.get_mut(..stride).unwrap_or_default();
         sum_eight_rows(sums, rows);
-        // A sum over 64 pixels, in sixteenths of a count.
-        fold_octets(&strip.sums, 2, &mut strip.folded);
+        fold_octets(&strip.sums, &mut strip.folded);
         for (((octet, a), b), c) in strip.folded.as_chunks::<OCTET>().0.iter().zip(p0).zip(p1).zip(p2) {
             (*a, *b, *c) = (octet[0], octet[1], octet[2]);
         }
@@ -92,6 +98,7 @@ fn average_octets(bytes: &[u8], grid: &Grid, strip: &mut Strip, planes: &mut Pla
 }
 
 /// Any cells, any strides: a row at a time.
+#[inline(always)]
 fn average_rows(image: ArrayView3<'_, u8>, grid: &Grid, strip: &mut Strip, planes: &mut Planes) {
     for (y, row) in image.axis_iter(Axis(0)).enumerate() {
         add_row(&mut strip.sums, row_bytes(&row, &mut strip.gathered));
@@ -107,7 +114,7 @@ fn average_rows(image: ArrayView3<'_, u8>, grid: &Grid, strip: &mut Strip, plane
 
 /// Sums eight rows of bytes down their columns.
 #[inline(always)]
-fn sum_eight_rows_plain(sums: &mut [i16], rows: &[u8]) {
+fn sum_eight_rows(sums: &mut [i16], rows: &[u8]) {
     let n = sums.len();
     let row = |k: usize| rows.get(k * n..(k + 1) * n).unwrap_or_default();
     let upper = row(0).iter().zip(row(1)).zip(row(2)).zip(row(3));
@@ -118,44 +125,29 @@ fn sum_eight_rows_plain(sums: &mut [i16], rows: &[u8]) {
     }
 }
 
-tega_simd::dispatched! {
-    /// See [`sum_eight_rows_plain`].
-    sum_eight_rows = sum_eight_rows_plain, (sums: &mut [i16], rows: &[u8]) -> ()
-}
-
 /// Adds a row to the column sums. At most 116 rows are added (images up to 4096 pixels): 29,580 fits.
 #[inline(always)]
-fn add_row_plain(sums: &mut [i16], row: &[u8]) {
+fn add_row(sums: &mut [i16], row: &[u8]) {
     for (sum, &value) in sums.iter_mut().zip(row) {
         *sum += i16::from(value);
     }
 }
 
-tega_simd::dispatched! {
-    /// See [`add_row_plain`].
-    add_row = add_row_plain, (sums: &mut [i16], row: &[u8]) -> ()
-}
-
-/// Turns column sums into sums of eight neighbouring pixels from every byte on, over `2^shift`, halves rounded up. `sums` has an
-/// octet more than `folded`.
+/// Turns sums of eight rows into means of 64 pixels from every byte on, in sixteenths of a count, halves rounded up. `sums` has an octet more
+/// than `folded`.
 #[inline(always)]
-fn fold_octets_plain(sums: &[i16], shift: u32, folded: &mut [i16]) {
+fn fold_octets(sums: &[i16], folded: &mut [i16]) {
     let n = folded.len();
     let from = |pixel: usize| sums.get(3 * pixel..3 * pixel + n).unwrap_or_default();
-    let half = (1 << shift) >> 1;
     let left = from(0).iter().zip(from(1)).zip(from(2)).zip(from(3));
     let right = from(4).iter().zip(from(5)).zip(from(6)).zip(from(7));
     for ((out, (((a, b), c), d)), (((e, f), g), h)) in folded.iter_mut().zip(left).zip(right) {
-        *out = (a + b + c + d + e + f + g + h + half) >> shift;
+        *out = (a + b + c + d + e + f + g + h + 2) >> 2;
     }
 }
 
-tega_simd::dispatched! {
-    /// See [`fold_octets_plain`].
-    fold_octets = fold_octets_plain, (sums: &[i16], shift: u32, folded: &mut [i16]) -> ()
-}
-
 /// Column sums of `height` rows to cell means, for any side and for cells cut by the border.
+#[inline(always)]
 fn fold(sums: &[i16], grid: &Grid, row: usize, height: usize, planes: &mut Planes) {
     for (c, plane) in planes.iter_mut().enumerate() {
         let cells = plane.iter_mut().skip(row * grid.cols).take(grid.cols);

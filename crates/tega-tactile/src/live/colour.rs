@@ -72,14 +72,14 @@ impl Colour {
     }
 
     /// S after a plane by plain least squares; what a gel at rest needs no more than.
+    #[inline(always)]
     pub fn glance(&mut self, white: &Field, grid: &Grid) -> f32 {
         let (n, cells) = (self.cells() as f32, self.cells());
         let squares = |v: &[f32]| v.iter().map(|v| v * v).sum::<f32>();
         let (xx, yy) = (squares(&self.x), squares(&self.y));
         for (c, white) in white.iter().enumerate() {
             pool(white, grid, self.cols, &mut self.pooled[c]);
-            let [z, zx, zy] =
-                plane_sums(&self.pooled[c], &self.x, &self.y).map(|lanes| lanes.iter().sum::<f32>());
+            let [z, zx, zy] = plane_sums(&self.pooled[c], &self.x, &self.y).map(|lanes| total(&lanes));
             let plane = [z / n, zx / xx, zy / yy];
             without_plane(&self.pooled[c], &self.x, &self.y, plane, &mut self.left[c]);
             self.left[c].iter_mut().skip(cells).for_each(|v| *v = 0.0);
@@ -89,6 +89,7 @@ impl Colour {
 
     /// S after a plane and a gain by a fit that contacts do not pull; takes both out of `white` too. `gel` is the untouched gel, counts.
     /// Call [`Self::glance`] before.
+    #[inline(always)]
     pub fn judge(&mut self, white: &mut Field, gel: &Field, grid: &Grid) -> f32 {
         let cells = self.cells();
         let mut means = [0f32; 3];
@@ -110,7 +111,7 @@ impl Colour {
             for (c, fit) in fits.iter_mut().enumerate() {
                 let places = [&self.x[..], &self.y, &self.gel[c]];
                 let sums = fit_sums(&self.weights, places, &self.pooled[c]);
-                *fit = solve(&sums.map(|lanes| lanes.iter().map(|&v| f64::from(v)).sum()));
+                *fit = solve(&sums);
                 without_fit(&self.pooled[c], places, *fit, &mut self.left[c]);
                 self.left[c].iter_mut().skip(cells).for_each(|v| *v = 0.0);
             }
@@ -132,11 +133,12 @@ impl Colour {
         self.statistic()
     }
 
+    #[inline(always)]
     fn statistic(&self) -> f32 {
         let [a, b, c] = &self.left;
         let [energy, square, most] = energy_sums([a, b, c]);
         let most = most.into_iter().fold(0f32, f32::max);
-        let (mut energy, mut square) = (energy.iter().sum::<f32>(), square.iter().sum::<f32>());
+        let (mut energy, mut square) = (total(&energy), total(&square));
         // A pixel that is stuck lies in one cell; no contact does.
         if most * most > LONE_SHARE * square {
             (energy, square) = (energy - most, square - most * most);
@@ -146,6 +148,7 @@ impl Colour {
 }
 
 /// Means of two by two cells; a last odd row or column is left out.
+#[inline(always)]
 fn pool(plane: &[f32], grid: &Grid, cols: usize, out: &mut [f32]) {
     let rows = plane.chunks_exact(grid.cols);
     let pairs = rows.clone().step_by(2).zip(rows.skip(1).step_by(2));
@@ -157,9 +160,15 @@ fn pool(plane: &[f32], grid: &Grid, cols: usize, out: &mut [f32]) {
     }
 }
 
+/// Sum of the lanes. A call: inlined, it has the compiler turn the lanes within the loop before it.
+#[inline(never)]
+pub(super) fn total(lanes: &[f32; LANES]) -> f32 {
+    lanes.iter().sum()
+}
+
 /// Sums of a value with 1, x and y.
 #[inline(always)]
-fn plane_sums_plain(z: &[f32], x: &[f32], y: &[f32]) -> [[f32; LANES]; 3] {
+fn plane_sums(z: &[f32], x: &[f32], y: &[f32]) -> [[f32; LANES]; 3] {
     let mut sums = [[0f32; LANES]; 3];
     let places = x.as_chunks::<LANES>().0.iter().zip(y.as_chunks::<LANES>().0);
     for (z, (x, y)) in z.as_chunks::<LANES>().0.iter().zip(places) {
@@ -172,55 +181,34 @@ fn plane_sums_plain(z: &[f32], x: &[f32], y: &[f32]) -> [[f32; LANES]; 3] {
     sums
 }
 
-tega_simd::dispatched! {
-    /// See [`plane_sums_plain`].
-    plane_sums = plane_sums_plain, (z: &[f32], x: &[f32], y: &[f32]) -> [[f32; LANES]; 3]
-}
-
 /// Takes a plane out.
 #[inline(always)]
-fn without_plane_plain(z: &[f32], x: &[f32], y: &[f32], [level, px, py]: [f32; 3], out: &mut [f32]) {
+fn without_plane(z: &[f32], x: &[f32], y: &[f32], [level, px, py]: [f32; 3], out: &mut [f32]) {
     for (((out, z), x), y) in out.iter_mut().zip(z).zip(x).zip(y) {
         *out = z - (level + px * x + py * y);
     }
 }
 
-tega_simd::dispatched! {
-    /// See [`without_plane_plain`].
-    without_plane = without_plane_plain,
-    (z: &[f32], x: &[f32], y: &[f32], plane: [f32; 3], out: &mut [f32]) -> ()
-}
-
 /// Takes a plane and a gain out.
 #[inline(always)]
-fn without_fit_plain(z: &[f32], [x, y, b]: [&[f32]; 3], [level, px, py, pb]: [f32; 4], out: &mut [f32]) {
+fn without_fit(z: &[f32], [x, y, b]: [&[f32]; 3], [level, px, py, pb]: [f32; 4], out: &mut [f32]) {
     for ((((out, z), x), y), b) in out.iter_mut().zip(z).zip(x).zip(y).zip(b) {
         *out = z - (level + px * x + py * y + pb * b);
     }
 }
 
-tega_simd::dispatched! {
-    /// See [`without_fit_plain`].
-    without_fit = without_fit_plain, (z: &[f32], places: [&[f32]; 3], fit: [f32; 4], out: &mut [f32]) -> ()
-}
-
 /// How much each pooled cell is trusted to be untouched: 1 / (1 + energy)².
 #[inline(always)]
-fn trust_plain([a, b, c]: [&[f32]; 3], weights: &mut [f32]) {
+fn trust([a, b, c]: [&[f32]; 3], weights: &mut [f32]) {
     for (((w, a), b), c) in weights.iter_mut().zip(a).zip(b).zip(c) {
         let distrust = 1.0 + ((a * a + c * c) + b * b) * (1.0 / 3.0);
         *w = 1.0 / (distrust * distrust);
     }
 }
 
-tega_simd::dispatched! {
-    /// See [`trust_plain`].
-    trust = trust_plain, (white: [&[f32]; 3], weights: &mut [f32]) -> ()
-}
-
 /// The weighted sums that a fit of level, x, y and gain needs; see [`SUMS`].
 #[inline(always)]
-fn fit_sums_plain(weights: &[f32], [x, y, b]: [&[f32]; 3], z: &[f32]) -> [[f32; LANES]; SUMS] {
+fn fit_sums(weights: &[f32], [x, y, b]: [&[f32]; 3], z: &[f32]) -> [[f32; LANES]; SUMS] {
     let mut sums = [[0f32; LANES]; SUMS];
     let chunks = weights.as_chunks::<LANES>().0.iter().zip(z.as_chunks::<LANES>().0);
     let places = x.as_chunks::<LANES>().0.iter().zip(y.as_chunks::<LANES>().0).zip(b.as_chunks::<LANES>().0);
@@ -251,14 +239,9 @@ fn fit_sums_plain(weights: &[f32], [x, y, b]: [&[f32]; 3], z: &[f32]) -> [[f32; 
     sums
 }
 
-tega_simd::dispatched! {
-    /// See [`fit_sums_plain`].
-    fit_sums = fit_sums_plain, (weights: &[f32], places: [&[f32]; 3], z: &[f32]) -> [[f32; LANES]; SUMS]
-}
-
 /// Sums of energy and of its square over pooled cells, and the largest energies.
 #[inline(always)]
-fn energy_sums_plain([a, b, c]: [&[f32]; 3]) -> [[f32; LANES]; 3] {
+fn energy_sums([a, b, c]: [&[f32]; 3]) -> [[f32; LANES]; 3] {
     let mut sums = [[0f32; LANES]; 3];
     let chunks = a.as_chunks::<LANES>().0.iter().zip(b.as_chunks::<LANES>().0).zip(c.as_chunks::<LANES>().0);
     for ((a, b), c) in chunks {
@@ -272,14 +255,11 @@ fn energy_sums_plain([a, b, c]: [&[f32]; 3]) -> [[f32; LANES]; 3] {
     sums
 }
 
-tega_simd::dispatched! {
-    /// See [`energy_sums_plain`].
-    energy_sums = energy_sums_plain, (white: [&[f32]; 3]) -> [[f32; LANES]; 3]
-}
-
-/// Solves the normal equations; zeros where they have no answer.
-fn solve(s: &[f64; SUMS]) -> [f32; 4] {
-    let [n, x, y, xx, xy, yy, b, bx, by, bb, z, zx, zy, zb] = *s;
+/// Solves the normal equations of these sums; zeros where they have no answer. A call, as [`total`] is.
+#[inline(never)]
+fn solve(sums: &[[f32; LANES]; SUMS]) -> [f32; 4] {
+    let [n, x, y, xx, xy, yy, b, bx, by, bb, z, zx, zy, zb] =
+        sums.map(|lanes| lanes.iter().map(|&v| f64::from(v)).sum::<f64>());
     let hold = 1e-6 * n + f64::MIN_POSITIVE;
     let mut m = [
         [n + hold, x, y, b, z],

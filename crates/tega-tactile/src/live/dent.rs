@@ -4,7 +4,7 @@
 //! depth from shading, which fills the ring. The outline is where the mean of both, each over its own peak, crosses one level.
 
 use super::cells::Grid;
-use super::colour::Field;
+use super::colour::{Field, total};
 use super::depth::Solver;
 use super::light::{GelLight, Slopes};
 use super::shape::{Moments, outline};
@@ -108,6 +108,27 @@ impl DentReader {
         level: Outline,
         paint: impl FnMut(usize, usize, usize),
     ) -> Dent {
+        let [strongest, deepest] = maps(self, white, grid);
+        let moments = self.outline(level, grid, paint);
+        let inside =
+            self.dent.iter().zip(&self.change).zip(&self.depth_mm).filter(|((d, _), _)| **d > level.level());
+        let (mut mass, mut volume) = (0f64, 0f64);
+        for ((_, e), h) in inside {
+            mass += f64::from(*e);
+            volume += f64::from(*h);
+        }
+        Dent {
+            moments,
+            strongest: f64::from(strongest),
+            shaded_mm: f64::from(deepest),
+            volume_mm3: volume * self.mm_per_cell * self.mm_per_cell,
+            mass: mass * (grid.side * grid.side) as f64,
+        }
+    }
+
+    /// Maps change of colour, depth and what is to be outlined; the peaks of the first two.
+    #[inline(always)]
+    fn map(&mut self, white: &Field, grid: &Grid) -> [f32; 2] {
         let [a, b, c] = white;
         energy([a, b, c], &mut self.energy);
         smooth(&self.energy, grid, &mut self.spare, &mut self.change);
@@ -125,45 +146,30 @@ impl DentReader {
         for ((dent, e), h) in self.dent.iter_mut().zip(&self.change).zip(&self.depth_mm) {
             *dent = e * per_change + h * per_depth;
         }
-        let moments = self.outline(level, grid, paint);
-        let inside =
-            self.dent.iter().zip(&self.change).zip(&self.depth_mm).filter(|((d, _), _)| **d > level.level());
-        let (mut mass, mut volume) = (0f64, 0f64);
-        for ((_, e), h) in inside {
-            mass += f64::from(*e);
-            volume += f64::from(*h);
-        }
-        Dent {
-            moments,
-            strongest: f64::from(strongest),
-            shaded_mm: f64::from(deepest),
-            volume_mm3: volume * self.mm_per_cell * self.mm_per_cell,
-            mass: mass * (grid.side * grid.side) as f64,
-        }
+        [strongest, deepest]
     }
-}
 
-impl DentReader {
     /// Outlines the last dent.
     pub fn outline(&self, level: Outline, grid: &Grid, paint: impl FnMut(usize, usize, usize)) -> Moments {
         outline(&self.dent, level.level(), grid, paint)
     }
 }
 
+tega_simd::dispatched! {
+    /// See [`DentReader::map`].
+    maps = DentReader::map, (reader: &mut DentReader, white: &Field, grid: &Grid) -> [f32; 2]
+}
+
 /// Energy of the change a cell, in noise units.
 #[inline(always)]
-fn energy_plain([a, b, c]: [&[f32]; 3], out: &mut [f32]) {
+fn energy([a, b, c]: [&[f32]; 3], out: &mut [f32]) {
     for (((out, a), b), c) in out.iter_mut().zip(a).zip(b).zip(c) {
         *out = ((a * a + c * c) + b * b) * (1.0 / 3.0);
     }
 }
 
-tega_simd::dispatched! {
-    /// See [`energy_plain`].
-    energy = energy_plain, (white: [&[f32]; 3], out: &mut [f32]) -> ()
-}
-
 /// 1-2-1 both ways; cells at the border are repeated.
+#[inline(always)]
 fn smooth(plane: &[f32], grid: &Grid, spare: &mut [f32], out: &mut [f32]) {
     let cols = grid.cols;
     let line = |r: usize| plane.get(r * cols..(r + 1) * cols).unwrap_or_default();
@@ -189,30 +195,26 @@ fn smooth(plane: &[f32], grid: &Grid, spare: &mut [f32], out: &mut [f32]) {
 
 /// A quarter of the first and the last, half of the middle.
 #[inline(always)]
-fn one_two_one_plain(a: &[f32], b: &[f32], c: &[f32], out: &mut [f32]) {
+fn one_two_one(a: &[f32], b: &[f32], c: &[f32], out: &mut [f32]) {
     for (((out, a), b), c) in out.iter_mut().zip(a).zip(b).zip(c) {
         *out = 0.25 * ((a + c) + 2.0 * b);
     }
 }
 
-tega_simd::dispatched! {
-    /// See [`one_two_one_plain`].
-    one_two_one = one_two_one_plain, (a: &[f32], b: &[f32], c: &[f32], out: &mut [f32]) -> ()
-}
-
 /// Σ v⁸ / Σ v⁷ of values of 0 or more: their largest, steadied by those that come near it.
+#[inline(always)]
 fn peak(values: &[f32]) -> f32 {
     let most = largest(values).into_iter().fold(0f32, f32::max);
     if most <= f32::MIN_POSITIVE || !most.is_finite() {
         return 0.0;
     }
-    let [seven, eight] = power_sums(values, 1.0 / most).map(|lanes| lanes.iter().sum::<f32>());
+    let [seven, eight] = power_sums(values, 1.0 / most).map(|lanes| total(&lanes));
     most * eight / seven
 }
 
 /// Largest values, side by side.
 #[inline(always)]
-fn largest_plain(values: &[f32]) -> [f32; 8] {
+fn largest(values: &[f32]) -> [f32; 8] {
     let mut most = [0f32; 8];
     let (chunks, rest) = values.as_chunks::<8>();
     for chunk in chunks {
@@ -226,14 +228,9 @@ fn largest_plain(values: &[f32]) -> [f32; 8] {
     most
 }
 
-tega_simd::dispatched! {
-    /// See [`largest_plain`].
-    largest = largest_plain, (values: &[f32]) -> [f32; 8]
-}
-
 /// Sums of the seventh and the eighth powers of scaled values.
 #[inline(always)]
-fn power_sums_plain(values: &[f32], scale: f32) -> [[f32; 8]; 2] {
+fn power_sums(values: &[f32], scale: f32) -> [[f32; 8]; 2] {
     let mut sums = [[0f32; 8]; 2];
     let (chunks, rest) = values.as_chunks::<8>();
     let mut last = [0f32; 8];
@@ -249,21 +246,17 @@ fn power_sums_plain(values: &[f32], scale: f32) -> [[f32; 8]; 2] {
     sums
 }
 
-tega_simd::dispatched! {
-    /// See [`power_sums_plain`].
-    power_sums = power_sums_plain, (values: &[f32], scale: f32) -> [[f32; 8]; 2]
-}
-
 /// Mean depth where the colours hardly change, each cell weighed by how little.
+#[inline(always)]
 fn untouched(depth: &[f32], change: &[f32], strongest: f32) -> f32 {
     let scale = if strongest > 0.0 { 1.0 / (UNTOUCHED * strongest) } else { 0.0 };
-    let [weights, sums] = untouched_sums(depth, change, scale).map(|lanes| lanes.iter().sum::<f32>());
+    let [weights, sums] = untouched_sums(depth, change, scale).map(|lanes| total(&lanes));
     if weights > 0.0 { sums / weights } else { 0.0 }
 }
 
 /// Sums of weights 1 / (1 + v⁴), v the scaled change, and of weight times depth.
 #[inline(always)]
-fn untouched_sums_plain(depth: &[f32], change: &[f32], scale: f32) -> [[f32; 8]; 2] {
+fn untouched_sums(depth: &[f32], change: &[f32], scale: f32) -> [[f32; 8]; 2] {
     let mut sums = [[0f32; 8]; 2];
     // At most seven cells of the last corner are left out.
     for (d, e) in depth.as_chunks::<8>().0.iter().zip(change.as_chunks::<8>().0) {
@@ -275,9 +268,4 @@ fn untouched_sums_plain(depth: &[f32], change: &[f32], scale: f32) -> [[f32; 8];
         }
     }
     sums
-}
-
-tega_simd::dispatched! {
-    /// See [`untouched_sums_plain`].
-    untouched_sums = untouched_sums_plain, (depth: &[f32], change: &[f32], scale: f32) -> [[f32; 8]; 2]
 }

@@ -67,6 +67,7 @@ impl Solver {
     }
 
     /// Solves for the depth that these colours show; `white` is the difference to the untouched gel in noise units.
+    #[inline(always)]
     pub fn solve(&mut self, white: &[Vec<f32>; 3], weights: &[[Vec<f32>; 3]; 2], grid: &Grid) {
         let [a, b, c] = white;
         for (slope, [wa, wb, wc]) in self.slopes.iter_mut().zip(weights) {
@@ -88,17 +89,13 @@ impl Solver {
 
 /// Multiplies value by value.
 #[inline(always)]
-fn multiply_each_plain(values: &mut [f32], by: &[f32]) {
+fn multiply_each(values: &mut [f32], by: &[f32]) {
     values.iter_mut().zip(by).for_each(|(v, by)| *v *= by);
-}
-
-tega_simd::dispatched! {
-    /// See [`multiply_each_plain`].
-    multiply_each = multiply_each_plain, (values: &mut [f32], by: &[f32]) -> ()
 }
 
 /// Minus the divergence of the slopes, each taken halfway between two cells; nothing flows over the picture's border. Rows of `out` lie
 /// `stride` apart.
+#[inline(always)]
 fn divergence([gx, gy]: &[Vec<f32>; 2], grid: &Grid, stride: usize, out: &mut [f32]) {
     let cols = grid.cols;
     let line = |r: usize| gy.get(r * cols..(r + 1) * cols).unwrap_or_default();
@@ -123,33 +120,23 @@ fn divergence([gx, gy]: &[Vec<f32>; 2], grid: &Grid, stride: usize, out: &mut [f
 
 /// Half of what one row has over the other.
 #[inline(always)]
-fn half_difference_plain(a: &[f32], b: &[f32], out: &mut [f32]) {
+fn half_difference(a: &[f32], b: &[f32], out: &mut [f32]) {
     for ((out, a), b) in out.iter_mut().zip(a).zip(b) {
         *out = 0.5 * (a - b);
     }
 }
 
-tega_simd::dispatched! {
-    /// See [`half_difference_plain`].
-    half_difference = half_difference_plain, (a: &[f32], b: &[f32], out: &mut [f32]) -> ()
-}
-
 /// Adds half of what one row has over the other.
 #[inline(always)]
-fn add_half_difference_plain(a: &[f32], b: &[f32], out: &mut [f32]) {
+fn add_half_difference(a: &[f32], b: &[f32], out: &mut [f32]) {
     for ((out, a), b) in out.iter_mut().zip(a).zip(b) {
         *out += 0.5 * (a - b);
     }
 }
 
-tega_simd::dispatched! {
-    /// See [`add_half_difference_plain`].
-    add_half_difference = add_half_difference_plain, (a: &[f32], b: &[f32], out: &mut [f32]) -> ()
-}
-
 /// Sum over three colours of weight times change.
 #[inline(always)]
-fn weigh_three_plain(white: [&[f32]; 3], weights: [&[f32]; 3], out: &mut [f32]) {
+fn weigh_three(white: [&[f32]; 3], weights: [&[f32]; 3], out: &mut [f32]) {
     let white = white[0].iter().zip(white[1]).zip(white[2]);
     let weights = weights[0].iter().zip(weights[1]).zip(weights[2]);
     for ((out, ((a, b), c)), ((wa, wb), wc)) in out.iter_mut().zip(white).zip(weights) {
@@ -157,15 +144,10 @@ fn weigh_three_plain(white: [&[f32]; 3], weights: [&[f32]; 3], out: &mut [f32]) 
     }
 }
 
-tega_simd::dispatched! {
-    /// See [`weigh_three_plain`].
-    weigh_three = weigh_three_plain, (white: [&[f32]; 3], weights: [&[f32]; 3], out: &mut [f32]) -> ()
-}
-
 /// Matrix product of (n, k) and (k, m) into (n, m); rows lie `strides` values apart in the first and in the other two, the latter a multiple of
 /// [`LANES`]. Every sum runs in one order, so that all processors give the same bits.
 #[inline(always)]
-fn multiply_plain(a: &[f32], b: &[f32], k: usize, strides: [usize; 2], out: &mut [f32]) {
+fn multiply(a: &[f32], b: &[f32], k: usize, strides: [usize; 2], out: &mut [f32]) {
     let [a_stride, stride] = strides;
     for (a, out) in a.chunks(a_stride).zip(out.chunks_exact_mut(stride)) {
         let Some(a) = a.get(..k) else { return };
@@ -180,11 +162,6 @@ fn multiply_plain(a: &[f32], b: &[f32], k: usize, strides: [usize; 2], out: &mut
             first += LANES;
         }
     }
-}
-
-tega_simd::dispatched! {
-    /// See [`multiply_plain`].
-    multiply = multiply_plain, (a: &[f32], b: &[f32], k: usize, strides: [usize; 2], out: &mut [f32]) -> ()
 }
 
 #[inline(always)]

@@ -65,6 +65,7 @@ impl Cells {
     }
 
     /// S of the last image taken against an untouched gel in counts, by the quick fit.
+    #[inline(always)]
     pub fn glance(&mut self, gel: &Field) -> f32 {
         let noise = self.noise.arranged(self.order);
         for (((white, means), gel), noise) in self.white.iter_mut().zip(&self.means).zip(gel).zip(noise) {
@@ -74,6 +75,7 @@ impl Cells {
     }
 
     /// S of the last image after a change of light is taken out; call [`Self::glance`] before.
+    #[inline(always)]
     pub fn judge(&mut self, gel: &Field) -> f32 {
         self.colour.judge(&mut self.white, gel, &self.grid)
     }
@@ -115,17 +117,22 @@ impl Cells {
     }
 }
 
-/// Change of cell means to the untouched gel, in noise units.
-#[inline(always)]
-fn whiten_plain(means: &[i16], gel: &[f32], scale: f32, per_noise: f32, out: &mut [f32]) {
-    for ((out, mean), gel) in out.iter_mut().zip(means).zip(gel) {
-        *out = (f32::from(*mean) * scale - gel) * per_noise;
-    }
+tega_simd::dispatched! {
+    /// See [`Cells::glance`].
+    glance = Cells::glance, (cells: &mut Cells, gel: &Field) -> f32
 }
 
 tega_simd::dispatched! {
-    /// See [`whiten_plain`].
-    whiten = whiten_plain, (means: &[i16], gel: &[f32], scale: f32, per_noise: f32, out: &mut [f32]) -> ()
+    /// See [`Cells::judge`].
+    judge = Cells::judge, (cells: &mut Cells, gel: &Field) -> f32
+}
+
+/// Change of cell means to the untouched gel, in noise units.
+#[inline(always)]
+fn whiten(means: &[i16], gel: &[f32], scale: f32, per_noise: f32, out: &mut [f32]) {
+    for ((out, mean), gel) in out.iter_mut().zip(means).zip(gel) {
+        *out = (f32::from(*mean) * scale - gel) * per_noise;
+    }
 }
 
 /// Moves the untouched gel a share of the way to cell means.
@@ -192,8 +199,8 @@ impl LiveReader {
         self.cells.take(frame)?;
         let none = ContactMetrics::none(f64::NAN, 0.0, (0, 0));
         if !self.cells.colour.tells()
-            || self.cells.glance(&self.gel) < GATE
-            || self.cells.judge(&self.gel) < GATE
+            || glance(&mut self.cells, &self.gel) < GATE
+            || judge(&mut self.cells, &self.gel) < GATE
         {
             return Ok(none);
         }

@@ -17,7 +17,7 @@ use super::dent::{Dent, Outline};
 use super::law::Sums;
 use super::light::GelLight;
 use super::noise::SensorNoise;
-use super::still::{Cells, follow};
+use super::still::{Cells, follow, glance, judge};
 use crate::error::TactileError;
 use crate::frame::Order;
 
@@ -239,11 +239,11 @@ impl TouchTracker {
         self.leftover *= 1.0 - step(dt_s, LEFTOVER_S);
         let began = (OVER_REST * self.rest).max(LEAST_GATE);
         let threshold = began + self.leftover;
-        let mut now = f64::from(self.cells.glance(&self.gel));
+        let mut now = f64::from(glance(&mut self.cells, &self.gel));
         let before = self.smooth.unwrap_or(now);
         let quiet = self.state == State::Quiet && now < GLANCE * threshold && before < GLANCE * threshold;
         if !quiet && self.cells.colour.tells() {
-            now = f64::from(self.cells.judge(&self.gel));
+            now = f64::from(judge(&mut self.cells, &self.gel));
         }
         let s = before + step(dt_s, SMOOTH_S) * (now - before);
         self.smooth = Some(s);

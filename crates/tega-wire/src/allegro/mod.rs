@@ -51,6 +51,16 @@ impl Finger {
         }
     }
 
+    /// The finger's name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Index => "index",
+            Self::Middle => "middle",
+            Self::Ring => "ring",
+            Self::Thumb => "thumb",
+        }
+    }
+
     /// The finger of a number; only the low two bits count.
     pub(crate) fn of_bits(bits: u16) -> Self {
         match bits & 3 {

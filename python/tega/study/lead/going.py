@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
+from tega.haptics import FINGERS
 from tega.study.coupling import TouchCourse
 from tega.study.hand_rows import HandRow
 from tega.study.touch_rows import TouchRow
@@ -130,7 +131,7 @@ class Going:
         if view.block is not None:
             touching = [
                 felt
-                for felt, finger in zip(view.felt, ("thumb", "index", "middle", "ring"), strict=True)
+                for felt, finger in zip(view.felt, FINGERS, strict=True)
                 if finger in view.contacts and view.contacts[finger][1].in_contact
             ]
             cci = sum(felt.cci_norm for felt in touching) / max(len(touching), 1)

@@ -13,6 +13,7 @@ from typing import Any
 
 from tega.errors import DeviceUnavailableError, TegaError
 from tega.hand import TORQUE_LIMITS
+from tega.haptics import FINGERS
 from tega.recording.mcap_folder import SessionFolder
 from tega.toml_text import tree_text
 from tega_campaigns.impaired import ImpairedLink
@@ -31,7 +32,6 @@ from tega_emulators.vests import felt_now, seen_by
 
 __all__ = ["soak"]
 
-FINGERS = ("thumb", "index", "middle", "ring")
 VEST_LIMIT = 60
 HEAT_SHARE = 0.3
 TORQUE_SHARE = 0.2
