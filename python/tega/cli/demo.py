@@ -106,6 +106,7 @@ def demo(
 
     import msgspec
 
+    from tega.cli.install_line import with_origin
     from tega.cli.options import echo_json
     from tega.errors import MissingExtraError
     from tega.recording import prepare_folder
@@ -154,7 +155,7 @@ def demo(
         draw_demo(out_dir / "demo.png", report, courses)
         left = "tables, summary.json and demo.png"
     except MissingExtraError as error:  # everything but the picture is there
-        click.echo(f"no picture: {error}", err=True)
+        click.echo(with_origin(f"no picture: {error}"), err=True)
         left = "tables and summary.json"
     if as_json:
         echo_json(msgspec.to_builtins(report))
