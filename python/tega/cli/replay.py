@@ -97,8 +97,8 @@ def replay(
     import time
 
     from tega.bus import Bus
-    from tega.cli.options import progress_bar
     from tega.cli.findings import Findings
+    from tega.cli.options import progress_bar
     from tega.cli.page import run_viewed
     from tega.cli.report import tell_summary
     from tega.cli.verify import check_flags, replay_session
