@@ -21,6 +21,8 @@ __all__ = ["browser_observer", "run_viewed", "view_options"]
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 DEFAULT_PORT = 8080
 _ADDRESS = "tega.view_address"
+# A recording can be looked back at for longer than a live run.
+_RECORDING_KEPT_S = 300.0
 
 
 def view_options(function: _Function) -> _Function:
@@ -130,8 +132,9 @@ def run_viewed(
     ends.also(lambda: (getattr(stop, "reason", "") or "asked to") if stop() else "")
     ends.also(lambda: "the page's button" if controls.stopped else "")
     feed = SessionFeed({"preset": config.session.preset}, bus)
+    kept = {"kept_s": _RECORDING_KEPT_S} if can_pause or run is not None else {}
     with browser_observer(
-        title, port=port, controls=controls, complete=feed.complete, eye_m=EYE_M, at_m=LOOK_AT_M
+        title, port=port, controls=controls, complete=feed.complete, eye_m=EYE_M, at_m=LOOK_AT_M, **kept
     ) as view:
         view.watch(bus)
         if can_pause:

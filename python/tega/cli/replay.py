@@ -72,8 +72,8 @@ class _Finger(click.ParamType[tuple[str, Path]]):
 @click.option(
     "--picture",
     type=click.Path(path_type=Path, dir_okay=False),
-    help="PNG to draw: each finger's firmest contact, then touch, pose, fingers and vest over time; else picture.png in "
-    "the folder --out.",
+    help="PNG to draw: each finger's firmest contact, then touch, pose, fingers and vest over time; else picture.png "
+    "in the folder --out.",
 )
 @view_options
 @json_option
@@ -92,7 +92,8 @@ def replay(
     With --view they run in real time, on a page that can pause. A recorded session is computed again by verify.
 
     Writes contacts.csv, levels.csv, vest.csv, can.csv, summary.json, calibration.toml and picture.png, and says what
-    each finger, the pose and the vest did. The same input gives the same bytes. With --json the summary is printed, with a table "measured" of wall_s and real_time_factor.
+    each finger, the pose and the vest did. The same input gives the same bytes. With --json the summary is printed,
+    with a table "measured" of wall_s and real_time_factor.
     """
     import time
 

@@ -54,9 +54,11 @@ class CourseChart:
 
     Args:
         gui: viser's GUI; the chart is added where it stands.
+        kept_s: How far back it can be drawn besides, seconds.
     """
 
-    def __init__(self, gui: viser.GuiApi) -> None:
+    def __init__(self, gui: viser.GuiApi, kept_s: float = 0.0) -> None:
+        self._kept_s = kept_s
         self._course: deque[tuple[float, float, float, float]] = deque()
         names = (("CCI", CCI_BLUE), ("EDA", EDA_GREEN), ("pose ÷ 4", POSE_RED))
         gui.add_html(_caption("mean over touching fingers:", names))
@@ -79,14 +81,19 @@ class CourseChart:
         cci, eda = sum(f.cci_norm for f in touching) / n, sum(f.eda_norm for f in touching) / n
         pose = 0.0 if loop.block is None else (loop.block[2] - 1) / 4
         self._course.append((t_s, cci, eda, pose))
-        while self._course[0][0] < t_s - COURSE_S:
+        while self._course[0][0] < t_s - COURSE_S - self._kept_s:
             self._course.popleft()
 
-    def draw(self) -> None:
-        """Draw what is remembered."""
-        if self._course:
-            self._plot.data = tuple(np.array(self._course).T.copy())
-            self._plot.scales = _scales(self._course[-1][0], COURSE_S, 1.05)
+    def draw(self, end_s: float | None = None) -> None:
+        """Draw the seconds up to a time; ``None`` for the newest."""
+        if not self._course:
+            return
+        course = np.array(self._course)
+        end_s = float(course[-1, 0]) if end_s is None else end_s
+        shown = course[(course[:, 0] >= end_s - COURSE_S) & (course[:, 0] <= end_s)]
+        if len(shown):
+            self._plot.data = tuple(shown.T.copy())
+            self._plot.scales = _scales(end_s, COURSE_S, 1.05)
 
 
 class MuscleCharts:
