@@ -99,6 +99,7 @@ def run_viewed(
     port: int,
     stop: Callable[[], bool],
     can_pause: bool = False,
+    wait: bool = False,
     bus: Bus | None = None,
     run: Callable[..., dict[str, Any]] | None = None,
     **options: Any,
@@ -111,6 +112,7 @@ def run_viewed(
         port: TCP port.
         stop: Asked whether to end; the page's button is another way.
         can_pause: Whether the run may stand still: with recordings, and with nothing that moves.
+        wait: Whether the run stays armed until the page's Go is pressed.
         bus: The run's, where others listen as well.
         run: Runs it, called like ``run_session``; that itself when ``None``.
         options: Further arguments of it.
@@ -122,12 +124,17 @@ def run_viewed(
     from tega.clock import PausableClock
     from tega.safety.stop import Stop
     from tega.teleop import run_session
+    from tega.teleop.motor_tests import MotorTests
     from tega.view.browser import Controls
     from tega.view.browser.feed import SessionFeed
     from tega.view.browser.hand_figure import EYE_M, LOOK_AT_M
 
     bus = run_bus.Bus() if bus is None else bus
-    controls = Controls(can_pause=can_pause, can_mute=True)
+    controls = Controls(can_pause=can_pause, can_mute=True, can_go=wait)
+    if run is None and not can_pause:
+        options["motor_tests"] = tests = MotorTests()
+        options["go"] = lambda: controls.may_go
+        controls.try_motor = tests.ask
     ends = Stop()
     ends.also(lambda: (getattr(stop, "reason", "") or "asked to") if stop() else "")
     ends.also(lambda: "the page's button" if controls.stopped else "")

@@ -26,6 +26,11 @@ def run_options(function: _Function) -> _Function:
         json_option,
         view_options,
         click.option(
+            "--wait-for-go",
+            is_flag=True,
+            help="With --view: stay armed until the page's Go; a click on the torso has a motor vibrate meanwhile.",
+        ),
+        click.option(
             "--lossless", is_flag=True, help="Record the pictures as they are (recording.lossless)."
         ),
         click.option(
@@ -55,6 +60,7 @@ def run(
     lossless: bool,
     view: bool,
     view_port: int,
+    wait_for_go: bool,
     as_json: bool,
 ) -> None:
     """Run a session: the dual loop on the devices that CONFIG.toml names, until they end or Ctrl-C.
@@ -72,6 +78,7 @@ def run(
         lossless=lossless,
         view=view,
         view_port=view_port,
+        wait_for_go=wait_for_go,
         as_json=as_json,
     )
 
@@ -85,6 +92,7 @@ def run_settings(
     lossless: bool,
     view: bool,
     view_port: int,
+    wait_for_go: bool,
     as_json: bool,
     station: Literal["operator", "robot"] | None = None,
 ) -> None:
@@ -108,6 +116,8 @@ def run_settings(
     from tega.safety.ctrl_c import CtrlC
     from tega.teleop import run_session
 
+    if wait_for_go and not view:
+        raise click.UsageError("--wait-for-go is for --view, whose page has the button")
     if person is not None:
         sets = (*sets, f"calibration.person={json.dumps(person)}")
     if record is not None:
@@ -144,6 +154,7 @@ def run_settings(
                 settings=name,
                 tell=tell,
                 bus=bus,
+                wait=wait_for_go,
             )
         else:
             summary = run_session(settings, progress=progress, stop=stop, settings=name, tell=tell, bus=bus)

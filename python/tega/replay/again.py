@@ -37,10 +37,12 @@ from tega.replay.recorded import Recorded, read_recorded
 from tega.teleop.hand import ModelledAllegro
 from tega.teleop.loop import DualLoop
 from tega.teleop.moment import Moment
+from tega.teleop.motor_tests import lit_frame
 from tega.teleop.pacing import Pacer
 from tega.teleop.touch_loop import touch_loop
 
 if TYPE_CHECKING:
+    from tega.haptics import MotorLevels
     from tega.teleop.loop_report import LoopReport
     from tega.wire import CanFrame
 
@@ -166,6 +168,10 @@ def _run(recorded: Recorded, measured: Measured, bus: Bus) -> _Again:
         asked += 1
         return state
 
+    def tried(t_ns: int, frame: MotorLevels) -> MotorLevels:
+        before = [row for row in recorded.tried if row[0] <= t_ns][-1:]
+        return lit_frame(frame, *before[0][1:]) if before and before[0][2] else frame
+
     bus.subscribe(Contact, again.contact, vital=True)
     bus.subscribe(Intent, again.intent, vital=True)
     if "Event" in head.versions:  # earlier recordings do not tell events
@@ -192,6 +198,7 @@ def _run(recorded: Recorded, measured: Measured, bus: Bus) -> _Again:
         by_frame=(config.vest.pace or head.facts.get("pace", "steady")) == "by-frame",
         haptics=haptics,
         endless=bool(recorded.turns),
+        tried=tried if recorded.tried else lambda _t_ns, frame: frame,
     )
     ended = "" if recorded.end is None else recorded.end[1]
     duration_ns = recorded.end[0] if recorded.end is not None and ended == "duration" else None

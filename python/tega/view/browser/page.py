@@ -19,7 +19,7 @@ from tega.view.browser.delays import Delays
 from tega.view.browser.scene import Point, Scene
 from tega.view.browser.timeline import KEPT_S, Timeline
 from tega.view.browser.touch import GAP, TILE_HEIGHT, TILE_WIDTH, SmallSheet, TouchSheet
-from tega.view.browser.vest import vest_svg
+from tega.view.browser.vest import TRIED, vest_svg
 from tega.view.labels import ContactLabels
 from tega.view.run_state import MEANINGS, NO_NEWS, NO_NEWS_S, lines_beside
 
@@ -68,7 +68,8 @@ class Page:
         arm: What the arm does, why, what the operator holds, and where the hand is; empty without an arm.
         status: The lines of text.
         timeline: The moments that can be looked back at; ``None`` on a page without controls.
-        inputs: viser's handles of the buttons and choices that there are: ``object``, ``haptics``, ``pause``, ``stop``.
+        inputs: viser's handles of the buttons and choices that there are: ``object``, ``haptics``, ``pause``, ``go``,
+            ``stop``.
     """
 
     def __init__(
@@ -114,6 +115,11 @@ class Page:
             gui.add_html(_LEGEND)
             if not self._blind:
                 self._vest = gui.add_html(vest_svg(None))
+                if controls is not None and controls.try_motor is not None:
+                    hint = "while the run is armed, a click on a motor has it vibrate for half a second"
+                    gui.add_html(
+                        f'<div class="{TRIED}" style="{_FONT};font-size:11px;padding:0 10px">{hint}</div>'
+                    )
                 self._course = CourseChart(gui, kept_s)
         panel.dock_left()
         panel.set_width(_TOUCH_WIDTH)
@@ -141,6 +147,10 @@ class Page:
             def _(event: Any) -> None:
                 controls.paused = not controls.paused
                 event.target.label = "Go on" if controls.paused else "Pause"
+
+        if controls.can_go:
+            go = self.inputs["go"] = gui.add_button("Go", color="green")
+            go.on_click(lambda _event: controls.go())
 
         stop = self.inputs["stop"] = gui.add_button("Stop", color="red")
         stop.on_click(lambda _event: controls.stop())
@@ -177,13 +187,17 @@ class Page:
             elif turn == 1:
                 self.paint_text(state)
                 if not past:
-                    self._paint_touch(_captions(state, self._labels), vest_svg(state.loop.vest))
+                    self._paint_touch(_captions(state, self._labels), self._torso(state))
                 self._delays.note(latency_ms)
                 self._rates.content = _rates(rates_hz) + self._delays.svg()
             elif not past:
                 self._course.draw()
                 if state.emg is not None:
                     self._muscles.draw(state.t_ns / 1e9, state.emg)
+
+    def _torso(self, state: ViewState) -> str:
+        can_try = self._controls is not None and self._controls.try_motor is not None
+        return vest_svg(state.loop.vest, can_try=can_try)
 
     def _paint_touch(self, captions: str, vest: str) -> None:
         self._captions.content, self._vest.content = captions, vest
@@ -211,7 +225,7 @@ class Page:
                 self._images.image = imageio.v3.imread(sheet)
                 self._past_sheet = sheet
             # Labels of its own: those of now remember what came before.
-            self._paint_touch(_captions(state, ContactLabels()), vest_svg(state.loop.vest))
+            self._paint_touch(_captions(state, ContactLabels()), self._torso(state))
             self._course.draw(state.t_ns / 1e9)
             if emg is not None:
                 self._muscles.draw(*emg)

@@ -149,7 +149,13 @@ class BrowserView:
             raise MissingExtraError("viser is not installed", "pip install 'tega[view]'") from error
         from tega.view.browser.page import Page
 
-        self._server = LocalServer(self._host, self._port, self._title, allow_remote=self._allow_remote)
+        self._server = LocalServer(
+            self._host,
+            self._port,
+            self._title,
+            allow_remote=self._allow_remote,
+            try_motor=None if self._blind else self.controls.try_motor,
+        )
         eye_m, at_m = self._camera
         self.page = Page(
             self._server,
