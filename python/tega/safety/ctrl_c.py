@@ -19,10 +19,14 @@ class CtrlC(AnyStop):
 
     The loop then ends by itself, which leaves vest and hand silent. That takes a moment, in which further ones do
     nothing; the first after a second interrupts whatever hangs, and all others do nothing again.
+
+    Attributes:
+        at_once: Whether the first one interrupts, as long as nothing runs that would have to be left silent.
     """
 
     def __init__(self) -> None:
         super().__init__()
+        self.at_once = False
         self._old: dict[int, Any] = {}
         self._asked_s = 0.0
         self._interrupted = False
@@ -31,6 +35,9 @@ class CtrlC(AnyStop):
         if not self.asked:
             self.ask("Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name)
             self._asked_s = time.monotonic()
+            if self.at_once:
+                self._interrupted = True
+                raise KeyboardInterrupt
         elif not self._interrupted and time.monotonic() - self._asked_s > _PATIENCE_S:
             self._interrupted = True
             raise KeyboardInterrupt
