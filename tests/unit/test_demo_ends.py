@@ -24,8 +24,7 @@ posix = pytest.mark.skipif(sys.platform == "win32", reason="signals as on Linux 
 @posix
 def test_the_first_ctrl_c_interrupts_only_where_nothing_runs() -> None:
     with CtrlC() as stop:
-        stop.at_once = True
-        with pytest.raises(KeyboardInterrupt):
+        with pytest.raises(KeyboardInterrupt), stop.interrupting():
             os.kill(os.getpid(), signal.SIGINT)
         assert stop.asked
     with CtrlC() as stop:

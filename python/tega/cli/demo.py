@@ -94,7 +94,8 @@ def demo(
     Hand, objects, fingertip cameras, muscles and person are simulated. The loop in between is that of a run with
     devices. The terminal shows fingertips, vest, muscles, hand and object, then a summary. The folder --out gets a
     table for each signal of each trial, and the picture demo.png. The three lifts take 46 s; with --fast about a
-    fifth of that. With --view the lifts repeat in the browser until Ctrl-C or the page's stop. After Ctrl-C there is no picture and no summary.
+    fifth of that. With --view the lifts repeat in the browser until Ctrl-C or the page's stop. After Ctrl-C there is
+    no picture and no summary.
 
     \b
     --json prints one object:
@@ -137,9 +138,8 @@ def demo(
         person = stack.enter_context(_at_keyboard(seed, preset, sets)) if operator == "keyboard" else None
         stopped = more.pop("stop", lambda: False)
         paused = more.pop("paused", lambda: False)
-        stop.at_once = True  # nothing runs yet, and this takes some seconds
-        prepare_demo(plans)
-        stop.at_once = False
+        with stop.interrupting():  # nothing runs yet, and this takes some seconds
+            prepare_demo(plans)
         rounds = 1_000 if view and not fast else 1
         report, courses = run_demo(
             plans * rounds,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
@@ -25,6 +26,13 @@ def run_options(function: _Function) -> _Function:
     for option in (
         json_option,
         view_options,
+        click.option(
+            "--stream",
+            "streams",
+            type=click.Choice(["foxglove", "rerun"]),
+            multiple=True,
+            help="Show the run live in that program too, on this machine; repeatable.",
+        ),
         click.option(
             "--wait-for-go",
             is_flag=True,
@@ -61,6 +69,7 @@ def run(
     view: bool,
     view_port: int,
     wait_for_go: bool,
+    streams: tuple[str, ...],
     as_json: bool,
 ) -> None:
     """Run a session: the dual loop on the devices that CONFIG.toml names, until they end or Ctrl-C.
@@ -79,6 +88,7 @@ def run(
         view=view,
         view_port=view_port,
         wait_for_go=wait_for_go,
+        streams=streams,
         as_json=as_json,
     )
 
@@ -93,6 +103,7 @@ def run_settings(
     view: bool,
     view_port: int,
     wait_for_go: bool,
+    streams: tuple[str, ...],
     as_json: bool,
     station: Literal["operator", "robot"] | None = None,
 ) -> None:
@@ -112,6 +123,7 @@ def run_settings(
     from tega.cli.page import run_viewed
     from tega.cli.report import tell_summary
     from tega.cli.stage import stage
+    from tega.cli.streams import streamed
     from tega.config import load_config
     from tega.safety.ctrl_c import CtrlC
     from tega.teleop import run_session
@@ -135,6 +147,7 @@ def run_settings(
         CtrlC() as stop,
         stop_keys(stop, enabled=not as_json),
         stage(heading, enabled=not as_json) as (progress, display),
+        ExitStack() as shown,
     ):
 
         def tell(said: str) -> None:
@@ -142,6 +155,7 @@ def run_settings(
                 click.echo(said, err=True)
 
         bus = Bus()
+        shown.enter_context(streamed(bus, streams))
         if display is not None:
             display.watch(bus)
         if view:
