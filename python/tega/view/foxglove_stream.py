@@ -11,6 +11,7 @@ from tega.errors import DeviceUnavailableError
 from tega.lifecycle import require
 from tega.recording.record_channels import RecordChannels
 from tega.records import HandExchange, Record
+from tega.threads import run_realtime
 
 if TYPE_CHECKING:
     from tega.bus import Bus
@@ -42,7 +43,7 @@ class FoxgloveStream:
         self._bus, self._port = bus, port
         self._server: Any = None
         self._channels: RecordChannels | None = None
-        self._backlog = Backlog("foxglove", most=_MOST, newest=True)
+        self._backlog = Backlog("foxglove", most=_MOST, newest=True, rank=run_realtime("beside"))
         self.url = ""
 
     def __enter__(self) -> Self:

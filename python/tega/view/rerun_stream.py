@@ -7,11 +7,14 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Final, Self
 
+import numpy as np
+
 from tega.bus import Backlog
 from tega.errors import DeviceUnavailableError
 from tega.haptics import FINGERS
 from tega.lifecycle import require
 from tega.records import Alert, Contact, Event, Intent, Joints, LogLine, Picture, Record, RunState, VestFrame
+from tega.threads import run_realtime
 
 if TYPE_CHECKING:
     from tega.bus import Bus
@@ -45,7 +48,7 @@ class RerunStream:
         self._bus, self._port, self._file = bus, port, file
         self._rerun: Any = None
         self._stream: Any = None
-        self._backlog = Backlog("rerun", most=_MOST, newest=True)
+        self._backlog = Backlog("rerun", most=_MOST, newest=True, rank=run_realtime("beside"))
         self.url = ""
 
     def __enter__(self) -> Self:
@@ -58,6 +61,9 @@ class RerunStream:
         self._rerun = require("rerun", driver="rerun", extra="rerun")
         if self._file is None:
             self._look_for_viewer()
+        # Now, so that the packages behind them are not loaded while the loop runs: that takes a second.
+        self._rerun.Image(np.zeros((2, 2, 3), np.uint8)).compress(jpeg_quality=_JPEG_QUALITY)
+        self._rerun.BarChart([0])
         stream = self._rerun.RecordingStream("tega")
         if self._file is None:
             self.url = f"rerun+http://127.0.0.1:{self._port}/proxy"
