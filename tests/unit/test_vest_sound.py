@@ -35,7 +35,7 @@ def motors(columns: dict[tuple[int, int], int]) -> NDArray[np.uint8]:
     return frame.reshape(40)
 
 
-def heard(sound: NDArray[np.float32]) -> NDArray[np.float64]:
+def heard(sound: NDArray[np.float32] | NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the amplitude of each column's tone in either ear, float64 (8, 2), by a Fourier transform.
 
     The window keeps what belongs to one tone apart from its neighbours, 50 Hz away at least; the power near each
@@ -45,7 +45,8 @@ def heard(sound: NDArray[np.float32]) -> NDArray[np.float64]:
     power = np.abs(np.fft.rfft(sound * window, axis=0)) ** 2 * 4 / (len(sound) * (window**2).sum())
     step_hz = RATE_HZ / len(sound)
     near = [slice(round(hz / step_hz) - 3, round(hz / step_hz) + 4) for hz in HZ]
-    return np.sqrt(np.array([power[part].sum(axis=0) for part in near]))
+    amplitude: NDArray[np.float64] = np.sqrt(np.array([power[part].sum(axis=0) for part in near]))
+    return amplitude
 
 
 def settled(tones: ColumnTones, intensities: NDArray[np.uint8], seconds: float = 1.0) -> NDArray[np.float32]:
@@ -123,7 +124,7 @@ def test_the_same_samples_stand_in_a_wav_file(tmp_path: Path) -> None:
         file.writeframes((sound * 32767).astype("<i2").tobytes())
     with wave.open(str(tmp_path / "vest.wav"), "rb") as file:
         read = np.frombuffer(file.readframes(file.getnframes()), "<i2").reshape(-1, 2)
-    loudness = np.hypot(*heard(read.astype(np.float32) / 32767).T)
+    loudness = np.hypot(*heard(read / 32767).T)
     assert loudness[[0, 6]] == pytest.approx([0.5 / 8, 1 / 8], rel=0.02)
     assert np.delete(loudness, [0, 6]).max() < 1e-4
 

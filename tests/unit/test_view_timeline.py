@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -127,7 +128,7 @@ def test_the_page_shows_the_past_beside_the_state_of_now() -> None:
             moment = moments.at(1.0 + k, emg=False)
             state = "hold" if k == 3 else "active"
             view.offer(moment._replace(loop=moment.loop._replace(state=state)))
-            until(lambda k=k: len(timeline._kept) == k + 1)
+            until(partial(lambda n: len(timeline._kept) == n, k + 1))
         timeline.back.value = 2.0
         timeline._look()
         # Nothing new comes: the page is painted all the same.

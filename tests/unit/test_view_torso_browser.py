@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import pytest
 
 from reference.chromium import launched, opened
@@ -44,7 +46,7 @@ def test_the_slider_looks_back(browser):
         kept = view.page.timeline._kept
         for k in range(5):
             view.offer(moments.at(1.0 + k))
-            until(lambda k=k: len(kept) == k + 1)
+            until(partial(lambda n: len(kept) == n, k + 1))
         slider = page.get_by_role("slider").first
         slider.focus()
         for _ in range(20):  # a tenth of a second each

@@ -67,7 +67,7 @@ def test_one_motor_vibrates_for_half_a_second_and_is_told_of() -> None:
         assert answer == MotorAnswer(done=True, words=f"motor 7 vibrates at {TEST_PERCENT} %")
         until(lambda: len(loop.told) == 2)
     lit = [frame for frame in loop.frames if frame.intensities.any()]
-    assert {tuple(np.flatnonzero(frame.intensities)) for frame in lit} == {(7,)}
+    assert {tuple(np.flatnonzero(frame.intensities).tolist()) for frame in lit} == {(7,)}
     assert 15 <= len(lit) <= 17
     assert [(one.motor, one.percent) for one in loop.told] == [(7, TEST_PERCENT), (7, 0)]
 
@@ -133,7 +133,7 @@ def test_a_run_hears_it_while_armed_and_its_recording_is_computed_again_with_it(
         return len(going) > 5
 
     # A run on recordings has no vest that could be sent anything.
-    tests.sent = lambda _t_ns, _sent, _bus: None  # type: ignore[method-assign]
+    tests.sent = lambda _t_ns, _sent, _bus: None  # type: ignore[method-assign, assignment]
     summary = run_session(settings, bus=bus, go=go, motor_tests=tests)
     armed = [frame for state, frame in lit if state == "armed" and any(frame)]
     assert armed

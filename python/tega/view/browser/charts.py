@@ -26,7 +26,8 @@ _MUSCLES = ("#0b7285", "#e8590c", "#862e9c")
 THRESHOLDS = (0.25, 0.5, 0.75, 1.0)
 _THRESHOLD_GREY = "#adb5bd"
 _POINTS = 300
-_HEIGHT_PX = 128
+_HEIGHT_PX = 140
+_TICKS = "11px system-ui, sans-serif"
 _LOWPASS_HZ = 50.0
 _MEAN_S = 0.1
 
@@ -61,7 +62,7 @@ class CourseChart:
         self._kept_s = kept_s
         self._course: deque[tuple[float, float, float, float]] = deque()
         names = (("CCI", CCI_BLUE), ("EDA", EDA_GREEN), ("pose ÷ 4", POSE_RED))
-        gui.add_html(_caption("mean over touching fingers:", names))
+        gui.add_html(_caption("share of maximum, mean over touching fingers:", names))
         series = (_line(CCI_BLUE, 1.6), _line(EDA_GREEN, 1.6), _line(POSE_RED, 1.6, dash=(5, 4)))
         self._plot = _plot(gui, series, 1.05)
 
@@ -117,7 +118,8 @@ class MuscleCharts:
         if self._raw is None:
             muscles = [(f"muscle {k + 1}", _MUSCLES[k % len(_MUSCLES)]) for k in range(channels)]
             lines = tuple(_line(colour, 1) for _, colour in muscles)
-            self._gui.add_html(_caption("EMG:", muscles))
+            unit = f", {emg.unit}, each over its own maximum" if emg.unit else ""
+            self._gui.add_html(_caption(f"EMG{unit}:", muscles))
             self._raw = _plot(self._gui, lines, channels, y_axis=False)
             self._gui.add_html(_caption("drive, share of maximum; dashed: levels 2 to 5", ()))
             dashed = tuple(_line(_THRESHOLD_GREY, 1, dash=(4, 4)) for _ in THRESHOLDS)
@@ -139,7 +141,17 @@ def _plot(gui: viser.GuiApi, series: tuple[Any, ...], top: float, *, y_axis: boo
         data=(none,) * (len(series) + 1),
         series=({}, *series),
         scales=_scales(0.0, COURSE_S, top),
-        axes=({"size": 26}, {"size": 36, "show": y_axis}),
+        axes=(
+            {
+                "size": 40,
+                "label": "time (s)",
+                "labelSize": 14,
+                "labelGap": 0,
+                "font": _TICKS,
+                "labelFont": _TICKS,
+            },
+            {"size": 36, "show": y_axis, "font": _TICKS},
+        ),
         legend={"show": False},
         height=_HEIGHT_PX,
     )
