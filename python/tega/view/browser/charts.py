@@ -62,7 +62,7 @@ class CourseChart:
         self._kept_s = kept_s
         self._course: deque[tuple[float, float, float, float]] = deque()
         names = (("CCI", CCI_BLUE), ("EDA", EDA_GREEN), ("pose ÷ 4", POSE_RED))
-        gui.add_html(_caption("share of maximum, mean over touching fingers:", names))
+        gui.add_html(_caption("mean share of the maxima:", names))
         series = (_line(CCI_BLUE, 1.6), _line(EDA_GREEN, 1.6), _line(POSE_RED, 1.6, dash=(5, 4)))
         self._plot = _plot(gui, series, 1.05)
 
@@ -118,8 +118,7 @@ class MuscleCharts:
         if self._raw is None:
             muscles = [(f"muscle {k + 1}", _MUSCLES[k % len(_MUSCLES)]) for k in range(channels)]
             lines = tuple(_line(colour, 1) for _, colour in muscles)
-            unit = f", {emg.unit}, each over its own maximum" if emg.unit else ""
-            self._gui.add_html(_caption(f"EMG{unit}:", muscles))
+            self._gui.add_html(_caption("EMG over its maximum:", muscles))
             self._raw = _plot(self._gui, lines, channels, y_axis=False)
             self._gui.add_html(_caption("drive, share of maximum; dashed: levels 2 to 5", ()))
             dashed = tuple(_line(_THRESHOLD_GREY, 1, dash=(4, 4)) for _ in THRESHOLDS)
