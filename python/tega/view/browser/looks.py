@@ -42,11 +42,10 @@ LOOKS: Final[dict[str, tuple[LookPart, ...]]] = {
         LookPart("box", 0.91, 0.93, 0.09, 0.8),
     ),
     "bag": (
-        LookPart("ball", -0.09, 1.03, 0.91),
-        LookPart("tube", -0.93, 0.55, 0.07, 0.9),
-        LookPart("tube", 0.82, 0.2, 0.1),
-        LookPart("tube", 0.86, 0.24, 0.03, 0.45),
-        LookPart("ball", 0.95, 0.5, 0.07),
+        LookPart("ball", -0.4, 1.05, 0.6),
+        LookPart("ball", 0.2, 0.93, 0.55),
+        LookPart("tube", 0.74, 0.26, 0.06, 0.45),
+        LookPart("ball", 0.87, 0.55, 0.13),
     ),
 }
 """By the name of a cylinder in the scene."""
