@@ -42,10 +42,10 @@ LOOKS: Final[dict[str, tuple[LookPart, ...]]] = {
         LookPart("box", 0.91, 0.93, 0.09, 0.8),
     ),
     "bag": (
-        LookPart("ball", -0.4, 1.05, 0.6),
-        LookPart("ball", 0.2, 0.93, 0.55),
-        LookPart("tube", 0.74, 0.26, 0.06, 0.45),
-        LookPart("ball", 0.87, 0.55, 0.13),
+        LookPart("ball", -0.3, 1.06, 0.7),
+        LookPart("ball", 0.05, 0.97, 0.75),
+        LookPart("tube", 0.8, 0.26, 0.06, 0.45),
+        LookPart("ball", 0.9, 0.5, 0.1),
     ),
 }
 """By the name of a cylinder in the scene."""
