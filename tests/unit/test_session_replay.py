@@ -191,7 +191,6 @@ def test_a_level_set_against_the_muscles_is_replayed_as_it_was(tmp_path: Path) -
         ("--view-port", "8090"),
         ("--view",),
         ("--out", "results"),
-        ("--picture", "run.png"),
     ],
     ids=" ".join,
 )

@@ -94,7 +94,8 @@ def demo(
     Hand, objects, fingertip cameras, muscles and person are simulated. The loop in between is that of a run with
     devices. The terminal shows fingertips, vest, muscles, hand and object, then a summary. The folder --out gets a
     table for each signal of each trial, and the picture demo.png. The three lifts take 46 s; with --fast about a
-    fifth of that. With --view the lifts repeat in the browser until Ctrl-C or the page's stop.
+    fifth of that. With --view the lifts repeat in the browser until Ctrl-C or the page's stop. After Ctrl-C there is
+    no picture and no summary.
 
     \b
     --json prints one object:
@@ -106,11 +107,12 @@ def demo(
 
     import msgspec
 
+    from tega.cli.install_line import with_origin
     from tega.cli.options import echo_json
     from tega.errors import MissingExtraError
     from tega.recording import prepare_folder
     from tega.safety.ctrl_c import CtrlC
-    from tega.sim.demo import draw_demo, run_demo, write_demo
+    from tega.sim.demo import draw_demo, prepare_demo, run_demo, write_demo
     from tega.sim.trials import plan_trials
 
     if operator == "keyboard" and fast:
@@ -136,6 +138,8 @@ def demo(
         person = stack.enter_context(_at_keyboard(seed, preset, sets)) if operator == "keyboard" else None
         stopped = more.pop("stop", lambda: False)
         paused = more.pop("paused", lambda: False)
+        with stop.interrupting():  # nothing runs yet, and this takes some seconds
+            prepare_demo(plans)
         rounds = 1_000 if view and not fast else 1
         report, courses = run_demo(
             plans * rounds,
@@ -150,11 +154,14 @@ def demo(
     if not report.trials:  # stopped before the first one
         raise KeyboardInterrupt
     write_demo(out_dir, report, courses)
+    if stop.asked:  # whoever leaves waits for no picture
+        click.echo(f"tables and summary.json are in {out_dir}", err=True)
+        raise KeyboardInterrupt
     try:
         draw_demo(out_dir / "demo.png", report, courses)
         left = "tables, summary.json and demo.png"
     except MissingExtraError as error:  # everything but the picture is there
-        click.echo(f"no picture: {error}", err=True)
+        click.echo(with_origin(f"no picture: {error}"), err=True)
         left = "tables and summary.json"
     if as_json:
         echo_json(msgspec.to_builtins(report))
@@ -163,8 +170,6 @@ def demo(
         click.echo(f"{left} are in {out_dir}")
         if record is not None:
             click.echo(f"recorded in {record}; look into it: tega-teleop recording inspect {record}")
-    if stop.asked:
-        raise KeyboardInterrupt
 
 
 @contextmanager

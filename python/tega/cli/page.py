@@ -21,6 +21,8 @@ __all__ = ["browser_observer", "run_viewed", "view_options"]
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 DEFAULT_PORT = 8080
 _ADDRESS = "tega.view_address"
+# A recording can be looked back at for longer than a live run.
+_RECORDING_KEPT_S = 300.0
 
 
 def view_options(function: _Function) -> _Function:
@@ -97,6 +99,7 @@ def run_viewed(
     port: int,
     stop: Callable[[], bool],
     can_pause: bool = False,
+    wait: bool = False,
     bus: Bus | None = None,
     run: Callable[..., dict[str, Any]] | None = None,
     **options: Any,
@@ -109,6 +112,7 @@ def run_viewed(
         port: TCP port.
         stop: Asked whether to end; the page's button is another way.
         can_pause: Whether the run may stand still: with recordings, and with nothing that moves.
+        wait: Whether the run stays armed until the page's Go is pressed.
         bus: The run's, where others listen as well.
         run: Runs it, called like ``run_session``; that itself when ``None``.
         options: Further arguments of it.
@@ -120,18 +124,24 @@ def run_viewed(
     from tega.clock import PausableClock
     from tega.safety.stop import Stop
     from tega.teleop import run_session
+    from tega.teleop.motor_tests import MotorTests
     from tega.view.browser import Controls
     from tega.view.browser.feed import SessionFeed
     from tega.view.browser.hand_figure import EYE_M, LOOK_AT_M
 
     bus = run_bus.Bus() if bus is None else bus
-    controls = Controls(can_pause=can_pause, can_mute=True)
+    controls = Controls(can_pause=can_pause, can_mute=True, can_go=wait)
+    if run is None and not can_pause:
+        options["motor_tests"] = tests = MotorTests()
+        options["go"] = lambda: controls.may_go
+        controls.try_motor = tests.ask
     ends = Stop()
     ends.also(lambda: (getattr(stop, "reason", "") or "asked to") if stop() else "")
     ends.also(lambda: "the page's button" if controls.stopped else "")
     feed = SessionFeed({"preset": config.session.preset}, bus)
+    kept = {"kept_s": _RECORDING_KEPT_S} if can_pause or run is not None else {}
     with browser_observer(
-        title, port=port, controls=controls, complete=feed.complete, eye_m=EYE_M, at_m=LOOK_AT_M
+        title, port=port, controls=controls, complete=feed.complete, eye_m=EYE_M, at_m=LOOK_AT_M, **kept
     ) as view:
         view.watch(bus)
         if can_pause:

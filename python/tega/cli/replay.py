@@ -72,7 +72,8 @@ class _Finger(click.ParamType[tuple[str, Path]]):
 @click.option(
     "--picture",
     type=click.Path(path_type=Path, dir_okay=False),
-    help="PNG to draw: each finger's firmest contact with its touch map, and the course of touch and pose.",
+    help="PNG to draw: each finger's firmest contact, then touch, pose, fingers and vest over time; else picture.png "
+    "in the folder --out.",
 )
 @view_options
 @json_option
@@ -90,12 +91,14 @@ def replay(
 
     With --view they run in real time, on a page that can pause. A recorded session is computed again by verify.
 
-    Writes contacts.csv, levels.csv, vest.csv, can.csv, summary.json and calibration.toml. The same input gives the
-    same bytes. With --json the summary is printed, with a table "measured" of wall_s and real_time_factor.
+    Writes contacts.csv, levels.csv, vest.csv, can.csv, summary.json, calibration.toml and picture.png, and says what
+    each finger, the pose and the vest did. The same input gives the same bytes. With --json the summary is printed,
+    with a table "measured" of wall_s and real_time_factor.
     """
     import time
 
     from tega.bus import Bus
+    from tega.cli.findings import Findings
     from tega.cli.options import progress_bar
     from tega.cli.page import run_viewed
     from tega.cli.report import tell_summary
@@ -106,8 +109,10 @@ def replay(
 
     if session is not None:
         click.echo(f"note: replay {session} is now: tega-teleop verify {session}", err=True)
+        picture = flags.pop("picture")
         check_flags(click.get_current_context(), (*flags, "view", "view_port"))
-        return 0 if replay_session(session, config=config, sets=sets, as_json=as_json) else 1
+        same = replay_session(session, config=config, sets=sets, picture=picture, as_json=as_json)
+        return 0 if same else 1
     if config is not None:
         raise click.UsageError("--config is for verify; run takes settings with their own recordings")
     if flags["out"] is None:
@@ -116,11 +121,8 @@ def replay(
     if view:
         tree["session"]["pace"] = "real"
     settings = check_tree(tree, override_tree(tree, sets), base=Path.cwd()).config
-    bus, drawn = Bus(), None
-    if (picture := flags["picture"]) is not None:
-        from tega.view.session import SessionPicture
-
-        drawn = SessionPicture(bus, pose_base=settings.session.pose_base)
+    bus, picture = Bus(), flags["picture"]
+    findings = Findings(bus, picture or flags["out"] / "picture.png", required=picture is not None)
     started = time.perf_counter()
     with CtrlC() as stop, progress_bar(enabled=not as_json) as progress:
         if view:
@@ -130,9 +132,11 @@ def replay(
             )  # fmt: skip
         else:
             summary = run_session(settings, progress=progress, stop=stop, bus=bus)
-    if drawn is not None:
-        drawn.write(picture, f"TEGA replay, preset {flags['preset']}")
-    tell_summary(summary, wall_s=time.perf_counter() - started, as_json=as_json)
+    wall_s = time.perf_counter() - started
+    findings.tell(
+        f"TEGA replay, preset {flags['preset']}", pose_base=settings.session.pose_base, words=not as_json
+    )
+    tell_summary(summary, wall_s=wall_s, as_json=as_json)
     return None
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
@@ -25,6 +26,18 @@ def run_options(function: _Function) -> _Function:
     for option in (
         json_option,
         view_options,
+        click.option(
+            "--stream",
+            "streams",
+            type=click.Choice(["foxglove", "rerun"]),
+            multiple=True,
+            help="Show the run live in that program too, on this machine; repeatable.",
+        ),
+        click.option(
+            "--wait-for-go",
+            is_flag=True,
+            help="With --view: stay armed until the page's Go; a click on the torso has a motor vibrate meanwhile.",
+        ),
         click.option(
             "--lossless", is_flag=True, help="Record the pictures as they are (recording.lossless)."
         ),
@@ -55,6 +68,8 @@ def run(
     lossless: bool,
     view: bool,
     view_port: int,
+    wait_for_go: bool,
+    streams: tuple[str, ...],
     as_json: bool,
 ) -> None:
     """Run a session: the dual loop on the devices that CONFIG.toml names, until they end or Ctrl-C.
@@ -72,6 +87,8 @@ def run(
         lossless=lossless,
         view=view,
         view_port=view_port,
+        wait_for_go=wait_for_go,
+        streams=streams,
         as_json=as_json,
     )
 
@@ -85,6 +102,8 @@ def run_settings(
     lossless: bool,
     view: bool,
     view_port: int,
+    wait_for_go: bool,
+    streams: tuple[str, ...],
     as_json: bool,
     station: Literal["operator", "robot"] | None = None,
 ) -> None:
@@ -104,10 +123,13 @@ def run_settings(
     from tega.cli.page import run_viewed
     from tega.cli.report import tell_summary
     from tega.cli.stage import stage
+    from tega.cli.streams import streamed
     from tega.config import load_config
     from tega.safety.ctrl_c import CtrlC
     from tega.teleop import run_session
 
+    if wait_for_go and not view:
+        raise click.UsageError("--wait-for-go is for --view, whose page has the button")
     if person is not None:
         sets = (*sets, f"calibration.person={json.dumps(person)}")
     if record is not None:
@@ -125,6 +147,7 @@ def run_settings(
         CtrlC() as stop,
         stop_keys(stop, enabled=not as_json),
         stage(heading, enabled=not as_json) as (progress, display),
+        ExitStack() as shown,
     ):
 
         def tell(said: str) -> None:
@@ -132,6 +155,7 @@ def run_settings(
                 click.echo(said, err=True)
 
         bus = Bus()
+        shown.enter_context(streamed(bus, streams))
         if display is not None:
             display.watch(bus)
         if view:
@@ -144,6 +168,7 @@ def run_settings(
                 settings=name,
                 tell=tell,
                 bus=bus,
+                wait=wait_for_go,
             )
         else:
             summary = run_session(settings, progress=progress, stop=stop, settings=name, tell=tell, bus=bus)

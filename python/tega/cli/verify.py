@@ -24,24 +24,41 @@ __all__ = ["check_flags", "replay_session", "verify"]
     "--set", "sets", multiple=True, metavar="KEY=VALUE",
     help="Run it with another setting, such as stages.metric.options.outline=contact; repeatable.",
 )  # fmt: skip
+@click.option(
+    "--picture",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="PNG to draw what is in the recording: firmest contacts, then touch, pose, fingers and vest over time.",
+)
 @json_option
-def verify(*, session: Path, config: Path | None, sets: tuple[str, ...], as_json: bool) -> int:
+def verify(
+    *, session: Path, config: Path | None, sets: tuple[str, ...], picture: Path | None, as_json: bool
+) -> int:
     """Compute a recorded session again, tick by tick as it ran, and compare with what was recorded.
 
     SESSION is a recording made with run --record, or a session's folder. Exit code 1 if anything differs. --config
-    and --set run it through other settings and say what then differs. With --json: a list of objects, one per
-    recording.
+    and --set run it through other settings and say what then differs. Says what each finger, the pose and the vest did;
+    --picture draws it, of several recordings each into a file that has its name too. With --json: a list of objects,
+    one per recording.
     """
-    return 0 if replay_session(session, config=config, sets=sets, as_json=as_json) else 1
+    same = replay_session(session, config=config, sets=sets, picture=picture, as_json=as_json)
+    return 0 if same else 1
 
 
-def replay_session(session: Path, *, config: Path | None, sets: tuple[str, ...] = (), as_json: bool) -> bool:
+def replay_session(
+    session: Path,
+    *,
+    config: Path | None,
+    sets: tuple[str, ...] = (),
+    picture: Path | None = None,
+    as_json: bool,
+) -> bool:
     """Compute every recording of a session again, and tell what differs.
 
     Args:
         session: A recording, or the folder of a session.
         config: Other settings to run it through.
         sets: Single settings to run it through, as ``key=value``.
+        picture: PNG to draw; of several recordings each draws its own, named after it.
         as_json: Print JSON instead of tables.
 
     Returns:
@@ -49,15 +66,22 @@ def replay_session(session: Path, *, config: Path | None, sets: tuple[str, ...] 
     """
     import msgspec
 
+    from tega.bus import Bus
+    from tega.cli.findings import Findings
     from tega.cli.options import echo_json
     from tega.recording.mcap_folder import session_files
     from tega.replay import replay_file
 
-    replays = []
-    for path in session_files(session):
-        replays.append(replay_file(path, config=config, sets=sets))
+    replays, files = [], session_files(session)
+    for path in files:
+        bus, drawn = Bus(), picture
+        if picture is not None and len(files) > 1:
+            drawn = picture.with_name(f"{picture.stem}-{path.stem}{picture.suffix}")
+        findings = Findings(bus, drawn, required=True)
+        replays.append(replay_file(path, config=config, sets=sets, bus=bus))
         if not as_json:
             _show(replays[-1])
+        findings.tell(f"TEGA · {path.name}", pose_base=replays[-1].pose_base, words=not as_json)
     if as_json:
         echo_json(msgspec.to_builtins(replays))
     return all(replay.same for replay in replays)

@@ -15,7 +15,7 @@ __all__ = ["OUTPUT_NAMES", "SUMMARY_FORMAT", "prepare_folder"]
 SUMMARY_FORMAT = "tega-run"
 # What else TEGA writes into folders: a demo's trials.
 _FORMATS = (SUMMARY_FORMAT, "tega-demo")
-OUTPUT_NAMES = (*TABLES.values(), "vest.csv", "can.csv", "summary.json", "calibration.toml")
+OUTPUT_NAMES = (*TABLES.values(), "vest.csv", "can.csv", "summary.json", "calibration.toml", "picture.png")
 
 
 def prepare_folder(folder: Path) -> None:

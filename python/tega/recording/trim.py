@@ -24,7 +24,17 @@ __all__ = ["trim_session"]
 # What a replay needs from before the span.
 _LEADING = frozenset(
     f"tega.{name}"
-    for name in ("Contact", "EmgSamples", "Levels", "HandExchange", "Skip", "Haptics", "Imposed", "ArmTurn")
+    for name in (
+        "Contact",
+        "EmgSamples",
+        "Levels",
+        "HandExchange",
+        "Skip",
+        "Haptics",
+        "TriedMotor",
+        "Imposed",
+        "ArmTurn",
+    )
 )
 
 

@@ -32,7 +32,7 @@ from tega.records.run import (
     Value,
 )
 from tega.records.touch import Contact, Event, NamedValue, Picture
-from tega.records.vest import SentFrame, VestFrame, VestRecord
+from tega.records.vest import SentFrame, TriedMotor, VestFrame, VestRecord
 
 __all__ = [
     "RECORDS",
@@ -72,6 +72,7 @@ __all__ = [
     "SentFrame",
     "Skip",
     "TrackerAxes",
+    "TriedMotor",
     "Value",
     "VestFrame",
     "VestRecord",
@@ -112,5 +113,6 @@ RECORDS: tuple[type[Record], ...] = (
     BesideContact,
     BesideIntent,
     Event,
+    TriedMotor,
 )
 """All of them."""

@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar
 
 from tega.records.base import Ns, Record, quantity
 
-__all__ = ["SentFrame", "VestFrame", "VestRecord"]
+__all__ = ["SentFrame", "TriedMotor", "VestFrame", "VestRecord"]
 
 
 class VestRecord(Record, frozen=True, kw_only=True):
@@ -32,6 +32,22 @@ class VestFrame(VestRecord, frozen=True, kw_only=True):
     """A frame as the loop made it, once all vests were given it."""
 
     topic: ClassVar[str] = "/vest/frame"
+
+
+class TriedMotor(Record, frozen=True, kw_only=True):
+    """A motor that somebody tries while the run is armed.
+
+    Attributes:
+        t_ns: The tick from which on, since the start of the session.
+        motor: Its place in the vest frame.
+        percent: How hard; 0 for no longer.
+    """
+
+    topic: ClassVar[str] = "/vest/tried"
+
+    t_ns: Ns
+    motor: Annotated[int, quantity("1", "uint32")]
+    percent: Annotated[int, quantity("%", "uint32")]
 
 
 class SentFrame(VestRecord, frozen=True, kw_only=True):

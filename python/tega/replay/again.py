@@ -37,10 +37,12 @@ from tega.replay.recorded import Recorded, read_recorded
 from tega.teleop.hand import ModelledAllegro
 from tega.teleop.loop import DualLoop
 from tega.teleop.moment import Moment
+from tega.teleop.motor_tests import lit_frame
 from tega.teleop.pacing import Pacer
 from tega.teleop.touch_loop import touch_loop
 
 if TYPE_CHECKING:
+    from tega.haptics import MotorLevels
     from tega.teleop.loop_report import LoopReport
     from tega.wire import CanFrame
 
@@ -64,6 +66,7 @@ class Replay(msgspec.Struct, frozen=True):
         pictures: Of JPEG pictures, how approximate they are.
         dropped: Records lost, by topic; what was lost cannot be computed again.
         same: Whether nothing differs.
+        pose_base: Number of the most open pose in the run's settings, 0 or 1.
     """
 
     file: str
@@ -76,16 +79,20 @@ class Replay(msgspec.Struct, frozen=True):
     pictures: list[PictureError]
     dropped: dict[str, int]
     same: bool
+    pose_base: int = 0
 
 
 @tells_damage
-def replay_file(path: Path, *, config: Path | None = None, sets: Sequence[str] = ()) -> Replay:
+def replay_file(
+    path: Path, *, config: Path | None = None, sets: Sequence[str] = (), bus: Bus | None = None
+) -> Replay:
     """Compute a recorded run again and compare.
 
     Args:
         path: The recording.
         config: Other settings to run it through: preset, vest, calibration, kind of EMG; its devices are not used.
         sets: Single settings to run it through, as ``key=value``.
+        bus: Told of all that is computed, for whoever wants to look on.
 
     Returns:
         What was found.
@@ -94,9 +101,10 @@ def replay_file(path: Path, *, config: Path | None = None, sets: Sequence[str] =
         RecordingError: The recording cannot be read.
         ConfigError: The other settings cannot be used.
     """
-    measured = Measured(config, sets)
+    bus = Bus() if bus is None else bus
+    measured = Measured(config, sets, bus)
     recorded = read_recorded(path, begin=measured.begin, frame=measured.frame, chunk=measured.chunk)
-    again = _run(recorded, measured)
+    again = _run(recorded, measured, bus)
     cut_ns = None if recorded.end is not None else recorded.last_tick_ns
     streams = _compare_pixels(measured) if recorded.head.lossless else []
     streams += _compare(recorded, again, cut_ns)
@@ -114,6 +122,7 @@ def replay_file(path: Path, *, config: Path | None = None, sets: Sequence[str] =
         pictures=[] if measured_again(recorded, measured) else picture_errors(recorded, measured),
         dropped=recorded.dropped,
         same=not any(stream.differ for stream in streams),
+        pose_base=measured.config.session.pose_base,
     )
 
 
@@ -143,7 +152,7 @@ class _Again(msgspec.Struct):
         self.hand.append((asked.t_ns, level, asked.frames))
 
 
-def _run(recorded: Recorded, measured: Measured) -> _Again:
+def _run(recorded: Recorded, measured: Measured, bus: Bus) -> _Again:
     head, config = recorded.head, measured.config
     again = _Again({finger: [] for finger in recorded.contacts})
     pacer = _RecordedPacer(recorded)
@@ -159,7 +168,10 @@ def _run(recorded: Recorded, measured: Measured) -> _Again:
         asked += 1
         return state
 
-    bus = Bus()
+    def tried(t_ns: int, frame: MotorLevels) -> MotorLevels:
+        before = [row for row in recorded.tried if row[0] <= t_ns][-1:]
+        return lit_frame(frame, *before[0][1:]) if before and before[0][2] else frame
+
     bus.subscribe(Contact, again.contact, vital=True)
     bus.subscribe(Intent, again.intent, vital=True)
     if "Event" in head.versions:  # earlier recordings do not tell events
@@ -186,6 +198,7 @@ def _run(recorded: Recorded, measured: Measured) -> _Again:
         by_frame=(config.vest.pace or head.facts.get("pace", "steady")) == "by-frame",
         haptics=haptics,
         endless=bool(recorded.turns),
+        tried=tried if recorded.tried else lambda _t_ns, frame: frame,
     )
     ended = "" if recorded.end is None else recorded.end[1]
     duration_ns = recorded.end[0] if recorded.end is not None and ended == "duration" else None

@@ -22,6 +22,7 @@ from tega.records import BesideContact, BesideIntent
 from tega.replay.arm import arm_settings
 from tega.replay.recorded import Head, Recorded, without_devices
 from tega.stages.attached import with_attached
+from tega.stages.base import MeasuredPicture
 from tega.stages.choose import Chosen, chosen_stage, finger_metric, metric_told, muscle_decoder
 from tega.teleop.beside import look_on
 
@@ -61,6 +62,7 @@ class Measured:
     Args:
         other: Settings whose preset, calibration, kind of EMG, vest and hand take the place of the run's own.
         sets: Single settings that do, as ``key=value``: preset, stages, vest, hand.
+        lookers: Told of each picture that is measured as it was then.
 
     Attributes:
         config: The settings of the run, as changed.
@@ -75,8 +77,11 @@ class Measured:
         beside: What the stages beside the connected ones say, by topic.
     """
 
-    def __init__(self, other: Path | None = None, sets: Sequence[str] = ()) -> None:
+    def __init__(
+        self, other: Path | None = None, sets: Sequence[str] = (), lookers: Bus | None = None
+    ) -> None:
         self._other, self._sets = other, tuple(sets)
+        self._lookers = Bus() if lookers is None else lookers
         self.config: SessionConfig
         self.calibration: Calibration
         self.contacts: dict[str, list[Contact]] = {}
@@ -88,6 +93,7 @@ class Measured:
         self.arm = ArmSettings()
         self.metric: Chosen
         self.same_metric = True
+        self._exact = False
         self._meters: dict[str, FrameMeter] = {}
         self._muscles: BlockMeter | None = None
 
@@ -110,6 +116,7 @@ class Measured:
         now = metric_told(self.config.stages, self.config.session.preset)
         then = head.facts.get("metric", f"{self.metric.name} 1")
         self.same_metric = then == now or then.partition(" ")[0] != self.metric.name
+        self._exact = head.lossless and self.same_metric
         if not self.same_metric:
             self.changed.append(f"metric: {then} -> {now}, so contacts are those recorded")
         emg = self.calibration.emg
@@ -194,6 +201,14 @@ class Measured:
             return
         if contact is not None:
             self.contacts[finger].append(contact)
+            # Else the contacts are those recorded, and this is not what they were measured in.
+            if self._exact and self._lookers.wants(MeasuredPicture):
+                t_ns, metrics = contact
+                self._lookers.publish(
+                    MeasuredPicture(
+                        finger=finger, t_ns=t_ns, image=frame.image, metrics=metrics, metric=meter.metric
+                    )
+                )
 
     def chunk(self, chunk: EmgChunk) -> None:
         """Take EMG samples."""

@@ -34,6 +34,8 @@ LEAD_S = 2
 SLOWEST, FASTEST = 0.05, 20.0
 
 _DRAWN = "on-screen-vest"
+# Nobody wears these.
+_SHOWN = (_DRAWN, "sound-vest")
 
 
 def playing_to(path: Path | None, *, sets: Sequence[str] = ()) -> SessionConfig:
@@ -147,7 +149,7 @@ def play_file(
 
 
 def _live(to: SessionConfig) -> tuple[bool, list[str]]:
-    """Return whether anything runs on its own clock, and what of that is no drawing and no virtual bus."""
+    """Return whether anything runs on its own clock, and what of that is no drawing, no sound and no virtual bus."""
     from tega.devices.python_can import may_have_hardware
 
     live, real = False, []
@@ -158,7 +160,7 @@ def _live(to: SessionConfig) -> tuple[bool, list[str]]:
         live = live or info.live
         interface = getattr(section.options, "interface", None)
         on_a_bus = interface is None or may_have_hardware(interface, section.options.channel)
-        if info.live and section.driver != _DRAWN and on_a_bus:
+        if info.live and section.driver not in _SHOWN and on_a_bus:
             real.append(f"{kind}: {info.driver}, {info.label}")
     return live, real
 

@@ -84,6 +84,7 @@ class Recorded(msgspec.Struct):
         exchanges: What a real hand was told and said, in order, as recorded.
         skipped: Deadlines that the loop left out.
         haptics: When the motors were switched off or on: which asking, whether on, and at what tick.
+        tried: When somebody tried a motor: time, its place in the frame, percent (0 for no longer).
         turns: What led an arm took in and gave, in order, as recorded.
         beside: What the stages beside the connected ones said, by topic, as recorded.
         imposed: When a level was set against the muscles: time, level (0 for no longer).
@@ -107,6 +108,7 @@ class Recorded(msgspec.Struct):
     turns: list[Any] = []
     skipped: set[int] = set()
     haptics: list[tuple[int, bool, int]] = []
+    tried: list[tuple[int, int, int]] = []
     imposed: list[tuple[int, float]] = []
     beside: dict[str, list[Any]] = {}
     end: tuple[int, str, int] | None = None
@@ -214,6 +216,8 @@ def _take(recorded: Recorded, message: Message, chunk: Callable[[EmgChunk], None
             chunk(EmgChunk(value.t_ns, value.first_index, samples))
         case "tega.ArmTurn":
             recorded.turns.append(value)
+        case "tega.TriedMotor":
+            recorded.tried.append((value.t_ns, value.motor, value.percent))
         case "tega.Event":
             recorded.events.append(read(Event, value))
         case "tega.BesideContact" | "tega.BesideIntent":

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import signal
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
@@ -23,6 +25,7 @@ class CtrlC(AnyStop):
 
     def __init__(self) -> None:
         super().__init__()
+        self._at_once = False
         self._old: dict[int, Any] = {}
         self._asked_s = 0.0
         self._interrupted = False
@@ -31,9 +34,21 @@ class CtrlC(AnyStop):
         if not self.asked:
             self.ask("Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name)
             self._asked_s = time.monotonic()
+            if self._at_once:
+                self._interrupted = True
+                raise KeyboardInterrupt
         elif not self._interrupted and time.monotonic() - self._asked_s > _PATIENCE_S:
             self._interrupted = True
             raise KeyboardInterrupt
+
+    @contextmanager
+    def interrupting(self) -> Iterator[None]:
+        """Have the first one interrupt, as long as nothing runs that would have to be left silent."""
+        self._at_once = True
+        try:
+            yield
+        finally:
+            self._at_once = False
 
     def __enter__(self) -> CtrlC:
         """Take over the signals."""

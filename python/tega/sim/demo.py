@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from tega.sim.rig import TrialSteering
     from tega.view.state import ViewState
 
-__all__ = ["DEMO_FORMAT", "DemoReport", "demo_heading", "draw_demo", "run_demo", "write_demo"]
+__all__ = ["DEMO_FORMAT", "DemoReport", "demo_heading", "draw_demo", "prepare_demo", "run_demo", "write_demo"]
 
 DEMO_FORMAT = "tega-demo"
 
@@ -88,11 +88,7 @@ def run_demo(
             wish.append(name)
         return stop() or bool(wish)
 
-    for plan in plans:
-        lab_of(
-            plan.seed, plan.preset, plan.settings
-        )  # before the clock runs: calibration belongs to no trial
-    import_mujoco()  # nor does the loading of a package
+    prepare_demo(plans)
     started = time.perf_counter()
     while left and not stop():
         plan, streams = left.pop(0), Streams()
@@ -118,6 +114,17 @@ def run_demo(
         simulated_s=simulated_s, wall_s=wall_s, real_time_factor=simulated_s / wall_s, trials=results
     )
     return report, courses
+
+
+def prepare_demo(plans: Sequence[TrialPlan]) -> None:
+    """Do what belongs to no trial's time: calibrate the simulated people, and load the physics.
+
+    Raises:
+        MissingExtraError: MuJoCo is not installed.
+    """
+    for plan in plans:
+        lab_of(plan.seed, plan.preset, plan.settings)
+    import_mujoco()
 
 
 def write_demo(folder: Path, report: DemoReport, courses: Sequence[Streams]) -> None:

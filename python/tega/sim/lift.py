@@ -147,7 +147,9 @@ class Lift:
 
     @cached_property
     def _shapes(self) -> Sequence[Shape]:
-        return self.rig.world.shapes()
+        # Under its own name a display can draw it as what it stands for.
+        own = {"object": self._plan.object}
+        return [shape._replace(name=own.get(shape.name, shape.name)) for shape in self.rig.world.shapes()]
 
     def go(
         self,

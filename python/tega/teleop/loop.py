@@ -85,6 +85,8 @@ class DualLoop:
         trace: Follows frames and blocks through the loop.
         complete: Add to what displays see what the loop does not know, one after the other.
         endless: Whether a loop without any source goes on all the same, since something else does.
+        tried: Given each vest frame; returns it with the motor that somebody tries.
+        sent: Told what a real vest was sent of a frame; ``None`` where there is none.
     """
 
     def __init__(
@@ -107,6 +109,8 @@ class DualLoop:
         trace: LatencyTrace | None = None,
         complete: Sequence[Callable[[LoopView], LoopView]] = (),
         endless: bool = False,
+        tried: Callable[[int, MotorLevels], MotorLevels] = lambda _t_ns, frame: frame,
+        sent: Callable[[int, MotorLevels | None], None] = lambda _t_ns, _sent: None,
     ) -> None:
         self._pacer = pacer
         self._touch = touch
@@ -157,6 +161,8 @@ class DualLoop:
             trace=trace,
             bus=self._bus,
             now_ns=pacer.elapsed_ns,
+            tried=tried,
+            sent=sent,
         )
 
     def run(self, *, duration_ns: int | None = None, stop: Callable[[], bool] = lambda: False) -> LoopReport:

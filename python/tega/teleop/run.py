@@ -17,6 +17,7 @@ from tega.teleop.gc_pause import settle
 from tega.teleop.hand import Hand, ModelledAllegro
 from tega.teleop.loop import DualLoop
 from tega.teleop.moment import LoopView, Moment
+from tega.teleop.motor_tests import MotorTests
 from tega.teleop.open_streams import contact_stream, is_fed, latency_trace, level_stream
 from tega.teleop.pacing import Pacer
 from tega.teleop.rig import Rig
@@ -43,6 +44,7 @@ def run_loop(
     observer: Callable[[LoopView], None] | None,
     stop: Callable[[], bool],
     haptics: Callable[[], bool],
+    tests: MotorTests,
 ) -> dict[str, Any]:
     """Run the dual loop until it ends, close what is open and write down what was.
 
@@ -53,6 +55,7 @@ def run_loop(
         observer: Called once per vest tick with what a display may show.
         stop: Asked all the time whether to end.
         haptics: Asked at every vest tick; every motor rests while it says no.
+        tests: Wishes to feel a motor while the run is armed.
 
     Returns:
         The summary.
@@ -152,6 +155,10 @@ def run_loop(
         trace=trace,
         complete=[part.shown for part in (rig.steering, station) if part is not None],
         endless=rig.steering is not None or station is not None,
+        tried=lambda t_ns, frame: tests.frame(
+            t_ns, frame, refused=partial(_untried, guard, haptics), bus=rig.bus
+        ),
+        sent=lambda t_ns, sent: tests.sent(t_ns, sent, rig.bus),
     )
 
     def conclude(error: BaseException | None) -> dict[str, Any]:
@@ -166,6 +173,13 @@ def run_loop(
         conclude(error)
         raise
     return conclude(None)
+
+
+def _untried(guard: Guard, haptics: Callable[[], bool]) -> str:
+    """Say why no motor may be tried now; ``""`` if one may."""
+    if guard.state != "armed":
+        return f"the run is {guard.state}, and motors are tried while it is armed"
+    return "" if haptics() else "haptics are switched off"
 
 
 def _metric(rig: Rig, name: str) -> Metric:

@@ -15,6 +15,7 @@ from tega.recording import prepare_folder
 from tega.safety.states import Transition
 from tega.teleop.gc_pause import settled
 from tega.teleop.moment import LoopView
+from tega.teleop.motor_tests import MotorTests
 from tega.teleop.prepare import Progress
 from tega.teleop.rig import open_rig
 from tega.teleop.run import run_loop
@@ -38,6 +39,7 @@ def run_session(
     prepared: Prepared | None = None,
     tell: Callable[[str], None] = lambda _said: None,
     bus: Bus | None = None,
+    motor_tests: MotorTests | None = None,
 ) -> dict[str, Any]:
     """Run a session from its settings.
 
@@ -56,6 +58,7 @@ def run_session(
         tell: Told in a sentence what happens on the link to the other station, in any thread.
         bus: Told of everything that comes in and goes out, as :mod:`tega.records`; give one with your own
             subscribers.
+        motor_tests: Wishes to feel a motor of the vest, heard while the run is armed.
 
     Returns:
         The summary, as it was written to ``summary.json`` where there is a folder for it.
@@ -92,4 +95,12 @@ def run_session(
             on_state=on_state,
             tell=tell,
         )
-        return run_loop(stack, rig, clock=clock, observer=observer, stop=stop, haptics=haptics)
+        return run_loop(
+            stack,
+            rig,
+            clock=clock,
+            observer=observer,
+            stop=stop,
+            haptics=haptics,
+            tests=motor_tests or MotorTests(),
+        )

@@ -35,6 +35,8 @@ class VestOutput:
         trace: Follows camera frames through the loop.
         bus: Told of every frame, of what real vests were sent, and of when motors may turn.
         now_ns: Time since the start of the session.
+        tried: Given each frame; returns it with the motor that somebody tries.
+        sent: Told what a real vest was sent of a frame; ``None`` where there is none.
 
     Attributes:
         frame: The newest frame; ``None`` before the first.
@@ -51,6 +53,8 @@ class VestOutput:
         trace: LatencyTrace | None = None,
         bus: Bus,
         now_ns: Callable[[], int],
+        tried: Callable[[int, MotorLevels], MotorLevels] = lambda _t_ns, frame: frame,
+        sent: Callable[[int, MotorLevels | None], None] = lambda _t_ns, _sent: None,
     ) -> None:
         self._touch = touch
         self._report = report
@@ -61,6 +65,7 @@ class VestOutput:
         self._trace = trace
         self._bus = bus
         self._now_ns = now_ns
+        self._tried, self._sent = tried, sent
         self._n_asked, self._on = 0, True
         self.frame: MotorLevels | None = None
 
@@ -125,12 +130,16 @@ class VestOutput:
         trace = self._trace
         began_ns = 0 if trace is None else trace.now_ns()
         frame = self._touch.frame(t_ns) if self._allowed(t_ns) else self._touch.silence()
+        frame = self._tried(t_ns, frame)
         made_ns = 0 if trace is None else trace.now_ns()
         before = self.frame
         if news := before is None or not only_news or frame != before:
             self.frame = frame
+            sent = None
             for vest in self._live_vests:
-                self._tell(records.SentFrame, t_ns, vest.write(t_ns, frame))
+                sent = vest.write(t_ns, frame)
+                self._tell(records.SentFrame, t_ns, sent)
+            self._sent(t_ns, sent)
         if trace is not None:
             trace.vest(t_ns, began_ns, made_ns, changed=self._changes(before, frame))
         if news:

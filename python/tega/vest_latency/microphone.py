@@ -10,10 +10,11 @@ from typing import Any, Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.errors import DeviceUnavailableError, MissingExtraError
+from tega.errors import DeviceUnavailableError
+from tega.sound_card import load_sounddevice
 from tega.vest_latency.clock import SoundBlock
 
-__all__ = ["Microphone", "Speaker", "list_microphones", "sounddevice"]
+__all__ = ["Microphone", "Speaker", "list_microphones"]
 
 RATE_HZ: Final = 48_000
 _FIRST_S: Final = 3.0
@@ -21,30 +22,9 @@ _CLICK_S: Final = 0.003
 _CLICK_HZ: Final = 3500.0
 
 
-def sounddevice() -> Any:
-    """Import the package sounddevice.
-
-    Raises:
-        MissingExtraError: It is not installed.
-        DeviceUnavailableError: PortAudio, which it needs, is not.
-    """
-    try:
-        import sounddevice as found
-    except ImportError as error:
-        raise MissingExtraError(
-            "the package 'sounddevice' is not installed", "pip install 'tega[onset]'"
-        ) from error
-    except OSError as error:
-        raise DeviceUnavailableError(
-            f"the package 'sounddevice' does not find PortAudio: {error}",
-            "sudo apt install libportaudio2; elsewhere it comes with the package",
-        ) from error
-    return found
-
-
 def list_microphones() -> list[str]:
     """Return number and name of everything that sound can come from."""
-    devices = sounddevice().query_devices()
+    devices = load_sounddevice().query_devices()
     return [f"{n}: {d['name']}" for n, d in enumerate(devices) if d["max_input_channels"] > 0]
 
 
@@ -79,7 +59,7 @@ class Microphone:
             DeviceUnavailableError: There is no such microphone, or it gives nothing.
             MissingExtraError: sounddevice is not installed.
         """
-        sd = sounddevice()
+        sd = load_sounddevice()
         try:
             self.name = str(sd.query_devices(self._device, "input")["name"])
             self._stream = sd.InputStream(
@@ -166,7 +146,7 @@ class Speaker:
             DeviceUnavailableError: There is none.
             MissingExtraError: sounddevice is not installed.
         """
-        sd = sounddevice()
+        sd = load_sounddevice()
         try:
             self._stream = sd.OutputStream(
                 channels=1, samplerate=RATE_HZ, dtype="float32", callback=self._give

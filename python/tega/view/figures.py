@@ -1,4 +1,4 @@
-"""Draw the paper's two pictures of a session from data: the touch map (Fig 3) and the course (Fig 8)."""
+"""Draw the pictures of a session from its data: touch map (Fig 3), course (Fig 8), fingers and vest over time."""
 
 from __future__ import annotations
 
@@ -20,20 +20,26 @@ if TYPE_CHECKING:
 
     from tega.calibration import TouchMaxima
     from tega.stages.base import MeasuredPicture, TouchMap
+    from tega.view.course import FingerCourse, VestCourse
 
 __all__ = [
     "Firmest",
     "SessionCourse",
     "TouchPicture",
     "draw_course",
+    "draw_fingers",
     "draw_map",
     "draw_touch",
+    "draw_vest",
     "new_figure",
     "session_figure",
 ]
 
 # Under this a map is not stretched to white.
 _LEAST_TOP = {"mm": 0.02, "grey": 1.0}
+
+# Columns of the vest's picture, about one a pixel.
+_MOST_BINS = 900
 
 CCI_BLUE, EDA_GREEN, POSE_RED = "#1f5fbf", "#2e8b3d", "#c8202f"
 
@@ -181,25 +187,100 @@ def new_figure(*, figsize: tuple[float, float]) -> Figure:
 
 
 def session_figure(
-    path: Path, pictures: Mapping[str, TouchPicture], course: SessionCourse, title: str
+    path: Path,
+    pictures: Mapping[str, TouchPicture],
+    course: SessionCourse,
+    title: str,
+    *,
+    fingers: Mapping[str, FingerCourse],
+    vest: VestCourse | None,
 ) -> None:
-    """Write both pictures into one PNG.
+    """Write all that is known of a session into one PNG, on one time axis.
 
     Args:
         path: The file to write.
-        pictures: One picture per finger, in drawing order.
+        pictures: One picture per finger, in drawing order; none for no row of them.
         course: The course of the whole session.
         title: Heading; says so where the data is simulated.
+        fingers: Each finger's course, in drawing order.
+        vest: The vest's course.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
     """
-    figure = new_figure(figsize=(11, 6.2))
+    heights = [2.6, *[0.75] * len(fingers), *[2.8] * (vest is not None)]
+    above = [2.9] * bool(pictures)
+    figure = new_figure(figsize=(11, sum(above) + sum(heights) + 0.4))
     figure.suptitle(title, fontsize=11)
-    halves: list[SubFigure] = list(figure.subfigures(2, 1, height_ratios=[1.1, 1], squeeze=False)[:, 0])
-    upper, lower = halves
-    axes = upper.subplots(1, 2 * max(len(pictures), 1), squeeze=False)[0]
-    for index, (finger, picture) in enumerate(pictures.items()):
-        draw_touch(axes[2 * index : 2 * index + 2], finger, picture)
-    draw_course(lower.subplots(), course)
+    parts: list[SubFigure] = list(
+        figure.subfigures(len(above) + 1, 1, height_ratios=[*above, sum(heights)], squeeze=False)[:, 0]
+    )
+    if pictures:
+        axes = parts[0].subplots(1, 2 * len(pictures), squeeze=False)[0]
+        for index, (finger, picture) in enumerate(pictures.items()):
+            draw_touch(axes[2 * index : 2 * index + 2], finger, picture)
+    # One column of one figure, so that a moment is at one place in all of them.
+    timed = list(
+        parts[-1].subplots(
+            len(heights), 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": heights}
+        )[:, 0]
+    )
+    draw_course(timed[0], course)
+    if fingers:
+        draw_fingers(timed[1 : 1 + len(fingers)], fingers)
+    if vest is not None:
+        draw_vest(timed[-1], vest)
+    for ax in timed:
+        ax.set_xlabel("")
+    timed[-1].set_xlabel("time (s)")
+    ends_s = [times[-1] for times in _times(course, fingers, vest) if len(times)]
+    begins_s = [times[0] for times in _times(course, fingers, vest) if len(times)]
+    if ends_s and max(ends_s) > min(begins_s):
+        timed[0].set_xlim(min(begins_s), max(ends_s))
     figure.savefig(path, metadata={"Software": None})
+
+
+def _times(
+    course: SessionCourse, fingers: Mapping[str, FingerCourse], vest: VestCourse | None
+) -> list[NDArray[np.float64]]:
+    """Return the times of everything that is drawn."""
+    felt = [] if vest is None else [vest.t_s]
+    return [course.touch_t_s, course.level_t_s, *(one.t_s for one in fingers.values()), *felt]
+
+
+def draw_fingers(axes: Sequence[Axes], fingers: Mapping[str, FingerCourse]) -> None:
+    """Draw each finger's CCI (blue) and EDA (green) over time, one panel each; grey while anything touches."""
+    for ax, (finger, course) in zip(axes, fingers.items(), strict=True):
+        ax.fill_between(
+            course.t_s, 0, 1, where=course.in_contact.tolist(), step="post", color="0.9", linewidth=0
+        )
+        ax.plot(course.t_s, course.cci_norm, color=CCI_BLUE, lw=1.0)
+        ax.plot(course.t_s, course.eda_norm, color=EDA_GREEN, lw=1.0)
+        ax.set_ylim(-0.02, 1.05)
+        ax.set_yticks([0, 1])
+        ax.set_ylabel(finger)
+    axes[0].set_title("each finger, share of its maximum; grey: in contact", fontsize=9, loc="left")
+    axes[-1].set_xlabel("time (s)")
+
+
+def draw_vest(ax: Axes, vest: VestCourse) -> None:
+    """Draw each motor's intensity over time, darker for stronger; a brief one keeps its strongest value."""
+    t_s = vest.t_s
+    n_bins = min(_MOST_BINS, len(t_s))
+    # Where the frames are denser than the picture's columns, the strongest of each column is shown.
+    starts = np.unique(np.searchsorted(t_s, np.linspace(t_s[0], t_s[-1], n_bins, endpoint=False)))
+    shown = np.maximum.reduceat(vest.intensities, starts, axis=0)
+    edges = np.append(t_s[starts], t_s[-1] + (t_s[-1] - t_s[0]) / max(len(t_s) - 1, 1) + 1e-9)
+    rows = np.arange(vest.intensities.shape[1] + 1)
+    image = ax.pcolormesh(edges, rows, shown.T, cmap="Greys", vmin=0, vmax=100, rasterized=True)
+    firsts = [i for i, name in enumerate(vest.motors) if i == 0 or vest.motors[i - 1] != name]
+    middles = [(a + b) / 2 for a, b in zip(firsts, [*firsts[1:], len(vest.motors)], strict=True)]
+    ax.set_yticks(middles, [vest.motors[i] for i in firsts], fontsize=8)
+    for first in firsts[1:]:
+        ax.axhline(first, color="0.8", lw=0.6)
+    ax.invert_yaxis()
+    ax.set_title("vest, each motor; columns counted from the wearer's left", fontsize=9, loc="left")
+    ax.set_xlabel("time (s)")
+    figure = ax.get_figure()
+    if figure is not None:
+        figure.colorbar(image, ax=ax, label="intensity (%)", pad=0.01)

@@ -24,6 +24,7 @@ from tega.arm.sources.recorded import write_poses
 from tega_emulators.hid_port import HidBoard, HidPort
 from tega_emulators.openxr_runtime import openxr_runtime, why_no_runtime
 from tega_emulators.process import Emulator
+from tega_emulators.sound_port import SoundPort
 
 __all__ = ["BENCHES", "EmulatedDriver", "why_not"]
 
@@ -175,6 +176,12 @@ def _screen(_folder: Path) -> _Options:
 
 
 @contextmanager
+def _loudspeaker(_folder: Path) -> _Options:
+    with SoundPort().installed():
+        yield {}
+
+
+@contextmanager
 def _with(options: dict[str, Any], folder: Path) -> _Options:
     yield {k: folder / v.name if isinstance(v, Path) else v for k, v in options.items()}
 
@@ -236,6 +243,7 @@ BENCHES: dict[str, EmulatedDriver] = {
     "simulated-arm": EmulatedDriver(
         "nothing: it is simulated in its own process", partial(_with, {}), unix=True
     ),
+    "sound-vest": EmulatedDriver("a stand-in for PortAudio in this process", _loudspeaker),
     "spacemouse": EmulatedDriver(
         f"{_PROCESS}, report bytes over a socket", partial(_input, "spacemouse", (0x046D, 0xC626)), unix=True
     ),

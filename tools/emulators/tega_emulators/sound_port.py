@@ -16,6 +16,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega_emulators.motor_sound import RATE_HZ
 from tega_emulators.process import Emulator
@@ -33,7 +34,7 @@ class SoundPort:
     """A module-like object.
 
     Args:
-        peer: The emulated vest; it has to obey ``hear``.
+        peer: The emulated vest; it has to obey ``hear``. ``None`` where there is a loudspeaker only.
 
     Attributes:
         present: Whether there is a microphone.
@@ -41,15 +42,17 @@ class SoundPort:
         stamped: Whether the sound system stamps it.
         overflows: Whether samples get lost.
         speaker_ms: What the loudspeaker takes beyond its stamp.
+        played: Each block that the loudspeaker was given, float32 (n, channels).
     """
 
-    def __init__(self, peer: Emulator) -> None:
+    def __init__(self, peer: Emulator | None = None) -> None:
         self.__spec__ = ModuleSpec("sounddevice", None)
         self.peer = peer
         self.present = self.stamped = True
         self.overflows = False
         self.latency_s, self.speaker_ms = 0.03, 0.0
         self.PortAudioError = PortAudioError
+        self.played: list[NDArray[np.float32]] = []
 
     def query_devices(self, device: Any = None, kind: str | None = None) -> Any:
         """List what is there, or describe one."""
@@ -62,11 +65,13 @@ class SoundPort:
 
     def InputStream(self, **options: Any) -> _SoundStream:  # noqa: N802  # the package's name
         """Return a stream that records."""
-        return _SoundStream(self, options["callback"], hears=True)
+        return _SoundStream(self, options | {"samplerate": RATE_HZ}, hears=True)
 
     def OutputStream(self, **options: Any) -> _SoundStream:  # noqa: N802
         """Return a stream that plays."""
-        return _SoundStream(self, options["callback"], hears=False)
+        if not self.present:
+            raise PortAudioError("Error querying device -1")
+        return _SoundStream(self, options, hears=False)
 
     @contextlib.contextmanager
     def installed(self) -> Iterator[None]:
@@ -83,11 +88,12 @@ class SoundPort:
 
 
 class _SoundStream:
-    def __init__(self, port: SoundPort, callback: Callable[..., None], *, hears: bool) -> None:
-        self._port, self._callback = port, callback
+    def __init__(self, port: SoundPort, options: dict[str, Any], *, hears: bool) -> None:
+        self._port, self._n_channels = port, options["channels"]
+        self._callback: Callable[..., None] = options["callback"]
         self._leave = threading.Event()
         self._thread = threading.Thread(target=self._hear if hears else self._play, daemon=True)
-        self.samplerate, self.latency = RATE_HZ, port.latency_s
+        self.samplerate, self.latency = options["samplerate"], port.latency_s
 
     @property
     def active(self) -> bool:
@@ -96,6 +102,9 @@ class _SoundStream:
     def start(self) -> None:
         self._thread.start()
 
+    def abort(self) -> None:
+        self._leave.set()
+
     def close(self) -> None:
         self._leave.set()
         if self._thread.is_alive():
@@ -103,6 +112,7 @@ class _SoundStream:
 
     def _hear(self) -> None:
         port = self._port
+        assert port.peer is not None, "there is no microphone"
         first_s = time.monotonic()
         n = round(_BLOCK_S * RATE_HZ)
         k = 0
@@ -124,11 +134,12 @@ class _SoundStream:
 
     def _play(self) -> None:
         port = self._port
-        data = np.zeros((round(_BLOCK_S * RATE_HZ), 1), np.float32)
-        while not self._leave.wait(_BLOCK_S):
+        data = np.zeros((round(_BLOCK_S * self.samplerate), self._n_channels), np.float32)
+        while port.present and not self._leave.wait(_BLOCK_S):
             now_s = time.monotonic()
             leaves_s = now_s + port.latency_s
             stamps = SimpleNamespace(currentTime=now_s - 5.0, outputBufferDacTime=leaves_s - 5.0)
             self._callback(data, len(data), stamps, SimpleNamespace())
-            if data.any():
+            port.played.append(data.copy())
+            if port.peer is not None and data.any():
                 port.peer.say(f"click {leaves_s + port.speaker_ms / 1e3!r}")

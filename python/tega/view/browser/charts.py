@@ -26,7 +26,8 @@ _MUSCLES = ("#0b7285", "#e8590c", "#862e9c")
 THRESHOLDS = (0.25, 0.5, 0.75, 1.0)
 _THRESHOLD_GREY = "#adb5bd"
 _POINTS = 300
-_HEIGHT_PX = 128
+_HEIGHT_PX = 140
+_TICKS = "11px system-ui, sans-serif"
 _LOWPASS_HZ = 50.0
 _MEAN_S = 0.1
 
@@ -54,12 +55,14 @@ class CourseChart:
 
     Args:
         gui: viser's GUI; the chart is added where it stands.
+        kept_s: How far back it can be drawn besides, seconds.
     """
 
-    def __init__(self, gui: viser.GuiApi) -> None:
+    def __init__(self, gui: viser.GuiApi, kept_s: float = 0.0) -> None:
+        self._kept_s = kept_s
         self._course: deque[tuple[float, float, float, float]] = deque()
         names = (("CCI", CCI_BLUE), ("EDA", EDA_GREEN), ("pose ÷ 4", POSE_RED))
-        gui.add_html(_caption("mean over touching fingers:", names))
+        gui.add_html(_caption("mean share of the maxima:", names))
         series = (_line(CCI_BLUE, 1.6), _line(EDA_GREEN, 1.6), _line(POSE_RED, 1.6, dash=(5, 4)))
         self._plot = _plot(gui, series, 1.05)
 
@@ -79,14 +82,19 @@ class CourseChart:
         cci, eda = sum(f.cci_norm for f in touching) / n, sum(f.eda_norm for f in touching) / n
         pose = 0.0 if loop.block is None else (loop.block[2] - 1) / 4
         self._course.append((t_s, cci, eda, pose))
-        while self._course[0][0] < t_s - COURSE_S:
+        while self._course[0][0] < t_s - COURSE_S - self._kept_s:
             self._course.popleft()
 
-    def draw(self) -> None:
-        """Draw what is remembered."""
-        if self._course:
-            self._plot.data = tuple(np.array(self._course).T.copy())
-            self._plot.scales = _scales(self._course[-1][0], COURSE_S, 1.05)
+    def draw(self, end_s: float | None = None) -> None:
+        """Draw the seconds up to a time; ``None`` for the newest."""
+        if not self._course:
+            return
+        course = np.array(self._course)
+        end_s = float(course[-1, 0]) if end_s is None else end_s
+        shown = course[(course[:, 0] >= end_s - COURSE_S) & (course[:, 0] <= end_s)]
+        if len(shown):
+            self._plot.data = tuple(shown.T.copy())
+            self._plot.scales = _scales(end_s, COURSE_S, 1.05)
 
 
 class MuscleCharts:
@@ -110,7 +118,7 @@ class MuscleCharts:
         if self._raw is None:
             muscles = [(f"muscle {k + 1}", _MUSCLES[k % len(_MUSCLES)]) for k in range(channels)]
             lines = tuple(_line(colour, 1) for _, colour in muscles)
-            self._gui.add_html(_caption("EMG:", muscles))
+            self._gui.add_html(_caption("EMG over its maximum:", muscles))
             self._raw = _plot(self._gui, lines, channels, y_axis=False)
             self._gui.add_html(_caption("drive, share of maximum; dashed: levels 2 to 5", ()))
             dashed = tuple(_line(_THRESHOLD_GREY, 1, dash=(4, 4)) for _ in THRESHOLDS)
@@ -132,7 +140,17 @@ def _plot(gui: viser.GuiApi, series: tuple[Any, ...], top: float, *, y_axis: boo
         data=(none,) * (len(series) + 1),
         series=({}, *series),
         scales=_scales(0.0, COURSE_S, top),
-        axes=({"size": 26}, {"size": 36, "show": y_axis}),
+        axes=(
+            {
+                "size": 40,
+                "label": "time (s)",
+                "labelSize": 14,
+                "labelGap": 0,
+                "font": _TICKS,
+                "labelFont": _TICKS,
+            },
+            {"size": 36, "show": y_axis, "font": _TICKS},
+        ),
         legend={"show": False},
         height=_HEIGHT_PX,
     )

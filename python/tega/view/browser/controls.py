@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 from tega.errors import InvalidValueError
+
+if TYPE_CHECKING:
+    from tega.teleop.motor_tests import MotorAnswer
 
 __all__ = ["Controls"]
 
@@ -17,14 +21,24 @@ class Controls:
         can_pause: Whether there is a pause to offer; a real hand has none.
         can_mute: Whether the vest can be switched off and on.
         objects: Objects to choose from; none for no choice.
+        try_motor: Has a motor of the vest vibrate, by its place in the frame; ``None`` where none can be tried.
+        can_go: Whether the run waits, armed, until it is told to go.
     """
 
     def __init__(
-        self, *, can_pause: bool = False, can_mute: bool = False, objects: Sequence[str] = ()
+        self,
+        *,
+        can_pause: bool = False,
+        can_mute: bool = False,
+        objects: Sequence[str] = (),
+        try_motor: Callable[[int], MotorAnswer] | None = None,
+        can_go: bool = False,
     ) -> None:
         self.can_pause = can_pause
         self.can_mute = can_mute
         self.objects = tuple(objects)
+        self.try_motor, self.can_go = try_motor, can_go
+        self._go = threading.Event()
         self._lock = threading.Lock()
         self._stop = threading.Event()
         self._paused = False
@@ -61,6 +75,15 @@ class Controls:
     def haptics(self, wanted: bool) -> None:
         with self._lock:
             self._haptics = wanted or not self.can_mute
+
+    def go(self) -> None:
+        """Let an armed run become active."""
+        self._go.set()
+
+    @property
+    def may_go(self) -> bool:
+        """Whether an armed run may become active."""
+        return self._go.is_set() or not self.can_go
 
     def choose(self, name: str) -> None:
         """Ask for an object.

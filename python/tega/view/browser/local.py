@@ -14,12 +14,15 @@ import secrets
 import warnings
 from collections.abc import Awaitable, Callable, Iterator
 from html import escape
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 import viser
 import websockets.asyncio.server
 import websockets.exceptions
+
+if TYPE_CHECKING:
+    from tega.teleop.motor_tests import MotorAnswer
 
 __all__ = ["LocalServer"]
 
@@ -30,6 +33,7 @@ _ICON = (
     "data:image/svg+xml,%3Csvg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 32 32'%3E%3Crect x='6' y='2' width='20' "
     "height='30' rx='10' fill='%231f5fbf'/%3E%3Ccircle cx='16' cy='13' r='6' fill='%23fd8d3c'/%3E%3C/svg%3E"
 )
+_MOTOR = re.compile(r"/try/([0-9]{1,2})")
 # A page that says what no page says is closed with "data that do not fit".
 _NONSENSE = 1007
 
@@ -45,16 +49,25 @@ class LocalServer(viser.ViserServer):
         port: TCP port; the next free one where it is taken, any for 0.
         label: The page's title.
         allow_remote: Serve under any name, which an address other than loopback needs; the token is asked for as well.
+        try_motor: Has a motor of the vest vibrate when a page asks for ``try/N`` below the token.
 
     Attributes:
         token: What the path of the address begins with.
     """
 
-    def __init__(self, host: str, port: int, label: str, *, allow_remote: bool) -> None:
+    def __init__(
+        self,
+        host: str,
+        port: int,
+        label: str,
+        *,
+        allow_remote: bool,
+        try_motor: Callable[[int], MotorAnswer] | None = None,
+    ) -> None:
         self.token = secrets.token_urlsafe(16)
         # What a page sends is not the operator's business, who has the terminal.
         warnings.filterwarnings("ignore", r"\[viser\] .* does not match annotation", UserWarning)
-        with _quiet(), _guarded(self.token, label, allow_remote=allow_remote):
+        with _quiet(), _guarded(self.token, label, try_motor, allow_remote=allow_remote):
             super().__init__(host, port, label, verbose=False)
 
     def request_share_url(self, verbose: bool = True) -> str | None:  # noqa: ARG002, FBT001, FBT002
@@ -75,7 +88,9 @@ def _quiet() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _guarded(token: str, label: str, *, allow_remote: bool) -> Iterator[None]:
+def _guarded(
+    token: str, label: str, try_motor: Callable[[int], MotorAnswer] | None, *, allow_remote: bool
+) -> Iterator[None]:
     """Have the server that is started meanwhile look at who connects and at what is said, and name its page.
 
     viser has no setting for any of it, the library below it has.
@@ -89,6 +104,10 @@ def _guarded(token: str, label: str, *, allow_remote: bool) -> Iterator[None]:
             if (why := _refused(request, token, allow_remote=allow_remote)) != "":
                 return connection.respond(403, f"{why}\n")
             request.path = request.path.removeprefix(f"/{token}") or "/"
+            if (motor := _MOTOR.fullmatch(request.path)) is not None and try_motor is not None:
+                # Waits for the loop, in a thread of its own: the page goes on meanwhile.
+                tried = await asyncio.to_thread(try_motor, int(motor[1]))
+                return connection.respond(200 if tried.done else 409, f"{tried.words}\n")
             is_page = request.path.partition("?")[0] in {"/", "/index.html"}
             if is_page and "Accept-Encoding" in request.headers:
                 del request.headers["Accept-Encoding"]  # its text is looked at below

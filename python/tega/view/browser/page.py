@@ -17,8 +17,9 @@ from tega.teleop.touch import STALE_NS
 from tega.view.browser.charts import CourseChart, MuscleCharts
 from tega.view.browser.delays import Delays
 from tega.view.browser.scene import Point, Scene
+from tega.view.browser.timeline import KEPT_S, Timeline
 from tega.view.browser.touch import GAP, TILE_HEIGHT, TILE_WIDTH, SmallSheet, TouchSheet
-from tega.view.browser.vest import vest_svg
+from tega.view.browser.vest import TRIED, vest_svg
 from tega.view.labels import ContactLabels
 from tega.view.run_state import MEANINGS, NO_NEWS, NO_NEWS_S, lines_beside
 
@@ -58,6 +59,7 @@ class Page:
             scene and lines of text, and nothing of the vest, no measure of touch, no signal, no rate, no button.
         eye_m: Where the camera begins, world frame.
         at_m: What it looks at.
+        kept_s: How far back one can look, seconds.
 
     Attributes:
         scene: The 3-D scene.
@@ -65,7 +67,9 @@ class Page:
         lights: A light for each device.
         arm: What the arm does, why, what the operator holds, and where the hand is; empty without an arm.
         status: The lines of text.
-        inputs: viser's handles of the buttons and choices that there are: ``object``, ``haptics``, ``pause``, ``stop``.
+        timeline: The moments that can be looked back at; ``None`` on a page without controls.
+        inputs: viser's handles of the buttons and choices that there are: ``object``, ``haptics``, ``pause``, ``go``,
+            ``stop``.
     """
 
     def __init__(
@@ -76,10 +80,13 @@ class Page:
         controls: Controls | None,
         eye_m: Point,
         at_m: Point,
+        kept_s: float = KEPT_S,
     ) -> None:
         gui = server.gui
         self._server, self._blind, self._controls = server, controls is None, controls
         self._sheet, self._labels, self._delays = TouchSheet(), ContactLabels(), Delays()
+        self.timeline: Timeline | None = None
+        self._past_sheet: bytes | None = None
         self._small = SmallSheet()
         self.scene = Scene(server, eye_m=eye_m, at_m=at_m)
         self.inputs: dict[str, Any] = {}
@@ -96,6 +103,8 @@ class Page:
         self._rates = gui.add_html("")
         if controls is not None:
             self._add_buttons(gui, controls)
+            self.timeline = Timeline(gui, kept_s)
+            self._looking = gui.add_html("")
         self._muscles = MuscleCharts(gui)
         panel = gui.add_panel()
         with panel.add_tab("Fingertips" if self._blind else "Fingertips and vest"):
@@ -106,7 +115,12 @@ class Page:
             gui.add_html(_LEGEND)
             if not self._blind:
                 self._vest = gui.add_html(vest_svg(None))
-                self._course = CourseChart(gui)
+                if controls is not None and controls.try_motor is not None:
+                    hint = "while the run is armed, a click on a motor has it vibrate for half a second"
+                    gui.add_html(
+                        f'<div class="{TRIED}" style="{_FONT};font-size:11px;padding:0 10px">{hint}</div>'
+                    )
+                self._course = CourseChart(gui, kept_s)
         panel.dock_left()
         panel.set_width(_TOUCH_WIDTH)
 
@@ -134,6 +148,10 @@ class Page:
                 controls.paused = not controls.paused
                 event.target.label = "Go on" if controls.paused else "Pause"
 
+        if controls.can_go:
+            go = self.inputs["go"] = gui.add_button("Go", color="green")
+            go.on_click(lambda _event: controls.go())
+
         stop = self.inputs["stop"] = gui.add_button("Stop", color="red")
         stop.on_click(lambda _event: controls.stop())
 
@@ -151,25 +169,71 @@ class Page:
         if not self._blind:
             self._course.note(state)
             self.paint_state(state.loop)
+        sheet = None
+        if turn == 0 and (state.images or self._blind):
+            sheet = self._sheet.draw(state.images or {})
+        if turn == 0 and self.timeline is not None:
+            self.timeline.keep(state, sheet)
+        past = self.paint_past()
         with self._server.atomic():
-            self.scene.draw(state.shapes, state.poses, None if self._blind else state.contact_points)
+            if not past:
+                self.scene.draw(state.shapes, state.poses, None if self._blind else state.contact_points)
             if turn == 0:
-                if state.images or self._blind:
-                    sheet = self._images.image = self._sheet.draw(state.images or {})
+                if sheet is not None and not past:
+                    self._images.image = sheet
                     self._small.take(sheet)
             elif self._blind:
                 self.status.content = _status(state)
             elif turn == 1:
                 self.paint_text(state)
-                captions = self._captions.content = _captions(state, self._labels)
-                vest = self._vest.content = vest_svg(state.loop.vest)
-                self._phone.content = f'<div class="tega-phone">{captions}{self._small.html}{vest}</div>'
+                if not past:
+                    self._paint_touch(_captions(state, self._labels), self._torso(state))
                 self._delays.note(latency_ms)
                 self._rates.content = _rates(rates_hz) + self._delays.svg()
-            else:
+            elif not past:
                 self._course.draw()
                 if state.emg is not None:
                     self._muscles.draw(state.t_ns / 1e9, state.emg)
+
+    def _torso(self, state: ViewState) -> str:
+        can_try = self._controls is not None and self._controls.try_motor is not None
+        return vest_svg(state.loop.vest, can_try=can_try)
+
+    def _paint_touch(self, captions: str, vest: str) -> None:
+        self._captions.content, self._vest.content = captions, vest
+        self._phone.content = f'<div class="tega-phone">{captions}{self._small.html}{vest}</div>'
+
+    def paint_past(self) -> bool:
+        """Show the moment that is looked back at, in pictures, scene and charts; the run's state stays that of now.
+
+        Returns:
+            Whether one is.
+        """
+        if self.timeline is None:
+            return False
+        past = self.timeline.shown()
+        if past is None:
+            if self._looking.content:
+                self._looking.content, self._past_sheet = "", None
+            return False
+        state, sheet, emg = past
+        with self._server.atomic():
+            self.scene.draw(state.shapes, state.poses, state.contact_points)
+            if sheet is not None and sheet is not self._past_sheet:
+                import imageio.v3
+
+                self._images.image = imageio.v3.imread(sheet)
+                self._past_sheet = sheet
+            # Labels of its own: those of now remember what came before.
+            self._paint_touch(_captions(state, ContactLabels()), self._torso(state))
+            self._course.draw(state.t_ns / 1e9)
+            if emg is not None:
+                self._muscles.draw(*emg)
+            self._looking.content = (
+                f'<div style="{_FONT};margin:2px 10px">{_badge("LOOKING BACK", _PAUSED)} pictures, scene, vest and '
+                f"charts are of <b>{state.t_ns / 1e9:.1f} s</b>; the run goes on</div>"
+            )
+        return True
 
     def paint_state(
         self, loop: LoopView, *, age_s: float = 0.0, problem: str = "", paused: bool = False

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, get_args
 import numpy as np
 
 from tega.errors import InvalidValueError, ShapeError
+from tega.view.browser.looks import LOOKS
 from tega.view.state import ShapeKind
 
 if TYPE_CHECKING:
@@ -35,6 +36,7 @@ class _ShapePart(NamedTuple):
     shape: int
     offset_m: float  # along the shape's own z
     scale: tuple[float, float, float]
+    shade: float = 1.0
 
 
 class Scene:
@@ -104,6 +106,7 @@ class Scene:
                 continue
             vertices, faces = self._meshes[name]
             rgba = np.array([shapes[part.shape][3] for part in parts])
+            rgba[:, :3] = np.minimum(rgba[:, :3] * [[part.shade] for part in parts], 1.0)
             positions, wxyzs = _placed(parts, poses)
             handle = self._server.scene.add_batched_meshes_simple(
                 f"/world/{name}",
@@ -142,10 +145,17 @@ class Scene:
 
 
 def _parts(shapes: Sequence[Shape]) -> dict[str, list[_ShapePart]]:
-    """Say which unit primitives make up the shapes; a capsule is a tube with a ball at either end."""
+    """Say which unit primitives make up the shapes; a capsule is a tube with a ball at either end.
+
+    A cylinder of the name of one of :data:`~tega.view.browser.looks.LOOKS` is drawn as that.
+    """
     parts: dict[str, list[_ShapePart]] = {"box": [], "ball": [], "tube": []}
     for number, (name, kind, (a, b, c), _) in enumerate(shapes):
-        if kind == "box":
+        if kind == "cylinder" and name in LOOKS:
+            for look in LOOKS[name]:
+                scale = (look.wide * a, look.wide * a, look.tall * b)
+                parts[look.primitive].append(_ShapePart(number, look.middle * b, scale, look.shade))
+        elif kind == "box":
             parts["box"].append(_ShapePart(number, 0.0, (a, b, c)))
         elif kind == "sphere":
             parts["ball"].append(_ShapePart(number, 0.0, (a, a, a)))

@@ -53,6 +53,7 @@ class BrowserView:
         at_m: What it looks at.
         rate_hz: Most moments painted per second.
         blind: Show pictures, scene and text alone, as for who scores a recording; the page then has no button.
+        kept_s: How far back the page can look, seconds.
         allow_remote: Let ``host`` be an address that others can reach. Whoever reaches it can press the buttons.
 
     Attributes:
@@ -78,6 +79,7 @@ class BrowserView:
         rate_hz: float = 30.0,
         blind: bool = False,
         allow_remote: bool = False,
+        kept_s: float = 60.0,
     ) -> None:
         if host not in LOOPBACK and not allow_remote:
             raise InvalidValueError(
@@ -91,6 +93,7 @@ class BrowserView:
         self._title, self._host, self._port, self._allow_remote = title, host, port, allow_remote
         self._period_s = 1 / rate_hz
         self._complete, self._camera, self._blind = complete, (eye_m, at_m), blind
+        self._kept_s = kept_s
         self.controls = controls or Controls()
         self.n_painted = 0
         self._waiting = Backlog("browser-view", most=1, newest=True, idle=self._paint)
@@ -146,7 +149,13 @@ class BrowserView:
             raise MissingExtraError("viser is not installed", "pip install 'tega[view]'") from error
         from tega.view.browser.page import Page
 
-        self._server = LocalServer(self._host, self._port, self._title, allow_remote=self._allow_remote)
+        self._server = LocalServer(
+            self._host,
+            self._port,
+            self._title,
+            allow_remote=self._allow_remote,
+            try_motor=None if self._blind else self.controls.try_motor,
+        )
         eye_m, at_m = self._camera
         self.page = Page(
             self._server,
@@ -154,6 +163,7 @@ class BrowserView:
             controls=None if self._blind else self.controls,
             eye_m=eye_m,
             at_m=at_m,
+            kept_s=self._kept_s,
         )
         self._over.clear()
         self._waiting.start()
@@ -195,6 +205,9 @@ class BrowserView:
                 rest_s = max(period_s - took_s, _REST_SHARE * took_s)
             else:
                 self._tell_age(began_s)
+                if self.page.paint_past():  # also while the run stands still
+                    took_s = time.monotonic() - began_s
+                    rest_s = max(self._period_s - took_s, _REST_SHARE * took_s)
         except BaseException as error:  # of native code, too; the run goes on, and so does the page
             self._fail(error)
             rest_s = _RETRY_S

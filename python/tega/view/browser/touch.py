@@ -19,7 +19,16 @@ if TYPE_CHECKING:
 
     Pixels: TypeAlias = slice | NDArray[np.intp]
 
-__all__ = ["EDA_BLUE", "GAP", "PEAK_GREEN", "TILE_HEIGHT", "TILE_WIDTH", "SmallSheet", "TouchSheet"]
+__all__ = [
+    "EDA_BLUE",
+    "GAP",
+    "PEAK_GREEN",
+    "TILE_HEIGHT",
+    "TILE_WIDTH",
+    "SmallSheet",
+    "TouchSheet",
+    "jpeg_of",
+]
 
 _COPY_S = 1.0
 
@@ -105,12 +114,17 @@ class SmallSheet:
         now_s = time.monotonic()
         if now_s - self._made_s < _COPY_S:
             return
-        import imageio.v3
-
         self._made_s = now_s
-        jpeg = imageio.v3.imwrite("<bytes>", sheet, extension=".jpg", quality=60)
-        data = base64.b64encode(jpeg).decode()
+        data = base64.b64encode(jpeg_of(sheet)).decode()
         self.html = f'<img alt="cameras and touch maps" width="100%" src="data:image/jpeg;base64,{data}">'
+
+
+def jpeg_of(sheet: NDArray[np.uint8]) -> bytes:
+    """Return a picture, uint8 (H, W, 3), RGB, as a JPEG file."""
+    import imageio.v3
+
+    made: bytes = imageio.v3.imwrite("<bytes>", sheet, extension=".jpg", quality=60)
+    return made
 
 
 def _sampling(shape: tuple[int, ...]) -> tuple[Pixels, Pixels]:

@@ -9,19 +9,23 @@ from tega.haptics import FINGERS
 if TYPE_CHECKING:
     from tega.haptics import MotorLevels
 
-__all__ = ["vest_svg"]
+__all__ = ["TRIED", "vest_svg"]
 
 _WIDTH, _PITCH_X, _PITCH_Y, _TOP, _LEFT = 360, 32, 24, 48, 42
 _N_COLUMNS = 4
+TRIED = "tega-tried"
+"""Class of the element that says what came of a click on a motor."""
+
 _N_STEPS = 15
 _FINGER_COLOURS = ("#1f5fbf", "#0b7285", "#5f3dc4", "#a61e4d")
 
 
-def vest_svg(frame: MotorLevels | None) -> str:
+def vest_svg(frame: MotorLevels | None, *, can_try: bool = False) -> str:
     """Draw the vest.
 
     Args:
         frame: What the motors are told; ``None`` where there is no vest, or it is off.
+        can_try: Whether a click on a motor asks the server to have it vibrate.
 
     Returns:
         An SVG element: the wearer's torso from outside, in front and from behind, so that their left is on the right of
@@ -33,20 +37,23 @@ def vest_svg(frame: MotorLevels | None) -> str:
     bottom = _TOP + n_rows * _PITCH_Y + 10
     off = " · off" if frame is None else ""
     faces = (
-        (f"front · CCI{off}", values[:half], 0, -1),
-        (f"back · EDA{off}", values[half:], _WIDTH // 2, 1),
+        (f"front · CCI{off}", values[:half], 0, -1, 0),
+        (f"back · EDA{off}", values[half:], _WIDTH // 2, 1, half),
     )
     parts = [
         f'<svg viewBox="0 0 {_WIDTH} {bottom + 26}" width="100%" role="img" aria-label="vest, seen from outside"'
         ' font-family="system-ui, sans-serif" text-anchor="middle">'
     ]
-    for title, face, left, turn in faces:
-        parts.append(_face(title, face, left, bottom, turn))
+    for title, face, left, turn, first in faces:
+        parts.append(_face(title, face, left, bottom, turn, first=first if can_try else None))
     return "".join(parts) + _scale(bottom + 8) + "</svg>"
 
 
-def _face(title: str, values: list[int], left: int, bottom: int, turn: int) -> str:
-    """Draw a face; ``turn`` is 1 where the wearer's left is on the left, -1 where it is on the right."""
+def _face(title: str, values: list[int], left: int, bottom: int, turn: int, *, first: int | None) -> str:
+    """Draw a face; ``turn`` is 1 where the wearer's left is on the left, -1 where it is on the right.
+
+    ``first`` is the place of its first motor in the frame; ``None`` where a click does nothing.
+    """
     middle = left + _WIDTH // 4
     sides = ("L", "R") if turn == 1 else ("R", "L")
     parts = [
@@ -68,11 +75,20 @@ def _face(title: str, values: list[int], left: int, bottom: int, turn: int) -> s
         ink = "#ffffff" if value >= 55 else "#495057"
         parts.append(
             f'<circle cx="{x}" cy="{y}" r="{10:g}" fill="{_heat(value)}" stroke="{_FINGER_COLOURS[column]}"'
-            ' stroke-width="0.8"/>'
+            f' stroke-width="0.8"{"" if first is None else _click(first + index)}/>'
         )
         if value:
-            parts.append(f'<text x="{x}" y="{y + 3}" font-size="8.5" fill="{ink}">{value}</text>')
+            parts.append(
+                f'<text x="{x}" y="{y + 3}" font-size="8.5" fill="{ink}" pointer-events="none">{value}</text>'
+            )
     return "".join(parts)
+
+
+def _click(motor: int) -> str:
+    """Return the attributes that have the page ask for a motor, and say below the torso what came of it."""
+    said = f"document.querySelectorAll('.{TRIED}').forEach(e => e.textContent = t)"
+    ask = f"fetch('try/{motor}').then(r => r.text()).then(t => {said})"
+    return f' style="cursor:pointer" role="button" aria-label="try motor {motor}" onclick="{ask}"'
 
 
 def _torso(middle: int, bottom: int) -> str:

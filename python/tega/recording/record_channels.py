@@ -1,0 +1,158 @@
+"""Encode records into the channels of a Foxglove context: a file, or a live stream, hears them."""
+
+from __future__ import annotations
+
+import zlib
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+
+from tega.hand import JOINT_NAMES
+from tega.lifecycle import require
+from tega.recording.mcap_schemas import MESSAGES, PACKAGE, encoded, message_class, schema_bytes
+from tega.records import Joints, LogLine, Picture, PoseRecord, TrackerAxes
+from tega.records.schema import schema_name
+
+if TYPE_CHECKING:
+    from tega.records import Record
+
+__all__ = ["RecordChannels"]
+
+_LOG_LEVELS = {10: "Debug", 20: "Info", 30: "Warning", 40: "Error", 50: "Fatal"}
+
+
+class RecordChannels:
+    """Channels of a context of its own, one a topic, made as records come.
+
+    Args:
+        lossless: Pictures as they are; else as JPEG.
+        jpeg_quality: 1 to 100.
+
+    Attributes:
+        epoch_ns: Time of day at the start of the session, ns: what viewers show is this plus the session's time.
+        context: The SDK's context.
+
+    Raises:
+        MissingExtraError: A package of the extra ``record`` is not installed.
+    """
+
+    def __init__(self, *, lossless: bool, jpeg_quality: int = 95) -> None:
+        self._foxglove = require("foxglove", driver="recording", extra="record")
+        self._channels_of = require("foxglove.channels", driver="recording", extra="record")
+        self._messages = require("foxglove.messages", driver="recording", extra="record")
+        for kind in MESSAGES:  # now, so that no class is built while the loop runs
+            message_class(kind)
+        self._cv2: Any = None
+        if not lossless:
+            self._cv2 = require("cv2", driver="recording", extra="record")
+            self._quality = [self._cv2.IMWRITE_JPEG_QUALITY, jpeg_quality]
+        self._lossless = lossless
+        self._channels: dict[str, Any] = {}
+        self.epoch_ns = 0
+        self.context: Any = self._foxglove.Context()
+
+    def write(self, record: Record, t_ns: int) -> None:
+        """Encode a record and tell it.
+
+        Args:
+            record: It.
+            t_ns: When it came, nanoseconds since the start of the session.
+        """
+        log_ns = self.epoch_ns + t_ns
+        match record:
+            case Picture():
+                self._picture(record, log_ns)
+            case Joints():
+                self._joints(record, log_ns)
+            case LogLine():
+                self._log(record, log_ns)
+            case PoseRecord():
+                self._pose(record, log_ns)
+            case TrackerAxes():
+                self._axes(record, log_ns)
+            case _:
+                self._message(record.where, record, log_ns)
+
+    def _channel(self, topic: str, make: Any, **how: Any) -> Any:
+        channel = self._channels.get(topic)
+        if channel is None:
+            channel = self._channels[topic] = make(topic, context=self.context, **how)
+        return channel
+
+    def _message(self, topic: str, record: Record, log_ns: int) -> None:
+        schema = None
+        if topic not in self._channels:
+            name = f"{PACKAGE}.{schema_name(type(record))}"
+            schema = self._foxglove.Schema(name=name, encoding="protobuf", data=schema_bytes())
+        channel = self._channel(topic, self._foxglove.Channel, message_encoding="protobuf", schema=schema)
+        channel.log(encoded(record), log_time=log_ns)
+
+    def _stamp(self, t_ns: int) -> Any:
+        return self._messages.Timestamp(*divmod(self.epoch_ns + t_ns, 1_000_000_000))
+
+    def _picture(self, record: Picture, log_ns: int) -> None:
+        """Write a picture, then its number and exact times beside it."""
+        image, topic = record.image, record.where
+        height, width = image.shape[:2]
+        stamp = self._stamp(record.t_ns)
+        pixels = image.tobytes()
+        if self._lossless:
+            channel = self._channel(topic, self._channels_of.RawImageChannel)
+            message = self._messages.RawImage(
+                timestamp=stamp,
+                frame_id=record.finger,
+                width=width,
+                height=height,
+                encoding="bgr8",
+                step=3 * width,
+                data=pixels,
+            )
+        else:
+            channel = self._channel(topic, self._channels_of.CompressedImageChannel)
+            whole = np.frombuffer(pixels, np.uint8).reshape(image.shape)
+            _, data = self._cv2.imencode(".jpg", whole, self._quality)
+            message = self._messages.CompressedImage(
+                timestamp=stamp, frame_id=record.finger, data=data.tobytes(), format="jpeg"
+            )
+        channel.log(message, log_time=log_ns)
+        summed = msgspec.structs.replace(record, pixels_crc32=zlib.crc32(pixels))
+        self._message(f"{topic.rpartition('/')[0]}/frame", summed, log_ns)
+
+    def _joints(self, record: Joints, log_ns: int) -> None:
+        make = self._messages.JointState
+        states = [make(name=name, position=a) for name, a in zip(JOINT_NAMES, record.angles_rad, strict=True)]
+        channel = self._channel(record.where, self._channels_of.JointStatesChannel)
+        channel.log(
+            self._messages.JointStates(timestamp=self._stamp(record.t_ns), joints=states), log_time=log_ns
+        )
+
+    def _log(self, record: LogLine, log_ns: int) -> None:
+        channel = self._channel(record.where, self._channels_of.LogChannel)
+        level = getattr(self._messages.LogLevel, _LOG_LEVELS.get(record.level // 10 * 10, "Unknown"))
+        message = self._messages.Log(
+            timestamp=self._stamp(record.t_ns), level=level, message=record.text, name=record.name
+        )
+        channel.log(message, log_time=log_ns)
+
+    def _pose(self, record: PoseRecord, log_ns: int) -> None:
+        message = self._messages.PoseInFrame(
+            timestamp=self._stamp(record.t_ns),
+            frame_id=record.frame,
+            pose=self._messages.Pose(
+                position=self._messages.Vector3(**dict(zip("xyz", record.position, strict=True))),
+                orientation=self._messages.Quaternion(**dict(zip("xyzw", record.quaternion, strict=True))),
+            ),
+        )
+        self._channel(record.where, self._channels_of.PoseInFrameChannel).log(message, log_time=log_ns)
+
+    def _axes(self, record: TrackerAxes, log_ns: int) -> None:
+        """Write how the axes of one frame lie in another."""
+        message = self._messages.FrameTransform(
+            timestamp=self._stamp(record.t_ns),
+            parent_frame_id=record.parent,
+            child_frame_id=record.child,
+            translation=self._messages.Vector3(x=0.0, y=0.0, z=0.0),
+            rotation=self._messages.Quaternion(**dict(zip("xyzw", record.quaternion, strict=True))),
+        )
+        self._channel(record.where, self._channels_of.FrameTransformChannel).log(message, log_time=log_ns)

@@ -1,0 +1,134 @@
+"""A run streamed live: a client of the public protocol hears what the bus tells, and the layout names what there is."""
+
+from __future__ import annotations
+
+import json
+import re
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("foxglove", reason="needs the extra record")
+pytest.importorskip("websockets", reason="needs the extra lab")
+
+from reference.sessions import tree
+from tega.bus import Bus
+from tega.config import check_tree
+from tega.errors import DeviceUnavailableError
+from tega.recording.mcap_schemas import decoder, schema_bytes
+from tega.records import RECORDS, Contact, Joints, LogLine, Picture, Record, VestFrame
+from tega.records.schema import fields
+from tega.teleop import run_session
+from tega.view.foxglove_stream import FoxgloveStream
+
+FINGER = "thumb"
+
+
+class Viewer:
+    """Speaks the app's protocol, as far as it takes to hear a topic."""
+
+    def __init__(self, url: str) -> None:
+        from websockets.sync.client import connect
+        from websockets.typing import Subprotocol
+
+        self.peer: Any = connect(url, subprotocols=[Subprotocol("foxglove.sdk.v1")])
+        self.channels: dict[str, dict[str, Any]] = {}
+
+    def advertised(self, topic: str) -> dict[str, Any]:
+        while topic not in self.channels:
+            said = self.peer.recv(timeout=30)
+            if isinstance(said, str) and json.loads(said)["op"] == "advertise":
+                self.channels |= {one["topic"]: one for one in json.loads(said)["channels"]}
+        return self.channels[topic]
+
+    def subscribe(self, topic: str) -> None:
+        wanted = [{"id": 1, "channelId": self.advertised(topic)["id"]}]
+        self.peer.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
+
+    def message(self) -> bytes:
+        while True:
+            said = self.peer.recv(timeout=0.05)
+            if isinstance(said, bytes) and said[0] == 1:
+                return said[13:]
+
+
+def test_a_viewer_hears_contacts_vest_and_pictures_as_they_come() -> None:
+    bus = Bus()
+    with FoxgloveStream(bus, port=0) as stream:
+        told: list[Record] = [
+            Contact(finger=FINGER, t_ns=5_000_000, in_contact=True, cci_norm=0.25),
+            VestFrame(t_ns=6_000_000, layout="x16", intensities=(7,) * 16),
+            Picture(
+                finger=FINGER,
+                image=np.zeros((32, 24, 3), np.uint8),
+                t_ns=7,
+                received_ns=7,
+                seq=0,
+                name="a picture",
+            ),
+        ]
+        for record in told:
+            bus.publish(record)
+        viewer = Viewer(stream.url)
+        topic = f"/tactile/{FINGER}/contact"
+        viewer.subscribe(topic)
+        assert viewer.advertised(f"/tactile/{FINGER}/image")["schemaName"] == "foxglove.CompressedImage"
+        assert viewer.advertised("/vest/frame")["schemaName"] == "tega.VestFrame"
+        data = None
+        while data is None:  # what comes before the subscription has arrived is for nobody
+            bus.publish(told[0])
+            try:
+                data = viewer.message()
+            except TimeoutError:
+                continue
+        value = decoder("tega.Contact", schema_bytes()).FromString(data)
+        assert (value.in_contact, value.cci_norm, value.t_ns) == (True, 0.25, 5_000_000)
+        viewer.peer.close()
+    bus.publish(told[0])
+    assert bus.problem() == ""
+
+
+def test_a_run_is_the_same_with_and_without_the_stream(tmp_path: Path) -> None:
+    given = tree(tmp_path / "recorded")
+    del given["recording"]
+    frames: list[list[VestFrame]] = [[], []]
+    for k, heard in enumerate(frames):
+        bus = Bus()
+        bus.subscribe(VestFrame, heard.append)
+        config = check_tree(given, {}, base=tmp_path).config
+        if k:
+            with FoxgloveStream(bus, port=0):
+                run_session(config, bus=bus)
+        else:
+            run_session(config, bus=bus)
+        assert bus.problem() == ""
+    first, second = ([(frame.t_ns, frame.intensities) for frame in heard] for heard in frames)
+    assert first == second
+    assert len(frames[0]) > 30
+
+
+def test_a_port_that_is_taken_is_told() -> None:
+    with FoxgloveStream(Bus(), port=0) as stream:
+        port = int(stream.url.rpartition(":")[2])
+        with pytest.raises(DeviceUnavailableError, match=f"port {port} cannot be served"):
+            FoxgloveStream(Bus(), port=port).__enter__()
+
+
+def test_the_layout_names_topics_and_fields_that_there_are() -> None:
+    text = (files("tega") / "data/foxglove-layout.json").read_text()
+    layout = json.loads(text)
+    kinds = {kind.topic.replace("{finger}", FINGER): kind for kind in RECORDS if kind.topic}
+    named = re.findall(r'"(/[a-z]+/[a-z/]+|/log)(?:\.([a-z_]+))?', text)
+    assert len(named) > 15
+    for topic, field in named:
+        kind = kinds[re.sub("index|middle|ring", FINGER, topic)]
+        if field and kind not in {Joints, LogLine}:
+            assert field in {one.name for one in fields(kind)}, (topic, field)
+
+    def panels(part: Any) -> list[str]:
+        return [part] if isinstance(part, str) else panels(part["first"]) + panels(part["second"])
+
+    assert sorted(panels(layout["layout"])) == sorted(layout["configById"])

@@ -1,0 +1,56 @@
+"""A run streamed to Rerun: what a file that its own program reads holds, and what is said where no viewer is open."""
+
+from __future__ import annotations
+
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rerun", reason="needs the extra rerun")
+
+from tega.bus import Bus
+from tega.errors import DeviceUnavailableError
+from tega.records import Contact, Intent, Joints, Picture, RunState, Skip, VestFrame
+from tega.view.rerun_stream import RerunStream
+
+
+def test_what_the_bus_tells_is_in_the_file(tmp_path: Path) -> None:
+    bus, file = Bus(), tmp_path / "run.rrd"
+    image = np.zeros((32, 24, 3), np.uint8)
+    with RerunStream(bus, file=file) as stream:
+        assert stream.url == str(file)
+        bus.publish(RunState(t_ns=0, state="active", reason="all is there"))
+        bus.publish(Picture(finger="thumb", image=image, t_ns=7, received_ns=7, seq=0, name="a picture"))
+        bus.publish(Contact(finger="thumb", t_ns=5, in_contact=True, cci_norm=0.25))
+        bus.publish(Intent(t_ns=5, level=3))
+        bus.publish(VestFrame(t_ns=6, layout="x16", intensities=(7,) * 16))
+        bus.publish(Joints(t_ns=6, angles_rad=(0.1,) * 16))
+        bus.publish(Skip(t_ns=8))
+    assert bus.problem() == ""
+    said = subprocess.run(
+        [sys.executable, "-m", "rerun", "rrd", "print", str(file)], capture_output=True, text=True, check=True
+    ).stdout
+    for where in (
+        "/run/state",
+        "/tactile/thumb/image",
+        "/tactile/thumb/contact",
+        "/emg/levels",
+        "/vest/frame",
+    ):
+        assert where in said
+    assert "/hand/joints" in said
+    assert "skip" not in said
+    bus.publish(Intent(t_ns=9, level=3))  # nobody hears it any more
+    assert bus.problem() == ""
+
+
+def test_no_viewer_says_how_to_start_one() -> None:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    with pytest.raises(DeviceUnavailableError, match=r"no viewer listens.*start it first: rerun"):
+        RerunStream(Bus(), port=port).__enter__()

@@ -1,0 +1,234 @@
+"""The vest as sound: the samples themselves are analysed, and the driver plays to a stand-in for PortAudio."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import wave
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from reference.waiting import until
+from tega.contract import check_driver
+from tega.devices import driver_class
+from tega.devices.vest_sound import COLUMN_HZ, RATE_HZ, ColumnTones, SoundVest, SoundVestOptions
+from tega.errors import DeviceUnavailableError
+from tega.haptics import MotorLevels, vest_frame
+from tega_emulators.sound_port import SoundPort
+
+HZ = np.array(COLUMN_HZ).reshape(8)
+BLOCK = 480
+TOUCH = vest_frame([80, 60, 40, 20], [13, 0, 100, 53], layout="x40")
+
+
+def motors(columns: dict[tuple[int, int], int]) -> NDArray[np.uint8]:
+    """Return 40 intensities: by face (0 front, 1 back) and column."""
+    frame = np.zeros((2, 5, 4), np.uint8)
+    for (face, column), percent in columns.items():
+        frame[face, 2, column] = percent
+    return frame.reshape(40)
+
+
+def heard(sound: NDArray[np.float32] | NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the amplitude of each column's tone in either ear, float64 (8, 2), by a Fourier transform.
+
+    The window keeps what belongs to one tone apart from its neighbours, 50 Hz away at least; the power near each
+    frequency is summed (Parseval), so that it need not lie on a line of the spectrum.
+    """
+    window = np.hanning(len(sound))[:, None]
+    power = np.abs(np.fft.rfft(sound * window, axis=0)) ** 2 * 4 / (len(sound) * (window**2).sum())
+    step_hz = RATE_HZ / len(sound)
+    near = [slice(round(hz / step_hz) - 3, round(hz / step_hz) + 4) for hz in HZ]
+    amplitude: NDArray[np.float64] = np.sqrt(np.array([power[part].sum(axis=0) for part in near]))
+    return amplitude
+
+
+def settled(tones: ColumnTones, intensities: NDArray[np.uint8], seconds: float = 1.0) -> NDArray[np.float32]:
+    """Return the sound of a frame that is told again every 10 ms, after the ramp."""
+    blocks = []
+    for _ in range(round(seconds * RATE_HZ / BLOCK) + 1):
+        tones.tell(intensities)
+        blocks.append(tones.render(BLOCK))
+    return np.concatenate(blocks[1:])
+
+
+@pytest.mark.parametrize("face", [0, 1])
+@pytest.mark.parametrize("column", range(4))
+def test_each_column_has_its_tone_and_its_side(face: int, column: int) -> None:
+    amplitude = heard(settled(ColumnTones(100), motors({(face, column): 100})))
+    loudness = np.hypot(*amplitude.T)
+    assert loudness.argmax() == 4 * face + column
+    assert loudness.max() == pytest.approx(1 / 8, rel=0.02)
+    assert np.sort(loudness)[-2] < loudness.max() / 1000
+    left, right = amplitude[4 * face + column]
+    # From the wearer's left to the right, as loud at every place.
+    assert np.arctan2(right, left) == pytest.approx(column * np.pi / 6, abs=0.01)
+
+
+def test_tones_are_three_semitones_apart_and_the_front_is_the_high_one() -> None:
+    assert np.abs(12 * np.log2(np.divide.outer(HZ, HZ)) + 100 * np.eye(8)).min() > 2.99
+    assert HZ[:4].min() > 2 * HZ[4:].max()
+
+
+@pytest.mark.parametrize("volume", [50.0, 100.0])
+def test_loudness_is_proportional_to_the_intensity_of_the_strongest_motor(volume: float) -> None:
+    tones = ColumnTones(volume)
+    found = []
+    for percent in (1, 7, 25, 50, 100):
+        frame = motors({(0, 1): percent})
+        frame[4 * 3 + 1] = percent // 2  # a weaker motor of the same column
+        found.append(np.hypot(*heard(settled(tones, frame)).T)[1] / percent)
+    assert found == pytest.approx([volume / 100 / 8 / 100] * 5, rel=0.02)
+
+
+def test_all_columns_at_full_drive_do_not_clip_and_are_all_heard() -> None:
+    sound = settled(ColumnTones(100), np.full(40, 100, np.uint8), 4.0)
+    assert np.abs(sound).max() < 1
+    np.testing.assert_allclose(np.hypot(*heard(sound).T), 1 / 8, rtol=0.02)
+
+
+def test_zero_is_silence_to_the_last_bit_after_a_ramp_without_clicks() -> None:
+    tones = ColumnTones(100)
+    assert not tones.render(BLOCK).any()
+    settled(tones, motors({(0, 0): 100}), 0.1)
+    tones.tell(np.zeros(40, np.uint8))
+    # Blocks shorter than the ramp end it too.
+    fading = np.concatenate([tones.render(32) for _ in range(10)])
+    assert not fading[-40:].any()
+    assert np.abs(np.diff(fading[:, 0])).max() < 0.02
+    assert tones.silent
+    assert not tones.render(BLOCK).any()
+
+
+def test_a_frame_that_is_not_told_again_fades_after_200_ms() -> None:
+    tones = ColumnTones(100)
+    tones.tell(motors({(1, 3): 100}))
+    sound = np.concatenate([tones.render(BLOCK) for _ in range(30)])
+    last = np.flatnonzero(sound.any(axis=1))[-1] / RATE_HZ
+    assert 0.2 < last < 0.23
+
+
+def test_the_same_samples_stand_in_a_wav_file(tmp_path: Path) -> None:
+    """What a loudspeaker is given can be kept and analysed later; 16 bits tell as much."""
+    sound = settled(ColumnTones(100), motors({(0, 0): 50, (1, 2): 100}))
+    with wave.open(str(tmp_path / "vest.wav"), "wb") as file:
+        file.setnchannels(2)
+        file.setsampwidth(2)
+        file.setframerate(RATE_HZ)
+        file.writeframes((sound * 32767).astype("<i2").tobytes())
+    with wave.open(str(tmp_path / "vest.wav"), "rb") as file:
+        read = np.frombuffer(file.readframes(file.getnframes()), "<i2").reshape(-1, 2)
+    loudness = np.hypot(*heard(read / 32767).T)
+    assert loudness[[0, 6]] == pytest.approx([0.5 / 8, 1 / 8], rel=0.02)
+    assert np.delete(loudness, [0, 6]).max() < 1e-4
+
+
+def test_it_is_found_by_its_name_and_is_no_vest_that_may_hurt(tmp_path: Path) -> None:
+    from tega.config import check_tree
+    from tega.replay.play import _live
+
+    assert driver_class("sound-vest", "vest") is SoundVest
+    config = check_tree({"vest": {"driver": "sound-vest"}}, {}, base=tmp_path).config
+    assert _live(config) == (True, [])
+
+
+@pytest.fixture
+def port() -> Any:
+    made = SoundPort()
+    with made.installed():
+        yield made
+
+
+@pytest.mark.slow
+def test_contract(port: SoundPort) -> None:
+    check_driver(SoundVest, SoundVestOptions())
+    assert not any(block.any() for block in port.played[-1:])
+
+
+@pytest.mark.slow
+def test_a_touch_is_heard_as_written_and_the_end_is_silent(port: SoundPort) -> None:
+    with SoundVest(SoundVestOptions(volume=100)) as vest:
+
+        def enough() -> bool:
+            vest.write(0, TOUCH)
+            return len(port.played) > 40
+
+        until(enough)
+        told: MotorLevels = vest.write(0, TOUCH)
+        np.testing.assert_array_equal(told.intensities, TOUCH.intensities)
+        sound = np.concatenate(port.played[20:40])
+    loudness = np.hypot(*heard(sound).T)
+    assert loudness == pytest.approx(np.array([80, 60, 40, 20, 13, 0, 100, 53]) / 800, abs=0.003)
+    assert vest.counters.lost == 0
+
+
+@pytest.mark.slow
+def test_a_loudspeaker_that_goes_away_is_lost_and_found_again(port: SoundPort) -> None:
+    with SoundVest(SoundVestOptions()) as vest:
+        port.present = False
+        until(lambda: bool(vest.write(0, TOUCH)) and vest.counters.lost == 1)
+        assert not vest.write(0, TOUCH).intensities.any()
+        port.present = True
+        until(lambda: bool(vest.write(0, TOUCH).intensities.any()))
+    assert "the loudspeaker went away" in vest.counters.problem
+
+
+def test_no_loudspeaker_says_what_to_set(port: SoundPort) -> None:
+    port.present = False
+    with pytest.raises(DeviceUnavailableError, match=r"does not open.*set vest\.options\.output"):
+        SoundVest(SoundVestOptions()).open()
+
+
+PROGRAM = """
+import atexit, sys, time
+import numpy as np
+from tega_emulators.sound_port import SoundPort
+port = SoundPort()
+sys.modules["sounddevice"] = port
+last = lambda: print("LAST", float(np.abs(port.played[-1][-100:]).max()), flush=True)
+from tega.devices import driver_class
+from tega.haptics import vest_frame
+atexit.register(last)  # before the driver's own, so that it is called after it
+driver = driver_class("sound-vest", "vest")
+vest = driver(driver.options_type())
+vest.open()
+while not (port.played and port.played[-1].any()):
+    vest.write(0, vest_frame([80, 60, 40, 20], [13, 0, 100, 53], layout="x40"))
+    time.sleep(0.02)
+print("sounds", flush=True)
+def touch():
+    for _ in range(20 if sys.argv[1] != "SIGTERM" else 100000):
+        vest.write(0, vest_frame([80, 60, 40, 20], [13, 0, 100, 53], layout="x40"))
+        time.sleep(0.02)
+touch()
+if sys.argv[1] == "exception":
+    raise RuntimeError("on purpose")
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="signals as on Linux")
+@pytest.mark.parametrize(("how", "code"), [("forgotten", 0), ("exception", 1), ("SIGTERM", 143)])
+def test_every_way_out_of_a_program_is_silent(how: str, code: int) -> None:
+    words = [sys.executable, "-c", PROGRAM, how]
+    with subprocess.Popen(
+        words,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
+    ) as program:
+        assert program.stdout is not None
+        assert program.stdout.readline() == "sounds\n"
+        if how == "SIGTERM":
+            program.send_signal(signal.SIGTERM)
+        said, noted = program.communicate()
+    assert program.returncode == code, noted
+    # The last that the loudspeaker was given is the end of the fade: nothing at all.
+    assert said == "LAST 0.0\n"

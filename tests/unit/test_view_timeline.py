@@ -1,0 +1,139 @@
+"""The page looks back: which moment is shown, in a loop too, and that the run's state is never of the past."""
+
+from __future__ import annotations
+
+from functools import partial
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("viser", reason="needs the extra view")
+
+from reference.moments import Moments
+from reference.waiting import until
+from tega.view.browser import BrowserView, Controls
+from tega.view.browser.charts import COURSE_S, CourseChart
+from tega.view.browser.timeline import Timeline
+
+
+class Gui:
+    """Stands where viser's GUI adds a slider, a switch and a chart."""
+
+    def add_slider(self, *_: Any, initial_value: float, **__: Any) -> Any:
+        return SimpleNamespace(value=initial_value, on_update=lambda _function: None)
+
+    def add_checkbox(self, *_: Any, initial_value: bool) -> Any:
+        return SimpleNamespace(value=initial_value)
+
+    def add_html(self, _text: str) -> None: ...
+
+    def add_uplot(self, **_: Any) -> Any:
+        return SimpleNamespace()
+
+
+@pytest.fixture(scope="module")
+def moment() -> Any:
+    return Moments().at(2.0)
+
+
+class Looker:
+    """A timeline of 30 s, a moment every 0.1 s, and a clock that goes when told."""
+
+    def __init__(self, moment: Any, last_s: float = 30.0) -> None:
+        self.now_s, self.moment = 0.0, moment
+        gui: Any = Gui()
+        self.timeline = Timeline(gui, 20.0, lambda: self.now_s)
+        for k in range(round(last_s * 10) + 1):
+            self.keep(k / 10)
+
+    def keep(self, t_s: float) -> None:
+        sheet = np.full((20, 30, 3), round(t_s * 5) % 256, np.uint8)
+        self.timeline.keep(self.moment._replace(t_ns=round(t_s * 1e9)), sheet)
+
+    def look(self, back_s: float) -> float | None:
+        self.timeline.back.value = back_s
+        self.timeline._look()
+        return self.shown_s()
+
+    def shown_s(self) -> float | None:
+        past = self.timeline.shown()
+        return None if past is None else past.state.t_ns / 1e9
+
+
+def test_a_chosen_moment_stays_that_one_while_the_run_goes_on(moment: Any) -> None:
+    looker = Looker(moment)
+    assert looker.shown_s() is None
+    assert looker.look(5.0) == 25.0
+    for k in range(301, 351):
+        looker.keep(k / 10)
+    assert looker.shown_s() == 25.0
+    past = looker.timeline.shown()
+    assert past is not None
+    assert past.sheet is not None
+    assert past.sheet.startswith(b"\xff\xd8")
+    assert past.state.images is None
+    assert looker.look(0.0) is None
+
+
+def test_no_further_back_than_what_is_kept(moment: Any) -> None:
+    looker = Looker(moment)
+    assert looker.look(60.0) == 10.0
+    assert len(looker.timeline._kept) == 201
+
+
+def test_a_loop_plays_from_there_to_the_moment_of_looking_at_true_speed(moment: Any) -> None:
+    looker = Looker(moment)
+    looker.look(4.0)
+    looker.timeline.loop.value = True
+    seen = []
+    for k in range(9):
+        looker.now_s = 1.0 * k + 0.05
+        looker.keep(30.1 + k)  # the run goes on and changes nothing of the loop
+        seen.append(looker.shown_s())
+    assert seen == [26.0, 27.0, 28.0, 29.0, 26.0, 27.0, 28.0, 29.0, 26.0]
+
+
+def test_another_run_begins_anew(moment: Any) -> None:
+    looker = Looker(moment)
+    looker.look(5.0)
+    looker.keep(0.0)
+    assert looker.shown_s() == 0.0
+
+
+def test_the_muscle_signal_is_kept_once_a_second(moment: Any) -> None:
+    looker = Looker(moment, 3.0)
+    tails = {id(past.emg) for past in looker.timeline._kept}
+    assert len(tails) == 4
+
+
+def test_the_chart_can_be_drawn_up_to_an_earlier_time(moment: Any) -> None:
+    gui: Any = Gui()
+    chart = CourseChart(gui, 20.0)
+    for k in range(301):
+        chart.note(moment._replace(t_ns=k * 10**8))
+    chart.draw(20.0)
+    assert (chart._plot.data[0].min(), chart._plot.data[0].max()) == (20.0 - COURSE_S, 20.0)
+    chart.draw()
+    assert chart._plot.data[0].max() == 30.0
+
+
+def test_the_page_shows_the_past_beside_the_state_of_now() -> None:
+    moments = Moments()
+    with BrowserView("a run", port=0, controls=Controls()) as view:
+        timeline = view.page.timeline
+        assert timeline is not None
+        for k in range(4):
+            moment = moments.at(1.0 + k, emg=False)
+            state = "hold" if k == 3 else "active"
+            view.offer(moment._replace(loop=moment.loop._replace(state=state)))
+            until(partial(lambda n: len(timeline._kept) == n, k + 1))
+        timeline.back.value = 2.0
+        timeline._look()
+        # Nothing new comes: the page is painted all the same.
+        until(lambda: "LOOKING BACK" in view.page._looking.content)
+        assert "<b>2.0 s</b>" in view.page._looking.content
+        assert ">HOLD<" in view.page.run_state.content
+        timeline.back.value = 0.0
+        until(lambda: view.page._looking.content == "")
