@@ -59,6 +59,8 @@ class DemoScore(NamedTuple):
     """Pairs of frames in contact, 0.5 N and more, whose force differs by less than 5 %."""
     jumps: int
     """Those of them whose EDA differs by more than 0.15 of the range that this finger's EDA has in this lift."""
+    full: int
+    """Frames in which a column of the vest stands at 100."""
     rank: float
     """Rank correlation of force with front plus back of the vest over all frames."""
     rank_touching: float
@@ -98,13 +100,14 @@ def score_demo(seed: int = 1) -> dict[str, DemoScore]:
         for finger in FINGERS:
             force = kept.array("truth", f"{finger}_force_n")
             rows = np.array([row[1:] for row in kept.seen if row[0] == finger], np.float64)
-            counts[finger] += _count(rows, np.interp(rows[:, 0], at_s, force))
             whose = ("finger", finger)
-            of_vest = kept.array("contacts", "front", where=whose) + kept.array(
-                "contacts", "back", where=whose
-            )
+            front, back = (kept.array("contacts", column, where=whose) for column in ("front", "back"))
+            counts[finger] += [
+                *_count(rows, np.interp(rows[:, 0], at_s, force)),
+                np.sum((front >= 100) | (back >= 100)),
+            ]
             shown_s = kept.array("contacts", "t_s", where=whose) - CAMERA_DELAY_NS / 1e9
-            felt[finger] += list(zip(np.interp(shown_s, at_s, force), of_vest, strict=True))
+            felt[finger] += list(zip(np.interp(shown_s, at_s, force), front + back, strict=True))
     scores = {}
     for finger, pairs in felt.items():
         touching = [pair for pair in pairs if pair[0] > 0.05]
@@ -113,8 +116,8 @@ def score_demo(seed: int = 1) -> dict[str, DemoScore]:
     return scores
 
 
-def _count(rows: np.ndarray[tuple[int, int], np.dtype[np.float64]], force: np.ndarray) -> np.ndarray:
-    """Return the counts of a lift in the order of :class:`DemoScore`."""
+def _count(rows: np.ndarray[tuple[int, int], np.dtype[np.float64]], force: np.ndarray) -> list[int]:
+    """Return what is counted in a lift's pictures, in the order of :class:`DemoScore`."""
     t_s, on, eda, touches = rows[:, 0], rows[:, 1] > 0, rows[:, 2], rows[:, 3] > 0
     loaded, share = force >= LOAD_N, np.nan_to_num(rows[:, 4])
     beyond, in_view = loaded & (share == 0), loaded & (share >= QUARTER)
@@ -125,4 +128,4 @@ def _count(rows: np.ndarray[tuple[int, int], np.dtype[np.float64]], force: np.nd
     wide = np.ptp(eda[on]) if on.any() else 1.0
     which = [some for part in (loaded, beyond, partly, in_view) for some in (part, part & ~on)]
     which += [on & (since_s > 0) & ~late, on & late, pair, pair & (np.abs(np.diff(eda)) > _JUMP * wide)]
-    return np.array([len(rows), *(some.sum() for some in which)])
+    return [len(rows), *(int(some.sum()) for some in which)]
