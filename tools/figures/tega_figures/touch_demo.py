@@ -104,7 +104,7 @@ def score_demo(seed: int = 1) -> dict[str, DemoScore]:
             front, back = (kept.array("contacts", column, where=whose) for column in ("front", "back"))
             counts[finger] += [
                 *_count(rows, np.interp(rows[:, 0], at_s, force)),
-                np.sum((front >= 100) | (back >= 100)),
+                int(np.sum((front >= 100) | (back >= 100))),
             ]
             shown_s = kept.array("contacts", "t_s", where=whose) - CAMERA_DELAY_NS / 1e9
             felt[finger] += list(zip(np.interp(shown_s, at_s, force), front + back, strict=True))
