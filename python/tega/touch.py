@@ -250,7 +250,8 @@ class TouchTracker:
             frame: The image, uint8 of the baseline's shape, borrowed.
             dt_s: Time since the frame before, seconds, where it is not 1 / ``rate_hz``: frames were dropped, or
                 the camera is uneven.
-            loaded: Whether another finger bears a load: then a quick fall is no release, and no rest is taken anew.
+            loaded: Whether another finger bears a load: then a quick fall is a release only where little is left of
+                the contact, and no rest is taken anew.
 
         Returns:
             The contact.
@@ -280,7 +281,7 @@ def update_fingers(
     """Read the next frame of several fingers of one hand in one call that leaves the interpreter to others meanwhile.
 
     A finger is told that another is ``loaded`` where that one was in contact before and its picture has not just
-    fallen: what moves at one finger while others hold the object is no release.
+    fallen: most of what moves at one finger while others hold the object is no release.
 
     Args:
         trackers: One a finger, each once.

@@ -36,6 +36,22 @@ def test_same_seed_and_input_same_bits_whatever_was_shown_before() -> None:
     assert not np.array_equal(one.frame(press, 70), Gel(5).frame(press, 70))
 
 
+def test_the_share_in_view_falls_to_nothing_as_a_press_leaves_the_picture() -> None:
+    gel, shares = Gel(1), []
+    assert np.isnan(gel.in_view)
+    for y in (159.5, 300.0, 319.5, 335.0, 360.0, 400.0):
+        gel.press([ball(force_n=3.0, centre_xy=(119.5, y))])
+        shares.append(gel.in_view)
+    assert shares == sorted(shares, reverse=True)
+    assert (shares[0], shares[-1], gel.truth.touches, gel.truth.area_px) == (1.0, 0.0, True, 0)
+    # A press on the very border, which a ball touches first where it is asked to.
+    for centre_xy in ((0.0, 159.5), (239.0, 159.5), (119.5, 319.0)):
+        gel.press([ball(force_n=3.0, centre_xy=centre_xy, on=gel)])
+        assert gel.in_view == pytest.approx(0.5, abs=0.1)
+    gel.press([])
+    assert np.isnan(gel.in_view)
+
+
 def test_no_two_frames_in_a_row_are_equal() -> None:
     gel = Gel(1)
     frames = [gel.frame([], n) for n in range(200)]

@@ -208,6 +208,12 @@ impl Gel {
         }
     }
 
+    /// Share of the latest press's touching area that is in the picture, 0 to 1, found on cells of 8 pixels; NaN where none touches. What
+    /// lies more than 3.4 mm beyond the picture is not counted, so that it is rather less than told.
+    pub fn in_view(&self) -> f64 {
+        if self.touches { self.membrane.in_view() } else { f64::NAN }
+    }
+
     /// Copies the gel's displacement under the picture, millimetres, one value a cell of 4 pixels: [`CELLS`].
     pub fn displacement(&self, out: &mut [f32]) {
         out.fill(0.0);

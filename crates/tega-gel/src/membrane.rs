@@ -229,13 +229,27 @@ impl Membrane {
 
     /// Whether the gel touches something in a cell of the finest grid.
     pub(crate) fn touches(&self, row: usize, col: usize) -> bool {
-        let window = self.window();
-        let inside = (window.rows[0]..window.rows[1]).contains(&row)
-            && (window.cols[0]..window.cols[1]).contains(&col);
-        let [above, here, below] = [0, 1, 2].map(|k| self.levels[2].row(row + k));
-        let around = (above[col + 1] + below[col + 1]) + (here[col] + here[col + 2]);
-        let grid = &self.levels[2];
-        inside && rests(here[col + 1], grid.floor[row * COLS + col], around, grid.square)
+        touches_in(&self.levels[2], row, col)
+    }
+
+    /// Share of the touching area that is in the picture, 0 to 1, on the middle grid, whose answer goes beyond the picture as far as the gel
+    /// is known; NaN where no cell touches.
+    pub(crate) fn in_view(&self) -> f64 {
+        let grid = &self.levels[1];
+        let inside = |k: usize, margin: usize, size: usize| (margin / 2..(size - margin) / 2).contains(&k);
+        let (mut seen, mut all) = (0.0, 0.0);
+        for row in grid.window.rows[0]..grid.window.rows[1] {
+            for col in grid.window.cols[0]..grid.window.cols[1] {
+                if touches_in(grid, row, col) {
+                    let area = f64::from(grid.area[row * grid.cols + col]);
+                    all += area;
+                    if inside(row, MARGIN_ROWS, ROWS) && inside(col, MARGIN_COLS, COLS) {
+                        seen += area;
+                    }
+                }
+            }
+        }
+        seen / all
     }
 
     /// Measures the part of the gel that is in the picture.
@@ -295,6 +309,15 @@ impl Membrane {
         coarse.tops[i] = pool(&middle.gaps[i], &mut coarse.gaps[i], middle.cols);
         coarse.tops[i] > CLEAR / 2.0
     }
+}
+
+/// Whether the gel touches something in a cell of a grid.
+fn touches_in(grid: &Grid, row: usize, col: usize) -> bool {
+    let Window { rows, cols } = grid.window;
+    let inside = (rows[0]..rows[1]).contains(&row) && (cols[0]..cols[1]).contains(&col);
+    let [above, here, below] = [0, 1, 2].map(|k| grid.row(row + k));
+    let around = (above[col + 1] + below[col + 1]) + (here[col] + here[col + 2]);
+    inside && rests(here[col + 1], grid.floor[row * grid.cols + col], around, grid.square)
 }
 
 /// So much of each of two displacements.

@@ -50,6 +50,10 @@ impl Gel {
         (touch.touches, touch.area_px, touch.area_mm2, touch.depth_mm, (x, y))
     }
 
+    fn in_view(&self) -> f64 {
+        self.0.with(|gel| gel.in_view())
+    }
+
     #[pyo3(signature = (indenters, index, /, *, t_s, out))]
     fn frame<'py>(
         &self,

@@ -158,6 +158,14 @@ class Gel:
         """True contact of the latest press, measured when asked for."""
         return GelTruth._make(self._gel.touch())
 
+    @property
+    def in_view(self) -> float:
+        """Share of the latest press's touching area that is in the picture, 0 to 1; NaN where no cell touches.
+
+        Found on cells of 8 x 8 pixels. What lies more than 3.4 mm beyond the picture is not counted.
+        """
+        return self._gel.in_view()
+
     def still(self, index: int = 0) -> NDArray[np.uint8]:
         """Return the untouched gel without noise, as it is by frame ``index``, uint8 (320, 240, 3), BGR."""
         return self._gel.still(index)

@@ -26,6 +26,7 @@ __all__ = ["DEMO_OBJECTS", "DemoScore", "score_demo"]
 
 DEMO_OBJECTS: Final = ("bottle", "container", "bag")
 LOAD_N: Final = 0.5
+QUARTER: Final = 0.25
 RELEASE_S: Final = 0.1
 # A force is steady that changes by less than this share between two frames.
 _STEADY: Final = 0.05
@@ -35,22 +36,31 @@ _JUMP: Final = 0.15
 class DemoScore(NamedTuple):
     """How one finger's touch follows the truth over the lifts."""
 
-    loaded: int
-    """Frames in which the finger carries 0.5 N or more."""
-    in_view: int
-    """Those of them in which the picture shows a part of what touches."""
-    missed: int
-    """Loaded frames without contact."""
-    missed_in_view: int
-    """Those of them in view."""
     frames: int
     """All frames."""
+    loaded: int
+    """Frames in which the finger carries 0.5 N or more."""
+    missed: int
+    """Those of them without contact."""
+    beyond: int
+    """Loaded frames whose touching area lies beyond the picture altogether."""
+    missed_beyond: int
+    partly: int
+    """Loaded frames in which less than a quarter of the touching area is in the picture, but some."""
+    missed_partly: int
+    in_view: int
+    """Loaded frames in which a quarter or more is."""
+    missed_in_view: int
+    told_after: int
+    """Frames with a contact up to 0.1 s after the last true one, which a release may take."""
     told_late: int
-    """Frames with a contact later than 0.1 s after the last true one."""
+    """Frames with a contact later than that."""
     steady: int
     """Pairs of frames in contact, 0.5 N and more, whose force differs by less than 5 %."""
     jumps: int
     """Those of them whose EDA differs by more than 0.15 of the range that this finger's EDA has in this lift."""
+    full: int
+    """Frames in which a column of the vest stands at 100."""
     rank: float
     """Rank correlation of force with front plus back of the vest over all frames."""
     rank_touching: float
@@ -63,15 +73,15 @@ class _Kept(Streams):
     def __init__(self, lab: Lab) -> None:
         super().__init__()
         self._lab = lab
-        self.seen: list[tuple[str, float, bool, float, bool, int]] = []
+        self.seen: list[tuple[str, float, bool, float, bool, float]] = []
 
     def picture_of(self, picture: MeasuredPicture) -> None:
-        """Keep time, contact, EDA, and whether and over how many pixels something touches."""
+        """Keep time, contact, EDA, whether something touches, and how much of where it does is in the picture."""
         super().picture_of(picture)
-        truth, found = self._lab.gels[picture.finger].truth, picture.metrics
+        gel, found = self._lab.gels[picture.finger], picture.metrics
         t_s = (picture.t_ns - CAMERA_DELAY_NS) / 1e9
         self.seen.append(
-            (picture.finger, t_s, found.in_contact, float(found.eda), truth.touches, truth.area_px)
+            (picture.finger, t_s, found.in_contact, float(found.eda), gel.truth.touches, gel.in_view)
         )
 
 
@@ -81,7 +91,7 @@ def score_demo(seed: int = 1) -> dict[str, DemoScore]:
     Args:
         seed: Of the person and of all noise; the demo's own is 1.
     """
-    counts = {finger: np.zeros(8, np.int64) for finger in FINGERS}
+    counts = {finger: np.zeros(len(DemoScore._fields) - 2, np.int64) for finger in FINGERS}
     felt: dict[str, list[tuple[float, float]]] = {finger: [] for finger in FINGERS}
     for name in DEMO_OBJECTS:
         kept = _Kept(lab_of(seed, "live", ()))
@@ -90,13 +100,14 @@ def score_demo(seed: int = 1) -> dict[str, DemoScore]:
         for finger in FINGERS:
             force = kept.array("truth", f"{finger}_force_n")
             rows = np.array([row[1:] for row in kept.seen if row[0] == finger], np.float64)
-            counts[finger] += _count(rows, np.interp(rows[:, 0], at_s, force))
             whose = ("finger", finger)
-            of_vest = kept.array("contacts", "front", where=whose) + kept.array(
-                "contacts", "back", where=whose
-            )
+            front, back = (kept.array("contacts", column, where=whose) for column in ("front", "back"))
+            counts[finger] += [
+                *_count(rows, np.interp(rows[:, 0], at_s, force)),
+                int(np.sum((front >= 100) | (back >= 100))),
+            ]
             shown_s = kept.array("contacts", "t_s", where=whose) - CAMERA_DELAY_NS / 1e9
-            felt[finger] += list(zip(np.interp(shown_s, at_s, force), of_vest, strict=True))
+            felt[finger] += list(zip(np.interp(shown_s, at_s, force), front + back, strict=True))
     scores = {}
     for finger, pairs in felt.items():
         touching = [pair for pair in pairs if pair[0] > 0.05]
@@ -105,22 +116,16 @@ def score_demo(seed: int = 1) -> dict[str, DemoScore]:
     return scores
 
 
-def _count(rows: np.ndarray[tuple[int, int], np.dtype[np.float64]], force: np.ndarray) -> np.ndarray:
-    """Return the counts of a lift in the order of :class:`DemoScore`."""
-    t_s, on, eda, touches, area_px = rows[:, 0], rows[:, 1] > 0, rows[:, 2], rows[:, 3] > 0, rows[:, 4]
-    loaded, in_view = force >= LOAD_N, area_px > 0
+def _count(rows: np.ndarray[tuple[int, int], np.dtype[np.float64]], force: np.ndarray) -> list[int]:
+    """Return what is counted in a lift's pictures, in the order of :class:`DemoScore`."""
+    t_s, on, eda, touches = rows[:, 0], rows[:, 1] > 0, rows[:, 2], rows[:, 3] > 0
+    loaded, share = force >= LOAD_N, np.nan_to_num(rows[:, 4])
+    beyond, in_view = loaded & (share == 0), loaded & (share >= QUARTER)
+    partly = loaded & ~beyond & ~in_view
     since_s = t_s - np.maximum.accumulate(np.where(touches, t_s, -np.inf))
+    late = since_s > RELEASE_S + 1e-6
     pair = on[1:] & on[:-1] & loaded[1:] & (np.abs(np.diff(force)) < _STEADY * force[1:])
     wide = np.ptp(eda[on]) if on.any() else 1.0
-    return np.array(
-        [
-            loaded.sum(),
-            (loaded & in_view).sum(),
-            (loaded & ~on).sum(),
-            (loaded & ~on & in_view).sum(),
-            len(rows),
-            (on & (since_s > RELEASE_S + 1e-6)).sum(),
-            pair.sum(),
-            (pair & (np.abs(np.diff(eda)) > _JUMP * wide)).sum(),
-        ]
-    )
+    which = [some for part in (loaded, beyond, partly, in_view) for some in (part, part & ~on)]
+    which += [on & (since_s > 0) & ~late, on & late, pair, pair & (np.abs(np.diff(eda)) > _JUMP * wide)]
+    return [len(rows), *(int(some.sum()) for some in which)]

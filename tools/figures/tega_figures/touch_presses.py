@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.lifecycle import require
+from tega.sim.gel import PX_PER_MM
 from tega.sim.gel_sequences import SHAPES, GelMoment, press_sequence, ramp
 from tega.touch import GelLight, KnownPress, TouchTracker, TrackedContact, calibrate_light
 
@@ -25,6 +26,7 @@ __all__ = [
     "FrameReading",
     "Held",
     "Image",
+    "PressError",
     "PressScore",
     "calibrated_errors",
     "hold_press",
@@ -237,13 +239,22 @@ def three_press_light(seed: int) -> GelLight:
     return calibrate_light(presses)
 
 
-def calibrated_errors(seed: int) -> dict[str, list[tuple[float, float]]]:
-    """Return relative errors of depth and force by shape, at 1, 2 and 5 N, after three presses of the same unit."""
+class PressError(NamedTuple):
+    """How far a held press is told from the truth: depth and force relatively, its middle in millimetres."""
+
+    depth: float
+    force: float
+    middle_mm: float
+
+
+def calibrated_errors(seed: int) -> dict[str, list[PressError]]:
+    """Return how far presses of each shape at 1, 2 and 5 N are off after three known presses of the same unit."""
     light = three_press_light(seed)
-    errors: dict[str, list[tuple[float, float]]] = {}
+    errors: dict[str, list[PressError]] = {}
     for name in SHAPES:
         for force_n in JUDGED_N:
             contact, _, truth = hold_press(name, seed, force_n, light)
-            error = contact.depth_mm / truth.depth_mm - 1, contact.force_n / force_n - 1
-            errors.setdefault(name, []).append(error)
+            off_px = float(np.hypot(*np.subtract(contact.centroid_xy, truth.centre_xy)))
+            error = contact.depth_mm / truth.depth_mm - 1, contact.force_n / force_n - 1, off_px / PX_PER_MM
+            errors.setdefault(name, []).append(PressError(*error))
     return errors

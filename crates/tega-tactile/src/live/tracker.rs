@@ -53,13 +53,17 @@ const SETTLED_PER_S: f64 = 0.4;
 const SETTLED: f64 = 0.1;
 /// A fall is judged after this many times as long as it took: quick ones at once, slow ones later.
 const WAIT: f64 = 1.0;
+/// While another finger bears a load, most quick falls are the object moving: a release then falls to less than this share of the peak, and
+/// is at rest before this many times as long as its fall took.
+const KEPT_LOADED: f64 = 0.17;
+const WAIT_LOADED: f64 = 2.0;
 /// Less than this share of the peak is a trace of the contact, however slowly it fell; so is what stays under a multiple of the threshold for
 /// so many seconds.
 const TRACE: f64 = 0.13;
 const FAINT: f64 = 1.15;
 const FAINT_S: f64 = 2.0;
-/// Under the threshold that time runs faster, by so much for the whole threshold: at 0.8 of it a contact is over within 0.15 s.
-const FAINTER: f64 = 60.0;
+/// Under the threshold that time runs faster, by so much for the whole threshold: at 0.8 of it a contact is over within 0.08 s.
+const FAINTER: f64 = 120.0;
 /// A gel's leftover sinks: what is not below this share of itself after this time is a light hold after a quick easing, and is felt again.
 const SINKS_S: f64 = 0.8;
 const SUNK: f64 = 0.88;
@@ -275,9 +279,9 @@ impl TouchTracker {
                     .min(SETTLED_PER_S);
                 let settled = before - s <= speed * dt_s * *peak;
                 let fell = fallen.is_some_and(|[fall_s, since_s]| {
-                    fall_s < FALL_S + dt_s && since_s + dt_s >= WAIT * fall_s
+                    let rests = !loaded || (s < KEPT_LOADED * *peak && since_s <= WAIT_LOADED * fall_s);
+                    fall_s < FALL_S + dt_s && since_s + dt_s >= WAIT * fall_s && rests
                 });
-                let fell = fell && !loaded;
                 let traces = s < TRACE * *peak || *faint_s > FAINT_S;
                 let peak = *peak;
                 if s < HYSTERESIS * (threshold - self.leftover) + self.leftover {
