@@ -52,6 +52,7 @@ def test_any_press_gives_a_picture_and_a_truth_that_fit_together(presses, index)
     assert np.isfinite(height).all()
     assert height.min() >= 0
     assert mask.sum() == truth.area_px <= HEIGHT * WIDTH
+    assert np.isnan(GEL.in_view) or 0 <= GEL.in_view <= 1
     assert truth.depth_mm == height.max()
     assert np.isfinite(truth.centre_xy).all() == (truth.area_px > 0)
     if truth.area_px:

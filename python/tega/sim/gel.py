@@ -162,7 +162,8 @@ class Gel:
     def in_view(self) -> float:
         """Share of the latest press's touching area that is in the picture, 0 to 1; NaN where no cell touches.
 
-        Found on cells of 8 x 8 pixels. What lies more than 3.4 mm beyond the picture is not counted.
+        Found on cells of 8 x 8 pixels, whose answer is coarser than the picture's: where planes lie over one another
+        none of them may touch. What lies more than 3.4 mm beyond the picture is not counted.
         """
         return self._gel.in_view()
 
