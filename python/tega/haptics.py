@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Final, Literal, TypeAlias, cast
+from typing import Final, Literal, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,9 +27,6 @@ from numpy.typing import NDArray
 from tega import _native
 from tega.errors import DtypeError, InvalidValueError, ShapeError
 from tega.motor_layout import SHIPPED, Mirror, find_layout
-
-if TYPE_CHECKING:
-    from tega.wire.allegro_messages import Finger
 
 __all__ = [
     "CONTACT_RULES",
@@ -51,7 +48,7 @@ Layout: TypeAlias = str
 
 ContactType: TypeAlias = Literal["none", "focal", "broad", "mixed"]
 
-FINGERS: Final = cast("tuple[Finger, Finger, Finger, Finger]", tuple(_native.FINGERS))
+FINGERS: Final = cast("tuple[str, str, str, str]", tuple(_native.FINGERS))
 """The fingers in the order of the columns, from the wearer's left; the hand's is :data:`tega.wire.HAND_FINGERS`."""
 
 LAYOUTS: Final[tuple[Layout, ...]] = tuple(SHIPPED)

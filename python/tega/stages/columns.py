@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping as AnyMapping
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, cast
 
 import msgspec
 import numpy as np
@@ -36,6 +36,7 @@ FIELDS = (
 )
 """Numbers of a contact that a face can show."""
 
+_Columns = tuple[Finger, Finger, Finger, Finger]
 _EndValue = Annotated[float, msgspec.Meta(gt=0, lt=0.5)]
 _Positive = Annotated[float, msgspec.Meta(gt=0, le=1e12)]
 
@@ -70,7 +71,7 @@ class ColumnsOptions(StageOptions, frozen=True):
     at_rest: Literal["silent", "law"] = "silent"
     rows: Literal["alike", "bar"] = "alike"
     saturate: bool = False
-    fingers: tuple[Finger, Finger, Finger, Finger] = FINGERS
+    fingers: _Columns = cast("_Columns", FINGERS)
 
 
 class ColumnsMapping(Mapping):
