@@ -18,7 +18,7 @@ Describe Detect Draw Drive Drop Encode End Estimate Exchange Export Filter Find 
 Import Inspect Judge Keep Lay Lead Learn Let Light Limit List Listen Load Look Make Map Mark Measure Merge Move Name
 Note Notice Observe Open Pace Parse Pass Plan Play Practise Prepare Press Print Publish Queue Read Recognise Record
 Refresh Refuse Render Report Resample Run Sample Say Score Send Serve Set Show Silence Simulate Spread Stamp Stand
-Start Steer Sum Switch Synthesise Take Tell Test Track Trim Try Turn Vary Wake Watch Withdraw Write
+Start Steer Stream Sum Switch Synthesise Take Tell Test Track Trim Try Turn Vary Wake Watch Withdraw Write
 """
 VERBS = frozenset(SORTED_VERBS.split())
 

@@ -30,7 +30,7 @@ def main() -> None:
         recorder = LiftRecorder(whole, RecordingSection(jpeg_quality=_JPEG_QUALITY), real_time=False)
         run_demo([TrialPlan(object="bag", condition="haptic", seed=1)], real_time=False, recorder=recorder)
         part = ("--from", str(_FROM_S), "--to", str(_TO_S))
-        tega_teleop(["trim", str(whole / "trial-001.mcap"), *part, "--out", str(folder)])
+        tega_teleop(["recording", "trim", str(whole / "trial-001.mcap"), *part, "--out", str(folder)])
 
 
 if __name__ == "__main__":
