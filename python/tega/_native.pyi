@@ -349,6 +349,8 @@ def step_modelled(
 
 # --- image ---
 
+def vote_lines(image: NDArray[np.uint8], /) -> tuple[float, list[bytes]]: ...
+
 def decode_png(file: bytes, /) -> NDArray[np.uint8] | None: ...
 
 # --- wire ---

@@ -53,7 +53,7 @@ mod _native {
     #[pymodule_export]
     use crate::image::decode_png;
     #[pymodule_export]
-    use crate::tactile::{Equations, KnownBaseline, Preset, estimate_baseline};
+    use crate::tactile::{Equations, KnownBaseline, Preset, estimate_baseline, vote_lines};
     #[pymodule_export]
     use crate::touch::{Contact, TouchTracker, nominal_light, sensor_noise, update_fingers};
     #[pymodule_export]

@@ -4,6 +4,7 @@ use std::cell::RefCell;
 
 use numpy::{IntoPyArray, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray3};
 use pyo3::prelude::*;
+use pyo3::types::PyBytes;
 use tega_error::choice;
 use tega_tactile::{
     CentroidValue, ContactMetrics, Decimal, Difference, Gate, LiveReader, LiveScratch, Options, Order,
@@ -302,4 +303,15 @@ pub(crate) fn estimate_baseline<'py>(
     let n: usize = views.iter().map(|view| view.len() / 3).sum();
     let found = released(py, n > KEEP_UP_TO, || tega_tactile::estimate_baseline(&views))?;
     Ok((found.image.into_pyarray(py), found.choice.frames))
+}
+
+/// Light and lines of a picture, as bytes.
+type Votes<'py> = (f64, [Bound<'py, PyBytes>; 4]);
+
+#[pyfunction]
+#[pyo3(signature = (image, /))]
+pub(crate) fn vote_lines<'py>(py: Python<'py>, image: &Bound<'py, PyAny>) -> Result<Votes<'py>, BindError> {
+    let image = crate::arguments::image("image", image)?;
+    let taken = tega_tactile::vote_lines(image.as_array());
+    Ok((taken.light, taken.lines.map(|line| PyBytes::new(py, &line))))
 }

@@ -27,6 +27,7 @@ pub mod many;
 mod metrics;
 mod paper;
 mod sums;
+mod vote_lines;
 
 pub use baseline::{
     BaselineChoice, BaselineSource, BaselineSurvey, EstimatedBaseline, estimate_baseline, median_image,
@@ -41,3 +42,4 @@ pub use live::{
 };
 pub use metrics::{CentroidValue, ContactMetrics, Gate, Options, Spread, contact_metrics};
 pub use paper::{MIN_PIXELS, NOISE_FLOOR, PaperScratch, read_paper};
+pub use vote_lines::{VoteLines, vote_lines};

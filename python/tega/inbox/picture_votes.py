@@ -24,15 +24,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tega._native import vote_lines
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = ["PictureVotes"]
 
 _DARK_SHARE = 0.6
-_PARTS = 16
-# Of a column not every pixel is asked, each of which lies elsewhere in memory; so many at least.
-_FEWEST_PIXELS = 40
 # A line of the untouched picture with less spread, counts of 255, is of one colour by itself.
 _LEAST_SPREAD = 1.0
 _FEWEST = 3
@@ -56,8 +55,9 @@ class PictureVotes:
     """
 
     def __init__(self, baseline: NDArray[np.uint8]) -> None:
-        self._light = _light(baseline)
-        self._edges = [k for k, line in enumerate(_lines(baseline)) if float(line.std()) >= _LEAST_SPREAD]
+        self._light, lines = vote_lines(baseline)
+        spreads = [float(np.frombuffer(line, np.uint8).std()) for line in lines]
+        self._edges = [k for k, spread in enumerate(spreads) if spread >= _LEAST_SPREAD]
         self._last: list[bytes] = []
         self._bad_ns: deque[int] = deque(maxlen=_FEWEST)
         self._lost = False
@@ -88,31 +88,13 @@ class PictureVotes:
         self.fault = "frozen: it sends the same picture again and again"
 
     def _wrong(self, image: NDArray[np.uint8]) -> str:
-        lines = _lines(image)
-        now, before = [lines[k].tobytes() for k in self._edges], self._last
+        light, lines = vote_lines(image)
+        now, before = [lines[k] for k in self._edges], self._last
         self._last = now
-        share = _light(image) / self._light if self._light else 1.0
+        share = light / self._light if self._light else 1.0
         if share < _DARK_SHARE:
             return f"dark: {100 * share:.0f} % of the light of the untouched picture"
         of_one_colour = any(line == line[-3:] * (len(line) // 3) for line in now)
         if of_one_colour or any(map(operator.eq, now, before)):
             return "torn: part of each picture is missing, or of the one before"
         return ""
-
-
-def _light(image: NDArray[np.uint8]) -> float:
-    """Return the mean of eight rows, which lie together in memory: a new picture is in no cache yet."""
-    rows = len(image)
-    return float(image[rows // 16 :: max(1, rows // 8)].mean())
-
-
-def _lines(image: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
-    """Return a line of pixels a sixteenth from each edge: whichever way a picture is turned, its end is beyond one."""
-    rows, columns = (max(1, n // _PARTS) for n in image.shape[:2])
-    stride = max(1, len(image) // _FEWEST_PIXELS)
-    return [
-        image[rows - 1],
-        image[-rows],
-        image[::stride, columns - 1],
-        image[::stride, -columns],
-    ]
