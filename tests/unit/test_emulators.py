@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import random
 import re
 import shutil
@@ -214,3 +215,16 @@ def test_a_player_says_nothing_of_who_only_looks_whether_its_port_is_open(
                 pass
         player.say("look")
     assert capfd.readouterr().err == ""
+
+
+def test_a_port_that_vanished_comes_back_as_no_other_program_s() -> None:
+    with Emulator("cyton") as board:
+        gone = board.port
+        board.say("unplug")
+        assert not Path(gone).exists()
+        ours, theirs = os.openpty()
+        try:
+            assert os.ttyname(theirs) != gone
+        finally:
+            os.close(ours)
+            os.close(theirs)

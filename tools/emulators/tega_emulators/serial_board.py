@@ -80,6 +80,7 @@ class _Line:
         self._board, self._signal, self._faults, self._rng = board, signal, faults, rng
         self.port = ""
         self._ends: tuple[int, int] | None = None
+        self._vanished: list[int] = []
         self._heard = b""
         self._rest = b""
         self._typed = b""
@@ -95,9 +96,11 @@ class _Line:
         self._send(self._board.power_on())
 
     def unplug(self) -> None:
-        """Let the port vanish."""
-        for end in self._ends or ():
-            os.close(end)
+        """Let the port vanish; its number is kept, lest another program's port be taken for this one come back."""
+        if self._ends is not None:
+            ours, hosts = self._ends
+            os.close(ours)
+            self._vanished.append(hosts)
         self._ends = None
 
     def run(self, burst_s: float) -> None:
