@@ -179,13 +179,13 @@ def test_a_robot_that_does_not_fit_is_refused_with_what_to_do(robot: Emulator) -
 
 def test_the_verb_says_whether_the_robot_can_be_steered(robot: Emulator) -> None:
     robot.say("end")
-    said = CliRunner().invoke(arm_verb, [robot.address["host"], "--json"])
+    said = CliRunner().invoke(arm_verb, ["check", robot.address["host"], "--json"])
     told = json.loads(said.output)
     assert told["server"] == 10
     assert told["library"]["server"] == 10
     assert [one["ok"] for one in told["findings"][:2]] == [True, True]
     robot.say("refuse 5")
-    said = CliRunner().invoke(arm_verb, [robot.address["host"]])
+    said = CliRunner().invoke(arm_verb, ["check", robot.address["host"]])
     assert said.exit_code == 1
     assert "no  franky-control" in said.output
     assert "by-robot-server-version/5/" in said.output
