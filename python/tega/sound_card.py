@@ -10,7 +10,7 @@ __all__ = ["load_sounddevice"]
 
 
 def load_sounddevice() -> Any:
-    """Import the package.
+    """Import the package sounddevice.
 
     Raises:
         MissingExtraError: It is not installed.

@@ -191,9 +191,22 @@ def test_a_run_traces_both_ways(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_bench_loop_tells_every_stage() -> None:
-    words = [sys.executable, "-m", "tega.cli", "bench", "loop", "--seconds", "3", "--json"]
+@pytest.mark.parametrize("preset", ["live", "paper"])
+def test_bench_loop_tells_every_stage(preset: str) -> None:
+    words = [
+        sys.executable,
+        "-m",
+        "tega.cli",
+        "bench",
+        "loop",
+        "--seconds",
+        "3",
+        "--preset",
+        preset,
+        "--json",
+    ]
     said = json.loads(subprocess.run(words, capture_output=True, text=True, check=True).stdout)
+    assert said["preset"] == preset
     assert set(said["latency_ms"]["touch"]) == set(TOUCH_STAGES)
     assert set(said["latency_ms"]["intent"]) == set(INTENT_STAGES)
     assert said["frames_hz"] > 0

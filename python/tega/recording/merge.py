@@ -23,7 +23,7 @@ class _Part(NamedTuple):
     """A recording that is to be merged.
 
     Attributes:
-        path: It.
+        path: Its file.
         name: What to call it.
         from_ns: Time of day at which it begins, nanoseconds since 1970.
         to_ns: Time of day of its newest message.

@@ -56,7 +56,7 @@ class RecordChannels:
         """Encode a record and tell it.
 
         Args:
-            record: It.
+            record: What is to be told.
             t_ns: When it came, nanoseconds since the start of the session.
         """
         log_ns = self.epoch_ns + t_ns

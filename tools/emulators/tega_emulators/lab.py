@@ -89,6 +89,7 @@ def emulated_lab(
     dead_man: Literal["spacemouse", "pedal"] = "spacemouse",
     camera_hz: float = 60.0,
     touch: TouchMaxima | None = None,
+    preset: Literal["paper", "live"] = "live",
 ) -> Iterator[EmulatedLab]:
     """Start emulators.
 
@@ -105,6 +106,7 @@ def emulated_lab(
             other button recovers. Only a program with the lab's ``environment`` finds it.
         camera_hz: Pictures a second that they really give.
         touch: What counts as full touch; ``None`` for so little that what is pressed is felt fully.
+        preset: Whose maxima the calibration holds.
 
     Yields:
         The lab; everything ends with the block.
@@ -143,7 +145,7 @@ def emulated_lab(
                 _cap(stack, lab)
         full = touch or TouchMaxima(cci_max=0.01, eda_max=500.0)
         calibration = Calibration(
-            preset="live",
+            preset=preset,
             origin="emulated devices",
             tactile=FingerMaxima(**dict.fromkeys(fingers, full)),
             emg=maxima,

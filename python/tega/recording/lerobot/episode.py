@@ -38,7 +38,7 @@ class Episode(NamedTuple):
     """A recording at a fixed rate.
 
     Attributes:
-        path: It.
+        path: Its file.
         fps: Frames per second.
         start_ns: Time of the first frame, nanoseconds since the start of the session.
         n_frames: How many.

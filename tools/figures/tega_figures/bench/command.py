@@ -117,9 +117,22 @@ def sim(*, objects: list[str], repeats: int, preset: Literal["paper", "live"], a
     type=click.FloatRange(10, 1000),
     help="Greatest rate of the vest's link, such as 50 for Bluetooth; the Player's is 500.",
 )
+@click.option(
+    "--preset",
+    type=click.Choice(["paper", "live"]),
+    default="live",
+    show_default=True,
+    help="Of the session; paper measures touch alike in all versions, to compare what is around it.",
+)
 @json_option
 def loop(
-    *, seconds: float, record: bool, pace: Literal["by-frame", "steady"], most_hz: float | None, as_json: bool
+    *,
+    seconds: float,
+    record: bool,
+    pace: Literal["by-frame", "steady"],
+    most_hz: float | None,
+    preset: Literal["paper", "live"],
+    as_json: bool,
 ) -> None:
     """Run the whole loop in real time on emulated devices and measure how long each stage takes.
 
@@ -128,7 +141,7 @@ def loop(
 
     \b
     --json prints one object:
-      machine, seconds
+      machine, preset, seconds
       latency_ms  {touch|intent: {stage: {n, p50, p95, p99, worst}}}; "in-hand" is all from a picture in our hands to
                   the vest's bytes handed over, "own" the same without what is waited for
       pacing      {ticks, overruns, skipped, worst_late_ms}
@@ -145,7 +158,7 @@ def loop(
 
     # Python lets a thread hold the interpreter for 5 ms by default, longer than a tick of the hand.
     sys.setswitchinterval(0.0005)
-    report = bench_loop(seconds=seconds, record=record, pace=pace, most_hz=most_hz)
+    report = bench_loop(seconds=seconds, record=record, pace=pace, most_hz=most_hz, preset=preset)
     if as_json:
         echo_json(msgspec.to_builtins(report))
         return

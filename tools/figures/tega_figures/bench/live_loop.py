@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 import time
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 
@@ -22,6 +22,7 @@ class LoopBench(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         machine: Where; the emulators ran on the same one.
+        preset: Of the session: ``paper`` measures touch alike in all versions, ``live`` does not.
         seconds: How long the run was.
         latency_ms: Percentiles of every stage by path; see :mod:`tega.teleop.latency`.
         pacing: Ticks, and how late they were.
@@ -36,6 +37,7 @@ class LoopBench(msgspec.Struct, frozen=True, kw_only=True):
     """
 
     machine: Machine
+    preset: str
     seconds: float
     latency_ms: dict[str, Any]
     pacing: dict[str, Any]
@@ -49,7 +51,12 @@ class LoopBench(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def bench_loop(
-    *, seconds: float, record: bool, pace: Pace = "by-frame", most_hz: float | None = None
+    *,
+    seconds: float,
+    record: bool,
+    pace: Pace = "by-frame",
+    most_hz: float | None = None,
+    preset: Literal["paper", "live"] = "live",
 ) -> LoopBench:
     """Run four DIGITs at 60 Hz, EMG at 1 kHz, an Allegro Hand and a vest for a while.
 
@@ -58,6 +65,7 @@ def bench_loop(
         record: Whether to record the run and write its tables as well.
         pace: Of the vest; see ``vest.pace`` of a session's settings.
         most_hz: The greatest rate of the vest's link; ``None`` for the driver's own.
+        preset: Of the session and its calibration.
 
     Returns:
         What was measured.
@@ -70,8 +78,10 @@ def bench_loop(
 
     with tempfile.TemporaryDirectory(prefix="tega-bench-") as name:
         folder = Path(name)
-        with emulated_lab(folder, emg_hz=EMG_HZ, hand=True, vest=True, fingers=FINGERS, touch=PRESSED) as lab:
-            lab.tree["session"] = {"duration_s": seconds}
+        with emulated_lab(
+            folder, emg_hz=EMG_HZ, hand=True, vest=True, fingers=FINGERS, touch=PRESSED, preset=preset
+        ) as lab:
+            lab.tree["session"] = {"duration_s": seconds, "preset": preset}
             lab.tree["vest"]["pace"] = pace
             if most_hz is not None:
                 lab.tree["vest"]["options"]["most_hz"] = most_hz
@@ -92,6 +102,7 @@ def bench_loop(
     wall_s = summary["duration_s"]
     return LoopBench(
         machine=describe_machine(),
+        preset=preset,
         seconds=wall_s,
         latency_ms=summary["latency_ms"],
         pacing=summary["pacing"],
