@@ -21,7 +21,7 @@ from tega.errors import ConfigError, DeviceUnavailableError
 from tega.lifecycle import Opened
 from tega.opencv import load_cv2
 from tega.reopening import Reopening
-from tega.threads import run_realtime
+from tega.threads import give_way, run_realtime
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -272,7 +272,7 @@ class Digit(Opened):
                 notes.append("the lights could not be set")
         self._notes = tuple(notes)
 
-    @run_realtime("take")
+    @run_realtime("measure")
     def _run(self, capture: Any) -> None:
         """Read until told to leave; a camera that goes away is opened again."""
 
@@ -331,7 +331,8 @@ class Digit(Opened):
         opened_ns, last_ns = time.monotonic_ns(), 0
         self._window = (opened_ns, 0)
         while not self._leaving.is_set():
-            came, sent = capture.read()
+            with give_way():
+                came, sent = capture.read()
             if not came:
                 break
             any_came = True

@@ -13,6 +13,7 @@ from tega.lifecycle import require
 from tega.recording.mcap_schemas import MESSAGES, PACKAGE, encoded, message_class, schema_bytes
 from tega.records import Joints, LogLine, Picture, PoseRecord, TrackerAxes
 from tega.records.schema import schema_name
+from tega.threads import give_way
 
 if TYPE_CHECKING:
     from tega.records import Record
@@ -111,7 +112,8 @@ class RecordChannels:
         else:
             channel = self._channel(topic, self._channels_of.CompressedImageChannel)
             whole = np.frombuffer(pixels, np.uint8).reshape(image.shape)
-            _, data = self._cv2.imencode(".jpg", whole, self._quality)
+            with give_way():
+                _, data = self._cv2.imencode(".jpg", whole, self._quality)
             message = self._messages.CompressedImage(
                 timestamp=stamp, frame_id=record.finger, data=data.tobytes(), format="jpeg"
             )
