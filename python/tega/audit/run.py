@@ -16,6 +16,7 @@ from tega.audit.variants import READINGS, Kind, SettingSweep, Variant, kind_of, 
 from tega.audit.vest import VestScore, vest_score
 from tega.config import check_tree
 from tega.errors import ConfigError, RecordingError
+from tega.foreign_file import tells_damage
 from tega.inbox.sources import metrics_of
 from tega.stages.choose import chosen_stage
 
@@ -113,10 +114,23 @@ def audit_recording(
     """
     found = []
     for one in recordings_of(path):
-        audit = _Audit(one, asked)
-        read_material(one, audit, preset=asked.preset, baseline=baseline, emg=emg, progress=progress)
-        found.append(audit.finished())
+        # What a session's records lead to is damage of that file; others have their own readers.
+        audited = tells_damage(_audited) if one.suffix == ".mcap" else _audited
+        found.append(audited(one, asked, baseline, emg, progress))
     return found
+
+
+def _audited(
+    path: Path,
+    asked: AuditRequest,
+    baseline: Path | None,
+    emg: EmgColumns | None,
+    progress: Callable[[str, int, int], None],
+) -> Audited:
+    """Compare readings on one recording."""
+    audit = _Audit(path, asked)
+    read_material(path, audit, preset=asked.preset, baseline=baseline, emg=emg, progress=progress)
+    return audit.finished()
 
 
 class _Audit:
