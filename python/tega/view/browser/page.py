@@ -16,6 +16,7 @@ from tega.haptics import FINGERS
 from tega.teleop.touch import STALE_NS
 from tega.view.browser.charts import CourseChart, MuscleCharts
 from tega.view.browser.delays import Delays
+from tega.view.browser.ghost import GHOST_COLOUR
 from tega.view.browser.scene import Point, Scene
 from tega.view.browser.timeline import KEPT_S, Timeline
 from tega.view.browser.touch import GAP, TILE_HEIGHT, TILE_WIDTH, SmallSheet, TouchSheet
@@ -114,6 +115,7 @@ class Page:
             self._images = gui.add_image(blank, jpeg_quality=85)
             gui.add_html(_LEGEND)
             if not self._blind:
+                gui.add_html(_COMMANDED)
                 self._vest = gui.add_html(vest_svg(None))
                 if controls is not None and controls.try_motor is not None:
                     hint = "while the run is armed, a click on a motor has it vibrate for half a second"
@@ -177,7 +179,7 @@ class Page:
         past = self.paint_past()
         with self._server.atomic():
             if not past:
-                self.scene.draw(state.shapes, state.poses, None if self._blind else state.contact_points)
+                self._draw_scene(state)
             if turn == 0:
                 if sheet is not None and not past:
                     self._images.image = sheet
@@ -194,6 +196,14 @@ class Page:
                 self._course.draw()
                 if state.emg is not None:
                     self._muscles.draw(state.t_ns / 1e9, state.emg)
+
+    def _draw_scene(self, state: ViewState) -> None:
+        points, commanded = state.contact_points, None
+        if self._blind:
+            points = None  # who scores what is seen is told nothing that a camera does not see
+        elif state.palm is not None and state.loop.target_rad is not None:
+            commanded = state.loop.target_rad, state.palm
+        self.scene.draw(state.shapes, state.poses, points, commanded)
 
     def _torso(self, state: ViewState) -> str:
         can_try = self._controls is not None and self._controls.try_motor is not None
@@ -218,7 +228,7 @@ class Page:
             return False
         state, sheet, emg = past
         with self._server.atomic():
-            self.scene.draw(state.shapes, state.poses, state.contact_points)
+            self._draw_scene(state)
             if sheet is not None and sheet is not self._past_sheet:
                 import imageio.v3
 
@@ -272,6 +282,10 @@ _LEGEND = (
     '<b style="color:#27a045">○</b> peak, <b style="color:#3b8cff">○</b> area that EDA counts</div>'
 )
 
+_COMMANDED = (
+    f'<div style="{_FONT};font-size:11px;padding:0 10px 6px;color:#6c757d">scene: '
+    f'<b style="color:{GHOST_COLOUR}">blue, translucent</b> the hand as commanded · red arrows: forces</div>'
+)
 
 # What the browser does by itself: unless the run's state is painted afresh in time, it greys the state and says for how
 # long nothing was heard. A frozen or killed program, a painter that failed and a run that stands still look the same.
