@@ -18,6 +18,7 @@ from tega.view.browser.charts import CourseChart, MuscleCharts
 from tega.view.browser.delays import Delays
 from tega.view.browser.ghost import GHOST_COLOUR
 from tega.view.browser.scene import Point, Scene
+from tega.view.browser.seek import SeekSlider
 from tega.view.browser.timeline import KEPT_S, Timeline
 from tega.view.browser.touch import GAP, TILE_HEIGHT, TILE_WIDTH, SmallSheet, TouchSheet
 from tega.view.browser.vest import TRIED, vest_svg
@@ -69,6 +70,7 @@ class Page:
         arm: What the arm does, why, what the operator holds, and where the hand is; empty without an arm.
         status: The lines of text.
         timeline: The moments that can be looked back at; ``None`` on a page without controls.
+        seek: The slider over a recording that is played; ``None`` where none is.
         inputs: viser's handles of the buttons and choices that there are: ``object``, ``haptics``, ``pause``, ``go``,
             ``stop``.
     """
@@ -87,6 +89,7 @@ class Page:
         self._server, self._blind, self._controls = server, controls is None, controls
         self._sheet, self._labels, self._delays = TouchSheet(), ContactLabels(), Delays()
         self.timeline: Timeline | None = None
+        self.seek: SeekSlider | None = None
         self._past_sheet: bytes | None = None
         self._small = SmallSheet()
         self.scene = Scene(server, eye_m=eye_m, at_m=at_m)
@@ -104,6 +107,8 @@ class Page:
         self._rates = gui.add_html("")
         if controls is not None:
             self._add_buttons(gui, controls)
+            if controls.playhead is not None:
+                self.seek = SeekSlider(gui, controls.playhead)
             self.timeline = Timeline(gui, kept_s)
             self._looking = gui.add_html("")
         self._muscles = MuscleCharts(gui)
@@ -188,6 +193,8 @@ class Page:
                 self.status.content = _status(state)
             elif turn == 1:
                 self.paint_text(state)
+                if self.seek is not None:
+                    self.seek.follow()
                 if not past:
                     self._paint_touch(_captions(state, self._labels), self._torso(state))
                 self._delays.note(latency_ms)
