@@ -52,7 +52,7 @@ def opened(browser: Any, url: str) -> Iterator[Any]:
         page.goto(url)
         # viser warns, sooner or later, where WebGL has no graphics card behind it.
         page.add_style_tag(content=".mantine-Notification-root { display: none !important }")
-        page.locator("canvas").first.wait_for(timeout=60_000)
+        page.locator("canvas").first.wait_for()
         yield page
     finally:
         page.close()
