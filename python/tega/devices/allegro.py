@@ -300,6 +300,11 @@ class Allegro(Opened):
         angles = None if self._link is None else self._link.angles_rad
         return np.full(16, np.nan) if angles is None else angles
 
+    @property
+    def target_rad(self) -> NDArray[np.float64] | None:
+        """Joint targets of the last cycle, float64 (16,), rad; ``None`` before the first."""
+        return None if self._link is None else self._link.target_rad
+
     def state(self) -> HandState:
         """Return phase, version, temperatures and counters.
 

@@ -54,12 +54,14 @@ class RecordChannels:
         self.context: Any = self._foxglove.Context()
 
     def write(self, record: Record, t_ns: int) -> None:
-        """Encode a record and tell it.
+        """Encode a record and tell it, unless nobody hears its channel; one that is new is made for who may come.
 
         Args:
             record: What is to be told.
             t_ns: When it came, nanoseconds since the start of the session.
         """
+        if not self._heard(record):
+            return
         log_ns = self.epoch_ns + t_ns
         match record:
             case Picture():
@@ -74,6 +76,13 @@ class RecordChannels:
                 self._axes(record, log_ns)
             case _:
                 self._message(record.where, record, log_ns)
+
+    def _heard(self, record: Record) -> bool:
+        topics = [record.where]
+        if isinstance(record, Picture):
+            topics.append(_frame_topic(record))
+        channels = [self._channels.get(topic) for topic in topics]
+        return any(channel is None or channel.has_sinks() for channel in channels)
 
     def _channel(self, topic: str, make: Any, **how: Any) -> Any:
         channel = self._channels.get(topic)
@@ -119,7 +128,7 @@ class RecordChannels:
             )
         channel.log(message, log_time=log_ns)
         summed = msgspec.structs.replace(record, pixels_crc32=zlib.crc32(pixels))
-        self._message(f"{topic.rpartition('/')[0]}/frame", summed, log_ns)
+        self._message(_frame_topic(record), summed, log_ns)
 
     def _joints(self, record: Joints, log_ns: int) -> None:
         make = self._messages.JointState
@@ -158,3 +167,8 @@ class RecordChannels:
             rotation=self._messages.Quaternion(**dict(zip("xyzw", record.quaternion, strict=True))),
         )
         self._channel(record.where, self._channels_of.FrameTransformChannel).log(message, log_time=log_ns)
+
+
+def _frame_topic(picture: Picture) -> str:
+    """Return where a picture's number and exact times are told."""
+    return f"{picture.where.rpartition('/')[0]}/frame"

@@ -51,6 +51,11 @@ class SimulatedAllegro:
         """The joint angles as the encoders show them now, float64 (16,), in radians."""
         return self._read()
 
+    @property
+    def target_rad(self) -> NDArray[np.float64] | None:
+        """Joint targets of the last tick, float64 (16,), in radians; ``None`` before the first."""
+        return self._controller.target_rad
+
     def step(self, level: float) -> list[CanFrame]:
         """Go on by one tick of 3 ms.
 

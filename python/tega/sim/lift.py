@@ -279,6 +279,7 @@ class Lift:
             images=rig.touch_images(),
             shapes=self._shapes,
             poses=world.poses(),
+            palm=world.palm_row,
             contact_points=world.contact_points(),
             emg=tail,
             rows=self._rows(),
