@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from tega.cli.emg_fitts import emg_fitts, emg_skill
+from tega.cli.emg_people import emg_people
 from tega.cli.emg_score import emg_score
 from tega.cli.options import ChannelList, NameList, echo_json, json_option
 
@@ -24,6 +26,9 @@ def emg() -> None:
 
 
 emg.add_command(emg_score, "score")
+emg.add_command(emg_fitts, "fitts")
+emg.add_command(emg_skill, "skill")
+emg.add_command(emg_people, "people")
 
 
 @emg.command(
