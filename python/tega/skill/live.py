@@ -19,7 +19,6 @@ from tega.stages.choose import chosen_stage
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig
-    from tega.inbox.sources import EmgBlock
     from tega.skill.fitts_course import Target
 
 __all__ = ["CLOSURE_STEP", "LEVEL_STEP", "cursor_of", "decoder_told", "fitts_test"]
@@ -29,6 +28,7 @@ LEVEL_STEP: Final = 0.25
 CLOSURE_STEP: Final = 0.01
 """Of one that gives a closure: what the bar and its number tell apart."""
 _SILENT_S: Final = 3.0
+_APART_S: Final = 1e-6
 
 
 def cursor_of(level: int, closure: float | None) -> tuple[float, float]:
@@ -85,10 +85,13 @@ def fitts_test(
         )
         guide.ready("Arm as in use")
         muscles.start()
-        closure, last_s = 0.0, 0.0
+        closure, last_s, t_s = 0.0, 0.0, 0.0
         while (target := course.target) is not None:
             for block in muscles.blocks():
-                closure, step = _taken(course, block)
+                closure, step = cursor_of(block.level, block.closure)
+                # Blocks that came in one read have one time.
+                t_s = max(block.t_ns * 1e-9, t_s + _APART_S)
+                course.take(t_s, closure)
                 last_s = muscles.gone_s
             if muscles.gone_s - last_s > _SILENT_S:
                 raise DeviceUnavailableError(
@@ -120,12 +123,6 @@ def fitts_test(
         movements=tuple(movement_row(one) for one in course.movements),
     )
     return record, score, keep_fitts(record, folder)
-
-
-def _taken(course: FittsCourse, block: EmgBlock) -> tuple[float, float]:
-    closure, step = cursor_of(block.level, block.closure)
-    course.take(block.t_ns * 1e-9, closure)
-    return closure, step
 
 
 def _bars(target: Target, closure: float) -> list[Bar]:
