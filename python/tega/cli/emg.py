@@ -185,7 +185,7 @@ def compare(
     \b
     --json prints a list, an object a log, part and decoder:
       log, trained_on, judged_on, decoder, rank_correlation, level_rank_correlation, correlation, rmse,
-      changes_per_s, delay_s (behind rules-paper), target_delay_s, at_level, balanced_accuracy,
+      changes_per_s, delay_s and level_delay_s (behind rules-paper), target_delay_s, at_level, balanced_accuracy,
       false_closings_per_min, calibration_error, held, duration_s
     """  # noqa: D301  # click keeps the lines after \b as they are
     from tega.decoders.compare import as_json as figures_of
