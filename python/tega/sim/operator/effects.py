@@ -1,4 +1,4 @@
-"""Disturb the simulated EMG after the calibration: electrode shift, sweat, co-contraction, posture. Simulated.
+"""Simulate what changes EMG after a calibration: electrode shift, sweat, co-contraction, posture. Simulated.
 
 Off unless named; without them the EMG is the same to the bit. Numbers, ranges and sources: ``effects.toml``.
 
