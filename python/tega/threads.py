@@ -63,7 +63,7 @@ def run_realtime(rank: Rank, *, inherited: bool = False) -> Iterator[bool]:
     Yields:
         Whether it was granted, or was so before.
     """
-    if not _possible():
+    if sys.platform != "linux" or not _possible():
         yield False
         return
     before, how = os.sched_getscheduler(0), os.sched_getparam(0)
@@ -153,6 +153,8 @@ def _threads() -> list[int]:
 
 
 def _how(tid: int) -> tuple[int, int] | None:
+    if sys.platform != "linux":
+        return None
     try:
         return os.sched_getscheduler(tid), os.sched_getparam(tid).sched_priority
     except OSError:  # it has ended
@@ -164,10 +166,14 @@ def _possible() -> bool:
 
 
 def _is_realtime(policy: int) -> bool:
+    if sys.platform != "linux":
+        return False
     return policy & ~os.SCHED_RESET_ON_FORK in {os.SCHED_FIFO, os.SCHED_RR}
 
 
 def _is_ordinary(tid: int) -> bool:
+    if sys.platform != "linux":
+        return True
     try:
         return os.sched_getscheduler(tid) & ~os.SCHED_RESET_ON_FORK == os.SCHED_OTHER
     except OSError:  # it has ended
@@ -175,6 +181,8 @@ def _is_ordinary(tid: int) -> bool:
 
 
 def _set(tid: int, rank: Rank, *, inherited: bool = False) -> bool:
+    if sys.platform != "linux":
+        return False
     policy = os.SCHED_RR if inherited else os.SCHED_RR | os.SCHED_RESET_ON_FORK
     try:
         os.sched_setscheduler(tid, policy, os.sched_param(_PRIORITY[rank]))
@@ -184,6 +192,8 @@ def _set(tid: int, rank: Rank, *, inherited: bool = False) -> bool:
 
 
 def _ordinary(tid: int) -> None:
+    if sys.platform != "linux":
+        return
     try:
         os.sched_setscheduler(tid, os.SCHED_OTHER, os.sched_param(0))
     except OSError:  # it has ended

@@ -64,6 +64,8 @@ def devices(*, as_json: bool) -> None:
 
 def could_not_look(looked: Mapping[str, DriverLook]) -> list[str]:
     """Return the lines that say which drivers could not look for their devices, and why."""
+    from tega.cli.install_line import with_origin
+
     lacking = {name: there for name, there in looked.items() if there.lacks_package}
     lines = [
         f"{name} could not look: {there.could_not}"
@@ -72,5 +74,5 @@ def could_not_look(looked: Mapping[str, DriverLook]) -> list[str]:
     ]
     if lacking:
         hints = "; ".join(dict.fromkeys(there.hint for there in lacking.values()))
-        lines.append(f"{', '.join(lacking)} could not look for want of packages: {hints}")
+        lines.append(f"{', '.join(lacking)} could not look for want of packages: {with_origin(hints)}")
     return lines

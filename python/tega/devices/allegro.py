@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import sys
 import threading
 import time
@@ -119,7 +118,7 @@ class Allegro(Opened):
         self._alert = HandAlert(self)
         self._guard: GuardProcess | None = None
         self._off: list[CanFrame] = []
-        self._pushed, self._let_go = False, True
+        self._pushed, self._let_go, self._cpu_s = False, True, 0.0
         self._switch_s = 0.0
         self._sent: deque[CanFrame] = deque(maxlen=_KEPT)
         self._cycles: deque[tuple[int, int]] = deque(maxlen=_KEPT)
@@ -191,7 +190,7 @@ class Allegro(Opened):
         )
         self._bus.open()
         self._level, self._died = 1, ""
-        self._pushed, self._let_go = False, True
+        self._pushed, self._let_go, self._cpu_s = False, True, 0.0
         self._off = [
             *allegro_limp_frames(device_id=o.device_id),
             allegro_set_period(0, device_id=o.device_id),
@@ -212,7 +211,7 @@ class Allegro(Opened):
             reconnects=o.reconnects,
         )
         # A bus inside this process ends with it.
-        if o.guard and o.torque and o.interface != "virtual" and os.name == "posix":
+        if o.guard and o.torque and o.interface != "virtual":
             try:
                 self._guard = guard_hand(self._bus.settings, self._off, device_id=o.device_id)
             except BaseException:
@@ -345,11 +344,8 @@ class Allegro(Opened):
 
     @property
     def cpu_s(self) -> float:
-        """Processor time of the hand's thread so far, seconds; 0 when closed."""
-        thread = self._thread
-        if thread is None or thread.ident is None:
-            return 0.0
-        return time.clock_gettime(time.pthread_getcpuclockid(thread.ident))
+        """Processor time of the hand's thread up to its last cycle, seconds; 0 when closed."""
+        return self._cpu_s if self._thread is not None else 0.0
 
     def _taken(self) -> list[CanFrame]:
         return [self._sent.popleft() for _ in range(len(self._sent))]
@@ -380,6 +376,7 @@ class Allegro(Opened):
                     break
                 frames = self._bus.receive(may_reopen=not self._leaving.is_set())
                 t_ns = time.monotonic_ns()
+                self._cpu_s = time.thread_time()
                 if self._leaving.is_set() and not leave_ns:
                     link.release(t_ns)
                     self._tell(t_ns, 0, (), (), "release")

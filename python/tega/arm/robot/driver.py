@@ -8,6 +8,7 @@ import secrets
 import select
 import socket
 import subprocess
+import sys
 import time
 from typing import Annotated, Any, ClassVar
 
@@ -136,6 +137,10 @@ class ProcessArm(Opened):
         """
         if self._process is not None:
             return
+        if sys.platform == "win32":
+            raise DeviceUnavailableError(
+                f"{self.name}: the arm's process needs Linux or macOS", "steer the arm from another machine"
+            )
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._session, self._sequence = secrets.randbits(62), 0
         self._told, self._late, self._refused = None, 0, 0

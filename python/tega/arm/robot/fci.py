@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 import socket
 import struct
+import sys
 from importlib.metadata import PackageNotFoundError, files, version
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -171,6 +172,8 @@ def the_fix(server: int, library: Library | None) -> str:
 
 def machine_findings() -> list[tuple[bool, str, str]]:
     """Look at what libfranka wants of this machine: for each, whether it is so, what it is, and what to do."""
+    if sys.platform != "linux":
+        return [(False, f"{sys.platform} instead of Linux", "libfranka steers a robot from Linux only")]
     import resource
 
     realtime = Path("/sys/kernel/realtime")
