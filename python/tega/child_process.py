@@ -14,8 +14,6 @@ import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-__all__ = ["end_child", "isolated_workers", "python_command", "python_environment"]
-
 # The package's folder goes last: where it is the working folder itself, as in a checkout, nothing else there is
 # found before the standard library and the installed packages.
 _BEGIN = (

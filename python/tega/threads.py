@@ -30,8 +30,6 @@ from typing import Final, Literal
 
 from tega.every import every
 
-__all__ = ["Rank", "all_along", "promote", "realtime", "restored", "run_realtime"]
-
 Rank = Literal["act", "measure", "take", "beside"]
 
 # Low among real-time threads: the kernel's own, of drivers and interrupts, go first.

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from tega.calibration import EmgMaxima
     from tega.devices.base import EmgChunk
 
-__all__ = ["EmgScore", "emg_scores"]
-
 
 class EmgScore(msgspec.Struct, frozen=True, kw_only=True):
     """Score of one reading on EMG.

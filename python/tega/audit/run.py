@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from tega.inbox.sources import Contact as Measured
     from tega.records import Contact
 
-__all__ = ["AuditReport", "AuditRequest", "Audited", "audit_recording"]
-
 
 class AuditRequest(NamedTuple):
     """Readings to compare, and what they are judged by.

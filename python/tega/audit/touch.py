@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from tega.calibration import Calibration
     from tega.stages.base import Metric
 
-__all__ = ["FingerAudit", "FingerReading", "TouchScore", "mean_difference"]
-
 
 class TouchScore(msgspec.Struct, frozen=True, kw_only=True):
     """Score of one reading on the pictures of one finger.

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from tega.audit.variants import Variant
     from tega.inbox.sources import Contact
 
-__all__ = ["VestScore", "vest_score"]
 
 # A motor at this intensity has nothing left to say; a step over so many points is felt as a flip.
 FULL, FLIP = 95, 40

@@ -46,7 +46,6 @@ if TYPE_CHECKING:
 
     from tega.devices.base import DeviceInfo
 
-__all__ = ["RESUME_H", "CalibrationFolder", "KeptGel", "Part", "Unfinished", "checked_person", "device_name"]
 
 Part = Literal["touch", "emg", "vest"]
 

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.devices.base import EmgChunk
 
-__all__ = ["track"]
 
 _READ_S = 0.05
 _TOP_LEVEL = 5

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
 
     from tega.audit import Audited, AuditReport, AuditRequest, EmgColumns
 
-__all__ = ["audit"]
 
 _FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
 _DRAWN = click.Path(dir_okay=False, path_type=Path)

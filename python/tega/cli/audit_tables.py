@@ -12,7 +12,6 @@ from rich.table import Table
 if TYPE_CHECKING:
     from tega.audit import AuditReport
 
-__all__ = ["print_report"]
 
 _Column = tuple[str, Callable[[Any], str | None]]
 

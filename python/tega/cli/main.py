@@ -14,8 +14,6 @@ import click
 from tega.checkout_tools import needs_tools
 from tega.errors import DeviceUnavailableError, MissingToolError, TegaError
 
-__all__ = ["main"]
-
 EXIT_FAILED, EXIT_USAGE, EXIT_DEVICE, EXIT_STOPPED = 1, 2, 3, 130
 
 

@@ -15,8 +15,6 @@ from tega.cli.page import view_options
 if TYPE_CHECKING:
     from tega.config import SessionConfig
 
-__all__ = ["run", "run_options", "run_settings"]
-
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 

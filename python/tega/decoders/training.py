@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
     from tega.emg import InputKind
 
-__all__ = ["DEFAULT_FEATURES", "fit"]
 
 DEFAULT_FEATURES: Final = ("MAV", "LOGVAR")
 SMOOTHING_S: Final = (0.15, 0.4)

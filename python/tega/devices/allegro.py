@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from tega.hand_link import HandFault, HandLink, HandState, Received
     from tega.wire import CanFrame
 
-__all__ = ["Allegro", "AllegroOptions"]
 
 _BITRATE = 1_000_000
 # Python changes threads every 5 ms when left alone; the hand reports every 3 ms.

@@ -7,8 +7,6 @@ from typing import ClassVar, Literal
 from tega.arm.robot.driver import ArmOptions, ProcessArm
 from tega.devices.base import Options
 
-__all__ = ["BenchArm", "BenchArmOptions"]
-
 
 class BenchArmOptions(ArmOptions, frozen=True, kw_only=True):
     """Settings of :class:`BenchArm`.

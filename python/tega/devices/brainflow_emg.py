@@ -18,7 +18,6 @@ from tega.lifecycle import require
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["BrainFlowEmg", "BrainFlowOptions"]
 
 _BUFFER_S: Final = 10
 # Where the board's counter is known to go up by one a sample and to repeat after 256; of other boards several

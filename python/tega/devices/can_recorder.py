@@ -16,8 +16,6 @@ from tega.records.table import columns, rows
 if TYPE_CHECKING:
     from tega.wire import CanFrame
 
-__all__ = ["CanRecorder", "CanRecorderOptions"]
-
 
 class CanRecorderOptions(Options, frozen=True):
     """Settings of :class:`CanRecorder`.

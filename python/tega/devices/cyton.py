@@ -13,8 +13,6 @@ from tega.devices.serial_boards import find_boards
 from tega.devices.serial_port import SerialPort
 from tega.errors import DeviceUnavailableError
 
-__all__ = ["Cyton", "CytonOptions"]
-
 _BAUD = 115_200
 _RATE_HZ = 250.0
 _GAIN_DIGIT = {1: 0, 2: 1, 4: 2, 6: 3, 8: 4, 12: 5, 24: 6}

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["EmgFile", "EmgFileOptions"]
 
 _CHUNK_S = 0.1
 

@@ -10,8 +10,6 @@ from tega.arm.robot.driver import ArmOptions, ProcessArm
 from tega.arm.robot.fci import preflight
 from tega.devices.base import Options
 
-__all__ = ["FrankaOptions", "FrankyArm", "FrankyArmOptions"]
-
 _Inertia = Annotated[float, msgspec.Meta(ge=0, le=1)]
 _Centre = Annotated[float, msgspec.Meta(ge=-1, le=1)]
 _Angle = Annotated[float, msgspec.Meta(ge=-4.6, le=4.6)]

@@ -11,8 +11,6 @@ from tega.devices.live_emg import LiveEmg, LiveEmgOptions
 from tega.devices.serial_port import SerialPort
 from tega.errors import DeviceUnavailableError
 
-__all__ = ["BaudRate", "LiveSerialEmg", "LiveSerialOptions"]
-
 BaudRate = Annotated[int, msgspec.Meta(ge=300, le=4_000_000)]
 """Bits per second."""
 

@@ -16,7 +16,6 @@ from tega.errors import DeviceUnavailableError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["LslEmg", "LslEmgOptions"]
 
 # Stamps further apart than this are a gap; below it they are the sender's jitter.
 _GAP_S = 0.1

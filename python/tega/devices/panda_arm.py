@@ -11,8 +11,6 @@ from tega.arm.robot.fci import machine_findings, server_version
 from tega.devices.base import Options
 from tega.devices.franky_arm import FrankaOptions
 
-__all__ = ["PandaArm", "PandaArmOptions"]
-
 _SERVER = 5
 
 

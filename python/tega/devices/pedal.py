@@ -11,8 +11,6 @@ from tega.devices.base import Found, Options
 from tega.devices.hid_input import HidInput, HidInputOptions, found_devices
 from tega.errors import DeviceUnavailableError
 
-__all__ = ["PEDALS", "Pedal", "PedalOptions"]
-
 PEDALS: Final = {
     (0x0C45, 0x7403): "PCsensor FootSwitch",
     (0x0C45, 0x7404): "PCsensor FootSwitch",

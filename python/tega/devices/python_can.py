@@ -15,7 +15,6 @@ from tega.lifecycle import Opened, require
 if TYPE_CHECKING:
     from tega.wire import CanFrame
 
-__all__ = ["PythonCan", "PythonCanOptions", "may_have_hardware"]
 
 _NO_HARDWARE = frozenset({"virtual", "udp_multicast"})
 

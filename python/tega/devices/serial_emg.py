@@ -11,8 +11,6 @@ from tega.devices.live_emg import Arrived
 from tega.devices.live_serial import BaudRate, LiveSerialEmg, LiveSerialOptions
 from tega.devices.serial_boards import find_boards
 
-__all__ = ["SerialEmg", "SerialEmgOptions"]
-
 
 class SerialEmgOptions(LiveSerialOptions, frozen=True, kw_only=True):
     """Settings of :class:`SerialEmg`.

@@ -7,8 +7,6 @@ from typing import ClassVar
 from tega.arm.robot.driver import ArmOptions, ProcessArm
 from tega.devices.base import Options
 
-__all__ = ["SimulatedArm", "SimulatedArmOptions"]
-
 
 class SimulatedArmOptions(ArmOptions, frozen=True, kw_only=True):
     """Settings of :class:`SimulatedArm`.

@@ -12,8 +12,6 @@ from tega.devices.base import Found, Options
 from tega.devices.hid_input import AT_REST, HidInput, HidInputOptions, found_devices
 from tega.errors import DeviceUnavailableError
 
-__all__ = ["MODELS", "NOT_SIX_AXES", "SpaceMouse", "SpaceMouseOptions"]
-
 MODELS: Final = {
     (0x046D, 0xC625): "SpacePilot",
     (0x046D, 0xC626): "SpaceNavigator",

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from tega.sim.operator import ForearmEmg
     from tega.sim.seams import Indenter
 
-__all__ = ["SyntheticEmg", "SyntheticEmgOptions", "SyntheticTouch", "SyntheticTouchOptions", "effort_at"]
 
 Seconds = Annotated[float, msgspec.Meta(gt=0, le=3600)]
 Seed = Annotated[int, msgspec.Meta(ge=0, lt=2**32)]

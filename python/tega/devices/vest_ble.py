@@ -23,7 +23,6 @@ from tega.wire import x40_ble_frame
 if TYPE_CHECKING:
     from collections.abc import Coroutine
 
-__all__ = ["BleOptions", "BleVest"]
 
 _NAMES: Final = ("TactSuit", "Tactot")
 _SERVICE: Final = "6e400001-b5a3-f393-e0a9-e50e24dcca9e"

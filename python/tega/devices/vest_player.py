@@ -21,8 +21,6 @@ from tega.lifecycle import require
 from tega.threads import promote
 from tega.wire import player_v2_message, player_v2_ping, player_v2_status, player_v2_stop
 
-__all__ = ["PlayerOptions", "PlayerVest"]
-
 _PATH: Final = "/v2/feedbacks"
 _GRACE_S = 2.0  # a Player that has just been asked may take this long to say which devices it has
 _ON_THE_WAY: Final = 2  # frames that a slow Player may not have read yet

@@ -15,8 +15,6 @@ from tega.records.table import columns, rows
 if TYPE_CHECKING:
     from tega.haptics import MotorLevels
 
-__all__ = ["VestRecorder", "VestRecorderOptions"]
-
 
 class VestRecorderOptions(Options, frozen=True):
     """Settings of :class:`VestRecorder`.

@@ -15,8 +15,6 @@ from tega.devices.vest_stream import StreamedVest, VestLink, VestOptions
 from tega.errors import DeviceUnavailableError
 from tega.wire import vest_levels
 
-__all__ = ["ScreenVest", "ScreenVestOptions"]
-
 _HEADING = "     front L ──── R      back L ──── R"
 _LINES = 6
 

@@ -26,8 +26,6 @@ from tega.devices.vest_stream import HOLD_MS, StreamedVest, VestLink, VestOption
 from tega.errors import DeviceUnavailableError
 from tega.sound_card import load_sounddevice
 
-__all__ = ["COLUMN_HZ", "RATE_HZ", "ColumnTones", "SoundVest", "SoundVestOptions"]
-
 RATE_HZ: Final = 48_000
 """Samples per second and ear."""
 

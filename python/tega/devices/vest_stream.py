@@ -38,7 +38,6 @@ from tega.wire import vest_levels
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-__all__ = ["HOLD_MS", "StreamedVest", "VestCounters", "VestLink", "VestOptions"]
 
 WATCHDOG_S: Final = 0.2
 KEEP_ALIVE_S: Final = 0.1

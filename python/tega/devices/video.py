@@ -13,8 +13,6 @@ from tega.foreign_file import check_file
 from tega.lifecycle import Opened
 from tega.opencv import IMAGE_SUFFIXES, load_cv2
 
-__all__ = ["VideoFile", "VideoFileOptions"]
-
 # Containers that state no frame count leave OpenCV to infer it from the duration, which may be off by one.
 _INFERRED_COUNT_SUFFIXES = frozenset({".mkv", ".webm", ".ts", ".mpg", ".mpeg", ".flv"})
 

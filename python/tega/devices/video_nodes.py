@@ -9,8 +9,6 @@ from typing import NamedTuple
 from tega.devices.sysfs import attribute
 from tega.errors import DeviceUnavailableError
 
-__all__ = ["SYSFS", "VideoNode", "find_node", "video_nodes"]
-
 SYSFS = Path("/sys/class/video4linux")
 
 

@@ -17,7 +17,6 @@ from tega.records.schema import schema_name
 if TYPE_CHECKING:
     from tega.records import Record
 
-__all__ = ["RecordChannels"]
 
 _LOG_LEVELS = {10: "Debug", 20: "Info", 30: "Warning", 40: "Error", 50: "Fatal"}
 

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from tega.replay.play_clock import PlayClock
     from tega.replay.recorded import Recorded
 
-__all__ = ["Switched", "played_input"]
-
 
 @tells_damage
 def played_input(recorded: Recorded, measured: Measured, *, lead_ns: int, note: str) -> Prepared:

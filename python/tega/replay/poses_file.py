@@ -14,8 +14,6 @@ from tega.devices.base import DeviceInfo, Kind, Options
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.lifecycle import Opened
 
-__all__ = ["PosesFile", "PosesFileOptions"]
-
 
 class PosesFileOptions(Options, frozen=True, kw_only=True):
     """Settings of :class:`PosesFile`.

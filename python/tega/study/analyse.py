@@ -29,8 +29,6 @@ from tega.study.state import derive, events_path, rehearsed
 from tega.study.touch_picture import FingerPicture, pictures_of
 from tega.study.trials import Trial, bench_trials, course_path, study_trials
 
-__all__ = ["Analysis", "FigureMaterial", "Flow", "Planner", "analyse", "analyse_bench", "analyse_study"]
-
 FORMAT = "tega-study-analysis"
 
 

@@ -14,8 +14,6 @@ from tega.study.people import cross_over, paired_log_ratio, ratio_of_means, sign
 from tega.study.rank import holm, mann_whitney, shift
 from tega.study.trials import Trial
 
-__all__ = ["Cell", "Level", "Test", "cells_of", "compare"]
-
 Level = Literal["as printed", "these trials", "people", "adjusted", "cross-over"]
 
 SMALLEST_FOR_P = 6

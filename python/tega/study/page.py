@@ -21,7 +21,6 @@ from tega.study.tables import PAPER_LABELS
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-__all__ = ["report_html"]
 
 _SHORT = {"duration_s": "time", "slips": "slips", "deformations": "deformed", "success": "success"}
 _MARKS = {"as printed": "yes told", "opposite": "no told", "not told apart": "", "no data": ""}

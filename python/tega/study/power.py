@@ -18,8 +18,6 @@ from tega.study.packages import scipy_stats
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["SPREADS", "CountPower", "EffectSpread", "count_power", "people_for", "time_power"]
-
 
 class EffectSpread(NamedTuple):
     """Assumed differences between people and between trials.

@@ -33,8 +33,6 @@ from tega.device_items import DeviceInfo, Kind, Options
 from tega.errors import DeviceUnavailableError
 from tega.lifecycle import Opened
 
-__all__ = ["ArmOptions", "ProcessArm"]
-
 _MOST_BYTES = 4096
 _LEAVE_S = 6.0
 _SILENT_S = 0.3
