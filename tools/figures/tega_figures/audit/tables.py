@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 if TYPE_CHECKING:
-    from tega.audit import AuditReport
+    from tega_figures.audit import AuditReport
 
 
 _Column = tuple[str, Callable[[Any], str | None]]
