@@ -58,9 +58,6 @@ class BrainFlowEmg(LiveEmg):
     Missing samples are counted where the board's counter is understood (Cyton, synthetic board); of others only the
     rate tells of a loss. BrainFlow says nothing when a board goes away: it is silent then, and given up after
     ``silence_s``.
-
-    Args:
-        options: The settings.
     """
 
     name: ClassVar[str] = "brainflow"

@@ -34,11 +34,7 @@ class CytonOptions(LiveSerialOptions, frozen=True, kw_only=True):
 
 
 class Cyton(LiveSerialEmg):
-    """A Cyton's channels 1 to 3, or those asked for; the others are switched off.
-
-    Args:
-        options: The settings.
-    """
+    """A Cyton's channels 1 to 3, or those asked for; the others are switched off."""
 
     name: ClassVar[str] = "cyton"
     summary: ClassVar[str] = "OpenBCI Cyton over its USB dongle, microvolts at 250 Hz"

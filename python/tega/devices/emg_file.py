@@ -37,11 +37,7 @@ class EmgFileOptions(Options, frozen=True):
 
 
 class EmgFile(Opened):
-    """The samples of a file; sample number n (from 1) is complete at n/rate.
-
-    Args:
-        options: The settings.
-    """
+    """The samples of a file; sample number n (from 1) is complete at n/rate."""
 
     kind: ClassVar[Kind] = "emg"
     summary: ClassVar[str] = "a text, .npy or .mat file of EMG samples"

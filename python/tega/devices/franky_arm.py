@@ -61,11 +61,7 @@ class FrankyArmOptions(FrankaOptions, frozen=True, kw_only=True):
 
 
 class FrankyArm(ProcessArm):
-    """Leads the robot's hand by a damped spring in torque mode; see :mod:`tega.arm.robot.franky_body`.
-
-    Args:
-        options: The settings.
-    """
+    """Leads the robot's hand by a damped spring in torque mode; see :mod:`tega.arm.robot.franky_body`."""
 
     name: ClassVar[str] = "franky"
     summary: ClassVar[str] = "Franka Panda or FR3 through franky, in a process of its own"

@@ -37,9 +37,6 @@ class ImageFolder(Opened):
 
     Other files are ignored, hidden ones too, and so is a picture named unlike nearly all others; a note says which.
     All pictures have to have the size of the first.
-
-    Args:
-        options: The settings.
     """
 
     kind: ClassVar[Kind] = "tactile"

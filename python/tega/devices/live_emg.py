@@ -74,11 +74,7 @@ class Arrived(NamedTuple):
 
 
 class LiveEmg(Opened):
-    """A live EMG source; a driver adds how to start, what has arrived, and how to stop.
-
-    Args:
-        options: The settings.
-    """
+    """A live EMG source; a driver adds how to start, what has arrived, and how to stop."""
 
     kind: ClassVar[Kind] = "emg"
     name: ClassVar[str]

@@ -26,11 +26,7 @@ class LiveSerialOptions(LiveEmgOptions, frozen=True, kw_only=True):
 
 
 class LiveSerialEmg(LiveEmg):
-    """A live EMG source on a serial port; a driver adds what to say and how to read it.
-
-    Args:
-        options: The settings.
-    """
+    """A live EMG source on a serial port; a driver adds what to say and how to read it."""
 
     extra: ClassVar[str] = "lab"
     requires: ClassVar[tuple[str, ...]] = ("serial",)

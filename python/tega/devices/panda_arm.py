@@ -28,11 +28,7 @@ class PandaArmOptions(FrankaOptions, frozen=True, kw_only=True):
 
 
 class PandaArm(ProcessArm):
-    """Leads the robot's hand by panda-python's impedance controller; see :mod:`tega.arm.robot.panda_body`.
-
-    Args:
-        options: The settings.
-    """
+    """Leads the robot's hand by panda-python's impedance controller; see :mod:`tega.arm.robot.panda_body`."""
 
     name: ClassVar[str] = "panda"
     summary: ClassVar[str] = (

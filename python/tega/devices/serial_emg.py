@@ -34,9 +34,6 @@ class SerialEmg(LiveSerialEmg):
     """Lines of numbers from a serial port.
 
     Lines carry no number of their own: a lost line is not seen, only that fewer come.
-
-    Args:
-        options: The settings.
     """
 
     name: ClassVar[str] = "serial-emg"

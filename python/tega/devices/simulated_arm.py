@@ -21,11 +21,7 @@ class SimulatedArmOptions(ArmOptions, frozen=True, kw_only=True):
 
 
 class SimulatedArm(ProcessArm):
-    """A hand of 1 kg on a damped spring; see :class:`tega.arm.robot.spring_body.SpringBody`.
-
-    Args:
-        options: The settings.
-    """
+    """A hand of 1 kg on a damped spring; see :class:`tega.arm.robot.spring_body.SpringBody`."""
 
     name: ClassVar[str] = "simulated-arm"
     summary: ClassVar[str] = "simulated: a hand on a damped spring, in a process of its own"

@@ -64,9 +64,6 @@ class SpaceMouse(HidInput):
     Both layouts are read, told apart by the length of the first report. A cap that is deflected repeats itself
     every 16 ms: after 100 ms without, what was not renewed is zero, and if it was all, the state is "no data". At
     rest it says nothing, so a device that freezes at rest cannot be told from one that nobody touches.
-
-    Args:
-        options: The settings.
     """
 
     name: ClassVar[str] = "spacemouse"

@@ -85,11 +85,7 @@ class SyntheticTouchOptions(Options, frozen=True):
 
 
 class SyntheticTouch(Opened):
-    """A fingertip camera that sees a ball pressed in and let go, as the grasp goes.
-
-    Args:
-        options: The settings.
-    """
+    """A fingertip camera that sees a ball pressed in and let go, as the grasp goes."""
 
     kind: ClassVar[Kind] = "tactile"
     summary: ClassVar[str] = "simulated presses on a gel; needs nothing"
@@ -181,11 +177,7 @@ class SyntheticEmgOptions(Options, frozen=True):
 
 
 class SyntheticEmg(Opened):
-    """Three channels of raw EMG that follow the effort of the grasp.
-
-    Args:
-        options: The settings.
-    """
+    """Three channels of raw EMG that follow the effort of the grasp."""
 
     kind: ClassVar[Kind] = "emg"
     summary: ClassVar[str] = "simulated raw EMG of three muscles; needs nothing"

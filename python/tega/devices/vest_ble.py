@@ -53,9 +53,6 @@ class BleVest(StreamedVest):
     As far as is known a vest holds the last frame for ever, so everything rests on the zeros that are sent on the way
     out; a second process sends them if this one is killed. A broken radio link may leave it vibrating until it is
     found again. Nothing but motor frames is ever written to a vest.
-
-    Args:
-        options: The settings.
     """
 
     name: ClassVar[str] = "bhaptics-ble"

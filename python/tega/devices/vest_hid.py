@@ -45,11 +45,7 @@ class HidVestOptions(VestOptions, frozen=True):
 
 
 class HidVest(StreamedVest):
-    """Sends motor reports, each with a time to live of 200 ms, and each when the board has answered the one before.
-
-    Args:
-        options: The settings.
-    """
+    """Sends motor reports, each with a time to live of 200 ms, and each when the board has answered the one before."""
 
     name: ClassVar[str] = "hid-vest"
     in_steps: ClassVar[bool] = False

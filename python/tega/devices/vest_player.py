@@ -55,9 +55,6 @@ class PlayerVest(StreamedVest):
     Every frame is followed by a websocket ping. Of a Player that has not answered one for 20 ms no more than two frames
     are on the way: the next one waits for an answer, and a newer one takes its place. A Player that answers no pings is
     fed 25 frames a second at most, and a note says so.
-
-    Args:
-        options: The settings.
     """
 
     name: ClassVar[str] = "bhaptics-player"

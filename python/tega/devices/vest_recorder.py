@@ -27,11 +27,7 @@ class VestRecorderOptions(Options, frozen=True):
 
 
 class VestRecorder(Opened):
-    """Writes every vest frame as a row: time, then the intensity (0 to 100) of each motor by its API index.
-
-    Args:
-        options: The settings.
-    """
+    """Writes every vest frame as a row: time, then the intensity (0 to 100) of each motor by its API index."""
 
     kind: ClassVar[Kind] = "vest"
     summary: ClassVar[str] = "writes vest frames to a table instead of a vest"

@@ -31,11 +31,7 @@ class ScreenVestOptions(VestOptions, frozen=True):
 
 
 class ScreenVest(StreamedVest):
-    """Draws the sixteen levels of each motor as a number, both panels from the wearer's left.
-
-    Args:
-        options: The settings.
-    """
+    """Draws the sixteen levels of each motor as a number, both panels from the wearer's left."""
 
     name: ClassVar[str] = "on-screen-vest"
     summary: ClassVar[str] = "a vest drawn in a terminal"

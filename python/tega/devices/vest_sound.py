@@ -116,11 +116,7 @@ class ColumnTones:
 
 
 class SoundVest(StreamedVest):
-    """Sounds one tone a column through the loudspeaker or headphones.
-
-    Args:
-        options: The settings.
-    """
+    """Sounds one tone a column through the loudspeaker or headphones."""
 
     name: ClassVar[str] = "sound-vest"
     summary: ClassVar[str] = "a vest to be heard: one tone for each column"

@@ -137,11 +137,7 @@ class VestCounters(msgspec.Struct, kw_only=True):
 
 
 class StreamedVest(Opened):
-    """Base of the live vest drivers.
-
-    Args:
-        options: The settings.
-    """
+    """Base of the live vest drivers."""
 
     kind: ClassVar[Kind] = "vest"
     name: ClassVar[str]

@@ -38,9 +38,6 @@ class VideoFile(Opened):
 
     The length is checked: when fewer frames can be decoded than the header announces, the file was cut. It is
     then refused, or, when asked for, used without the last frame decoded, since that may be half a picture.
-
-    Args:
-        options: The settings.
     """
 
     kind: ClassVar[Kind] = "tactile"

@@ -53,11 +53,7 @@ class ArmOptions(Options, frozen=True, kw_only=True):
 
 
 class ProcessArm(Opened):
-    """An arm in a process of its own. A subclass names what stands behind it.
-
-    Args:
-        options: The settings.
-    """
+    """An arm in a process of its own. A subclass names what stands behind it."""
 
     kind: ClassVar[Kind] = "arm"
     extra: ClassVar[str] = ""
