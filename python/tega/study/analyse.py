@@ -11,7 +11,8 @@ import msgspec
 from tega.errors import RecordingError
 from tega.sim.operator.person import Parameter
 from tega.study.answers import ArmCoupling, Contrast, PoseUse, TrialCoupling, answers
-from tega.study.compare import Cell, Test, cells_of, compare
+from tega.study.cells import Cell, cells_of
+from tega.study.compare import Test, compare
 from tega.study.coupling import TouchCourse, read_course
 from tega.study.difference import OutcomeDifference, outcomes
 from tega.study.directions import Direction, directions

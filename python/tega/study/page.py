@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 from tega.errors import MissingExtraError
 from tega.study.analyse import Analysis
-from tega.study.compare import SMALLEST_FOR_P, Cell, Test
+from tega.study.cells import Cell
+from tega.study.compare import SMALLEST_FOR_P, Test
 from tega.study.difference import OutcomeDifference
 from tega.study.directions import Direction
 from tega.study.figures import p_text
