@@ -15,8 +15,6 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
-__all__ = ["end_child", "isolated_workers", "own_group", "python_command", "python_environment"]
-
 _NEW_GROUP: Final = 0x200  # CREATE_NEW_PROCESS_GROUP, which `subprocess` names on Windows only
 # The package's folder goes last: where it is the working folder itself, as in a checkout, nothing else there is
 # found before the standard library and the installed packages.

@@ -31,8 +31,6 @@ from typing import Final, Literal
 
 from tega.every import every
 
-__all__ = ["Rank", "all_along", "give_way", "promote", "realtime", "restored", "run_realtime"]
-
 Rank = Literal["act", "measure", "beside", "picture"]
 
 # Low among real-time threads: the kernel's own, of drivers and interrupts, go first.

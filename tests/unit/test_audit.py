@@ -13,7 +13,12 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from mcap.reader import NonSeekingReader
 from mcap.writer import Writer
 
-from tega.audit import (
+from tega.cli.main import main
+from tega.config import load_config
+from tega.errors import ConfigError, RecordingError
+from tega.sim.gel import Gel, ball
+from tega.stages.choose import preset_metric
+from tega_figures.audit import (
     READINGS,
     AuditRequest,
     Mark,
@@ -23,12 +28,7 @@ from tega.audit import (
     read_forces,
     read_marks,
 )
-from tega.audit.truth import FarField
-from tega.cli.main import main
-from tega.config import load_config
-from tega.errors import ConfigError, RecordingError
-from tega.sim.gel import Gel, ball
-from tega.stages.choose import preset_metric
+from tega_figures.audit.truth import FarField
 
 GEL = Gel(seed=5)
 BASELINE = GEL.still()

@@ -47,7 +47,6 @@ if TYPE_CHECKING:
 
     from tega.devices.base import DeviceInfo
 
-__all__ = ["RESUME_H", "CalibrationFolder", "KeptGel", "Part", "Unfinished", "checked_person", "device_name"]
 
 Part = Literal["touch", "emg", "vest"]
 

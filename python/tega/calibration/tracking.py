@@ -15,7 +15,6 @@ from tega.calibration.tracked import keep_tracked, tracked_samples
 if TYPE_CHECKING:
     from tega.config import SessionConfig
 
-__all__ = ["track"]
 
 _TOP_LEVEL = 5
 

@@ -12,7 +12,6 @@ from tega.cli.options import json_option
 if TYPE_CHECKING:
     from tega.doctor.bench import DriverLook
 
-__all__ = ["could_not_look", "devices"]
 
 # Long enough for a look at the ports and the network; a Bluetooth vest may take longer to be heard.
 _LOOK_S = 2.0

@@ -15,7 +15,6 @@ from tega.cli.options import json_option
 if TYPE_CHECKING:
     from tega.doctor import Examination, Finding
 
-__all__ = ["doctor"]
 
 _MARKS = {
     "fine": ("ok", "green"),

@@ -15,7 +15,6 @@ from tega.cli.options import ChannelList, NameList, echo_json, json_option
 if TYPE_CHECKING:
     from tega.decoders.compare import DecoderTold, Log
 
-__all__ = ["emg"]
 
 _KINDS = click.Choice(["raw", "rectified", "envelope"])
 

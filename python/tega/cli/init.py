@@ -14,8 +14,6 @@ from tega.cli.devices import could_not_look
 from tega.cli.options import json_option
 from tega.errors import TegaError
 
-__all__ = ["init"]
-
 
 class _Moves(Protocol):
     """What moves as it is told."""

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from tega.replay.playhead import Playhead
     from tega.view.browser import BrowserView, Controls
 
-__all__ = ["browser_observer", "run_viewed", "view_options"]
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 DEFAULT_PORT = 8080

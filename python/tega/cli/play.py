@@ -10,8 +10,6 @@ import click
 from tega.cli.options import json_option
 from tega.cli.page import view_options
 
-__all__ = ["play"]
-
 
 class _Speed(click.ParamType[float | None]):
     """A factor, or ``max``."""

@@ -13,7 +13,6 @@ from tega.errors import ShapeError
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["DecoderFigures", "judge"]
 
 REST_CLOSURE: Final = 0.05
 CLOSING: Final = 0.125

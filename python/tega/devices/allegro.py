@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from tega.hand_link import HandFault, HandLink, HandState, Received
     from tega.wire import CanFrame
 
-__all__ = ["Allegro", "AllegroOptions"]
 
 _BITRATE = 1_000_000
 # Python changes threads every 5 ms when left alone; the hand reports every 3 ms.
@@ -92,9 +91,6 @@ class Allegro(Opened):
     until :meth:`step` asks for a level. On every way out the torque fades within 0.2 s, then zero torque and SERVO
     OFF are sent until the hand says that its motors are off; a second process sends them if this one is killed, or if
     the hand does not say so. A hand whose bus is gone keeps its last torque as far as is known, so mount a switch.
-
-    Args:
-        options: The settings.
     """
 
     kind: ClassVar[Kind] = "hand"

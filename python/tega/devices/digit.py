@@ -26,7 +26,6 @@ from tega.threads import give_way, run_realtime
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Digit", "DigitOptions"]
 
 _FIRST_S = 3.0
 _LEAVE_S = 5.0

@@ -10,8 +10,6 @@ from tega.devices.base import Found
 from tega.devices.sysfs import attribute
 from tega.devices.video_nodes import SYSFS, VideoNode, video_nodes
 
-__all__ = ["USB_DEVICES", "find_digits", "is_digit"]
-
 USB_DEVICES = Path("/sys/bus/usb/devices")
 
 _DIGIT = "2833:0209"

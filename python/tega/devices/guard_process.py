@@ -19,8 +19,6 @@ from typing import Final
 from tega.child_process import end_child, own_group, python_command, python_environment
 from tega.errors import DeviceUnavailableError
 
-__all__ = ["GuardProcess", "answer", "hear", "say_ready", "stay_alone"]
-
 BEAT_S: Final = 0.1
 DEAF_S: Final = 2.0
 """A process that has not answered for so long is taken for lost."""

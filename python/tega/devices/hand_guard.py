@@ -26,7 +26,6 @@ from tega.errors import DeviceUnavailableError
 if TYPE_CHECKING:
     from tega.wire import CanFrame
 
-__all__ = ["guard_hand", "main"]
 
 STUCK_S: Final = 1.0
 LONGEST_S: Final = 600.0

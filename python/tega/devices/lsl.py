@@ -10,8 +10,6 @@ from typing import Any
 
 from tega.lifecycle import require
 
-__all__ = ["load_lsl", "to_monotonic_s"]
-
 _LOOKS = 5
 
 EXTRA = "lsl"

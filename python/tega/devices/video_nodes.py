@@ -13,8 +13,6 @@ from tega.errors import DeviceUnavailableError, MissingExtraError
 from tega.lifecycle import require
 from tega.opencv import load_cv2
 
-__all__ = ["SYSFS", "VideoNode", "camera_place", "find_node", "numbered_cameras", "video_nodes"]
-
 SYSFS = Path("/sys/class/video4linux")
 _NUMBERED = "camera:"
 _BACKENDS = {"win32": "CAP_MSMF", "darwin": "CAP_AVFOUNDATION"}

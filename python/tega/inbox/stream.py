@@ -12,8 +12,6 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from typing import Any, Generic, Protocol, TypeVar
 
-__all__ = ["NEVER_NS", "Item", "LiveStream", "PulledStream", "Stream"]
-
 NEVER_NS = 2**63 - 1
 
 Item = TypeVar("Item", bound=tuple[Any, ...])

@@ -9,8 +9,6 @@ from typing import Any, NamedTuple
 
 from tega.devices.lsl import load_lsl, to_monotonic_s
 
-__all__ = ["Heard", "LslMarkersIn"]
-
 _LOOK_S = 0.5
 _WAIT_S = 0.2
 _CONNECT_S = 5.0

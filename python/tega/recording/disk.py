@@ -28,8 +28,6 @@ from tega.plain_name import plain_name
 from tega.recording.lock import lock
 from tega.whole_file import write_whole
 
-__all__ = ["DirectFile", "SpooledFile", "open_disk", "rescue_tails", "take_tail"]
-
 _TAIL = ".tail"
 _MEMORY = Path("/dev/shm")  # where Linux keeps files in memory
 _PREFIX = "tega-"

@@ -5,8 +5,6 @@ from __future__ import annotations
 import sys
 from typing import BinaryIO
 
-__all__ = ["lock"]
-
 
 def lock(file: BinaryIO) -> bool:
     """Mark an open file as being written, for as long as it is open; return whether nobody else has.

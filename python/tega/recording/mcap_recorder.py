@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from tega.config import RecordingSection
     from tega.recording.mcap_folder import SessionFolder
 
-__all__ = ["McapRecorder"]
 
 _LOG = logging.getLogger(__name__)
 

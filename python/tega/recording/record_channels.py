@@ -18,7 +18,6 @@ from tega.threads import give_way
 if TYPE_CHECKING:
     from tega.records import Record
 
-__all__ = ["RecordChannels"]
 
 _LOG_LEVELS = {10: "Debug", 20: "Info", 30: "Warning", 40: "Error", 50: "Fatal"}
 

@@ -27,8 +27,6 @@ from tega.teleop import run_session
 from tega.teleop.prepare import Progress
 from tega.teleop.summary import write_summary
 
-__all__ = ["LEAD_S", "play_file", "playing_to"]
-
 LEAD_S = 2
 """Before the first item, in real time at least: the run arms, and a hand goes to where it was."""
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 import time
 
-__all__ = ["PlayClock"]
-
 _LATE_NS = 3_000_000
 
 

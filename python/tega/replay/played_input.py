@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from tega.replay.playhead import Playhead
     from tega.replay.recorded import Recorded
 
-__all__ = ["Switched", "played_input"]
-
 
 @tells_damage
 def played_input(

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from tega.hand import HandController
     from tega.wire import CanFrame
 
-__all__ = ["SimulatedAllegro", "SimulatedBus"]
 
 COUNTS_PER_TORQUE = 1200.0
 # Torques come a thousand times as often as anything else, and in sets: the firmware takes their words as they lie.

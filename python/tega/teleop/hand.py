@@ -14,7 +14,6 @@ if TYPE_CHECKING:
 
     from tega.wire import CanFrame
 
-__all__ = ["HAND_TICK_NS", "CommandedHand", "Hand", "ModelledAllegro"]
 
 # The Allegro v4 reports its joints every 3 ms and wants one torque set for each.
 HAND_TICK_NS = 3_000_000

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from tega.teleop.loop_report import LoopReport
     from tega.teleop.touch import TouchLoop, TouchMoment
 
-__all__ = ["LoopView", "Moment", "Moments"]
 
 _EVENT_NS = 3_000_000_000
 

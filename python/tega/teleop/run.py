@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from tega.stages.base import Metric
     from tega.teleop.latency import LatencyTrace
 
-__all__ = ["run_loop"]
-
 
 def run_loop(
     stack: ExitStack,

@@ -34,8 +34,6 @@ from tega.device_items import DeviceInfo, Kind, Options
 from tega.errors import DeviceUnavailableError
 from tega.lifecycle import Opened
 
-__all__ = ["ArmOptions", "ProcessArm"]
-
 _MOST_BYTES = 4096
 _LEAVE_S = 6.0
 _SILENT_S = 0.3
@@ -56,11 +54,7 @@ class ArmOptions(Options, frozen=True, kw_only=True):
 
 
 class ProcessArm(Opened):
-    """An arm in a process of its own. A subclass names what stands behind it.
-
-    Args:
-        options: The settings.
-    """
+    """An arm in a process of its own. A subclass names what stands behind it."""
 
     kind: ClassVar[Kind] = "arm"
     extra: ClassVar[str] = ""

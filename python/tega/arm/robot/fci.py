@@ -16,18 +16,6 @@ from typing import Final, NamedTuple
 
 from tega.errors import DeviceUnavailableError, WrongDeviceError
 
-__all__ = [
-    "PORT",
-    "Library",
-    "Preflight",
-    "fitting_server",
-    "installed_library",
-    "machine_findings",
-    "preflight",
-    "server_version",
-    "the_fix",
-]
-
 PORT: Final = 1337
 _HEADER: Final = struct.Struct("<III")
 _CONNECT: Final = 0

@@ -35,7 +35,6 @@ from tega.recording.origin import origins, span
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["export_lerobot"]
 
 FORMAT = "v3.0"
 DATA = f"data/{PLACE}.parquet"

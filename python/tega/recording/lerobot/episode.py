@@ -17,7 +17,6 @@ from tega.recording.origin import span
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Column", "Episode", "read_episode"]
 
 _S = 1_000_000_000
 

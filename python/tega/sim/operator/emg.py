@@ -28,8 +28,6 @@ from tega.sim.operator.emg_noise import TICK_HZ, NoiseMaker, Second
 from tega.sim.operator.person import PersonNumbers, stream
 from tega.sim.seams import Act
 
-__all__ = ["CHANNELS", "ForearmEmg"]
-
 CHANNELS = ("ecr", "fcu", "fds")
 """Wrist extensor, wrist flexor, finger flexor: the order of the columns."""
 

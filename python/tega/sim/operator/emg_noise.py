@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from tega.sim.operator.person import stream
 from tega.sim.operator.sections import Emg
 
-__all__ = ["TICK_HZ", "NoiseMaker", "Second"]
-
 TICK_HZ = 100
 """Acts a second."""
 

@@ -14,8 +14,6 @@ import numpy as np
 
 from tega.sim.operator.sections import MotorSection
 
-__all__ = ["MuscleMotor", "level_effort"]
-
 _MOST = 1.15
 
 
