@@ -83,7 +83,7 @@ def give_way() -> Iterator[None]:
 
     A thread without a rank stays as it is.
     """
-    if not _possible() or not _is_realtime(before := os.sched_getscheduler(0)):
+    if sys.platform != "linux" or not _possible() or not _is_realtime(before := os.sched_getscheduler(0)):
         yield
         return
     how = os.sched_getparam(0)

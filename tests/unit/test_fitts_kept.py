@@ -93,9 +93,7 @@ def test_what_is_not_there_or_damaged_is_refused(tmp_path: Path) -> None:
 def test_an_interval_by_hand() -> None:
     # t with 2 degrees of freedom at 0.975: 4.302653; standard error of 1, 2, 3: 1 / √3.
     found = mean_interval([1.0, 2.0, 3.0])
-    assert (found.low, found.high) == (
-        pytest.approx(2 - 4.302653 / 3**0.5),
-        pytest.approx(2 + 4.302653 / 3**0.5),
-    )
+    assert found.low == pytest.approx(2 - 4.302653 / 3**0.5)
+    assert found.high == pytest.approx(2 + 4.302653 / 3**0.5)
     assert mean_interval([2.0]).low is None
     assert (mean_interval([1.0, 1.1]).side, mean_interval([-1.0, 1.0]).side) == (1, 0)

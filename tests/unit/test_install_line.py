@@ -12,7 +12,8 @@ from tega.cli import install_line
 from tega.cli.devices import could_not_look
 from tega.cli.doctor import _paragraph
 from tega.cli.install_line import with_origin
-from tega.doctor.bench import DriverLook, Finding
+from tega.doctor.bench import DriverLook
+from tega.doctor.findings import Finding
 
 HINT = "install it with: pip install 'tega[sim,view]'"
 
