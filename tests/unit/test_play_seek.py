@@ -17,8 +17,9 @@ from reference.moments import Moments
 from reference.waiting import until
 from tega.config import SessionConfig, check_tree
 from tega.errors import InvalidValueError
+from tega.inbox.stream import LiveStream
 from tega.replay.play import play_file
-from tega.replay.playhead import PlayedStream, Playhead
+from tega.replay.playhead import PlayedItems, Playhead
 from tega.replay.recorded import read_recorded
 from tega.teleop import run_session
 from tega.teleop.moment import LoopView
@@ -106,27 +107,34 @@ def test_after_a_jump_the_level_that_stood_there_is_asked_for_at_once() -> None:
     def stamped(item: tuple[int, str], t_ns: int) -> tuple[int, str]:
         return t_ns, item[1]
 
-    def stream(first: tuple[int, str] | None) -> PlayedStream[tuple[int, str]]:
-        return PlayedStream(items, [t for t, _ in items], playhead=playhead, stamped=stamped, first=first)
+    def stream(first: tuple[int, str] | None) -> LiveStream[tuple[int, str]]:
+        known = [t for t, _ in items]
+        return PlayedItems(items, known, playhead=playhead, stamped=stamped, first=first).stream
 
     levels, touch = stream((0, "open")), stream(None)
-    assert (levels.next_until(0), touch.next_until(0)) == ((0, "open"), None)
-    assert levels.next_until(900 * MS) is None
-    assert levels.next_until(1000 * MS) == (1000 * MS, "two")
+
+    def come(t_ms: int) -> tuple[list[tuple[int, str]], list[tuple[int, str]]]:
+        playhead.reach(t_ms * MS)
+        both = [], []  # type: ignore[var-annotated]
+        for stream, taken in zip((levels, touch), both, strict=True):
+            while (item := stream.next_until(t_ms * MS)) is not None:
+                taken.append(item)
+        return both
+
+    assert come(0) == ([(0, "open")], [])
+    assert come(900) == ([], [])
+    assert come(1000) == ([(1000 * MS, "two")], [(1000 * MS, "two")])
     playhead.go_to(6.0)
-    assert (levels.due_ns, touch.due_ns) == (0, 0)
-    assert levels.next_until(2000 * MS) == (2000 * MS, "four")
-    assert levels.next_until(2000 * MS) is None
-    assert touch.next_until(2000 * MS) is None
-    assert (levels.end_ns, levels.ended) == (6000 * MS, False)
-    assert levels.next_until(5000 * MS) == (5000 * MS, "one")
-    assert levels.next_until(6000 * MS) is None
-    assert levels.ended
+    assert come(2000) == ([(2000 * MS, "four")], [])
     playhead.go_to(0.0)
-    assert not levels.ended
-    assert levels.next_until(6003 * MS) == (6003 * MS, "open")
-    assert touch.next_until(6003 * MS) is None
-    assert touch.next_until(7003 * MS) == (7003 * MS, "two")
+    assert come(3000) == ([(3000 * MS, "open")], [])
+    assert come(4000) == ([(4000 * MS, "two")], [(4000 * MS, "two")])
+    playhead.go_to(6.0)
+    assert come(5000) == ([(5000 * MS, "four")], [])
+    assert (levels.ended, touch.ended) == (False, False)
+    assert come(9000) == ([(8000 * MS, "one")], [(8000 * MS, "one")])
+    assert (levels.ended, touch.ended) == (True, True)
+    assert levels.end_ns == touch.end_ns == 9000 * MS
 
 
 def test_a_beginning_behind_the_end_is_refused(recorded: Path, tmp_path: Path) -> None:

@@ -122,8 +122,8 @@ def play_file(
     config = _settings(measured.config, to, pace=pace, fast=speed is None, vest_pace=vest_pace)
     # Whole seconds, so that the ticks of the vest lie where they lay.
     lead_ns = math.ceil(LEAD_S * pace) * 1_000_000_000 if live else 0
-    clock = PlayClock(speed)
     playhead = Playhead() if playhead is None else playhead
+    clock = PlayClock(speed, playhead.reach)
     words = "as fast as it went" if speed is None else "at its own speed"
     if pace != 1:
         words = f"at {pace:g} times its speed"

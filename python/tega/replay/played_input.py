@@ -12,7 +12,7 @@ from tega.hand import split_level
 from tega.inbox.prepared import Finger, Muscles, Prepared
 from tega.inbox.sources import EmgBlock, SourceReport
 from tega.replay.measured import contact_items, level_items
-from tega.replay.playhead import PlayedStream
+from tega.replay.playhead import PlayedItems
 from tega.stages.attached import with_attached
 from tega.stages.choose import muscle_decoder
 from tega.teleop.loop import FIRST_LEVEL
@@ -64,12 +64,12 @@ def played_input(
             head.baselines[finger],
             "recording",
             SourceReport(n_items=len(items)),
-            stream=PlayedStream(
+            stream=PlayedItems(
                 [item for _, item in items],
                 [known for known, _ in items],
                 playhead=playhead,
                 stamped=lambda contact, t_ns: (t_ns, contact[1]),
-            ),
+            ).stream,
         )
     muscles, emg = None, measured.calibration.emg
     if "emg" in head.sources and emg is not None:
@@ -81,13 +81,13 @@ def played_input(
             emg,
             decoder,
             SourceReport(),
-            stream=PlayedStream(
+            stream=PlayedItems(
                 [block for _, block in asked],
                 [known for known, _ in asked],
                 playhead=playhead,
                 stamped=lambda block, t_ns: block._replace(t_ns=t_ns),
                 first=first,
-            ),
+            ).stream,
         )
     name = head.facts["calibration"]
     return Prepared(fingers, muscles, measured.calibration, "" if name == "self-calibrated" else name)

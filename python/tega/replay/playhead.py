@@ -8,12 +8,9 @@ from collections.abc import Callable, Sequence
 from typing import Generic
 
 from tega.errors import InvalidValueError
-from tega.inbox.stream import Item
+from tega.inbox.stream import Item, LiveStream
 
-__all__ = ["PlayedStream", "Playhead"]
-
-# A wish is taken up this soon, also where the recording is silent.
-_LOOK_NS = 50_000_000
+__all__ = ["PlayedItems", "Playhead"]
 
 
 class Playhead:
@@ -28,6 +25,7 @@ class Playhead:
         end_ns: Length of the recording; 0 until it is read.
         shift_ns: Time of the run minus time of the recording.
         n_jumps: Wishes taken up so far.
+        fills: Told every tick of the run, after a wish is taken up.
 
     Raises:
         InvalidValueError: ``from_s`` is below 0.
@@ -38,6 +36,7 @@ class Playhead:
             raise InvalidValueError(f"from = {from_s:g} s, expected 0 or more")
         self.from_ns = round(from_s * 1e9)
         self.end_ns = self.shift_ns = self.n_jumps = 0
+        self.fills: list[Callable[[int], None]] = []
         self._lock = threading.Lock()
         self._wanted_ns: int | None = None
         self._reached_ns = 0
@@ -79,27 +78,30 @@ class Playhead:
             self._wanted_ns = min(max(round(t_s * 1e9), 0), self.end_ns)
 
     def reach(self, t_ns: int) -> None:
-        """Take up a wish at a time of the run."""
+        """Take up a wish at a time of the run, and have the streams filled up to it."""
         self._reached_ns = t_ns
-        if self._wanted_ns is None:
-            return
         with self._lock:
             wanted_ns, self._wanted_ns = self._wanted_ns, None
         if wanted_ns is not None:
             self.shift_ns = t_ns - wanted_ns
             self.n_jumps += 1
+        for fill in self.fills:
+            fill(t_ns)
 
 
-class PlayedStream(Generic[Item]):
-    """A recorded stream of the loop, from wherever the playhead is.
+class PlayedItems(Generic[Item]):
+    """Puts the items of a recording into a live stream of the loop, from wherever the playhead is.
 
     Args:
         items: What came, stamped with the recording's time.
         known: When each was known then, in rising order.
-        playhead: Says what is played.
+        playhead: Says what is played, and at every tick of the run has the stream filled.
         stamped: Gives an item another time.
         first: What stands before the first item, and at a jump what stood then is told again; ``None`` for items that
             mean nothing later.
+
+    Attributes:
+        stream: What the loop takes.
     """
 
     def __init__(
@@ -117,60 +119,33 @@ class PlayedStream(Generic[Item]):
         self._n_jumps = playhead.n_jumps
         self._standing = self._at(self._next - 1)
         self._newest_ns = -1
-        self._asked_ns = 0
-        self._closed = False
+        self.stream: LiveStream[Item] = LiveStream(capacity=len(items) + 1)
+        playhead.fills.append(self.fill)
 
     def _at(self, place: int) -> Item | None:
         if self._first is None:
             return None
         return self._first if place < 0 else self._items[place]
 
-    @property
-    def end_ns(self) -> int:
-        """When the recording ends, in the run's time."""
-        return self._playhead.shift_ns + self._playhead.end_ns
-
-    @property
-    def ended(self) -> bool:
-        """Whether the recording is over: until then one can go back."""
-        return self._closed or (self._asked_ns >= self.end_ns and not self._playhead.wanted)
-
-    @property
-    def due_ns(self) -> int:
-        """Before this time there is nothing to give."""
+    def fill(self, t_ns: int) -> None:
+        """Put in what is known at a time of the run; end the stream when the recording is over."""
         playhead = self._playhead
-        if playhead.wanted or self._n_jumps != playhead.n_jumps or self._standing is not None:
-            return 0
-        due_ns = self.end_ns
-        if self._next < len(self._known):
-            due_ns = min(due_ns, self._known[self._next] + playhead.shift_ns)
-        return min(due_ns, self._asked_ns + _LOOK_NS)
-
-    def next_until(self, t_ns: int) -> Item | None:
-        """Return the next item known at ``t_ns``, or ``None``."""
-        playhead = self._playhead
-        self._asked_ns = t_ns
-        playhead.reach(t_ns)
         if self._n_jumps != playhead.n_jumps:
             self._n_jumps = playhead.n_jumps
             self._next = bisect_right(self._known, t_ns - playhead.shift_ns)
             self._standing = self._at(self._next - 1)
         if self._standing is not None:
-            standing, self._standing = self._standing, None
-            return self._told(standing, t_ns)
-        if self._closed or self._next >= len(self._items):
-            return None
-        if self._known[self._next] + playhead.shift_ns > t_ns:
-            return None
-        item = self._items[self._next]
-        self._next += 1
-        return self._told(item, item[0] + playhead.shift_ns)
+            self._put(self._standing, t_ns)
+            self._standing = None
+        while self._next < len(self._items) and self._known[self._next] + playhead.shift_ns <= t_ns:
+            item = self._items[self._next]
+            self._next += 1
+            self._put(item, item[0] + playhead.shift_ns)
+        end_ns = playhead.shift_ns + playhead.end_ns
+        if t_ns >= end_ns:
+            self.stream.end(end_ns)
 
-    def _told(self, item: Item, t_ns: int) -> Item:
+    def _put(self, item: Item, t_ns: int) -> None:
         # Of two moments on either side of a jump the later one may be stamped earlier.
         self._newest_ns = max(t_ns, self._newest_ns + 1)
-        return self._stamped(item, self._newest_ns)
-
-    def close(self) -> None:
-        """Drop what is left."""
-        self._closed, self._standing = True, None
+        self.stream.put(self._stamped(item, self._newest_ns))
