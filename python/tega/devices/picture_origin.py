@@ -86,7 +86,8 @@ class PictureOrigin:
 
     def _bands(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """Take a few pixels of each band: uint8 (bands, pixels, 3)."""
-        return image.ravel().take(self._picked).reshape(_N_BANDS, _ROWS_A_BAND * _N_COLUMNS, 3)
+        bands: NDArray[np.uint8] = image.ravel().take(self._picked)
+        return bands.reshape(_N_BANDS, _ROWS_A_BAND * _N_COLUMNS, 3)
 
 
 def _distance(one: NDArray[np.uint8], other: NDArray[np.uint8]) -> NDArray[np.float64]:
