@@ -25,6 +25,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from tega import _native
 from tega.devices.base import DeviceInfo, Kind, Options
 from tega.devices.ways_out import closes_on_exit, release
 from tega.errors import DeviceUnavailableError
@@ -33,7 +34,6 @@ from tega.lifecycle import Opened
 from tega.reopening import Reopening
 from tega.safety.motor_budget import DOSE_S, HEAT_SHARE, MotorBudget
 from tega.threads import run_realtime
-from tega.wire import vest_levels
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -270,10 +270,13 @@ class StreamedVest(Opened):
 
     def shows_alike(self, one: NDArray[np.uint8], other: NDArray[np.uint8]) -> bool:
         """Tell whether the vest looks the same with two frames, uint8 (40,), percent, by what it can show."""
-        if not self.in_steps:
-            return np.array_equal(one, other)
+        if one.tobytes() == other.tobytes() or not self.in_steps:
+            return one.tobytes() == other.tobytes()
         # Nobody knows how others round: a motor that is to rest is told at once.
-        return np.array_equal(vest_levels(one), vest_levels(other)) and np.array_equal(one == 0, other == 0)
+        return (
+            _native.motor_steps(one).tobytes() == _native.motor_steps(other).tobytes()
+            and (one == 0).tobytes() == (other == 0).tobytes()
+        )
 
     def handed_over(self) -> list[tuple[int, int, int]]:
         """Return the frames that left since the last call.

@@ -141,7 +141,7 @@ class ColumnsMapping(Mapping):
         levels = values.take(self._shown)
         if self._options.rows == "bar":
             # A motor is lit by as much of the bar as reaches it.
-            levels = 100 * np.clip(levels / 100 * self._rows - self._below, 0, 1)
+            levels = 100 * np.minimum(np.maximum(levels / 100 * self._rows - self._below, 0), 1)
         return levels
 
     def _percent(self, value: float, maximum: float | None, end_value: float) -> float:
