@@ -178,7 +178,9 @@ def test_fingers_of_loose_recordings_are_told_of_each_other() -> None:
             metric = LiveMetric(FingerSetup(name, finger.baseline), LiveOptions())
             flags[name] = list[bool]()
 
-            def see(_frame: TactileFrame, to: list[bool] = flags[name], of: LiveMetric = metric) -> None:
+            def see(
+                _frame: TactileFrame, _at: int, to: list[bool] = flags[name], of: LiveMetric = metric
+            ) -> None:
                 to.append(of.loaded)
 
             beforehand.add(name, finger, metric, see=see)

@@ -193,7 +193,7 @@ def test_a_live_sensor_is_looked_at_as_its_frames_pass():
     loop = LoopView(0, {"thumb": (0, touching(eda=90))}, [], None, None, None, {})
     assert feed.complete(ViewState(0, loop)).images == {}
     for frame in frames:
-        bus.publish(picture_of("thumb", frame, live=True, start_ns=0))
+        bus.publish(picture_of("thumb", frame, received_ns=frame.t_ns))
         images = feed.complete(ViewState(0, loop)).images
         assert images is not None
         assert images["thumb"].frame is frame.image

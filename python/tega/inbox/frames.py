@@ -128,7 +128,8 @@ def fed_contacts(
     fail: Callable[[BaseException], None],
     *,
     stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None,
-    see: Callable[[TactileFrame], None] = lambda _frame: None,
+    prepare: Callable[[TactileFrame], None] = lambda _frame: None,
+    see: Callable[[TactileFrame, int], None] = lambda _frame, _received_ns: None,
     tell: Callable[[TactileFrame, Contact], None] = lambda _frame, _contact: None,
 ) -> Callable[[TactileFrame], None]:
     """Return the function that a sensor's own thread calls with each picture; a bad one is dropped and counted.
@@ -139,18 +140,23 @@ def fed_contacts(
         take: Given time and metrics of each picture.
         fail: Given what nobody expected; the sensor's thread goes on.
         stamp: Told of each measured picture: its time, and the monotonic time it was received at.
-        see: Told of each picture, before it is looked at.
+        prepare: Told of each picture, before it is looked at.
+        see: Told of each picture and of the monotonic time it was received at, when it was measured and what was
+            measured is on its way: whoever records it keeps nobody waiting.
         tell: Told of each picture that was measured, with what was measured, in the thread that measures.
     """
 
     def measure(frame: TactileFrame) -> None:
         received_ns = time.monotonic_ns()
         try:
-            see(frame)
-            if (contact := meter.take(frame)) is not None:
-                stamp(contact[0], received_ns)
-                tell(frame, contact)
-                take(contact)
+            try:
+                prepare(frame)
+                if (contact := meter.take(frame)) is not None:
+                    stamp(contact[0], received_ns)
+                    take(contact)
+                    tell(frame, contact)
+            finally:
+                see(frame, received_ns)
         except TegaError:
             report.drop()
         except BaseException as error:  # a panic of native code, too; the loop raises it
@@ -180,7 +186,8 @@ def measured_contacts(
     start_ns: int = 0,
     stopped: Callable[[], bool] = lambda: False,
     stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None,
-    see: Callable[[TactileFrame], None] = lambda _frame: None,
+    prepare: Callable[[TactileFrame], None] = lambda _frame: None,
+    see: Callable[[TactileFrame, int], None] = lambda _frame, _received_ns: None,
     tell: Callable[[TactileFrame, Contact], None] = lambda _frame, _contact: None,
 ) -> Generator[Contact, None, int]:
     """Measure the frames of a source.
@@ -200,7 +207,8 @@ def measured_contacts(
         start_ns: The clock's time at the start of the session; subtracted from a live source's stamps.
         stopped: Tells when to give up.
         stamp: Told of each measured frame: its time, and the monotonic time it was received at.
-        see: Told of each frame that was read, before it is looked at.
+        prepare: Told of each frame that was read, before it is looked at.
+        see: Likewise, with the monotonic time it was received at.
         tell: Told of each frame that was measured, with what was measured, in the thread that measures.
 
     Yields:
@@ -220,7 +228,8 @@ def measured_contacts(
             if frame is None:
                 continue
             received_ns = time.monotonic_ns()
-            see(frame)
+            prepare(frame)
+            see(frame, received_ns)
             if live and frame.seq == meter.seq:
                 time.sleep(SEEN_REST_S)
             contact = meter.take(frame)

@@ -66,16 +66,28 @@ def metrics_of(contact: ContactRecord) -> ContactMetrics:
 
 
 def picture_of(
-    finger: str, frame: TactileFrame, *, live: bool, start_ns: int, loaded: bool = False
+    finger: str,
+    frame: TactileFrame,
+    *,
+    received_ns: int | None = None,
+    start_ns: int = 0,
+    loaded: bool = False,
 ) -> Picture:
-    """Return the record of a picture that was read just now; one out of a file was received long ago."""
-    t_ns = frame.t_ns - start_ns if live else frame.t_ns
-    received_ns = time.monotonic_ns() - start_ns if live else t_ns
+    """Return the record of a picture.
+
+    Args:
+        finger: Whose it is.
+        frame: The picture.
+        received_ns: The monotonic time at which it was received; ``None`` for one out of a file.
+        start_ns: The monotonic time at the start of the session.
+        loaded: Whether another finger bore a load.
+    """
+    t_ns = frame.t_ns if received_ns is None else frame.t_ns - start_ns
     return Picture(
         finger=finger,
         image=frame.image,
         t_ns=t_ns,
-        received_ns=received_ns,
+        received_ns=t_ns if received_ns is None else received_ns - start_ns,
         seq=frame.seq,
         name=frame.name,
         loaded=loaded,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -163,7 +164,7 @@ class FarTouch:
 
 
 def _tell(bus: Bus, finger: str, frame: TactileFrame, *, start_ns: int) -> None:
-    bus.publish(picture_of(finger, frame, live=True, start_ns=start_ns))
+    bus.publish(picture_of(finger, frame, received_ns=time.monotonic_ns(), start_ns=start_ns))
 
 
 class _RobotFinger:

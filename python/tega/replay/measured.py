@@ -189,7 +189,7 @@ class Measured:
         """Measure a picture and note its checksum beside the one it had when it was taken."""
         now = zlib.crc32(frame.image.tobytes())
         if self._bus is not None:
-            self._bus.publish(picture_of(finger, frame, live=False, start_ns=0))
+            self._bus.publish(picture_of(finger, frame))
         self.pixels[finger].append((frame.t_ns, {"pixels_crc32": told.pixels_crc32}, {"pixels_crc32": now}))
         meter = self._meters[finger]
         meter.metric.loaded = getattr(told, "loaded", False)  # earlier recordings do not say

@@ -182,7 +182,7 @@ class TrialRig:
             meter.metric.loaded = any(bearing[:finger] + bearing[finger + 1 :])
             frame = TactileFrame(arrival_ns, number, image, "simulated frame")
             if self._bus.wants(Picture):
-                self._bus.publish(picture_of(FINGERS[finger], frame, live=False, start_ns=0))
+                self._bus.publish(picture_of(FINGERS[finger], frame))
             contact = meter.take(frame)
             if contact is None:
                 continue

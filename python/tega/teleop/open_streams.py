@@ -104,11 +104,14 @@ def contact_stream(
     if trace is not None and live:
         told["stamp"] = trace.source(name)
 
-    def see(frame: TactileFrame) -> None:
-        if live:
-            metric.loaded = touching.beside(name, frame.t_ns - start_ns)
+    def look_beside(frame: TactileFrame) -> None:
+        metric.loaded = touching.beside(name, frame.t_ns - start_ns)
+
+    def see(frame: TactileFrame, received_ns: int) -> None:
         if bus.wants(Picture):
-            bus.publish(picture_of(name, frame, live=live, start_ns=start_ns, loaded=metric.loaded))
+            at_ns = received_ns if live else None
+            picture = picture_of(name, frame, received_ns=at_ns, start_ns=start_ns, loaded=metric.loaded)
+            bus.publish(picture)
 
     def tell(frame: TactileFrame, contact: Contact) -> None:
         t_ns, metrics = contact
@@ -123,6 +126,7 @@ def contact_stream(
     if not live:
         recorded.add(name, finger, metric, **told)
         return PulledStream(recorded.contacts(name))
+    told["prepare"] = look_beside
     produce = partial(
         measured_contacts, finger.source, finger.baseline, metric, finger.report, start_ns=start_ns, **told
     )

@@ -73,7 +73,7 @@ class RecordedFingers:
         finger: Finger,
         metric: Metric,
         *,
-        see: Callable[[TactileFrame], None] = lambda _frame: None,
+        see: Callable[[TactileFrame, int], None] = lambda _frame, _received_ns: None,
         tell: Callable[[TactileFrame, Contact], None] = lambda _frame, _contact: None,
     ) -> None:
         """Add a finger, before anything is measured.
@@ -82,13 +82,13 @@ class RecordedFingers:
             name: Of the finger.
             finger: Its open source, which is not live, its baseline and report.
             metric: Measures its pictures.
-            see: Told of each picture before it is measured, when the metric knows whether it is ``loaded``.
+            see: Told of each picture and when it was received, before it is measured, when the metric knows whether it
+                is ``loaded``.
             tell: Told of each picture that was measured, with what was measured.
         """
 
-        def see_loaded(frame: TactileFrame) -> None:
+        def look_beside(frame: TactileFrame) -> None:
             metric.loaded = self._touching.beside(name, frame.t_ns)
-            see(frame)
 
         def tell_others(frame: TactileFrame, contact: Contact) -> None:
             self._touching.note(name, contact[0], bears_load=metric.bears_load)
@@ -101,7 +101,8 @@ class RecordedFingers:
             finger.baseline,
             metric,
             finger.report,
-            see=see_loaded,
+            prepare=look_beside,
+            see=see,
             tell=tell_others,
         )
 
