@@ -8,9 +8,8 @@ for others, whatever such a thread does, and processes that it starts are ordina
 =========== ======== =====================================================================================
 rank        priority whose
 =========== ======== =====================================================================================
-``act``     8        the loop, the hand's thread, the vest's: what they do is short, and somebody waits for it
-``measure`` 6        levels, and contacts where a thread of their own measures them: a fifth of a millisecond
-``camera``  5        a camera's thread: it looks at a picture and measures it, in less than a millisecond
+``act``     8        the loop, the hand's thread, the vest's, the muscles': short, and somebody waits for it
+``measure`` 6        a camera's: it looks at a picture and measures it, in less than a millisecond
 ``beside``  4        everything else in the program, the recorder first of all
 ``picture`` 2        coding a picture, which takes 1 to 2 ms without the interpreter lock
 =========== ======== =====================================================================================
@@ -32,10 +31,10 @@ from typing import Final, Literal
 
 from tega.every import every
 
-Rank = Literal["act", "measure", "camera", "beside", "picture"]
+Rank = Literal["act", "measure", "beside", "picture"]
 
 # Low among real-time threads: the kernel's own, of drivers and interrupts, go first.
-_PRIORITY: Final[dict[Rank, int]] = {"act": 8, "measure": 6, "camera": 5, "beside": 4, "picture": 2}
+_PRIORITY: Final[dict[Rank, int]] = {"act": 8, "measure": 6, "beside": 4, "picture": 2}
 _SWEEP_S = 1.0
 
 _state = {"allowed": True}

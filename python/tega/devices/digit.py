@@ -272,7 +272,7 @@ class Digit(Opened):
                 notes.append("the lights could not be set")
         self._notes = tuple(notes)
 
-    @run_realtime("camera")
+    @run_realtime("measure")
     def _run(self, capture: Any) -> None:
         """Read until told to leave; a camera that goes away is opened again."""
 

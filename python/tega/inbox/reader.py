@@ -10,7 +10,7 @@ from typing import Any, Generic, Protocol, TypeVar
 
 from tega.errors import TegaError
 from tega.reopening import Reopening, polled
-from tega.threads import run_realtime
+from tega.threads import Rank, run_realtime
 
 # How long a live source may keep its thread from noticing that the run is over.
 READ_TIMEOUT_S = 0.1
@@ -35,7 +35,7 @@ class Reader(Generic[Given]):
         produce: Makes the iterator.
         take: Called with each item, in the thread.
         done: Called in the thread at the end, with what the iterator returned and what it raised.
-        ahead: Whether others wait for what is read, as the loop does.
+        rank: Of the thread, where others wait for what is read, as the loop does; ``None`` for an ordinary one.
     """
 
     def __init__(
@@ -45,10 +45,10 @@ class Reader(Generic[Given]):
         take: Callable[[Given], None],
         done: Callable[[int | None, BaseException | None], None] = lambda _end_ns, _error: None,
         *,
-        ahead: bool = False,
+        rank: Rank | None = None,
     ) -> None:
         self._produce, self._take, self._done = produce, take, done
-        self._ahead = ahead
+        self._rank: Rank | None = rank
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._work, name=f"tega-{name}", daemon=True)
         self._thread.start()
@@ -61,7 +61,7 @@ class Reader(Generic[Given]):
     def _work(self) -> None:
         end_ns, error = None, None
         try:
-            with run_realtime("measure") if self._ahead else nullcontext():
+            with run_realtime(self._rank) if self._rank else nullcontext():
                 end_ns = self._pass_on(iter(self._produce(self._stop.is_set)))
         except BaseException as raised:  # carried to whoever is told of the end
             error = raised

@@ -141,7 +141,9 @@ def contact_stream(
             fed_contacts(meter, finger.report, stream.put, lambda error: stream.end(error=error), **told)
         )
     else:
-        reader = Reader(name, lambda stopped: produce(stopped=stopped), stream.put, stream.end, ahead=True)
+        reader = Reader(
+            name, lambda stopped: produce(stopped=stopped), stream.put, stream.end, rank="measure"
+        )
         stack.callback(reader.close)
     return stream
 
@@ -173,6 +175,7 @@ def level_stream(
     if trace is not None:
         produce = partial(produce, stamp=trace.source("emg"))
     stream: LiveStream[EmgBlock] = LiveStream(on_loss=muscles.report.drop)
-    reader = Reader("emg", lambda stopped: produce(stopped=stopped), stream.put, stream.end, ahead=True)
+    # It is short, and comes before the cameras: a block that waits for four of them is late.
+    reader = Reader("emg", lambda stopped: produce(stopped=stopped), stream.put, stream.end, rank="act")
     stack.callback(reader.close)
     return stream
