@@ -83,10 +83,13 @@ def give_way() -> Iterator[None]:
 
     A thread without a rank stays as it is.
     """
-    if sys.platform != "linux" or not _possible() or not _is_realtime(before := os.sched_getscheduler(0)):
+    if sys.platform != "linux" or not _possible():
         yield
         return
-    how = os.sched_getparam(0)
+    before, how = os.sched_getscheduler(0), os.sched_getparam(0)
+    if not _is_realtime(before):
+        yield
+        return
     _set(0, "picture")
     try:
         yield
