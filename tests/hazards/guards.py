@@ -216,7 +216,7 @@ GUARDS: Final = (
     ),
     Guard(
         "no heat of motors",
-        "np.sqrt(np.clip(squared, 0.0, 1.0))",
+        "np.sqrt(np.minimum(np.maximum(squared, 0.0), 1.0))",
         "np.ones(40)",
         f"{_LAWS}no_input_drives_a_motor_beyond_ceiling_heat_or_dose",
     ),
