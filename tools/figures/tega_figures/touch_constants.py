@@ -68,7 +68,7 @@ def failures(name: str, value: float) -> list[str]:
     line, _ = chosen(name)
     site = built("constants", replace={TRACKER: (line, f"const {name}: f64 = {value};")})
     env = os.environ | {"PYTHONPATH": os.pathsep.join([str(site), os.environ.get("PYTHONPATH", "")])}
-    command = [sys.executable, "-m", "pytest", "-q", "-n0", "--tb=no", "-p", "no:cacheprovider"]
+    command = [sys.executable, "-m", "pytest", "-q", "-n0", "--tb=no", "-p", "no:cacheprovider", "--no-skip"]
     done = subprocess.run(
         [*command, "-m", "not deep", *TESTS],
         cwd=PROJECT,
