@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
     from tega.config import EmgConfig, SessionConfig
 
-__all__ = ["refresh"]
 
 _BASELINE_S, _REST_S, _SQUEEZE_S = 1.0, 4.0, 3.0
 # A channel beyond these is not the same electrode on the same muscle any more.

@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["EmgSamples", "Intent"]
-
 
 class EmgSamples(Record, frozen=True, kw_only=True):
     """Consecutive EMG samples, as they were read.

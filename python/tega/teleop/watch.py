@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from tega.teleop.arm import Steering
     from tega.teleop.sinks import Sinks
 
-__all__ = ["watch_over"]
-
 
 def watch_over(
     config: SessionConfig,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from tega.errors import InvalidValueError
 
 if TYPE_CHECKING:
+    from tega.replay.playhead import Playhead
     from tega.teleop.motor_tests import MotorAnswer
 
 __all__ = ["Controls"]
@@ -23,6 +24,7 @@ class Controls:
         objects: Objects to choose from; none for no choice.
         try_motor: Has a motor of the vest vibrate, by its place in the frame; ``None`` where none can be tried.
         can_go: Whether the run waits, armed, until it is told to go.
+        playhead: Of a recording that is played; ``None`` where nobody can seek.
     """
 
     def __init__(
@@ -33,11 +35,13 @@ class Controls:
         objects: Sequence[str] = (),
         try_motor: Callable[[int], MotorAnswer] | None = None,
         can_go: bool = False,
+        playhead: Playhead | None = None,
     ) -> None:
         self.can_pause = can_pause
         self.can_mute = can_mute
         self.objects = tuple(objects)
         self.try_motor, self.can_go = try_motor, can_go
+        self.playhead = playhead
         self._go = threading.Event()
         self._lock = threading.Lock()
         self._stop = threading.Event()
