@@ -30,9 +30,9 @@ pub(crate) struct Contact {
     force_n: f64,
     /// Sum of the change of colour over the dent, counts times pixels.
     mass: f64,
-    /// Middle of the outlined pixels (column, row); NaN without contact.
+    /// Middle of the dent (column, row): of its outline in an even light; NaN without contact.
     centroid_xy: (f64, f64),
-    /// Root mean square distance of the outlined pixels from their middle, pixels; NaN without contact.
+    /// Root mean square distance of the outlined pixels from their mean place, pixels; NaN without contact.
     spread: f64,
     /// How sure the contact is, 0 to 1, graded around the threshold.
     strength: f64,

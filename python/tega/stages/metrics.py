@@ -113,7 +113,7 @@ class LiveMetric(Metric):
 
     summary: ClassVar[str] = "every contact in grades, without flicker; CCI rises with the press"
     memory: ClassVar[bool] = True
-    version: ClassVar[int] = 5
+    version: ClassVar[int] = 6
     options_type: ClassVar[type[StageOptions]] = LiveOptions
 
     @classmethod

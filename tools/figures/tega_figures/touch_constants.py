@@ -2,11 +2,13 @@
 
 ::
 
-    TEGA_DATA=/path/to/recordings python -m tega_figures.touch_constants      # builds each variant, minutes each
+    TEGA_DATA=/path/to/recordings python -m tega_figures.touch_constants      # all of them, minutes each
+    python -m tega_figures.touch_constants --only OVER_REST --to 1.72 --to 1.78
     python -m tega_figures.touch_constants --tables                           # the table alone
 
-One constant is moved at a time. This tree is built with it replaced, into ``target/peers``, and the tests of recorded
-touch and of the demo's lifts are run with that build. What fails is kept in ``benches/touch_constants.json``.
+One constant is moved at a time. This tree is built once, into ``target/peers``, so that its tracker asks the
+environment for its constants; the tests of recorded touch and of the demo's lifts are run with that build. What fails
+is kept in ``benches/touch_constants.json``.
 """
 
 from __future__ import annotations
@@ -26,6 +28,7 @@ __all__ = ["table"]
 
 RESULTS: Final = PROJECT / "benches" / "touch_constants.json"
 TESTS: Final = ("tests/unit/test_touch_recordings.py", "tests/unit/test_touch_demo.py")
+VARIABLE: Final = "TRACKER_"
 TRIED: Final[dict[str, tuple[float, ...]]] = {
     "KEPT_LOADED": (0.15, 0.18),
     "WAIT_LOADED": (1.5, 3.0),
@@ -63,12 +66,29 @@ def chosen(name: str) -> tuple[str, float]:
     return found[0], float(found[1])
 
 
+def asking(source: str) -> str:
+    """Return the tracker's source with each constant asked of the environment, and as it stands where that has none."""
+    for name in TRIED:
+        line, value = chosen(name)
+        asked = f"asked_{name.lower()}"
+        source = re.sub(rf"\b{name}\b", f"{asked}()", source.replace(line, f"@{asked}@"))
+        source = source.replace(
+            f"@{asked}@",
+            f"fn {asked}() -> f64 {{ static AT: std::sync::LazyLock<f64> = std::sync::LazyLock::new(|| "
+            f'std::env::var("{VARIABLE}{name}").map_or({value!r}, |at| at.parse().unwrap())); *AT }}',
+        )
+    return source
+
+
 def failures(name: str, value: float) -> list[str]:
-    """Build the tracker with one constant replaced and return the tests that fail with it."""
-    line, _ = chosen(name)
-    site = built("constants", replace={TRACKER: (line, f"const {name}: f64 = {value};")})
-    env = os.environ | {"PYTHONPATH": os.pathsep.join([str(site), os.environ.get("PYTHONPATH", "")])}
-    command = [sys.executable, "-m", "pytest", "-q", "-n0", "--tb=no", "-p", "no:cacheprovider"]
+    """Run the tests with one constant moved and return those that fail."""
+    source = (PROJECT / TRACKER).read_text(encoding="utf-8")
+    site = built("constants", replace={TRACKER: (source, asking(source))})
+    env = os.environ | {
+        "PYTHONPATH": os.pathsep.join([str(site), os.environ.get("PYTHONPATH", "")]),
+        f"{VARIABLE}{name}": f"{value!r}",
+    }
+    command = [sys.executable, "-m", "pytest", "-q", "-n0", "--tb=no", "-p", "no:cacheprovider", "--no-skip"]
     done = subprocess.run(
         [*command, "-m", "not deep", *TESTS],
         cwd=PROJECT,
@@ -103,21 +123,25 @@ def table(results: dict[str, dict[str, list[str]]]) -> str:
 @click.option(
     "--only", multiple=True, type=click.Choice(list(TRIED)), help="This constant alone; may be repeated."
 )
+@click.option("--to", multiple=True, type=float, help="Move it to this value; may be repeated.")
+@click.option("--missing", is_flag=True, help="Leave out what stands in the results already.")
 @click.option("--tables", is_flag=True, help="Print the table of what was measured; build nothing.")
-def main(*, only: tuple[str, ...], tables: bool) -> None:
+def main(*, only: tuple[str, ...], to: tuple[float, ...], missing: bool, tables: bool) -> None:
     """Move each constant of the touch tracker and print with which values every bar still holds."""
     results: dict[str, dict[str, list[str]]] = {}
     if RESULTS.is_file():
         results = json.loads(RESULTS.read_text(encoding="utf-8"))
     for name in () if tables else only or TRIED:
-        tried: dict[str, list[str]] = {}
-        for value in TRIED[name]:
-            tried[f"{value:g}"] = failures(name, value)
-            results = {
-                one: tried if one == name else results[one] for one in TRIED if one in {*results, name}
-            }
+        for value in to or TRIED[name]:
+            text = f"{value:g}"
+            if missing and text in results.get(name, {}):
+                continue
+            failed = failures(name, value)
+            tried = {**results.get(name, {}), text: failed}
+            results[name] = dict(sorted(tried.items(), key=lambda one: float(one[0])))
+            results = {one: results[one] for one in TRIED if one in results}
             RESULTS.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
-            click.echo(f"{name} = {value:g}: {tried[f'{value:g}']}", err=True)
+            click.echo(f"{name} = {text}: {failed}", err=True)
     click.echo(table(results))
 
 

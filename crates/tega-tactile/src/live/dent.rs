@@ -1,12 +1,15 @@
 //! From cells that differ from the untouched gel to the dent: where, how wide, how deep.
 //!
 //! Two maps describe a dent and each is weak where the other is strong: the energy of the colour change, which is a ring around a ball, and the
-//! depth from shading, which fills the ring. The outline is where the mean of both, each over its own peak, crosses one level.
+//! depth from shading, which fills the ring. The outline is where the mean of both, each over its own peak, crosses one level; the middle is
+//! found by itself ([`middle`](super::middle)).
 
 use super::cells::Grid;
 use super::colour::{Field, total};
 use super::depth::Solver;
 use super::light::{GelLight, Slopes};
+use super::middle::Middle;
+use super::peak::{half_share, peak};
 use super::shape::{Moments, outline};
 use crate::frame::Order;
 
@@ -43,6 +46,8 @@ impl Outline {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Dent {
     pub moments: Moments,
+    /// Its middle (column, row), pixels; NaN where nothing is outlined.
+    pub middle: (f64, f64),
     /// Strongest change of colour, noise units; a mean over the strongest cells.
     pub strongest: f64,
     /// Deepest place by shading alone, millimetres; a mean likewise.
@@ -67,6 +72,7 @@ impl Dent {
 pub(super) struct DentReader {
     slopes: Slopes,
     solver: Solver,
+    middle: Middle,
     mm_per_cell: f64,
     /// Height in millimetres for a change of one noise unit over the width that heights are given over.
     pub mm_per_unit: f64,
@@ -86,9 +92,10 @@ impl DentReader {
         let buffer = || vec![0.0; n];
         // The field of view is that of the nominal picture, whatever its size.
         let nominal_px = 400.0 / ((grid.height * grid.height + grid.width * grid.width) as f64).sqrt();
-        let slopes = Slopes::of(light, noise, order.arrange([2, 1, 0]), grid);
+        let mut slopes = Slopes::of(light, noise, order.arrange([2, 1, 0]), grid);
         Self {
             mm_per_unit: HEIGHT_SHARE * 400.0 * light.mm_per_px / slopes.strength,
+            middle: Middle::of(std::mem::take(&mut slopes.even), grid),
             slopes,
             solver: Solver::of(grid),
             mm_per_cell: grid.side as f64 * nominal_px * light.mm_per_px,
@@ -110,6 +117,8 @@ impl DentReader {
     ) -> Dent {
         let [strongest, deepest] = maps(self, white, grid);
         let moments = self.outline(level, grid, paint);
+        let maps = [&self.change[..], &self.depth_mm];
+        let middle = self.middle.find(maps, [strongest, deepest], level.level());
         let inside =
             self.dent.iter().zip(&self.change).zip(&self.depth_mm).filter(|((d, _), _)| **d > level.level());
         let (mut mass, mut volume) = (0f64, 0f64);
@@ -119,6 +128,7 @@ impl DentReader {
         }
         Dent {
             moments,
+            middle,
             strongest: f64::from(strongest),
             shaded_mm: f64::from(deepest),
             volume_mm3: volume * self.mm_per_cell * self.mm_per_cell,
@@ -141,8 +151,7 @@ impl DentReader {
         self.depth_mm.iter_mut().zip(&self.solver.depth).for_each(|(h, d)| *h = ((d - floor) * mm).max(0.0));
         // Where no colour changes, what is left of depth is rounding.
         let deepest = if strongest > 0.0 { peak(&self.depth_mm) } else { 0.0 };
-        let share = |peak: f32| if peak > 0.0 { 0.5 / peak } else { 0.0 };
-        let (per_change, per_depth) = (share(strongest), share(deepest));
+        let (per_change, per_depth) = (half_share(strongest), half_share(deepest));
         for ((dent, e), h) in self.dent.iter_mut().zip(&self.change).zip(&self.depth_mm) {
             *dent = e * per_change + h * per_depth;
         }
@@ -199,51 +208,6 @@ fn one_two_one(a: &[f32], b: &[f32], c: &[f32], out: &mut [f32]) {
     for (((out, a), b), c) in out.iter_mut().zip(a).zip(b).zip(c) {
         *out = 0.25 * ((a + c) + 2.0 * b);
     }
-}
-
-/// Σ v⁸ / Σ v⁷ of values of 0 or more: their largest, steadied by those that come near it.
-#[inline(always)]
-fn peak(values: &[f32]) -> f32 {
-    let most = largest(values).into_iter().fold(0f32, f32::max);
-    if most <= f32::MIN_POSITIVE || !most.is_finite() {
-        return 0.0;
-    }
-    let [seven, eight] = power_sums(values, 1.0 / most).map(|lanes| total(&lanes));
-    most * eight / seven
-}
-
-/// Largest values, side by side.
-#[inline(always)]
-fn largest(values: &[f32]) -> [f32; 8] {
-    let mut most = [0f32; 8];
-    let (chunks, rest) = values.as_chunks::<8>();
-    for chunk in chunks {
-        for lane in 0..8 {
-            most[lane] = if chunk[lane] > most[lane] { chunk[lane] } else { most[lane] };
-        }
-    }
-    for (most, value) in most.iter_mut().zip(rest) {
-        *most = if *value > *most { *value } else { *most };
-    }
-    most
-}
-
-/// Sums of the seventh and the eighth powers of scaled values.
-#[inline(always)]
-fn power_sums(values: &[f32], scale: f32) -> [[f32; 8]; 2] {
-    let mut sums = [[0f32; 8]; 2];
-    let (chunks, rest) = values.as_chunks::<8>();
-    let mut last = [0f32; 8];
-    last.iter_mut().zip(rest).for_each(|(l, r)| *l = *r);
-    for chunk in chunks.iter().chain(std::iter::once(&last)) {
-        for lane in 0..8 {
-            let v = chunk[lane] * scale;
-            let (two, four) = (v * v, (v * v) * (v * v));
-            sums[0][lane] += four * two * v;
-            sums[1][lane] += four * four;
-        }
-    }
-    sums
 }
 
 /// Mean depth where the colours hardly change, each cell weighed by how little.

@@ -39,6 +39,8 @@ const HELD: f32 = 0.1;
 pub(super) struct Slopes {
     /// Across and along, for each byte of a pixel.
     pub weights: [[Vec<f32>; 3]; 2],
+    /// What a change of colour is multiplied by, so that a slope counts for as much where the light answers weakly as where it answers strongly.
+    pub even: Vec<f32>,
     /// Change of colour for a slope of 1, noise units: root mean square over the picture, both directions and the colours.
     pub strength: f64,
 }
@@ -48,6 +50,7 @@ impl Slopes {
     pub fn of(light: &GelLight, noise: [f32; 3], bytes: [usize; 3], grid: &Grid) -> Self {
         let mut slopes = Self::default();
         slopes.weights.iter_mut().flatten().for_each(|plane| plane.reserve_exact(grid.cells()));
+        slopes.even.reserve_exact(grid.cells());
         let answers = |row: usize, col: usize| -> [[f32; 2]; 3] {
             let x = (2 * col + 1) as f32 / grid.cols as f32 - 1.0;
             let y = (2 * row + 1) as f32 / grid.rows as f32 - 1.0;
@@ -67,6 +70,7 @@ impl Slopes {
             let dot = |i: usize, j: usize| summed(a.map(|a| a[i] * a[j]));
             let (xx, xy, yy) = (dot(0, 0) + held, dot(0, 1), dot(1, 1) + held);
             let det = xx * yy - xy * xy;
+            slopes.even.push(1.0 / (xx + yy).sqrt());
             for (byte, a) in a.iter().enumerate() {
                 slopes.weights[0][byte].push((yy * a[0] - xy * a[1]) / det);
                 slopes.weights[1][byte].push((xx * a[1] - xy * a[0]) / det);

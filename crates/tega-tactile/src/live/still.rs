@@ -100,7 +100,7 @@ impl Cells {
         if dent.moments.area == 0 {
             return ContactMetrics::none(f64::NAN, 0.0, (0, 0));
         }
-        let (x, y) = dent.moments.centroid();
+        let (x, y) = dent.middle;
         let height = dent.height(&self.grid) * self.counts_per_unit();
         let area = dent.moments.area as f64;
         ContactMetrics {
@@ -180,8 +180,9 @@ impl LiveReader {
     ///
     /// - `peak` is the height of the dent in counts: the mean change of colour over it times the root of its area, over an eighth of the picture's
     ///   diagonal. A gel answers to its slope, so slope times width goes with depth.
-    /// - `cci` is `peak / sqrt(eda)`. `centroid_xy`, `peak_xy`: mean place of the mask. `spread`: root mean square distance from it, pixels.
-    ///   `threshold`: change of colour at the outline, counts. `mass`: sum of the change over the dent, counts times pixels.
+    /// - `cci` is `peak / sqrt(eda)`. `centroid_xy`, `peak_xy`: middle of the dent, as its outline would lie in an even light. `spread`: root mean
+    ///   square distance of the mask's pixels from their mean place. `threshold`: change of colour at the outline, counts. `mass`: sum of the
+    ///   change over the dent, counts times pixels.
     ///
     /// # Errors
     /// [`TactileError::Channels`] or [`TactileError::ShapeMismatch`].

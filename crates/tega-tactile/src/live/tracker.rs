@@ -130,9 +130,9 @@ pub struct Touch {
     pub force_n: f64,
     /// Sum of the change of colour over the dent, counts times pixels.
     pub mass: f64,
-    /// Middle of the outlined pixels (column, row); NaN without contact.
+    /// Middle of the dent (column, row): of its outline in an even light; NaN without contact.
     pub centroid_xy: (f64, f64),
-    /// Root mean square distance of those pixels from their middle, pixels; NaN without contact.
+    /// Root mean square distance of the outlined pixels from their mean place, pixels; NaN without contact.
     pub spread: f64,
     /// How sure the contact is: 0 to 1, graded around the threshold.
     pub strength: f64,
@@ -397,7 +397,7 @@ impl TouchTracker {
         self.deeper = if dent.shaded_mm > 0.0 { touch.depth_mm / dent.shaded_mm } else { 0.0 };
         touch.force_n = sums.volume_mm3() * self.options.light.stiffness_n_mm3;
         touch.mass = dent.mass * self.cells.counts_per_unit();
-        touch.centroid_xy = dent.moments.centroid();
+        touch.centroid_xy = dent.middle;
         touch.spread = dent.moments.spread();
         touch
     }

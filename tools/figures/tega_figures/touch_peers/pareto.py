@@ -13,10 +13,12 @@ the measuring out.
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
@@ -25,7 +27,11 @@ from tega.touch import TouchTracker
 from tega_figures.touch_peers.other_build import PROJECT, Child, built
 from tega_figures.touch_peers.readings import WITH_MEMORY, Image, Makes, PeerReading, Unit
 
-__all__ = ["measured"]
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["drawn", "measured"]
 
 RESULTS: Final = PROJECT / "benches" / "touch_pareto.json"
 _CELLS: Final = "crates/tega-tactile/src/live/cells.rs"
@@ -146,7 +152,7 @@ def _default(row: dict[str, Any]) -> bool:
     return (row["side"], row["outline"], row["every"]) == (8, "dent", 1)
 
 
-def draw(rows: list[dict[str, Any]], picture: Path) -> None:
+def drawn(rows: list[dict[str, Any]]) -> Figure:
     """Draw touched time against three errors, each variant named by its cells and left out frames."""
     import matplotlib as mpl
 
@@ -155,26 +161,52 @@ def draw(rows: list[dict[str, Any]], picture: Path) -> None:
 
     errors = {"grasp_error": "1 − overlap with masks of grasps", "missed": "share missed, 0.6 N and more (wedge)",
               "rank_error": "1 − rank correlation with force (wedge)"}  # fmt: skip
-    figure = Figure(figsize=(11, 3.8), layout="constrained")
-    for panel, (key, what) in zip(figure.subplots(1, 3), errors.items(), strict=True):
+    figure = Figure(figsize=(11, 4.6), layout="constrained")
+    panels = figure.subplots(1, 3)
+    for panel, (key, what) in zip(panels, errors.items(), strict=True):
         for row in rows:
             marker = "*" if _default(row) else "o" if row["every"] == 1 else "s"
             colour = "tab:red" if _default(row) else "tab:blue" if row["outline"] == "dent" else "tab:orange"
             panel.plot(row["touched"], row[key], marker, color=colour, markersize=13 if _default(row) else 6)
-            skipped = "" if row["every"] == 1 else f", 1/{row['every']}"
-            panel.annotate(
-                f"{row['side']}{skipped}", (row["touched"], row[key]), fontsize=8, xytext=(6, 5),
-                textcoords="offset points",
-            )  # fmt: skip
+        panel.set_xscale("log", base=2)
+        panel.xaxis.set_major_formatter("{x:g}")
         panel.set_xlabel("touched frame, times NumPy's or-reduce")
         panel.set_ylabel(what)
-        panel.margins(0.3)
+        panel.margins(0.15)
         panel.set_ylim(bottom=0)
     figure.suptitle(
         "Pixels a cell; 1/2: every second frame. Blue: outline dent, orange: contact. Star: the default",
         fontsize=9,
     )
-    figure.savefig(picture, metadata={"Date": None} if picture.suffix == ".svg" else None)
+    figure.draw_without_rendering()  # Labels are placed once the panels have their size.
+    figure.set_layout_engine("none")
+    for panel, key in zip(panels, errors, strict=True):
+        _name_points(panel, [(row["touched"], row[key], _short(row)) for row in rows])
+    return figure
+
+
+def _short(row: dict[str, Any]) -> str:
+    return f"{row['side']}" + ("" if row["every"] == 1 else f", 1/{row['every']}")
+
+
+def _name_points(panel: Axes, points: list[tuple[float, float, str]]) -> None:
+    """Write a name beside each point, at the nearest of many places that is free of points and of other names."""
+    from matplotlib.transforms import Bbox
+
+    at = panel.transData.transform([(x, y) for x, y, _ in points])
+    px = panel.figure.dpi / 72
+    taken = [Bbox.from_bounds(x - 6 * px, y - 6 * px, 12 * px, 12 * px) for x, y in at]
+    for x, y, name in points:
+        text = panel.annotate(name, (x, y), (0, 0), fontsize=8, textcoords="offset points", va="center")
+        for far, turn in product(range(8, 60, 4), range(0, 360, 30)):
+            across, up = far * math.cos(math.radians(turn)), far * math.sin(math.radians(turn))
+            text.xyann = across, up
+            text.set_horizontalalignment("left" if across > 1 else "right" if across < -1 else "center")
+            box = text.get_window_extent()
+            inside = panel.bbox.containsx(box.x0) and panel.bbox.containsx(box.x1)
+            if inside and panel.bbox.containsy(box.y0) and not any(box.overlaps(other) for other in taken):
+                break
+        taken.append(box)
 
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
@@ -195,7 +227,7 @@ def main(picture: Path, *, sides: tuple[str, ...], tables: bool) -> None:
         )
         RESULTS.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
     rows = json.loads(RESULTS.read_text(encoding="utf-8"))
-    draw(rows, picture)
+    drawn(rows).savefig(picture, metadata={"Date": None} if picture.suffix == ".svg" else None)
     PAGE.write_text(page(PAGE.read_text(encoding="utf-8"), {"pareto": table(rows)}), encoding="utf-8")
 
 
