@@ -27,6 +27,7 @@ _LEADING = frozenset(
     for name in (
         "Contact",
         "EmgSamples",
+        "AdaptationSwitch",
         "Levels",
         "HandExchange",
         "Skip",

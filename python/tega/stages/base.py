@@ -211,6 +211,9 @@ class Decoder(_Stage, ABC):
     The class is called with a :class:`MuscleSetup` and its options, once a run.
     """
 
+    outside: ClassVar[bool] = False
+    """Whether its intents come from another process: a replay takes them as they were recorded."""
+
     @classmethod
     def block_s(cls, options: StageOptions) -> float:  # noqa: ARG003  # for those that have their own
         """Return the length of the blocks that its maxima are calibrated with, seconds."""

@@ -23,6 +23,7 @@ class Controls:
         objects: Objects to choose from; none for no choice.
         try_motor: Has a motor of the vest vibrate, by its place in the frame; ``None`` where none can be tried.
         can_go: Whether the run waits, armed, until it is told to go.
+        undo: Undoes the online adaptation of EMG, or has it begin anew; ``None`` where there is none.
     """
 
     def __init__(
@@ -33,11 +34,12 @@ class Controls:
         objects: Sequence[str] = (),
         try_motor: Callable[[int], MotorAnswer] | None = None,
         can_go: bool = False,
+        undo: Callable[[], None] | None = None,
     ) -> None:
         self.can_pause = can_pause
         self.can_mute = can_mute
         self.objects = tuple(objects)
-        self.try_motor, self.can_go = try_motor, can_go
+        self.try_motor, self.can_go, self.undo = try_motor, can_go, undo
         self._go = threading.Event()
         self._lock = threading.Lock()
         self._stop = threading.Event()

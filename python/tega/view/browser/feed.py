@@ -12,9 +12,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tega.records import EmgSamples, Picture
+from tega.records import Adaptation, BesideIntent, Button, EmgSamples, Intent, Picture
 from tega.stages.base import MeasuredPicture
+from tega.teleop.adapting import UNDO_SEAT
 from tega.teleop.touch import STALE_NS
+from tega.view.browser.decoders_apart import DecodersApart
 from tega.view.browser.hand_figure import HandFigure
 from tega.view.state import EmgTail, TouchImage, ViewState
 
@@ -52,6 +54,10 @@ class SessionFeed:
         bus.subscribe(Picture, self._see, name="page")
         bus.subscribe(MeasuredPicture, self._measured, name="page")
         bus.subscribe(EmgSamples, self._hear, name="page")
+        self._bus, self._apart, self._adaptation, self._t_ns = bus, DecodersApart(), "", 0
+        bus.subscribe(Intent, self._apart.connected, name="page")
+        bus.subscribe(BesideIntent, self._apart.beside, name="page")
+        bus.subscribe(Adaptation, self._adapted, name="page")
 
     def watch(self, prepared: Prepared) -> Prepared:
         """Take note of what a run starts with, and return it."""
@@ -69,6 +75,7 @@ class SessionFeed:
 
     def complete(self, state: ViewState) -> ViewState:
         """Add pictures, muscle signal, hand and text to a moment of the loop."""
+        self._t_ns = state.t_ns
         if (prepared := self._prepared) is None:
             return state
         images = {}
@@ -90,9 +97,21 @@ class SessionFeed:
             shapes=shapes,
             poses=poses,
             emg=None if prepared.muscles is None else self._tail(state.t_ns, prepared.muscles),
-            rows={**self._rows, **state.rows},
+            rows={**self._rows, **self._apart.rows(), **self.adaptation_row(), **state.rows},
             latency_ms={"picture to vest": float(np.mean(ages_ms))} if ages_ms else {},
         )
+
+    def undo(self) -> None:
+        """Undo the adaptation of EMG as its key does; once more has it begin anew."""
+        self._bus.publish(Button(seat=UNDO_SEAT, t_ns=self._t_ns, seq=0, button="page", pressed=True))
+
+    def _adapted(self, change: Adaptation) -> None:
+        gains = " · ".join(f"{gain:.2f}" for gain in change.gains)
+        self._adaptation = "undone" if change.why == "undone" else f"gains {gains} ({change.why})"
+
+    def adaptation_row(self) -> dict[str, str]:
+        """Return the line of text that tells what the adaptation does; nothing before it does something."""
+        return {"adaptation": self._adaptation} if self._adaptation else {}
 
     def _see(self, picture: Picture) -> None:
         shown = self._pictures.get(picture.finger)

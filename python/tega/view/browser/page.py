@@ -69,7 +69,7 @@ class Page:
         status: The lines of text.
         timeline: The moments that can be looked back at; ``None`` on a page without controls.
         inputs: viser's handles of the buttons and choices that there are: ``object``, ``haptics``, ``pause``, ``go``,
-            ``stop``.
+            ``undo``, ``stop``.
     """
 
     def __init__(
@@ -151,6 +151,10 @@ class Page:
         if controls.can_go:
             go = self.inputs["go"] = gui.add_button("Go", color="green")
             go.on_click(lambda _event: controls.go())
+
+        if (undo := controls.undo) is not None:
+            button = self.inputs["undo"] = gui.add_button("Undo adaptation", color="gray")
+            button.on_click(lambda _event: undo())
 
         stop = self.inputs["stop"] = gui.add_button("Stop", color="red")
         stop.on_click(lambda _event: controls.stop())
