@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from tega.cli.emg_recalibrate import emg_recalibrate
 from tega.cli.emg_score import emg_score
 from tega.cli.options import ChannelList, NameList, echo_json, json_option
 
@@ -20,10 +21,11 @@ _KINDS = click.Choice(["raw", "rectified", "envelope"])
 
 @click.group(epilog="Example: tega-teleop emg compare --help")
 def emg() -> None:
-    """Fit a decoder to a person's muscles, and compare decoders on one log."""
+    """Fit a decoder to a person's muscles or to the day, and compare decoders on one log."""
 
 
 emg.add_command(emg_score, "score")
+emg.add_command(emg_recalibrate, "recalibrate")
 
 
 @emg.command(
