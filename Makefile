@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PYTHON ?= python3
 .DEFAULT_GOAL := help
-.PHONY: help setup build test slow guards deep stress lint fmt fuzz bench counts figures msrv licences arm64 wheel site pictures clean
+.PHONY: help setup build test slow guards deep stress lint fmt fuzz bench counts figures msrv licences arm64 wheels site pictures clean
 
 help: ## print this
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 10
@@ -48,6 +48,8 @@ lint: ## formatting, clippy, ruff, mypy, stub against extension, circles of file
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
+	$(BIN)/mypy --platform win32 --follow-imports silent python/tega
+	$(BIN)/mypy --platform darwin --follow-imports silent python/tega
 	$(BIN)/python -m mypy.stubtest tega._native
 	$(BIN)/python -m pytest -q tests/unit/test_packages.py tests/unit/test_crate_files.py \
 		tests/docs/test_words.py
@@ -84,14 +86,9 @@ arm64: ## the crates' tests on an emulated arm64 processor, NEON kernels include
 	CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_RUNNER='qemu-aarch64 -L /usr/aarch64-linux-gnu' \
 	cargo test --workspace --exclude tega-py --release --locked --target aarch64-unknown-linux-gnu
 
-wheel: ## build a wheel, install it in a fresh environment, try it, and the example packages with it in another
-	rm -rf dist target/wheel-venv
-	$(BIN)/maturin build --release --out dist
-	$(PYTHON) -m venv target/wheel-venv
-	target/wheel-venv/bin/pip install --quiet dist/*.whl
-	target/wheel-venv/bin/python -c "import tega; print(tega.__version__, tega.emg.fuse_levels([2, 2, 5]))"
-	target/wheel-venv/bin/tega-teleop --help
-	TEGA_WHEEL=$$(echo dist/*.whl) $(BIN)/python -m pytest -n0 -q -m "not slow" tests/docs/test_own_stage.py
+wheels: ## Linux wheels for x86-64 and arm64, each tried in an environment of its own; then the examples with the first
+	PYTHON=$(PYTHON) .ci/wheels
+	TEGA_WHEEL=$$(echo dist/tega-*x86_64.whl) $(BIN)/python -m pytest -n0 -q -m "not slow" tests/docs/test_own_stage.py
 
 site: ## all pages with search, commands, settings and Python, into target/site; needs the extra docs, no network
 	PYTHONPATH=$(CURDIR)/tools/emulators:$(CURDIR)/tools/campaigns:$(CURDIR)/tools/figures \

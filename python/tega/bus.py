@@ -30,12 +30,14 @@ import msgspec
 
 from tega.errors import TegaError
 
-__all__ = ["Backlog", "Bus"]
+__all__ = ["Backlog", "Bus", "told_drops"]
 
 _LOG = logging.getLogger(__name__)
 
 _DRAIN_S = 10.0
 _WAIT_S = 0.01
+# An alert of dropped records ends after this; how many there were stays in the recording and in the summary.
+TOLD_DROPS_S = 10.0
 
 Kind = TypeVar("Kind", bound=msgspec.Struct)
 
@@ -155,6 +157,18 @@ def _words(error: Exception) -> str:
     return f"{type(error).__name__}: {error}"
 
 
+def told_drops(n_dropped: int, newest_s: float) -> str:
+    """Return how many records were dropped, ``""`` for none in the last ten seconds.
+
+    Args:
+        n_dropped: How many since the start.
+        newest_s: When the newest of them was, by the monotonic clock, seconds.
+    """
+    if not n_dropped or time.monotonic() - newest_s > TOLD_DROPS_S:
+        return ""
+    return f"{n_dropped} records dropped"
+
+
 class Backlog:
     """Records that wait for a subscriber that may be slow, and the thread that hands them over in their order.
 
@@ -187,6 +201,7 @@ class Backlog:
         self._closing = threading.Event()
         self._thread: threading.Thread | None = None
         self.n_put = self.n_dropped = 0
+        self._dropped_at_s = 0.0
         self.waited_s = 0.0
 
     def start(self) -> None:
@@ -202,10 +217,10 @@ class Backlog:
         """Let a record wait until ``deliver(to, record)`` is called with it in the thread; returns at once."""
         self.n_put += 1
         if self._closing.is_set():
-            self.n_dropped += 1
+            self._drop()
             return
         if len(self._waiting) >= self._most:
-            self.n_dropped += 1
+            self._drop()
             if not self._newest:
                 return
             with contextlib.suppress(IndexError):  # the thread has just taken it
@@ -218,10 +233,9 @@ class Backlog:
         return self._thread is not None and self._thread.is_alive()
 
     def problem(self) -> str:
-        """Return how many records were dropped, ``""`` for none, and where only the newest is wanted."""
-        if not self.n_dropped or self._newest:
-            return ""
-        return f"{self._name}: {self.n_dropped} records dropped, it does not keep up"
+        """Return how many records were dropped while that goes on; ``""`` else, and where only the newest is wanted."""
+        dropped = "" if self._newest else told_drops(self.n_dropped, self._dropped_at_s)
+        return f"{self._name}: {dropped}, it does not keep up" if dropped else ""
 
     def close(self) -> None:
         """Wait for what is left, ten seconds at most, and end the thread."""
@@ -229,6 +243,10 @@ class Backlog:
         thread, self._thread = self._thread, None
         if thread is not None:
             thread.join(_DRAIN_S)
+
+    def _drop(self) -> None:
+        self.n_dropped += 1
+        self._dropped_at_s = time.monotonic()
 
     def _work(self) -> None:
         while True:

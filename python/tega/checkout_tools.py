@@ -8,8 +8,6 @@ from typing import Final
 
 from tega.errors import MissingToolError
 
-__all__ = ["needs_tools"]
-
 # What is installed for each package that a checkout brings; what it needs itself stands before it.
 _FOLDERS: Final = {
     "tega_emulators": ("emulators",),

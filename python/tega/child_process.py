@@ -13,9 +13,9 @@ import subprocess
 import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any, Final
 
-__all__ = ["end_child", "isolated_workers", "python_command", "python_environment"]
-
+_NEW_GROUP: Final = 0x200  # CREATE_NEW_PROCESS_GROUP, which `subprocess` names on Windows only
 # The package's folder goes last: where it is the working folder itself, as in a checkout, nothing else there is
 # found before the standard library and the installed packages.
 _BEGIN = (
@@ -50,6 +50,15 @@ def python_environment(environment: Mapping[str, str] | None = None) -> dict[str
     if kept:
         clean["PYTHONPATH"] = os.pathsep.join(kept)
     return clean
+
+
+def own_group(system: str = sys.platform) -> dict[str, Any]:
+    """Return the arguments of ``Popen`` for a program that the terminal's Ctrl-C and hang-up do not reach.
+
+    Args:
+        system: As ``sys.platform`` names it.
+    """
+    return {"creationflags": _NEW_GROUP} if system == "win32" else {"start_new_session": True}
 
 
 @contextlib.contextmanager

@@ -15,8 +15,6 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-__all__ = ["Clock", "ManualClock", "PausableClock", "SystemClock"]
-
 _PAUSE_LOOK_S = 0.02
 
 

@@ -29,8 +29,6 @@ from tega.motor_layout import find_layout
 from tega.net.settings import checked_net
 from tega.stages.registry import stage_class
 
-__all__ = ["check_tree"]
-
 
 def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) -> LoadedConfig:
     """Check a tree of settings against the schema and the drivers it names.

@@ -13,8 +13,6 @@ import msgspec
 
 from tega.errors import ConfigError
 
-__all__ = ["Overridden", "explain"]
-
 _UNITS = {
     "hz": "hertz",
     "s": "seconds",

@@ -13,8 +13,6 @@ from tega.config_sections import STAGE_GROUPS
 from tega.errors import ConfigError
 from tega.foreign_file import parse_toml, read_words
 
-__all__ = ["key_and_value", "override", "override_recorded", "override_tree", "read_settings"]
-
 
 def override_tree(tree: dict[str, Any], sets: Sequence[str]) -> dict[str, str]:
     """Put values given as text into a tree of settings.

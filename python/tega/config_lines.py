@@ -6,8 +6,6 @@ import tomllib
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-__all__ = ["leaves", "value_lines"]
-
 
 def value_lines(text: str) -> dict[str, int]:
     r"""Return the line, from 1, on which the statement of each value begins.

@@ -14,8 +14,6 @@ from tega.device_items import Options
 from tega.devices.registry import driver_class
 from tega.stages.registry import stage_class
 
-__all__ = ["driver_options", "stage_options"]
-
 
 def driver_options(name: str, tree: Mapping[str, Any], *, sets: Sequence[str] = ()) -> Options:
     """Check a driver's options outside a session, as its ``options`` table would be.

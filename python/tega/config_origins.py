@@ -9,8 +9,6 @@ import msgspec
 
 from tega.config_sections import SessionConfig
 
-__all__ = ["LoadedConfig", "SettingValue", "fields_of", "origin_of", "where"]
-
 
 class SettingValue(NamedTuple):
     """A setting and where it came from.

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-__all__ = ["unit_of"]
-
 _UNITS = {"hz": "Hz", "s": "s", "ms": "ms", "n": "N", "mm": "mm", "px": "px", "percent": "%", "rad": "rad"}
 _PERCENT = {"vest.threshold", "vest.step", "vest.options.limit"}
 

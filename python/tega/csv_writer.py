@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import IO
 
-__all__ = ["CsvWriter", "cell_text", "time_text"]
-
 _ROWS_PER_WRITE = 4096
 
 

@@ -10,7 +10,6 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["DeviceInfo", "EmgChunk", "Found", "InputEvent", "InputReading", "Kind", "Options", "TactileFrame"]
 
 Kind = Literal["tactile", "emg", "vest", "hand", "input", "tracker", "arm"]
 

@@ -37,8 +37,6 @@ if TYPE_CHECKING:
     from tega.config_sections import AdaptationSection
     from tega.inbox.sources import EmgBlock
 
-__all__ = ["ChannelAdaptation", "Switches", "read_switches"]
-
 MOST_GAIN: Final = 1.5
 MOST_OFFSET: Final = 0.1
 """Of the calibrated maximum."""

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from tega.calibration import EmgMaxima
     from tega.devices.base import EmgChunk
 
-__all__ = ["FELL_SHARE", "MOVED", "ConditionWatch", "median_frequency"]
-
 FELL_SHARE: Final = 0.15
 """By so much a median frequency has to have fallen to be told, of its value in the run's first 20 s of effort."""
 SLOPE_PERCENT_PER_MIN: Final = -1.0

@@ -22,16 +22,6 @@ from numpy.typing import ArrayLike, NDArray
 from tega.emg import BlockMean, GraspIntent, InputKind, Preset, channel_maxima
 from tega.errors import InvalidValueError, ShapeError
 
-__all__ = [
-    "PERCENTILES",
-    "PresetScore",
-    "RecordingScore",
-    "changes_per_second",
-    "delay_s",
-    "rank_correlation",
-    "score_recording",
-]
-
 PERCENTILES: dict[Preset, float] = {"paper": 100.0, "live": 95.0}
 """Percentile of the block means that each preset's maxima are."""
 

@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 
     from tega.emg import InputKind
 
-__all__ = ["ChannelVotes"]
 
 _HOP_S = 0.025
 _STUCK_S = 0.1

@@ -6,8 +6,6 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-__all__ = ["every"]
-
 
 @contextmanager
 def every(action: Callable[[], object], *, every_s: float, name: str) -> Iterator[None]:

@@ -9,8 +9,6 @@ from typing import IO, Final
 
 from filelock import lock_descriptor
 
-__all__ = ["LOCK_SUFFIX", "lock_file"]
-
 LOCK_SUFFIX: Final = ".lock"
 
 # A lock of Windows keeps others from reading what is locked, and a recording is looked at while it grows.

@@ -19,7 +19,6 @@ from tega.errors import RecordingError, TegaError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["MIB", "check_file", "load_npy", "parse_toml", "read_foreign", "read_words", "tells_damage"]
 
 MIB: Final = 1024 * 1024
 

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
     from tega.hand import HandController
 
-__all__ = ["HandCounts", "HandFault", "HandLink", "HandState", "Received"]
-
 
 class Received(NamedTuple):
     """A frame as an adapter gives it.

@@ -12,17 +12,6 @@ from typing import Final
 from tega.hand import JOINT_LIMITS_RAD, TORQUE_LIMITS
 from tega.wire import HAND_FINGERS
 
-__all__ = [
-    "FULL_DUTY_NM",
-    "MOUNT_M",
-    "PAD_HALF_LENGTH_M",
-    "PAD_RADIUS_M",
-    "TORQUE_LIMITS_NM",
-    "hand_actuators",
-    "hand_body",
-    "joint_names",
-]
-
 FULL_DUTY_NM: Final = 1.0
 """Torque of a joint at full motor duty, N·m. Nominal: what the vendor's drivers call it. The older hand's data sheet
 gives 0.7 at 7.5 V; version 4 runs at 12 V. No source measures it."""

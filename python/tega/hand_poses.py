@@ -31,7 +31,6 @@ from tega.wire import HAND_FINGERS
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["POSE_MARGIN_RAD", "ClosureScale", "load_poses", "save_poses", "taught"]
 
 POSE_MARGIN_RAD = 0.04
 """Poses keep so far inside the joint limits."""

@@ -8,8 +8,6 @@ from typing import Any, Self
 
 from tega.errors import MissingExtraError
 
-__all__ = ["Opened", "require"]
-
 
 class Opened:
     """Gives a driver its ``with`` block: open on entry, close on exit."""

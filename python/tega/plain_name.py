@@ -12,8 +12,6 @@ from pathlib import Path
 
 from tega.errors import UnsafeNameError
 
-__all__ = ["LONGEST_NAME", "path_below", "plain_name"]
-
 LONGEST_NAME = 128
 """Characters that a name may have, of the 255 bytes that file systems take: endings are added to it."""
 

@@ -11,8 +11,6 @@ from typing import Any
 
 from tega.errors import ConfigError, DeviceUnavailableError, MissingExtraError
 
-__all__ = ["find_plugin", "load_plugin", "plugin_package", "plugins"]
-
 
 def plugins(group: str) -> Mapping[str, EntryPoint]:
     """Return the entry points of a group by name; imports none of them."""

@@ -22,8 +22,6 @@ import time
 from collections.abc import Callable
 from typing import TypeVar
 
-__all__ = ["Over", "Reopening", "polled"]
-
 Over = Callable[[float], object]
 """Waits so many seconds, or until the device is no longer wanted; returns whether it is no longer wanted."""
 

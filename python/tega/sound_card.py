@@ -6,8 +6,6 @@ from typing import Any
 
 from tega.errors import DeviceUnavailableError, MissingExtraError
 
-__all__ = ["load_sounddevice"]
-
 
 def load_sounddevice() -> Any:
     """Import the package sounddevice.

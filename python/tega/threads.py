@@ -10,12 +10,13 @@ rank        priority whose
 =========== ======== =====================================================================================
 ``act``     8        the loop, the hand's thread, the vest's: what they do is short, and somebody waits for it
 ``measure`` 6        contacts and levels: a fifth of a millisecond
-``take``    4        cameras: decoding a picture takes 2 ms, and must not stand in the way of the others
-``beside``  1        everything else in the program, the recorder first of all
+``beside``  4        everything else in the program, the recorder first of all
+``picture`` 2        coding a picture, which takes 1 to 2 ms without the interpreter lock
 =========== ======== =====================================================================================
 
-The last one is there since a thread that nobody waits for holds the interpreter at times, and then all wait for it: it
-must not lose its core to another program just then.
+Whoever may hold the interpreter lock goes before whoever does not: a thread that loses its core while it holds the lock
+keeps all others waiting. So a camera's thread gives way only while it decodes (:func:`give_way`), and the recorder's
+while it encodes.
 """
 
 from __future__ import annotations
@@ -30,12 +31,10 @@ from typing import Final, Literal
 
 from tega.every import every
 
-__all__ = ["Rank", "all_along", "promote", "realtime", "restored", "run_realtime"]
-
-Rank = Literal["act", "measure", "take", "beside"]
+Rank = Literal["act", "measure", "beside", "picture"]
 
 # Low among real-time threads: the kernel's own, of drivers and interrupts, go first.
-_PRIORITY: Final[dict[Rank, int]] = {"act": 8, "measure": 6, "take": 4, "beside": 1}
+_PRIORITY: Final[dict[Rank, int]] = {"act": 8, "measure": 6, "beside": 4, "picture": 2}
 _SWEEP_S = 1.0
 
 _state = {"allowed": True}
@@ -62,7 +61,7 @@ def run_realtime(rank: Rank, *, inherited: bool = False) -> Iterator[bool]:
     Yields:
         Whether it was granted, or was so before.
     """
-    if not _possible():
+    if sys.platform != "linux" or not _possible():
         yield False
         return
     before, how = os.sched_getscheduler(0), os.sched_getparam(0)
@@ -74,6 +73,23 @@ def run_realtime(rank: Rank, *, inherited: bool = False) -> Iterator[bool]:
         return
     try:
         yield True
+    finally:
+        os.sched_setscheduler(0, before, how)
+
+
+@contextmanager
+def give_way() -> Iterator[None]:
+    """Lower the calling thread to the rank ``picture`` for this block, which holds no interpreter lock for long.
+
+    A thread without a rank stays as it is.
+    """
+    if sys.platform != "linux" or not _possible() or not _is_realtime(before := os.sched_getscheduler(0)):
+        yield
+        return
+    how = os.sched_getparam(0)
+    _set(0, "picture")
+    try:
+        yield
     finally:
         os.sched_setscheduler(0, before, how)
 
@@ -135,6 +151,8 @@ def _threads() -> list[int]:
 
 
 def _how(tid: int) -> tuple[int, int] | None:
+    if sys.platform != "linux":
+        return None
     try:
         return os.sched_getscheduler(tid), os.sched_getparam(tid).sched_priority
     except OSError:  # it has ended
@@ -146,10 +164,14 @@ def _possible() -> bool:
 
 
 def _is_realtime(policy: int) -> bool:
+    if sys.platform != "linux":
+        return False
     return policy & ~os.SCHED_RESET_ON_FORK in {os.SCHED_FIFO, os.SCHED_RR}
 
 
 def _is_ordinary(tid: int) -> bool:
+    if sys.platform != "linux":
+        return True
     try:
         return os.sched_getscheduler(tid) & ~os.SCHED_RESET_ON_FORK == os.SCHED_OTHER
     except OSError:  # it has ended
@@ -157,6 +179,8 @@ def _is_ordinary(tid: int) -> bool:
 
 
 def _set(tid: int, rank: Rank, *, inherited: bool = False) -> bool:
+    if sys.platform != "linux":
+        return False
     policy = os.SCHED_RR if inherited else os.SCHED_RR | os.SCHED_RESET_ON_FORK
     try:
         os.sched_setscheduler(tid, policy, os.sched_param(_PRIORITY[rank]))
@@ -166,6 +190,8 @@ def _set(tid: int, rank: Rank, *, inherited: bool = False) -> bool:
 
 
 def _ordinary(tid: int) -> None:
+    if sys.platform != "linux":
+        return
     try:
         os.sched_setscheduler(tid, os.SCHED_OTHER, os.sched_param(0))
     except OSError:  # it has ended

@@ -18,8 +18,6 @@ from tomlkit.items import Item, Table
 if TYPE_CHECKING:
     from tega.config import SessionConfig
 
-__all__ = ["config_text", "toml_item", "toml_value", "tree_item", "tree_text"]
-
 
 def toml_item(value: Any) -> Item:
     """Return a value as a tomlkit item that stands on one line, to be put into a document.

@@ -13,8 +13,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
-__all__ = ["new_file", "write_whole"]
-
 
 @contextmanager
 def new_file(path: Path, *, sync: bool = False) -> Iterator[BinaryIO]:

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from tega.config import CalibrationConfig, VestConfig
     from tega.devices.base import VestSink
 
-__all__ = ["NAMELESS", "dose_file", "worn_vest"]
 
 NAMELESS: Final = "nameless-vest-dose.json"
 """File, in the folder of calibrations, of those who wore the vest without being named."""

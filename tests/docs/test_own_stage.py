@@ -98,8 +98,8 @@ class Installed(NamedTuple):
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Installed:
     """Install copies of the examples into a fresh environment, as anybody would.
 
-    With ``TEGA_WHEEL`` (``make wheel`` sets it) TEGA is that wheel, and all else comes from the package index. Without,
-    the environment sees the packages of the one that runs the tests, and needs no network.
+    With ``TEGA_WHEEL`` (``make wheels`` sets it) TEGA is that wheel, and all else comes from the package index.
+    Without, the environment sees the packages of the one that runs the tests, and needs no network.
     """
     place = tmp_path_factory.mktemp("fresh")
     wheel = os.environ.get("TEGA_WHEEL", "")

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 import os
-import select
 import signal
 import struct
 import subprocess
 import sys
 import time
 from collections.abc import Callable
+from queue import Empty
 from types import SimpleNamespace
 from typing import Any
 
@@ -240,16 +240,16 @@ def test_a_program_that_stands_still_is_taken_over_from_within_a_second(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     now, let_go_s = SimpleNamespace(s=0.0), list[float]()
-    beats = iter([b".\n"] * 5)
 
-    def waiting(_read: Any, _write: Any, _error: Any, timeout: float | None = None) -> Any:
-        if now.s < 0.5:
-            now.s += 0.1
-            return [0], [], []
-        if let_go_s or timeout is None:
-            return [0], [], []  # the program ends
-        now.s += timeout
-        return [], [], []
+    class Heard:
+        def get(self, *, timeout: float | None) -> bytes:
+            if now.s < 0.5:
+                now.s += 0.1
+                return b".\n"
+            if let_go_s or timeout is None:
+                return b""  # the program ends
+            now.s += timeout
+            raise Empty
 
     class Noted:
         def __init__(self, **_settings: Any) -> None:
@@ -259,12 +259,10 @@ def test_a_program_that_stands_still_is_taken_over_from_within_a_second(
             let_go_s.append(now.s)
 
     monkeypatch.setattr(hand_guard, "_Hand", Noted)
-    monkeypatch.setattr(select, "select", waiting)
-    monkeypatch.setattr(os, "read", lambda _fd, _n: next(beats, b""))
+    monkeypatch.setattr(hand_guard, "hear", Heard)
     monkeypatch.setattr(hand_guard, "stay_alone", lambda: None)
     monkeypatch.setattr(hand_guard, "answer", lambda _chunk: None)
     monkeypatch.setattr(sys, "argv", ["hand_guard", json.dumps({})])
-    monkeypatch.setattr(sys, "stdin", SimpleNamespace(fileno=lambda: 0))
     hand_guard.main()
     assert let_go_s[0] - 0.5 == pytest.approx(1.0, abs=0.11)
 

@@ -26,8 +26,6 @@ from mcap.writer import Writer
 from reference.recordings import pressed, write_video
 from reference.sessions import tree
 from tega.arm.sources.recorded import read_poses
-from tega.audit import read_marks
-from tega.audit.truth import read_forces
 from tega.calibration import Calibration, FingerMaxima, load_calibration, save_calibration
 from tega.calibration.records import TouchRecord, read_record
 from tega.config import load_config
@@ -48,6 +46,8 @@ from tega.study.score import boris
 from tega.study.silico.assumptions import read_assumptions, read_parameters
 from tega.study.touch_picture import read_touch_picture
 from tega.study.touch_rows import read_touch
+from tega_figures.audit import read_marks
+from tega_figures.audit.truth import read_forces
 
 _FEW = settings(
     max_examples=60,

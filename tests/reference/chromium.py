@@ -46,11 +46,13 @@ def launched() -> Iterator[Any]:
 def opened(browser: Any, url: str) -> Iterator[Any]:
     """Open the view's page; close it afterwards."""
     page = browser.new_page(viewport=SIZE)
+    # Without a graphics card, and beside other work, a picture of the scene takes its time.
+    page.set_default_timeout(180_000)
     try:
         page.goto(url)
         # viser warns, sooner or later, where WebGL has no graphics card behind it.
         page.add_style_tag(content=".mantine-Notification-root { display: none !important }")
-        page.locator("canvas").first.wait_for(timeout=60_000)
+        page.locator("canvas").first.wait_for()
         yield page
     finally:
         page.close()

@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+import io
 import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
+from mcap.reader import NonSeekingReader
+from mcap.writer import Writer
 
-from tega.audit import (
+from tega.cli.main import main
+from tega.config import load_config
+from tega.errors import ConfigError, RecordingError
+from tega.sim.gel import Gel, ball
+from tega.stages.choose import preset_metric
+from tega_figures.audit import (
     READINGS,
     AuditRequest,
     Mark,
@@ -19,12 +28,7 @@ from tega.audit import (
     read_forces,
     read_marks,
 )
-from tega.audit.truth import FarField
-from tega.cli.main import main
-from tega.config import load_config
-from tega.errors import ConfigError, RecordingError
-from tega.sim.gel import Gel, ball
-from tega.stages.choose import preset_metric
+from tega_figures.audit.truth import FarField
 
 GEL = Gel(seed=5)
 BASELINE = GEL.still()
@@ -408,6 +412,42 @@ def test_a_session_is_audited_with_the_numbers_of_its_run(session: Path) -> None
         assert report.emg[1].maxima_of == "calibration"
         assert [score.reading for score in report.vest] == ["print"]
         assert report.vest[0].maxima_of == "calibration"
+
+
+def test_a_session_whose_numbers_are_lists_is_told_to_be_damaged(session: Path, tmp_path: Path) -> None:
+    (source,) = session.glob("*.mcap")
+    changed = tmp_path / "odd.mcap"
+    reader = NonSeekingReader(io.BytesIO(source.read_bytes()))
+    with changed.open("wb") as file:
+        writer: Any = Writer(file)
+        writer.start()
+        for attachment in NonSeekingReader(io.BytesIO(source.read_bytes())).iter_attachments():
+            writer.add_attachment(0, 0, attachment.name, attachment.media_type, attachment.data)
+        for table in NonSeekingReader(io.BytesIO(source.read_bytes())).iter_metadata():
+            writer.add_metadata(table.name, table.metadata)
+        ids: dict[int, int] = {}
+        for schema, channel, message in reader.iter_messages(log_time_order=False):
+            assert schema is not None
+            if channel.id not in ids:
+                data = listed(schema.data) if schema.name == "tega.Contact" else schema.data
+                ids[channel.id] = writer.register_channel(
+                    channel.topic, "protobuf", writer.register_schema(schema.name, schema.encoding, data)
+                )
+            writer.add_message(ids[channel.id], message.log_time, message.data, message.publish_time)
+        writer.finish()
+    with pytest.raises(RecordingError, match=r"odd\.mcap: damaged, or not written by TEGA"):
+        audit_recording(changed)
+
+
+def listed(schema: bytes) -> bytes:
+    """Return a contact's schema in which its area is a list."""
+    files: Any = FileDescriptorSet.FromString(schema)
+    (contact,) = (m for file in files.file for m in file.message_type if m.name == "Contact")
+    (eda,) = (field for field in contact.field if field.name == "eda")
+    eda.label = eda.LABEL_REPEATED
+    eda.ClearField("proto3_optional")
+    described: bytes = files.SerializeToString()
+    return described
 
 
 def test_the_vest_of_a_session_is_compared_and_swept(session: Path, tmp_path: Path, capsys: Any) -> None:

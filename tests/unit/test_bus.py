@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import pytest
 
 from reference.sessions import tree
 from reference.waiting import until
-from tega.bus import Backlog, Bus
+from tega.bus import TOLD_DROPS_S, Backlog, Bus, told_drops
 from tega.config import check_tree
 from tega.records import Alert, Contact, Intent, Marker, Record, RunState, VestFrame
 from tega.replay import replay_file
@@ -104,6 +105,13 @@ def test_a_slow_subscriber_keeps_nobody_waiting_and_what_is_dropped_is_counted_a
     go.set()
     backlog.close()
     assert told == list(range(50 - n_dropped))
+
+
+def test_dropped_records_are_told_for_ten_seconds_after_the_last_one() -> None:
+    now_s = time.monotonic()
+    assert told_drops(3, now_s) == "3 records dropped"
+    assert told_drops(3, now_s - TOLD_DROPS_S - 0.001) == ""
+    assert told_drops(0, now_s) == ""
 
 
 def test_one_that_fails_behind_a_backlog_is_left_out_too() -> None:

@@ -486,3 +486,34 @@ def test_ten_seconds_of_another_person_are_refused_before_they_begin(
     assert wizard.run() == 1
     assert "p02" in wizard.said
     assert "Squeeze" not in wizard.said
+
+
+def test_a_fitts_test_of_a_hand_at_rest_hits_nothing_and_is_kept(calibrated: Muscles, tmp_path: Path) -> None:
+    file = calibrated.copied(tmp_path)
+    calibrated.board.say(f"effort {RESTING}")
+    told = []
+    for decoder in ("rules", "proportional"):
+        words = ["--movements", "1", "--dwell-s", "0.3", "--timeout-s", "0.5"]
+        tested = Wizard(
+            [
+                *(
+                    "emg",
+                    "fitts",
+                    str(file),
+                    "--person",
+                    "p01",
+                    "--json",
+                    "--set",
+                    f"stages.decoder.name={decoder}",
+                ),
+                *words,
+            ],
+            lambda _prompt: "",
+        )
+        assert tested.run() == 0, tested.said
+        told.append(tested.told)
+    # Six distances and widths, once each; whatever the rest twitches, nobody squeezed to level 3.
+    assert [(one["decoder"], one["movements"]) for one in told] == [("rules", 6), ("proportional", 6)]
+    assert all(one["completion"] < 0.5 and one["throughput_bits_s"] == 0 for one in told)
+    kept = sorted((tmp_path / "calibrations/people/p01/fitts").iterdir())
+    assert [str(path) for path in kept] == [one["file"] for one in told]

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from tega.devices import digit_search
 from tega.devices.bluetooth_state import bluetooth_trouble
 from tega.devices.can_links import CanLink, can_links, link_trouble
 from tega.devices.digit_search import find_digits
+from tega.devices.video_nodes import VideoNode, camera_place, numbered_cameras
 
 
 def camera(root: Path, number: int, *, serial: str, usb_id: str = "2833:0209") -> None:
@@ -63,6 +66,49 @@ def test_a_digit_that_is_no_camera_is_told(tmp_path: Path, usb_id: str, said: st
     (found,) = find_digits(sysfs=tmp_path / "none", usb=tmp_path / "devices")
     assert said in found.problem
     assert found.hint
+
+
+def listed(number: int, usb: tuple[int, int] | tuple[None, None], name: str) -> SimpleNamespace:
+    """Make what cv2-enumerate-cameras lists of one camera."""
+    return SimpleNamespace(index=number, name=name, vid=usb[0], pid=usb[1])
+
+
+@pytest.mark.parametrize(("system", "way_in"), [("win32", 1400), ("darwin", 1200)])
+def test_windows_and_macos_name_cameras_by_number(
+    system: str, way_in: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    asked = []
+
+    def cameras(backend: int) -> list[SimpleNamespace]:
+        asked.append(backend)
+        return [listed(0, (None, None), "Built-in"), listed(1, (0x2833, 0x0209), "DIGIT")]
+
+    nodes = numbered_cameras(system, cameras)
+    assert asked == [way_in]
+    assert nodes == [
+        VideoNode("camera:0", "Built-in", "", 0),
+        VideoNode("camera:1", "DIGIT", "", 0, "2833:0209"),
+    ]
+    monkeypatch.setattr(digit_search, "video_nodes", lambda _sysfs: nodes)
+    (found,) = find_digits(usb=tmp_path / "none")
+    assert (found.options, found.problem) == ({"source": "camera:1"}, "")
+
+
+@pytest.mark.parametrize(
+    ("source", "system", "opened"),
+    [
+        ("camera:2", "win32", (2, "CAP_MSMF")),
+        ("camera:2", "darwin", (2, "CAP_AVFOUNDATION")),
+        ("camera:2", "linux", ("/dev/video2", "CAP_V4L2")),
+        ("/dev/v4l/by-id/x", "linux", ("/dev/v4l/by-id/x", "CAP_V4L2")),
+        ("camera:two", "win32", ("camera:two", "CAP_FFMPEG")),
+        ("http://127.0.0.1:80/a.mjpg", "darwin", ("http://127.0.0.1:80/a.mjpg", "CAP_FFMPEG")),
+    ],
+)
+def test_a_camera_is_opened_by_the_system_s_own_way(
+    source: str, system: str, opened: tuple[str | int, str]
+) -> None:
+    assert camera_place(source, system) == opened
 
 
 def interface(root: Path, name: str, *, kind: str, flags: str) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from tega.errors import InvalidValueError
 from tega.sim.gel import Gel
-from tega.sim.gel_sequences import SHAPES, press_sequence, pressing, ramp
+from tega_figures.gel_sequences import SHAPES, press_sequence, pressing, ramp
 
 CURVE = ramp(peak_n=2.0, wait_s=0.1, rise_s=0.2, hold_s=0.2, fall_s=0.1)
 

@@ -8,7 +8,12 @@ from pathlib import Path
 
 import pytest
 
+from tega.cli import install_line
+from tega.cli.devices import could_not_look
+from tega.cli.doctor import _paragraph
 from tega.cli.install_line import with_origin
+from tega.doctor.bench import DriverLook
+from tega.doctor.findings import Finding
 
 HINT = "install it with: pip install 'tega[sim,view]'"
 
@@ -16,7 +21,7 @@ HINT = "install it with: pip install 'tega[sim,view]'"
 def installed(folder: Path, url: str | None) -> PathDistribution:
     """Write what pip writes of an installed package."""
     place = folder / "tega-0.1.0.dist-info"
-    place.mkdir()
+    place.mkdir(exist_ok=True)
     if url is not None:
         (place / "direct_url.json").write_text(json.dumps({"url": url, "dir_info": {}}), encoding="utf-8")
     return PathDistribution(place)
@@ -32,6 +37,15 @@ def installed(folder: Path, url: str | None) -> PathDistribution:
 )
 def test_the_line_names_checkout_wheel_or_index(tmp_path: Path, url: str | None, line: str) -> None:
     assert with_origin(HINT, installed(tmp_path, url)) == f"install it with: {line}"
+
+
+def test_doctor_init_and_devices_print_that_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(install_line, "distribution", lambda _name: installed(tmp_path, "file:///lab/tega"))
+    finding = Finding(check="packages", status="missing", finding="packages are missing", todo=(HINT,))
+    assert "pip install '/lab/tega[sim,view]'" in " ".join(_paragraph(finding, 8))
+    looked = {"digit": DriverLook("tactile", could_not="cv2 is missing", hint=HINT, lacks_package=True)}
+    (line,) = could_not_look(looked)
+    assert "pip install '/lab/tega[sim,view]'" in line
 
 
 def test_a_record_that_is_broken_changes_nothing(tmp_path: Path) -> None:

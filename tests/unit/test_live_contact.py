@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tega.audit import Mark, read_marks
 from tega.opencv import read_image
 from tega.tactile import contact_mask, estimate_baseline, read_contact
+from tega_figures.audit import Mark, read_marks
 
 Image = NDArray[np.uint8]
 # Frames of the no-contact gel in each grip, counted from 0.

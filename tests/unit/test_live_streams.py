@@ -19,7 +19,7 @@ from tega.bus import Bus
 from tega.config import check_tree
 from tega.errors import DeviceUnavailableError
 from tega.recording.mcap_schemas import decoder, schema_bytes
-from tega.records import RECORDS, Contact, Joints, LogLine, Picture, Record, VestFrame
+from tega.records import RECORDS, Contact, HandExchange, Joints, LogLine, Picture, Record, VestFrame
 from tega.records.schema import fields
 from tega.teleop import run_session
 from tega.view.foxglove_stream import FoxgloveStream
@@ -89,6 +89,46 @@ def test_a_viewer_hears_contacts_vest_and_pictures_as_they_come() -> None:
         viewer.peer.close()
     bus.publish(told[0])
     assert bus.problem() == ""
+
+
+def test_pictures_are_compressed_for_who_listens_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    import cv2
+
+    n_compressed: list[int] = []
+    compress = cv2.imencode
+
+    def counted(*given: Any) -> Any:
+        n_compressed.append(1)
+        return compress(*given)
+
+    monkeypatch.setattr(cv2, "imencode", counted)
+    image = np.zeros((32, 24, 3), np.uint8)
+    picture = Picture(finger=FINGER, image=image, t_ns=7, received_ns=7, seq=0, name="a picture")
+    bus = Bus()
+    with FoxgloveStream(bus, port=0):
+        for _ in range(200):
+            bus.publish(picture)
+    assert len(n_compressed) == 1  # the first one makes the channel that an app may then choose
+    with FoxgloveStream(bus, port=0) as stream:
+        bus.publish(picture)
+        viewer = Viewer(stream.url)
+        viewer.subscribe(f"/tactile/{FINGER}/image")
+        heard = None
+        while heard is None:
+            bus.publish(picture)
+            try:
+                heard = viewer.message()
+            except TimeoutError:
+                continue
+        viewer.peer.close()
+    assert len(n_compressed) > 2
+
+
+def test_a_hand_s_exchanges_are_not_made_for_the_stream() -> None:
+    bus = Bus()
+    with FoxgloveStream(bus, port=0):
+        assert bus.wants(Contact)
+        assert not bus.wants(HandExchange)
 
 
 def test_a_run_is_the_same_with_and_without_the_stream(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from tega.config import check_tree
 from tega.teleop.gc_pause import settle, settled
 from tega.teleop.moment import LoopView
 from tega.teleop.session import run_session
-from tega.threads import all_along, promote, realtime, run_realtime
+from tega.threads import all_along, give_way, promote, realtime, run_realtime
 from tega_emulators.lab import emulated_lab
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="real-time threads are asked for on Linux only")
@@ -37,12 +37,12 @@ def _until(what: Callable[[], bool]) -> bool:
 
 
 @linux
-def test_who_acts_goes_before_who_decodes_and_all_before_the_recorder() -> None:
+def test_who_acts_goes_before_who_measures_and_all_before_who_codes_pictures() -> None:
     before, found = _policy(), []
-    for rank in ("act", "measure", "take", "beside"):
+    for rank in ("act", "measure", "beside", "picture"):
         with run_realtime(rank) as granted:
             found.append(_policy()[1])
-            with run_realtime("beside") as still:  # nobody loses what it has
+            with run_realtime("picture") as still:  # nobody loses what it has
                 assert still == granted
                 assert _policy()[1] == found[-1]
         assert _policy() == before
@@ -51,6 +51,19 @@ def test_who_acts_goes_before_who_decodes_and_all_before_the_recorder() -> None:
         assert found[-1] > 0
     else:  # an ordinary user: all stays as it was
         assert set(found) == {0}
+
+
+@linux
+def test_a_thread_gives_way_for_a_block_only_and_only_where_it_had_a_rank() -> None:
+    before = _policy()
+    with give_way():
+        assert _policy() == before
+    with run_realtime("measure") as granted:
+        measuring = _policy()
+        with give_way():
+            assert (_policy()[1] < measuring[1]) == granted
+        assert _policy() == measuring
+    assert _policy() == before
 
 
 @linux

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reference.sessions import record
+from reference.sessions import record, rewritten
 from tega.cli.main import main
 from tega.errors import ConfigError, RecordingError
 from tega.hand import JOINT_NAMES
@@ -225,3 +225,34 @@ def test_the_public_package_opens_it(dataset: Path, monkeypatch: pytest.MonkeyPa
         assert item["observation.images.ring"].shape == (2, 3, 320, 240)
         assert item["task"] == "lift the bottle"
         assert item["action"][0] == rows(dataset)[k]["action"]
+
+
+@pytest.mark.parametrize(
+    ("topic", "field"),
+    [("/hand/joints", "joints"), ("/vest/frame", "intensities"), ("/emg/samples", "samples")],
+)
+def test_records_without_numbers_are_an_error_that_names_them(
+    lossless: Path, tmp_path: Path, topic: str, field: str
+) -> None:
+    def emptied(of: str, value: Any) -> Any:
+        if of == topic:
+            value.ClearField(field)
+        return value
+
+    odd = rewritten(lossless, tmp_path / "odd.mcap", emptied)
+    with pytest.raises(RecordingError, match=rf"odd\.mcap: the records of {topic} hold no numbers"):
+        export_lerobot([odd], tmp_path / "dataset", fps=FPS)
+
+
+def test_pictures_without_pixels_are_an_error_that_names_the_recording(
+    lossless: Path, tmp_path: Path
+) -> None:
+    def emptied(topic: str, value: Any) -> Any:
+        if topic == "/tactile/thumb/image":
+            value.width = value.height = 0
+            value.data = b""
+        return value
+
+    odd = rewritten(lossless, tmp_path / "odd.mcap", emptied)
+    with pytest.raises(RecordingError, match=r"odd\.mcap: damaged, or not written by TEGA"):
+        export_lerobot([odd], tmp_path / "dataset", fps=FPS)

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from tega.sim.gel import Gel
-from tega.sim.gel_sequences import pressing
 from tega_figures.broad import (
     TOLERANCES,
     Broad,
@@ -19,6 +18,7 @@ from tega_figures.broad import (
     simulated_disc,
     simulated_grasps,
 )
+from tega_figures.gel_sequences import pressing
 
 
 def ratio(of: str, recorded: list[Broad], simulated: list[Broad]) -> float:

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tega.audit import Mark
 from tega.sim.gel import LENGTH_MM, PX_PER_MM, Gel, ball
 from tega.tactile import read_contact
 from tega_figures import check_touch
+from tega_figures.audit import Mark
 from tega_figures.check_touch import (
     GOLDEN,
     GOLDEN_RADIUS_MM,

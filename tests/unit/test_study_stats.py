@@ -17,7 +17,7 @@ from tega.study.coupling import correlate, effective_n, fisher_mean, lag_sweep, 
 from tega.study.figures import p_text
 from tega.study.paper import PAPER_P
 from tega.study.people import cross_over, paired_log_ratio, ratio_of_means, sign_flip, within_person
-from tega.study.power import SPREADS, count_power, people_for, time_power
+from tega.study.power import SPREADS, count_power, people_for
 from tega.study.rank import holm, mann_whitney, shift
 from tega.study.trials import Trial
 
@@ -233,7 +233,6 @@ def test_somebody_who_answers_has_another_slope_though_not_another_correlation()
 
 
 def test_power_as_worked_out_before() -> None:
-    assert time_power(152.8 / 168.5, people=8) == close(0.808510475869)
     low = count_power(2.8, 5.9, people=6, spread=SPREADS["high"])
     assert low.paired_t == close(0.80, abs=0.03)
     assert low.sign_flip == close(0.62, abs=0.04)

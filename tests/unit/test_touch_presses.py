@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from tega.errors import InvalidValueError
 from tega.sim.gel import Gel
-from tega.sim.gel_sequences import SHAPES, press_sequence, pressing, ramp
 from tega.touch import GelLight, KnownPress, TouchTracker, calibrate_light, nominal_light
 from tega_figures.check_touch_live import felt_of_slow_press
+from tega_figures.gel_sequences import SHAPES, press_sequence, pressing, ramp
 from tega_figures.touch_presses import (
     CALIBRATION,
     calibrated_errors,

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tega.audit import read_marks
 from tega.opencv import read_image
 from tega.tactile import contact_mask, read_contact
 from tega.touch import TouchTracker, TrackedContact, sensor_noise, update_fingers
+from tega_figures.audit import read_marks
 from tega_figures.touch_presses import rank_correlation
 from tega_figures.touch_recordings import (
     GRIPS,

@@ -285,7 +285,7 @@ def test_a_capsule_is_a_tube_with_a_ball_at_either_end():
         half = np.sqrt(0.5)
         lying = np.array([[1.0, 2.0, 3.0, half, half, 0.0, 0.0]])  # its z turned to the world's -y
         scene.draw([("finger", "capsule", (0.01, 0.2, 0.0), (1, 0, 0, 1))], lying, None)
-        placed = {handle.name: handle.batched_positions for handle, _ in scene.batches}
+        placed = {handle.name: handle.batched_positions for handle, _ in scene.solids.batches}
         np.testing.assert_allclose(placed["/world/tube"], [[1, 2, 3]])
         np.testing.assert_allclose(placed["/world/ball"], [[1, 2.2, 3], [1, 1.8, 3]], atol=1e-6)
 
@@ -295,13 +295,13 @@ def test_a_new_set_of_shapes_takes_the_place_of_the_old(moments):
         scene: Scene = view.page.scene
         state = moments.at(1.0)
         scene.draw(state.shapes, state.poses, state.contact_points)
-        before = [handle for handle, _ in scene.batches]
+        before = [handle for handle, _ in scene.solids.batches]
         scene.draw(state.shapes, state.poses, None)
-        assert [handle for handle, _ in scene.batches] == before
+        assert [handle for handle, _ in scene.solids.batches] == before
         scene.draw(SHAPES[:1], state.poses[:1], None)
-        assert [handle.name for handle, _ in scene.batches] == ["/world/box"]
+        assert [handle.name for handle, _ in scene.solids.batches] == ["/world/box"]
         scene.draw(None, None, None)
-        assert scene.batches == []
+        assert scene.solids.batches == []
         with pytest.raises(InvalidValueError, match="'cup' is a 'cone'"):
             scene.draw([("cup", cast("ShapeKind", "cone"), (1, 1, 1), (1, 1, 1, 1))], np.zeros((1, 7)), None)
 

@@ -8,7 +8,7 @@ pytest.importorskip("viser", reason="needs the extra view")
 
 from tega.sim.world.objects import OBJECTS
 from tega.view.browser.looks import LOOKS
-from tega.view.browser.scene import _parts
+from tega.view.browser.solids import _parts
 from tega.view.state import Shape
 
 ROOT_2 = 2**0.5

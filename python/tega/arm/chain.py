@@ -18,8 +18,6 @@ from tega.arm.settings import ArmSettings, checked
 from tega.arm.watch import ArmWatch, Level, Trouble
 from tega.arm.workspace import Workspace
 
-__all__ = ["ArmChain"]
-
 _AGAIN = "; let the clutch go and press it again"
 
 

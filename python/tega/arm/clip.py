@@ -8,8 +8,6 @@ from tega.arm.pose import Pose
 from tega.arm.rotation import between, exp, multiply, unit
 from tega.arm.settings import LimitSettings
 
-__all__ = ["clipped"]
-
 
 def clipped(goal: Pose, measured: Pose, limits: LimitSettings) -> Pose:
     """Return the goal, or the pose on the way to it that is as far from the measured one as is allowed.

@@ -8,8 +8,6 @@ from tega.arm.pose import Pose
 from tega.arm.rotation import Floats, exp, inverse, log_near, multiply, unit
 from tega.arm.settings import MappingSettings
 
-__all__ = ["Clutch"]
-
 
 class Clutch:
     """Maps the forearm's motion, since the operator took hold, to motion of the target.

@@ -14,8 +14,6 @@ from tega.arm.pose import Pose, StampedPose
 from tega.arm.rotation import unit
 from tega.arm.settings import MappingSettings
 
-__all__ = ["FRAMES", "MIRROR", "ToBase", "turned"]
-
 
 def _rows(*rows: tuple[int, int, int]) -> NDArray[np.float64]:
     matrix = np.array(rows, np.float64)

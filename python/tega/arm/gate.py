@@ -11,8 +11,6 @@ from tega.arm.pose import StampedPose
 from tega.arm.rotation import Floats, between, unit
 from tega.arm.settings import GateSettings
 
-__all__ = ["JUMPED", "PoseGate", "malformed"]
-
 JUMPED: Final = "it jumped by"
 """How the reason begins for which a pose that is whole and in time is not believed."""
 

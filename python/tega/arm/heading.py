@@ -11,8 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 from tega.arm.frames import FRAMES, turned
 from tega.errors import CalibrationError, InvalidValueError
 
-__all__ = ["ForwardCheck", "check_forward", "yaw_from_sweep"]
-
 SHORTEST_M = 0.10
 LEAST_STRAIGHT = 0.8
 STEEPEST_RAD = math.radians(30)

@@ -26,8 +26,6 @@ from tega.arm.rotation import Floats, between, cross, exp, multiply, rotate, sam
 from tega.arm.settings import LimitSettings
 from tega.arm.workspace import Workspace
 
-__all__ = ["Follower", "closing_speed"]
-
 _HALVINGS = 6
 _GIVE = 1e-9
 _AMBIGUOUS_RAD = 2.5

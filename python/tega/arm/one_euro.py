@@ -21,8 +21,6 @@ from tega.arm.pose import Pose
 from tega.arm.rotation import Floats, between, exp, multiply, same_side, unit
 from tega.arm.settings import FilterSettings
 
-__all__ = ["OneEuro", "PoseFilter", "TurnOneEuro"]
-
 
 def _share(cutoff_hz: float, dt_s: float) -> float:
     around = 2 * math.pi * cutoff_hz * dt_s

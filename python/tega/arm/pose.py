@@ -8,8 +8,6 @@ from typing import Literal, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ArmCommand", "ArmState", "Pose", "PoseSource", "StampedPose"]
-
 ArmState = Literal["idle", "following", "holding", "stopped"]
 
 

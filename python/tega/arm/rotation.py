@@ -13,23 +13,6 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = [
-    "IDENTITY",
-    "Floats",
-    "between",
-    "cross",
-    "exp",
-    "from_matrix",
-    "inverse",
-    "log",
-    "log_near",
-    "multiply",
-    "rotate",
-    "same_side",
-    "to_matrix",
-    "unit",
-]
-
 Floats: TypeAlias = NDArray[np.float64]
 
 IDENTITY: Final = np.array([0.0, 0.0, 0.0, 1.0])

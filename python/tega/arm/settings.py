@@ -9,16 +9,6 @@ import msgspec
 
 from tega.errors import InvalidValueError
 
-__all__ = [
-    "ArmSettings",
-    "FilterSettings",
-    "GateSettings",
-    "LimitSettings",
-    "MappingSettings",
-    "WatchdogSettings",
-    "checked",
-]
-
 _Positive = Annotated[float, msgspec.Meta(gt=0, le=1e4)]
 _Gain = Annotated[float, msgspec.Meta(ge=0, le=2)]
 _Ms = Annotated[float, msgspec.Meta(ge=1, le=60_000)]

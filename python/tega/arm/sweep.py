@@ -12,8 +12,6 @@ from tega.arm.heading import SHORTEST_M
 from tega.arm.pose import StampedPose
 from tega.errors import InvalidValueError
 
-__all__ = ["ForearmSweep"]
-
 _REST_NS = 500_000_000
 _REST_M = 0.01
 _GAP_NS = 300_000_000

@@ -7,8 +7,6 @@ from typing import NamedTuple
 from tega.arm.chain import ArmChain
 from tega.arm.pose import ArmCommand, StampedPose
 
-__all__ = ["Turn", "lead"]
-
 
 class Turn(NamedTuple):
     """Inputs of one turn of what leads an arm.

@@ -9,9 +9,6 @@ from typing import NamedTuple
 from tega.arm.gate import JUMPED
 from tega.arm.settings import WatchdogSettings
 
-__all__ = ["ArmWatch", "Level", "Trouble"]
-
-
 # A tracker that jumps so often within this time has no vote, until so much time has passed without a jump.
 _JUMPS = 3
 _STEADY_MS = 500.0

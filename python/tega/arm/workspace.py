@@ -10,8 +10,6 @@ from tega.arm.pose import Pose
 from tega.arm.rotation import Floats, cross, exp, multiply, rotate, unit
 from tega.arm.settings import LimitSettings
 
-__all__ = ["Workspace"]
-
 # So much is given for rounding: a nanometre, and a millionth of a degree.
 _GIVE_M = 1e-9
 _GIVE_RAD = 1e-8

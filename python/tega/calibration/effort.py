@@ -22,16 +22,6 @@ if TYPE_CHECKING:
 
     from tega.devices.base import EmgChunk
 
-__all__ = [
-    "LEAST_RATIO",
-    "Chain",
-    "RestEffort",
-    "Squeezes",
-    "judge_muscles",
-    "judge_quiet",
-    "judge_squeezes",
-    "watch",
-]
 
 LEAST_RATIO = 3.0
 """A maximum under so many times the rest has no room for five levels."""

@@ -11,6 +11,7 @@
         people/p01/vest-127.0.0.1_15881.toml
         people/p01/before/                  what those replaced, with their dates
         people/p01/practice/                scores
+        people/p01/fitts/                   results of Fitts tests, see tega.skill.kept
         people/p01/vest-dose.json           the vest's dose of the last day, see tega.safety.dose_file
         people/p01/unfinished.json          a calibration that was interrupted
 """
@@ -46,7 +47,6 @@ if TYPE_CHECKING:
 
     from tega.devices.base import DeviceInfo
 
-__all__ = ["RESUME_H", "CalibrationFolder", "KeptGel", "Part", "Unfinished", "checked_person", "device_name"]
 
 Part = Literal["touch", "emg", "vest"]
 

@@ -17,7 +17,6 @@ from tega.tactile import read_contact, sensor_noise
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["LEAST_PICTURES", "GelChange", "Rest", "compare_gels", "dark", "judge_rest", "suspect_contact"]
 
 LEAST_PICTURES = 20
 """Averaging over fewer leaves noise in the baseline."""

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple, Protocol
 
-__all__ = ["Bar", "Guide", "Undecided"]
-
 
 class Bar(NamedTuple):
     """Bar that rises and falls while a step goes on.

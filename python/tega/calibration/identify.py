@@ -14,7 +14,6 @@ from tega.haptics import Layout, MotorLevels, vest_frame
 if TYPE_CHECKING:
     from tega.devices.base import VestSink
 
-__all__ = ["light_motor", "motor_place", "show_frame"]
 
 _PERIOD_NS = 50_000_000  # well within a vest's watchdog
 

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from tega.records import Contact
     from tega.touch import TrackedContact
 
-__all__ = ["GEL_RADII_MM", "Ball", "GelFit", "ball_depth_mm", "ball_radius_mm", "fit_gel", "held"]
 
 GEL_RADII_MM = (21.0, 100.0)
 """Of a DIGIT's gel across and along the finger, millimetres: the published drawing, near the top."""

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.devices.base import DeviceInfo
 
-__all__ = ["CalibrationLook", "look_at", "people_with_calibrations"]
-
 
 class CalibrationLook(NamedTuple):
     """State of one part of a person's calibration.

@@ -21,16 +21,6 @@ from tega.inbox.sources import Contact
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = [
-    "SELF_CALIBRATED",
-    "TAU_S",
-    "block_length",
-    "emg_conditions",
-    "emg_maxima",
-    "guided_maxima",
-    "held_samples",
-    "touch_maxima",
-]
 
 SELF_CALIBRATED = "self-calibrated from the recording, not causal"
 

@@ -12,7 +12,6 @@ from tega.calibration.person import closed_info
 if TYPE_CHECKING:
     from tega.config import SessionConfig
 
-__all__ = ["STAGE", "MotorOnset", "motor_onset"]
 
 STAGE: Final = "motor onset"
 """How the stage's name begins in a recording; the day it was measured follows."""

@@ -18,20 +18,6 @@ if TYPE_CHECKING:
     from tega.config import CalibrationConfig, LoadedConfig, SessionConfig
     from tega.devices.base import DeviceInfo, EmgSource, TactileSource
 
-__all__ = [
-    "Personal",
-    "calibrate_command",
-    "closed_info",
-    "emg_warnings",
-    "felt_by",
-    "live_vest",
-    "needed_record",
-    "person_calibration",
-    "touch_warnings",
-    "vest_warnings",
-    "whose",
-    "with_person",
-]
 
 # By 5 % a rate is another than the one calibrated with: the same limit as for a device that lies about its rate.
 _RATE_TOLERANCE = 0.05

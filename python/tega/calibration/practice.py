@@ -13,7 +13,6 @@ from tega.errors import InvalidValueError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Curve", "Score", "score"]
 
 _HOLD_S = 3.0
 _RAMP_S_PER_LEVEL = 0.75

@@ -10,7 +10,6 @@ import numpy as np
 if TYPE_CHECKING:
     from tega.tactile import ContactMetrics
 
-__all__ = ["LEAST_SHARE", "PRESSES", "Press", "PressMeter"]
 
 PRESSES = 3
 """Repetitions of each object: one spike, or one odd press, must not decide."""

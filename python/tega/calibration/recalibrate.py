@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.devices.base import EmgChunk, EmgSource
 
-__all__ = ["HALF_S", "Recalibrated", "recalibrate"]
-
 HALF_S: Final = 5.0
 """Rest takes so long, and so does effort."""
 # The rise of an effort is not yet the closure that was asked for.

@@ -19,19 +19,6 @@ from tega.foreign_file import parse_toml, read_words
 from tega.toml_text import toml_item, tree_item
 from tega.whole_file import write_whole
 
-__all__ = [
-    "CalibrationRecord",
-    "EmgRecord",
-    "GelRecord",
-    "OnsetRecord",
-    "PracticeRecord",
-    "TouchRecord",
-    "VestCalibration",
-    "read_record",
-    "utc_now",
-    "write_record",
-]
-
 
 class CalibrationRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Fields that every record begins with.

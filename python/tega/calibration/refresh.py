@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from tega.config import EmgConfig, SessionConfig
     from tega.devices.base import EmgSource
 
-__all__ = ["kept_record", "refresh", "to_todays_scale"]
 
 _BASELINE_S, _REST_S, _SQUEEZE_S = 1.0, 4.0, 3.0
 # A channel beyond these is not the same electrode on the same muscle any more.

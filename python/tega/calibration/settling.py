@@ -8,8 +8,6 @@ from typing import TypeVar
 from tega.calibration.guide import Guide, Undecided
 from tega.errors import CalibrationError
 
-__all__ = ["until_good"]
-
 _Result = TypeVar("_Result")
 
 

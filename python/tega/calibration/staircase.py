@@ -20,8 +20,6 @@ import numpy as np
 from tega.errors import InvalidValueError
 from tega.wire import vest_levels
 
-__all__ = ["LEVEL_PERCENT", "TOP_LEVEL", "Ladder", "Limen", "highest_level"]
-
 TOP_LEVEL = 15
 
 LEVEL_PERCENT: tuple[int, ...] = tuple(

@@ -26,19 +26,6 @@ if TYPE_CHECKING:
     from tega.config import EmgConfig
     from tega.devices.base import EmgChunk, EmgSource
 
-__all__ = [
-    "SQUEEZES",
-    "Maxima",
-    "Quiet",
-    "chain_of",
-    "collect",
-    "driver_settings",
-    "emg_record",
-    "muscle_names",
-    "take_muscles",
-    "take_rest",
-    "take_squeezes",
-]
 
 SQUEEZES = 3
 

@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from tega.records import Contact
     from tega.stages.base import Metric
 
-__all__ = ["TakenBaseline", "take_baseline", "take_presses"]
 
 _READ_S = 0.1
 _SHOW_S = 0.1

@@ -26,8 +26,6 @@ from tega.haptics import Layout, MotorLevels, vest_frame
 if TYPE_CHECKING:
     from tega.devices.base import VestSink
 
-__all__ = ["FeltSite", "Pulses", "take_steps", "take_thresholds", "take_wearing"]
-
 
 class FeltSite(msgspec.Struct, frozen=True, kw_only=True):
     """Answers at one site: the level found, 0 for none, and how often nothing was felt to be something."""

@@ -36,18 +36,6 @@ from tega.toml_text import tree_item
 from tega.touch import DEPTH_LAW
 from tega.whole_file import write_whole
 
-__all__ = [
-    "Calibration",
-    "EmgMaxima",
-    "FingerMaxima",
-    "TouchMaxima",
-    "calibration_text",
-    "load_calibration",
-    "parse_calibration",
-    "refused_law",
-    "save_calibration",
-]
-
 _Positive = Annotated[float, msgspec.Meta(gt=0, le=sys.float_info.max)]
 
 

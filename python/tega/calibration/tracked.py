@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
     from tega.devices.base import EmgChunk
 
-__all__ = ["Tracked", "keep_tracked", "read_tracked", "tracked_samples"]
 
 _MOST_MIB = 1024
 _TOP_STEPS = 4

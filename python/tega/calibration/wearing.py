@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
-__all__ = ["SITES", "Wearing", "judge_wearing", "middle_sites", "site_face", "site_motors", "site_place"]
-
 SITES: tuple[str, ...] = tuple(f"{side}{column}" for side in "fb" for column in (1, 2, 3, 4))
 """Columns: front and back, from the wearer's left."""
 

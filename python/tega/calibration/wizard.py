@@ -41,7 +41,6 @@ if TYPE_CHECKING:
     from tega.devices.base import Device
     from tega.haptics import Layout
 
-__all__ = ["Calibrating", "Only", "parts_of"]
 
 Only = Literal["tactile", "emg", "vest"]
 _KINDS: dict[str, Only] = {"tactile": "tactile", "emg": "emg", "vest": "vest"}

@@ -7,8 +7,6 @@ import click
 from tega.cli.forward import forward
 from tega.cli.options import json_option
 
-__all__ = ["arm"]
-
 
 class _Arm(click.Group):
     """The arm's verbs; ``arm HOST``, as it was called before, is ``arm check HOST``."""

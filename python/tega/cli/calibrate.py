@@ -14,8 +14,6 @@ from tega.cli.options import json_option
 if TYPE_CHECKING:
     from tega.config import SessionConfig
 
-__all__ = ["calibrate"]
-
 
 @click.command(epilog="Example: tega-teleop calibrate lab.toml --person p01 --only emg")
 @click.argument("settings", type=click.Path(path_type=Path), metavar="SETTINGS.toml")

@@ -11,8 +11,6 @@ import msgspec
 from tega.cli.options import json_option
 from tega.toml_text import toml_value
 
-__all__ = ["config"]
-
 # A longer value moves its origin to the right.
 _VALUE_WIDTH = 48
 

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from tega.sim.rig import TrialSteering
     from tega.view.state import ViewState
 
-__all__ = ["demo"]
 
 TITLE = "TEGA demo: everything but the loop is simulated"
 

@@ -12,7 +12,6 @@ from tega.cli.options import json_option
 if TYPE_CHECKING:
     from tega.doctor.bench import DriverLook
 
-__all__ = ["could_not_look", "devices"]
 
 # Long enough for a look at the ports and the network; a Bluetooth vest may take longer to be heard.
 _LOOK_S = 2.0
@@ -64,6 +63,8 @@ def devices(*, as_json: bool) -> None:
 
 def could_not_look(looked: Mapping[str, DriverLook]) -> list[str]:
     """Return the lines that say which drivers could not look for their devices, and why."""
+    from tega.cli.install_line import with_origin
+
     lacking = {name: there for name, there in looked.items() if there.lacks_package}
     lines = [
         f"{name} could not look: {there.could_not}"
@@ -72,5 +73,5 @@ def could_not_look(looked: Mapping[str, DriverLook]) -> list[str]:
     ]
     if lacking:
         hints = "; ".join(dict.fromkeys(there.hint for there in lacking.values()))
-        lines.append(f"{', '.join(lacking)} could not look for want of packages: {hints}")
+        lines.append(f"{', '.join(lacking)} could not look for want of packages: {with_origin(hints)}")
     return lines

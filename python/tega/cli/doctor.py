@@ -15,7 +15,6 @@ from tega.cli.options import json_option
 if TYPE_CHECKING:
     from tega.doctor import Examination, Finding
 
-__all__ = ["doctor"]
 
 _MARKS = {
     "fine": ("ok", "green"),
@@ -113,6 +112,8 @@ def told(examination: Examination) -> list[str]:
 
 
 def _paragraph(finding: Finding, width: int) -> list[str]:
+    from tega.cli.install_line import with_origin
+
     word, colour = _MARKS[finding.status]
     head = (
         f"{click.style(f'{word:<5}', fg=colour, bold=finding.status != 'fine')}  {finding.check:<{width}}  "
@@ -127,7 +128,7 @@ def _paragraph(finding: Finding, width: int) -> list[str]:
         label = "" if finding.status == "fine" else "why: "
         lines += _wrapped(label + finding.why, margin)
     for step in finding.todo:
-        words, *commands = step.split("\n")
+        words, *commands = with_origin(step).split("\n")
         lines += _wrapped("→ " + words, margin, hang="  ")
         # A command is not broken: it is there to be copied.
         lines += [f"{margin}    {command}" for command in commands]

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from tega.cli.emg_fitts import emg_fitts, emg_skill
+from tega.cli.emg_people import emg_people
 from tega.cli.emg_recalibrate import emg_recalibrate
 from tega.cli.emg_score import emg_score
 from tega.cli.options import ChannelList, NameList, echo_json, json_option
@@ -14,7 +16,6 @@ from tega.cli.options import ChannelList, NameList, echo_json, json_option
 if TYPE_CHECKING:
     from tega.decoders.compare import DecoderTold, Log
 
-__all__ = ["emg"]
 
 _KINDS = click.Choice(["raw", "rectified", "envelope"])
 
@@ -25,6 +26,9 @@ def emg() -> None:
 
 
 emg.add_command(emg_score, "score")
+emg.add_command(emg_fitts, "fitts")
+emg.add_command(emg_skill, "skill")
+emg.add_command(emg_people, "people")
 emg.add_command(emg_recalibrate, "recalibrate")
 
 
@@ -182,7 +186,7 @@ def compare(
     \b
     --json prints a list, an object a log, part and decoder:
       log, trained_on, judged_on, decoder, rank_correlation, level_rank_correlation, correlation, rmse,
-      changes_per_s, delay_s (behind rules-paper), target_delay_s, at_level, balanced_accuracy,
+      changes_per_s, delay_s and level_delay_s (behind rules-paper), target_delay_s, at_level, balanced_accuracy,
       false_closings_per_min, calibration_error, held, duration_s
     """  # noqa: D301  # click keeps the lines after \b as they are
     from tega.decoders.compare import as_json as figures_of

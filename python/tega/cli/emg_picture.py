@@ -12,8 +12,6 @@ from tega.errors import MissingExtraError
 if TYPE_CHECKING:
     from tega.decoders.compare import DecoderTold
 
-__all__ = ["draw"]
-
 
 def draw(parts: list[tuple[str, float, list[DecoderTold]]], file: Path) -> None:
     """Draw a row a decoder and a column a part.

@@ -8,8 +8,6 @@ import click
 
 from tega.cli.options import echo_json, json_option
 
-__all__ = ["emg_recalibrate"]
-
 
 @click.command(epilog="Example: tega-teleop emg recalibrate lab.toml --person p01")
 @click.argument("settings", type=click.Path(path_type=Path), metavar="SETTINGS.toml")

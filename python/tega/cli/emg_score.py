@@ -12,7 +12,6 @@ from tega.cli.options import ChannelList, json_option
 if TYPE_CHECKING:
     from tega.emg_score import RecordingScore
 
-__all__ = ["emg_score"]
 
 BLOCK_S = 0.1
 

@@ -9,8 +9,6 @@ import click
 
 from tega.cli.options import json_option
 
-__all__ = ["export"]
-
 
 @click.command(
     epilog="Example: tega-teleop recording export sessions/monday --out tables --pictures, or "

@@ -10,8 +10,6 @@ import click
 if TYPE_CHECKING:
     from tega.bus import Bus
 
-__all__ = ["Findings"]
-
 
 class Findings:
     """Looks on while a recording is computed, and tells afterwards what was in it.

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.devices.base import Tracker
 
-__all__ = ["forward"]
 
 _LOOK_S = 0.02
 _BAR = 20

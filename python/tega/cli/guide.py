@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from rich.console import Console, RenderableType
     from rich.live import Live
 
-__all__ = ["LineGuide", "TerminalGuide", "guide_for"]
 
 _MARKS = {"plain": "  ", "good": "ok", "warn": "! ", "bad": "x "}
 _STYLES = {"plain": "", "good": "green", "warn": "yellow", "bad": "bold red"}

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
     from tega.devices.allegro import Allegro
 
-__all__ = ["hand"]
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 

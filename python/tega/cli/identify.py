@@ -6,8 +6,6 @@ from pathlib import Path
 
 import click
 
-__all__ = ["identify"]
-
 
 @click.command(epilog="Example: tega-teleop vest identify --set vest.driver=bhaptics-player --motor 0")
 @click.argument("config", type=click.Path(path_type=Path), metavar="[CONFIG.toml]", required=False)

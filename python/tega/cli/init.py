@@ -14,8 +14,6 @@ from tega.cli.devices import could_not_look
 from tega.cli.options import json_option
 from tega.errors import TegaError
 
-__all__ = ["init"]
-
 
 class _Moves(Protocol):
     """What moves as it is told."""
@@ -190,6 +188,6 @@ def _may_read() -> bool:
     """Whether reading the standard input is allowed: the system stops a background program that reads its terminal."""
     if sys.stdin is None or sys.stdin.closed:
         return False
-    if not sys.stdin.isatty() or not hasattr(os, "tcgetpgrp"):
+    if sys.platform == "win32" or not sys.stdin.isatty():
         return True
     return os.getpgrp() == os.tcgetpgrp(sys.stdin.fileno())

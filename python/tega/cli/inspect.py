@@ -12,8 +12,6 @@ from tega.cli.options import json_option
 if TYPE_CHECKING:
     from tega.recording.inspection import Inspection
 
-__all__ = ["inspect"]
-
 
 @click.command(epilog="Example: tega-teleop recording inspect sessions/monday")
 @click.argument("session", type=click.Path(path_type=Path))

@@ -9,8 +9,6 @@ from pathlib import Path
 from urllib.parse import urlsplit
 from urllib.request import url2pathname
 
-__all__ = ["with_origin"]
-
 
 def with_origin(text: str, installed: Distribution | None = None) -> str:
     """Put the place that TEGA was installed from into ``pip install 'tega[…]'`` and ``pip install './tools/…'``.

@@ -14,8 +14,6 @@ import click
 from tega.checkout_tools import needs_tools
 from tega.errors import DeviceUnavailableError, MissingToolError, TegaError
 
-__all__ = ["main"]
-
 EXIT_FAILED, EXIT_USAGE, EXIT_DEVICE, EXIT_STOPPED = 1, 2, 3, 130
 
 
@@ -54,7 +52,10 @@ _VERBS = {
         "Prepare", "tega.cli.devices", "devices", "List the drivers, and the devices that they see."
     ),
     "audit": _Verb(
-        "Examine", "tega.cli.audit", "audit", "Compare readings of the contact equations on a recording."
+        "Examine",
+        "tega_figures.audit.command",
+        "audit",
+        "Compare readings of the contact equations on a recording.",
     ),
     "bench": _Verb(
         "Examine", "tega_figures.bench.command", "bench", "Measure the run time and error of each kernel."

@@ -8,8 +8,6 @@ import click
 
 from tega.cli.options import json_option
 
-__all__ = ["net"]
-
 
 @click.group(epilog="Example: tega-teleop net keys keys --operator alice --robot panda")
 def net() -> None:

@@ -13,17 +13,6 @@ import click
 
 from tega.safety.stop import Stop as AnyStop
 
-__all__ = [
-    "ChannelList",
-    "NameList",
-    "echo_json",
-    "json_option",
-    "loop_options",
-    "loop_sets",
-    "progress_bar",
-    "stop_keys",
-]
-
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 

@@ -14,9 +14,9 @@ import click
 if TYPE_CHECKING:
     from tega.bus import Bus
     from tega.config import SessionConfig
+    from tega.replay.playhead import Playhead
     from tega.view.browser import BrowserView, Controls
 
-__all__ = ["browser_observer", "run_viewed", "view_options"]
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 DEFAULT_PORT = 8080
@@ -102,6 +102,7 @@ def run_viewed(
     wait: bool = False,
     bus: Bus | None = None,
     run: Callable[..., dict[str, Any]] | None = None,
+    playhead: Playhead | None = None,
     **options: Any,
 ) -> dict[str, Any]:
     """Run a session with the page open.
@@ -115,6 +116,7 @@ def run_viewed(
         wait: Whether the run stays armed until the page's Go is pressed.
         bus: The run's, where others listen as well.
         run: Runs it, called like ``run_session``; that itself when ``None``.
+        playhead: Of a recording that is played: the page's slider goes anywhere in it.
         options: Further arguments of it.
 
     Returns:
@@ -130,7 +132,7 @@ def run_viewed(
     from tega.view.browser.hand_figure import EYE_M, LOOK_AT_M
 
     bus = run_bus.Bus() if bus is None else bus
-    controls = Controls(can_pause=can_pause, can_mute=True, can_go=wait)
+    controls = Controls(can_pause=can_pause, can_mute=True, can_go=wait, playhead=playhead)
     if run is None and not can_pause:
         options["motor_tests"] = tests = MotorTests()
         options["go"] = lambda: controls.may_go

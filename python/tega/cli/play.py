@@ -10,8 +10,6 @@ import click
 from tega.cli.options import json_option
 from tega.cli.page import view_options
 
-__all__ = ["play"]
-
 
 class _Speed(click.ParamType[float | None]):
     """A factor, or ``max``."""
@@ -47,6 +45,10 @@ class _Speed(click.ParamType[float | None]):
     metavar="REASON",
     help="Why a real vest or hand gets more than the recording's speed.",
 )
+@click.option(
+    "--from", "from_s", type=click.FloatRange(min=0), default=0.0, show_default=True, metavar="SECONDS",
+    help="Where in the recording to begin; with --view a slider goes anywhere.",
+)  # fmt: skip
 @view_options
 @json_option
 def play(
@@ -57,6 +59,7 @@ def play(
     sets: tuple[str, ...],
     speed: float | None,
     because: str,
+    from_s: float,
     view: bool,
     view_port: int,
     as_json: bool,
@@ -80,6 +83,7 @@ def play(
     from tega.errors import ConfigError
     from tega.recording.mcap_folder import session_files
     from tega.replay.play import play_file, playing_to
+    from tega.replay.playhead import Playhead
     from tega.safety.ctrl_c import CtrlC
 
     files = session_files(session)
@@ -92,7 +96,8 @@ def play(
     # Python lets a thread hold the interpreter for 5 ms by default, longer than a tick of the hand.
     sys.setswitchinterval(0.0005)
     heading = f"TEGA · {files[0].name}" + (" · space or q: stop" if sys.stdin.isatty() else "")
-    played = partial(play_file, files[0], speed=speed, because=because)
+    playhead = Playhead(from_s)
+    played = partial(play_file, files[0], speed=speed, because=because, playhead=playhead)
     drawn_here = config.vest.driver == "on-screen-vest" and config.vest.options.terminal is None
     started = time.perf_counter()
     with (
@@ -106,7 +111,7 @@ def play(
         if view:
             summary = run_viewed(
                 config, title=f"TEGA · {files[0].name}", port=view_port, run=played, progress=progress, stop=stop,
-                bus=bus,
+                bus=bus, playhead=playhead,
             )  # fmt: skip
         else:
             summary = played(config, progress=progress, stop=stop, bus=bus)

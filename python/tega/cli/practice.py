@@ -9,8 +9,6 @@ import click
 
 from tega.cli.options import json_option
 
-__all__ = ["practice"]
-
 
 @click.command(epilog="Example: tega-teleop practice lab.toml --person p01 --seconds 60")
 @click.argument("settings", type=click.Path(path_type=Path), metavar="SETTINGS.toml")

@@ -8,8 +8,6 @@ from tega.cli.export import export
 from tega.cli.inspect import inspect
 from tega.cli.trim import merge, trim
 
-__all__ = ["recording"]
-
 
 @click.group(epilog="Example: tega-teleop recording inspect sessions/monday")
 def recording() -> None:

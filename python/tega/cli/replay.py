@@ -10,8 +10,6 @@ import click
 from tega.cli.options import ChannelList, json_option
 from tega.cli.page import view_options
 
-__all__ = ["replay"]
-
 
 class _Finger(click.ParamType[tuple[str, Path]]):
     """FINGER=PATH."""

@@ -9,8 +9,6 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-__all__ = ["latency_tables", "print_summary", "tell_summary"]
-
 
 def tell_summary(summary: dict[str, Any], *, wall_s: float, as_json: bool) -> None:
     """Tell how a run was, to people or as JSON, and end as it ended.

@@ -15,8 +15,6 @@ from tega.cli.page import view_options
 if TYPE_CHECKING:
     from tega.config import SessionConfig
 
-__all__ = ["run", "run_options", "run_settings"]
-
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
@@ -59,19 +57,7 @@ def run_options(function: _Function) -> _Function:
 
 @click.command(epilog="Example: tega-teleop run session.toml --set session.pace=fast")
 @run_options
-def run(
-    *,
-    config: Path,
-    person: str | None,
-    sets: tuple[str, ...],
-    record: Path | None,
-    lossless: bool,
-    view: bool,
-    view_port: int,
-    wait_for_go: bool,
-    streams: tuple[str, ...],
-    as_json: bool,
-) -> None:
+def run(**options: Any) -> None:
     """Run a session: the dual loop on the devices that CONFIG.toml names, until they end or Ctrl-C.
 
     In a terminal the space bar or q stop it as well.
@@ -79,18 +65,7 @@ def run(
     On every way out the vest is sent zeros and the hand zero torque and SERVO OFF. With --json the summary is
     printed, with a table "measured" of wall_s and real_time_factor.
     """
-    run_settings(
-        config,
-        person=person,
-        sets=sets,
-        record=record,
-        lossless=lossless,
-        view=view,
-        view_port=view_port,
-        wait_for_go=wait_for_go,
-        streams=streams,
-        as_json=as_json,
-    )
+    run_settings(**options)
 
 
 def run_settings(

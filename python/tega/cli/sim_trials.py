@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from tega.sim.table import Row
     from tega.sim.trial import TrialResult
 
-__all__ = ["sim"]
-
 
 @click.group(epilog="Example: tega-teleop sim trials --seeds 10 --out trials.jsonl")
 def sim() -> None:

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from tega.teleop.moment import LoopView
     from tega.teleop.prepare import Progress
 
-__all__ = ["TerminalDisplay", "stage"]
-
 
 class TerminalDisplay:
     """Draws the newest moment that it was given, in a thread of its own: drawing takes longer than a tick of the hand.

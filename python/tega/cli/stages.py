@@ -8,8 +8,6 @@ import click
 
 from tega.cli.options import json_option
 
-__all__ = ["stages"]
-
 _TITLES = {
     "metric": "Metrics: a fingertip's picture to a contact (stages.metric.name)",
     "decoder": "Decoders: EMG to intent (stages.decoder.name)",

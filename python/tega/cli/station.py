@@ -8,8 +8,6 @@ import click
 
 from tega.cli.run import run_options, run_settings
 
-__all__ = ["operator", "robot"]
-
 
 @click.command(epilog="Example: tega-teleop operator operator.toml --view")
 @run_options

@@ -11,8 +11,6 @@ import click
 if TYPE_CHECKING:
     from tega.bus import Bus
 
-__all__ = ["streamed"]
-
 
 @contextmanager
 def streamed(bus: Bus, names: Sequence[str]) -> Iterator[None]:

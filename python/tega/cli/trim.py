@@ -8,8 +8,6 @@ import click
 
 from tega.cli.options import json_option
 
-__all__ = ["merge", "trim"]
-
 
 @click.command(
     epilog="Example: tega-teleop recording trim sessions/monday --from 12 --to 30 --out sessions/monday-lift"

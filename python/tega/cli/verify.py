@@ -14,8 +14,6 @@ from tega.cli.options import json_option
 if TYPE_CHECKING:
     from tega.replay import Replay
 
-__all__ = ["check_flags", "replay_session", "verify"]
-
 
 @click.command(epilog="Example: tega-teleop verify sessions/monday")
 @click.argument("session", type=click.Path(path_type=Path))

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.vest_latency.log import OnsetLog
 
-__all__ = ["vest"]
 
 _CLICKS = 4
 _CLICK_APART_S = (0.37, 0.61, 0.83, 0.53)

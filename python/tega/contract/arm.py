@@ -13,8 +13,6 @@ from tega.contract.rule import refuses, rule
 from tega.devices.base import ArmDriver, InputEvent, InputReading, InputSource, Tracker
 from tega.errors import DeviceUnavailableError
 
-__all__ = ["check_arm", "check_input", "check_tracker"]
-
 _TRACKED_S, _POLL_S = 3.0, 0.01
 _STILL_M = 0.002
 

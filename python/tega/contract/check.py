@@ -34,8 +34,6 @@ from tega.errors import DeviceUnavailableError
 from tega.haptics import vest_frame
 from tega.wire import allegro_torque_frames
 
-__all__ = ["check_driver"]
-
 _PROTOCOLS: dict[str, tuple[type, ...]] = {
     "tactile": (TactileSource,),
     "emg": (EmgSource,),

@@ -18,8 +18,6 @@ from tega.errors import TegaError
 from tega.motor_layout import find_layout
 from tega.stages.registry import GROUPS, find_stages, stage_class, stage_names
 
-__all__ = ["main"]
-
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Check drivers and stages by name and print a line for each.

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-__all__ = ["refuses", "rule"]
-
 
 def rule(holds: bool, said: str) -> None:  # noqa: FBT001  # an assertion that survives python -O
     """Break off where a rule does not hold.

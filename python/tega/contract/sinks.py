@@ -13,8 +13,6 @@ from tega.errors import InvalidValueError
 from tega.haptics import vest_frame
 from tega.wire import allegro_torque_frames
 
-__all__ = ["check_hand", "check_sink"]
-
 
 def check_hand(hand: SteeredHand) -> None:
     """Check a hand that closes its own loop.

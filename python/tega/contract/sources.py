@@ -11,8 +11,6 @@ import numpy as np
 from tega.contract.rule import rule
 from tega.devices.base import EmgSource, SkippingSource, TactileSource
 
-__all__ = ["check_skip", "check_source"]
-
 # A recording read by a contract check is expected to end before this many reads.
 _MOST_READS = 100_000
 

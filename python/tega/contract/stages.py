@@ -14,8 +14,6 @@ from tega.motor_layout import SHIPPED, MotorLayout
 from tega.records import Contact, Event, Intent
 from tega.stages.base import Decoder, FingerSetup, Mapping, Metric, MuscleSetup, VestSetup
 
-__all__ = ["check_decoder", "check_layout", "check_mapping", "check_metric", "check_stage"]
-
 _FRAME_NS = 16_666_667
 
 

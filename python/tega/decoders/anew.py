@@ -15,7 +15,6 @@ from tega.errors import CalibrationError, ShapeError
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["fitted_anew"]
 
 LEAST_S: Final = 5.0
 STRENGTH: Final = 0.1

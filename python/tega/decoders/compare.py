@@ -22,16 +22,6 @@ if TYPE_CHECKING:
 
     from tega.emg import InputKind
 
-__all__ = [
-    "LEARNED",
-    "DecoderTold",
-    "Log",
-    "as_json",
-    "best_channels",
-    "compare",
-    "shifted_electrode",
-    "two_halves",
-]
 
 LEARNED: Final[dict[str, Literal["ridge", "huber", "kernel"]]] = {
     "learned": "ridge",

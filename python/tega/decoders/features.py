@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
     from tega.emg import InputKind
 
-__all__ = ["AMPLITUDES", "FEATURES", "Blocks", "FeatureBlock", "as_samples", "block_features", "n_values"]
 
 FEATURES: Final[dict[str, str]] = {
     "MAV": "mean absolute value: mean |x|",

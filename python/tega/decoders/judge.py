@@ -13,7 +13,6 @@ from tega.errors import ShapeError
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["DecoderFigures", "judge"]
 
 REST_CLOSURE: Final = 0.05
 CLOSING: Final = 0.125
@@ -32,7 +31,8 @@ class DecoderFigures(msgspec.Struct, frozen=True, kw_only=True):
         rmse: Root of the mean square of closure less target, both 0 to 1.
         changes_per_s: Changes of the level per second.
         delay_s: How much later than the rules of ``paper`` the closure comes, s.
-        target_delay_s: How much later than the target, s.
+        level_delay_s: The same of the level, s.
+        target_delay_s: How much later than the target the closure comes, s.
         at_level: Share of time at the target's level, one of five.
         balanced_accuracy: Mean of the shares of rest (target below a quarter) and effort (above a half) that are told
             apart at closure a quarter.
@@ -48,6 +48,7 @@ class DecoderFigures(msgspec.Struct, frozen=True, kw_only=True):
     rmse: float
     changes_per_s: float
     delay_s: float
+    level_delay_s: float
     target_delay_s: float
     at_level: float
     balanced_accuracy: float
@@ -101,6 +102,9 @@ def judge(
         rmse=float(np.sqrt(((told - wanted) ** 2).mean())),
         changes_per_s=changes_per_second(steps, block_s),
         delay_s=float("nan") if paper is None else delay_s(told, np.asarray(paper, np.float64), block_s),
+        level_delay_s=float("nan")
+        if paper is None
+        else delay_s(steps, np.asarray(paper, np.float64), block_s),
         target_delay_s=delay_s(told, wanted, block_s),
         at_level=float((steps == np.floor(4 * wanted + 1.5)).mean()),
         balanced_accuracy=balanced,

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import Final
 
-__all__ = ["Latch"]
-
 MARGIN_LEVELS: Final = 0.25
 """How far beyond a level's border the closure has to be to count."""
 AREA_LEVEL_S: Final = 0.18

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     from tega.decoders.features import FeatureBlock
 
-__all__ = ["BlockScorer", "Decoded", "LearnedDecoder"]
-
 
 class Decoded(msgspec.Struct, frozen=True):
     """Closure, level and confidence of one block.

@@ -13,8 +13,6 @@ from tega.decoders.features import AMPLITUDES, AR_ORDER, n_values
 from tega.errors import CalibrationError
 from tega.foreign_file import read_foreign
 
-__all__ = ["Model", "load_model", "save_model"]
-
 _Finite = Annotated[float, msgspec.Meta(ge=-1e300, le=1e300)]
 _Positive = Annotated[float, msgspec.Meta(gt=0, le=1e300)]
 _Share = Annotated[float, msgspec.Meta(ge=0, le=1)]

@@ -21,8 +21,6 @@ from tega.stages.base import Decoder, MuscleSetup, StageOptions
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["OutsideDecoder", "OutsideOptions"]
-
 _NAME = "lsl"
 # The two clocks are compared anew this often, s: crystals drift by some 50 µs in it.
 _CORRECTION_EVERY_S = 5.0

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
     from tega.emg import InputKind
 
-__all__ = ["ProportionalDecoder"]
-
 
 class ProportionalDecoder:
     """Mean absolute value of one channel, or of a closing less an opening one, between a dead band and full effort.

@@ -20,7 +20,6 @@ from tega.stages.base import Decoder, MuscleSetup, StageOptions
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["LearnedOptions", "LearnedStage", "ProportionalOptions", "ProportionalStage"]
 
 _RATE_BLOCKS = 30
 _RATE_SHARE = 0.1

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import platform
-import warnings
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, Final, Literal
@@ -13,34 +12,26 @@ import numpy as np
 
 from tega.decoders.features import AMPLITUDES, FEATURES, Blocks, as_samples, block_features
 from tega.decoders.learned import LearnedDecoder
+from tega.decoders.learners import TARGET_POWER, EffortLearner, judge_kept_back, ridge, rising_polyline
 from tega.decoders.model import Model
-from tega.errors import CalibrationError, InvalidValueError, MissingExtraError, ShapeError
+from tega.errors import CalibrationError, InvalidValueError, ShapeError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from tega.emg import InputKind
 
-__all__ = ["DEFAULT_FEATURES", "fit"]
 
 DEFAULT_FEATURES: Final = ("MAV", "LOGVAR")
 SMOOTHING_S: Final = (0.15, 0.4)
-RIDGE: Final = 2e-3
-"""Strength of the ridge for each training block, on features in standard deviations."""
-TARGET_POWER: Final = 0.65
-"""The linear part is fitted to closure^0.65: amplitude grows faster than force; the monotone stage takes it back."""
 FLOOR_PERCENTILE: Final = 12.0
 FULL_PERCENTILE: Final = 98.0
 DEAD_BAND: Final = 0.03
-SUPPORTS: Final = 300
 LEAST_S: Final = 10.0
 CLIPPED_SHARE: Final = 0.05
 LEAST_SHARE: Final = 0.05
 LEAST_R2: Final = 0.2
-LEAST_NOVELTY: Final = 3.0
-"""Standard deviations beyond the training data that are always let pass: another day, a stronger squeeze."""
 _EARLIEST_S, _LATEST_S = -1.0, 0.5
-_FOLDS = 5
 
 
 def fit(
@@ -104,11 +95,11 @@ def fit(
     mean, sd = x.mean(axis=0), x.std(axis=0)
     sd = np.where(sd > 0, sd, 1.0)
     z = (x - mean) / sd
-    learner = _Learner(model)
+    learner = EffortLearner(model)
     parts = learner(z, y)
     efforts = parts.efforts(z)
-    knots_effort, knots_closure = _monotone(efforts, y)
-    confidence, hold_beyond = _kept_back(learner, z, y, reject)
+    knots_effort, knots_closure = rising_polyline(efforts, y)
+    confidence, hold_beyond = judge_kept_back(learner, z, y, reject)
     mav = np.array([np.abs(block.samples).mean(axis=0) for block in blocks])
     found = Model(
         kind=kind,
@@ -281,7 +272,7 @@ def _lag(values: NDArray[np.float64], y: NDArray[np.float64], block_s: float) ->
         x, wanted = _shifted(values, y, lag)
         sd = x.std(axis=0)
         z = (x - x.mean(axis=0)) / np.where(sd > 0, sd, 1.0)
-        weights, bias = _ridge(z, wanted)
+        weights, bias = ridge(z, wanted)
         left = float((wanted - z @ weights - bias).var())
         explained.append(1.0 - left / float(wanted.var()) if wanted.var() > 1e-9 else 0.0)
     best = int(np.argmax(explained))
@@ -292,122 +283,6 @@ def _lag(values: NDArray[np.float64], y: NDArray[np.float64], block_s: float) ->
             "check that both are on one clock, and which channels are the muscles'",
         )
     return lags[best]
-
-
-def _ridge(z: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    strength = RIDGE * len(y) * np.eye(z.shape[1])
-    mean = z.mean(axis=0)
-    weights = np.linalg.solve((z - mean).T @ (z - mean) + strength, (z - mean).T @ (y - y.mean()))
-    return weights, float(y.mean() - mean @ weights)
-
-
-class _Parts:
-    """Weights of a model, and what efforts they give."""
-
-    def __init__(self, weights: Any, bias: float, support: Any = (), gamma: float = 0.0) -> None:
-        self.weights, self.bias = np.asarray(weights, np.float64), float(bias)
-        self.support, self.gamma = np.asarray(support, np.float64), gamma
-
-    def efforts(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
-        if self.gamma:
-            apart = ((z[:, np.newaxis] - self.support) ** 2).sum(axis=2)
-            z = np.exp(-self.gamma * apart)
-        found: NDArray[np.float64] = z @ self.weights + self.bias
-        return found
-
-
-class _Learner:
-    """Fits one kind of model with scikit-learn."""
-
-    def __init__(self, model: str) -> None:
-        try:
-            import sklearn  # noqa: F401
-        except ImportError as error:
-            raise MissingExtraError(
-                "fitting a decoder needs scikit-learn", "pip install 'tega[learn]'"
-            ) from error
-        self._model = model
-
-    def __call__(self, z: NDArray[np.float64], y: NDArray[np.float64]) -> _Parts:
-        wanted = y**TARGET_POWER
-        if self._model == "ridge":
-            from sklearn.linear_model import Ridge
-
-            line = Ridge(alpha=RIDGE * len(y)).fit(z, wanted)
-            return _Parts(line.coef_, line.intercept_)
-        if self._model == "huber":
-            from sklearn.exceptions import ConvergenceWarning
-            from sklearn.linear_model import HuberRegressor
-
-            with warnings.catch_warnings():
-                # It also warns where its line search cannot make the last digits any better.
-                warnings.simplefilter("ignore", ConvergenceWarning)
-                line = HuberRegressor(alpha=RIDGE * len(y), max_iter=2000).fit(z, wanted)
-            return _Parts(line.coef_, line.intercept_)
-        from sklearn.kernel_ridge import KernelRidge
-
-        rows = np.unique(np.linspace(0, len(z) - 1, min(len(z), SUPPORTS)).round().astype(int))
-        gamma = 0.25 / z.shape[1]
-        bias = float(wanted.mean())
-        kernel = KernelRidge(alpha=0.3, kernel="rbf", gamma=gamma).fit(z[rows], wanted[rows] - bias)
-        return _Parts(kernel.dual_coef_, bias, z[rows], gamma)
-
-
-def _monotone(
-    efforts: NDArray[np.float64], y: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the rising polyline from effort to closure: isotonic regression, its steps joined."""
-    from sklearn.isotonic import IsotonicRegression
-
-    found = IsotonicRegression(y_min=0.0, y_max=1.0, out_of_bounds="clip").fit(efforts, y)
-    corners, values = found.X_thresholds_, np.clip(found.y_thresholds_, 0.0, 1.0)
-    steps = [np.flatnonzero(values == value) for value in np.unique(values)]
-    knots: list[tuple[float, float]] = []
-    for number, step in enumerate(steps):
-        low, high, value = float(corners[step[0]]), float(corners[step[-1]]), float(values[step[0]])
-        if number == 0:
-            knots += [(low, value), (high, value)]
-        elif number == len(steps) - 1:
-            knots.append((low, value))
-        else:
-            # A step of a cue says what its middle means, not that nothing lies between two steps.
-            knots.append(((low + high) / 2.0, value))
-    effort, first = np.unique([knot[0] for knot in knots], return_index=True)
-    closure = np.array([knot[1] for knot in knots])[first]
-    if len(effort) < 2 or closure[-1] == closure[0]:
-        raise CalibrationError(
-            "the decoder's effort does not rise with the target",
-            "record again; see docs/evidence/emg-decoders.md",
-        )
-    return effort, closure
-
-
-def _kept_back(
-    learner: _Learner, z: NDArray[np.float64], y: NDArray[np.float64], reject: float
-) -> tuple[tuple[float, float, float, float, float], float]:
-    """Judge blocks in time by models that have not seen them: how often they are right, how far they lie outside."""
-    closures, novelty = np.empty_like(y), np.empty_like(y)
-    for part in np.array_split(np.arange(len(y)), _FOLDS):
-        rest = np.setdiff1d(np.arange(len(y)), part)
-        novelty[part] = np.maximum(z[rest].min(axis=0) - z[part], z[part] - z[rest].max(axis=0)).max(axis=1)
-        if np.ptp(y[rest]) == 0:
-            closures[part] = y[rest].mean()
-            continue
-        parts = learner(z[rest], y[rest])
-        effort, closure = _monotone(parts.efforts(z[rest]), y[rest])
-        closures[part] = np.interp(parts.efforts(z[part]), effort, closure)
-    right = np.abs(closures - y) <= 0.25
-    fifth = np.minimum((5 * closures).astype(int), 4)
-    overall = float(right.mean())
-    # Ten blocks' worth of the overall share steady a fifth that has few.
-    shares = [(right[fifth == n].sum() + 10 * overall) / ((fifth == n).sum() + 10) for n in range(5)]
-    return (
-        float(shares[0]),
-        float(shares[1]),
-        float(shares[2]),
-        float(shares[3]),
-        float(shares[4]),
-    ), max(LEAST_NOVELTY, float(np.quantile(novelty, 1.0 - reject)))
 
 
 def _tuple(values: NDArray[np.float64]) -> tuple[float, ...]:

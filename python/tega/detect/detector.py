@@ -13,8 +13,6 @@ from typing import Literal, NamedTuple
 from tega.detect.settings import SETTINGS, DetectorSettings, Rule
 from tega.detect.tracks import FingerTrack, Low, TouchFrame, TwoMeans
 
-__all__ = ["DetectedEvent", "Detector", "EventKind"]
-
 EventKind = Literal["contact", "release", "slip", "lift_off", "deformation"]
 
 

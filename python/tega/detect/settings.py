@@ -9,8 +9,6 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-__all__ = ["FEATURES", "HAND_FEATURES", "SETTINGS", "DetectorSettings", "Rule"]
-
 FEATURES: Final = (
     "fingers",
     "mass",

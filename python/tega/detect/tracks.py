@@ -10,8 +10,6 @@ import math
 from collections import deque
 from typing import NamedTuple
 
-__all__ = ["FingerTrack", "TouchFrame", "TwoMeans"]
-
 
 class TouchFrame(NamedTuple):
     """Contact in one frame of a fingertip.

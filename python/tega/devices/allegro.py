@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import sys
 import threading
 import time
@@ -33,7 +32,6 @@ if TYPE_CHECKING:
     from tega.hand_link import HandFault, HandLink, HandState, Received
     from tega.wire import CanFrame
 
-__all__ = ["Allegro", "AllegroOptions"]
 
 _BITRATE = 1_000_000
 # Python changes threads every 5 ms when left alone; the hand reports every 3 ms.
@@ -93,9 +91,6 @@ class Allegro(Opened):
     until :meth:`step` asks for a level. On every way out the torque fades within 0.2 s, then zero torque and SERVO
     OFF are sent until the hand says that its motors are off; a second process sends them if this one is killed, or if
     the hand does not say so. A hand whose bus is gone keeps its last torque as far as is known, so mount a switch.
-
-    Args:
-        options: The settings.
     """
 
     kind: ClassVar[Kind] = "hand"
@@ -119,7 +114,7 @@ class Allegro(Opened):
         self._alert = HandAlert(self)
         self._guard: GuardProcess | None = None
         self._off: list[CanFrame] = []
-        self._pushed, self._let_go = False, True
+        self._pushed, self._let_go, self._cpu_s = False, True, 0.0
         self._switch_s = 0.0
         self._sent: deque[CanFrame] = deque(maxlen=_KEPT)
         self._cycles: deque[tuple[int, int]] = deque(maxlen=_KEPT)
@@ -191,7 +186,7 @@ class Allegro(Opened):
         )
         self._bus.open()
         self._level, self._died = 1, ""
-        self._pushed, self._let_go = False, True
+        self._pushed, self._let_go, self._cpu_s = False, True, 0.0
         self._off = [
             *allegro_limp_frames(device_id=o.device_id),
             allegro_set_period(0, device_id=o.device_id),
@@ -212,7 +207,7 @@ class Allegro(Opened):
             reconnects=o.reconnects,
         )
         # A bus inside this process ends with it.
-        if o.guard and o.torque and o.interface != "virtual" and os.name == "posix":
+        if o.guard and o.torque and o.interface != "virtual":
             try:
                 self._guard = guard_hand(self._bus.settings, self._off, device_id=o.device_id)
             except BaseException:
@@ -300,6 +295,11 @@ class Allegro(Opened):
         angles = None if self._link is None else self._link.angles_rad
         return np.full(16, np.nan) if angles is None else angles
 
+    @property
+    def target_rad(self) -> NDArray[np.float64] | None:
+        """Joint targets of the last cycle, float64 (16,), rad; ``None`` before the first."""
+        return None if self._link is None else self._link.target_rad
+
     def state(self) -> HandState:
         """Return phase, version, temperatures and counters.
 
@@ -340,11 +340,8 @@ class Allegro(Opened):
 
     @property
     def cpu_s(self) -> float:
-        """Processor time of the hand's thread so far, seconds; 0 when closed."""
-        thread = self._thread
-        if thread is None or thread.ident is None:
-            return 0.0
-        return time.clock_gettime(time.pthread_getcpuclockid(thread.ident))
+        """Processor time of the hand's thread up to its last cycle, seconds; 0 when closed."""
+        return self._cpu_s if self._thread is not None else 0.0
 
     def _taken(self) -> list[CanFrame]:
         return [self._sent.popleft() for _ in range(len(self._sent))]
@@ -375,6 +372,7 @@ class Allegro(Opened):
                     break
                 frames = self._bus.receive(may_reopen=not self._leaving.is_set())
                 t_ns = time.monotonic_ns()
+                self._cpu_s = time.thread_time()
                 if self._leaving.is_set() and not leave_ns:
                     link.release(t_ns)
                     self._tell(t_ns, 0, (), (), "release")

@@ -7,8 +7,6 @@ from typing import ClassVar, Literal
 from tega.arm.robot.driver import ArmOptions, ProcessArm
 from tega.devices.base import Options
 
-__all__ = ["BenchArm", "BenchArmOptions"]
-
 
 class BenchArmOptions(ArmOptions, frozen=True, kw_only=True):
     """Settings of :class:`BenchArm`.
@@ -21,11 +19,7 @@ class BenchArmOptions(ArmOptions, frozen=True, kw_only=True):
 
 
 class BenchArm(ProcessArm):
-    """Simulates a Panda with an open hand; see :class:`tega.sim.world.arm_body.BenchBody`.
-
-    Args:
-        options: The settings.
-    """
+    """Simulates a Panda with an open hand; see :class:`tega.sim.world.arm_body.BenchBody`."""
 
     name: ClassVar[str] = "bench-arm"
     summary: ClassVar[str] = "simulated: the bench's Panda by physics, in a process of its own"

@@ -6,8 +6,6 @@ from pathlib import Path
 
 from tega.devices.sysfs import attribute
 
-__all__ = ["bluetooth_trouble"]
-
 SYSFS = Path("/sys/class")
 
 

@@ -18,7 +18,6 @@ from tega.lifecycle import require
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["BrainFlowEmg", "BrainFlowOptions"]
 
 _BUFFER_S: Final = 10
 # Where the board's counter is known to go up by one a sample and to repeat after 256; of other boards several
@@ -59,9 +58,6 @@ class BrainFlowEmg(LiveEmg):
     Missing samples are counted where the board's counter is understood (Cyton, synthetic board); of others only the
     rate tells of a loss. BrainFlow says nothing when a board goes away: it is silent then, and given up after
     ``silence_s``.
-
-    Args:
-        options: The settings.
     """
 
     name: ClassVar[str] = "brainflow"

@@ -10,8 +10,6 @@ from typing import Any, NamedTuple
 
 from tega.devices.sysfs import attribute
 
-__all__ = ["CanLink", "can_links", "link_trouble"]
-
 SYSFS = Path("/sys/class/net")
 _ARPHRD_CAN = "280"
 _IFF_UP = 1

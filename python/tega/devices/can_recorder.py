@@ -16,8 +16,6 @@ from tega.records.table import columns, rows
 if TYPE_CHECKING:
     from tega.wire import CanFrame
 
-__all__ = ["CanRecorder", "CanRecorderOptions"]
-
 
 class CanRecorderOptions(Options, frozen=True):
     """Settings of :class:`CanRecorder`.
@@ -30,11 +28,7 @@ class CanRecorderOptions(Options, frozen=True):
 
 
 class CanRecorder(Opened):
-    """Writes every CAN frame as a row: time, identifier and data in hexadecimal (``R`` for a remote frame).
-
-    Args:
-        options: The settings.
-    """
+    """Writes every CAN frame as a row: time, identifier and data in hexadecimal (``R`` for a remote frame)."""
 
     kind: ClassVar[Kind] = "hand"
     summary: ClassVar[str] = "writes a hand's CAN frames to a table instead of a bus"

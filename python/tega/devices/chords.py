@@ -21,8 +21,6 @@ from tega.devices.live_serial import BaudRate, LiveSerialEmg, LiveSerialOptions
 from tega.devices.serial_port import POLL_S, SerialPort
 from tega.errors import DeviceUnavailableError
 
-__all__ = ["Chords", "ChordsOptions"]
-
 # Bytes that show how many channels a packet has: at least three packets of the largest board.
 _LOOK_BYTES = 256
 # A board of 2026 says UNKNOWN COMMAND where it got something else.
@@ -75,11 +73,7 @@ class ChordsOptions(LiveSerialOptions, frozen=True, kw_only=True):
 
 
 class Chords(LiveSerialEmg):
-    """A board that says its name, starts and stops on command, and numbers its packets.
-
-    Args:
-        options: The settings.
-    """
+    """A board that says its name, starts and stops on command, and numbers its packets."""
 
     name: ClassVar[str] = "chords"
     summary: ClassVar[str] = "a board with Chords firmware (BioAmp, NPG Lite, UNO R4, ...)"

@@ -13,8 +13,6 @@ from tega.devices.serial_boards import find_boards
 from tega.devices.serial_port import SerialPort
 from tega.errors import DeviceUnavailableError
 
-__all__ = ["Cyton", "CytonOptions"]
-
 _BAUD = 115_200
 _RATE_HZ = 250.0
 _GAIN_DIGIT = {1: 0, 2: 1, 4: 2, 6: 3, 8: 4, 12: 5, 24: 6}
@@ -36,11 +34,7 @@ class CytonOptions(LiveSerialOptions, frozen=True, kw_only=True):
 
 
 class Cyton(LiveSerialEmg):
-    """A Cyton's channels 1 to 3, or those asked for; the others are switched off.
-
-    Args:
-        options: The settings.
-    """
+    """A Cyton's channels 1 to 3, or those asked for; the others are switched off."""
 
     name: ClassVar[str] = "cyton"
     summary: ClassVar[str] = "OpenBCI Cyton over its USB dongle, microvolts at 250 Hz"

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Set
 from typing import NamedTuple
 
-__all__ = ["Debounce", "Edge"]
-
 
 class Edge(NamedTuple):
     """A button that went down or up.

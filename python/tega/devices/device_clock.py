@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections import deque
 
-__all__ = ["DeviceClock"]
-
 # A window long enough to hold a packet that was not held up, and short enough that two crystals do not part by 1 ms.
 _WINDOW_NS = 10_000_000_000
 # A device whose clock leaps by more than this against ours has been restarted.

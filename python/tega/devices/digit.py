@@ -15,18 +15,17 @@ from tega.devices.base import DeviceInfo, Found, Kind, Options, TactileFrame
 from tega.devices.digit_search import find_digits
 from tega.devices.picture_check import WORDS, CameraCounts, PictureCheck
 from tega.devices.picture_origin import PictureOrigin
-from tega.devices.video_nodes import find_node
+from tega.devices.video_nodes import camera_place, find_node
 from tega.devices.ways_out import closes_on_exit, release
 from tega.errors import ConfigError, DeviceUnavailableError
 from tega.lifecycle import Opened
 from tega.opencv import load_cv2
 from tega.reopening import Reopening
-from tega.threads import run_realtime
+from tega.threads import give_way, run_realtime
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Digit", "DigitOptions"]
 
 _FIRST_S = 3.0
 _LEAVE_S = 5.0
@@ -44,7 +43,8 @@ class DigitOptions(Options, frozen=True):
 
     Attributes:
         serial: The number printed on the sensor, such as ``D20641``; found whatever it is plugged into.
-        source: Anything else that OpenCV opens: ``/dev/video2`` or the address of a stream.
+        source: Anything else that OpenCV opens: ``/dev/video2``, the address of a stream, or ``camera:2``, as cameras
+            are named on Windows and macOS (untried there).
         width: Of the picture as the sensor sends it, pixels.
         height: Likewise.
         rate_hz: Pictures a second to ask for; 30 where four sensors share one USB 2 bus.
@@ -218,10 +218,10 @@ class Digit(Opened):
         """Open the camera and set it up."""
         o, cv2 = self._options, self._cv2
         node = None if o.serial is None else find_node(o.serial)
-        place = o.source if node is None else node.device
-        local = str(place).startswith("/dev/")
+        place, way_in = camera_place(str(o.source) if node is None else node.device)
+        local = way_in != "CAP_FFMPEG"
         if local:
-            capture = cv2.VideoCapture(place, cv2.CAP_V4L2)
+            capture = cv2.VideoCapture(place, getattr(cv2, way_in))
         else:
             limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, 2000, cv2.CAP_PROP_READ_TIMEOUT_MSEC, 1000]
             capture = cv2.VideoCapture(place, cv2.CAP_FFMPEG, [*limits, cv2.CAP_PROP_N_THREADS, 1])
@@ -272,7 +272,7 @@ class Digit(Opened):
                 notes.append("the lights could not be set")
         self._notes = tuple(notes)
 
-    @run_realtime("take")
+    @run_realtime("measure")
     def _run(self, capture: Any) -> None:
         """Read until told to leave; a camera that goes away is opened again."""
 
@@ -331,7 +331,8 @@ class Digit(Opened):
         opened_ns, last_ns = time.monotonic_ns(), 0
         self._window = (opened_ns, 0)
         while not self._leaving.is_set():
-            came, sent = capture.read()
+            with give_way():
+                came, sent = capture.read()
             if not came:
                 break
             any_came = True

@@ -10,8 +10,6 @@ from tega.devices.base import Found
 from tega.devices.sysfs import attribute
 from tega.devices.video_nodes import SYSFS, VideoNode, video_nodes
 
-__all__ = ["USB_DEVICES", "find_digits", "is_digit"]
-
 USB_DEVICES = Path("/sys/bus/usb/devices")
 
 _DIGIT = "2833:0209"
@@ -61,10 +59,10 @@ def _camera(node: VideoNode, *, twice: bool) -> Found:
     if twice:
         problem = f"two cameras have the serial number {node.serial}"
         hint = 'flash one of them anew, or name both by their ports: source = "/dev/v4l/by-path/…"'
-    elif not Path(node.device).exists():
+    elif node.device.startswith("/dev/") and not Path(node.device).exists():
         problem = f"the kernel lists {node.device}, but it is not there"
         hint = "in a container pass it in (--device), else look at udev"
-    elif not os.access(node.device, os.R_OK | os.W_OK):
+    elif node.device.startswith("/dev/") and not os.access(node.device, os.R_OK | os.W_OK):
         problem = f"your user may not open {node.device}"
         hint = _RULES
     revision = f"firmware {node.revision >> 8:x}.{node.revision & 255:02x}" if node.revision else ""

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["EmgFile", "EmgFileOptions"]
 
 _CHUNK_S = 0.1
 
@@ -38,11 +37,7 @@ class EmgFileOptions(Options, frozen=True):
 
 
 class EmgFile(Opened):
-    """The samples of a file; sample number n (from 1) is complete at n/rate.
-
-    Args:
-        options: The settings.
-    """
+    """The samples of a file; sample number n (from 1) is complete at n/rate."""
 
     kind: ClassVar[Kind] = "emg"
     summary: ClassVar[str] = "a text, .npy or .mat file of EMG samples"

@@ -19,7 +19,6 @@ from tega.lifecycle import require
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["read_emg_file"]
 
 # What loggers call columns that are no muscle; a unit may follow in brackets or behind an underscore.
 _OTHER = re.compile(

@@ -18,7 +18,6 @@ from tega.devices.base import EmgChunk
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["EmgHealth", "swapped_channels"]
 
 _LOOK_S = 0.5
 _SPECTRUM_S = 2.0

@@ -10,8 +10,6 @@ from tega.arm.robot.driver import ArmOptions, ProcessArm
 from tega.arm.robot.fci import preflight
 from tega.devices.base import Options
 
-__all__ = ["FrankaOptions", "FrankyArm", "FrankyArmOptions"]
-
 _Inertia = Annotated[float, msgspec.Meta(ge=0, le=1)]
 _Centre = Annotated[float, msgspec.Meta(ge=-1, le=1)]
 _Angle = Annotated[float, msgspec.Meta(ge=-4.6, le=4.6)]
@@ -63,11 +61,7 @@ class FrankyArmOptions(FrankaOptions, frozen=True, kw_only=True):
 
 
 class FrankyArm(ProcessArm):
-    """Leads the robot's hand by a damped spring in torque mode; see :mod:`tega.arm.robot.franky_body`.
-
-    Args:
-        options: The settings.
-    """
+    """Leads the robot's hand by a damped spring in torque mode; see :mod:`tega.arm.robot.franky_body`."""
 
     name: ClassVar[str] = "franky"
     summary: ClassVar[str] = "Franka Panda or FR3 through franky, in a process of its own"

@@ -13,12 +13,11 @@ import subprocess
 import sys
 import threading
 import time
+from queue import SimpleQueue
 from typing import Final
 
-from tega.child_process import end_child, python_command, python_environment
+from tega.child_process import end_child, own_group, python_command, python_environment
 from tega.errors import DeviceUnavailableError
-
-__all__ = ["GuardProcess", "answer", "say_ready", "stay_alone"]
 
 BEAT_S: Final = 0.1
 DEAF_S: Final = 2.0
@@ -92,12 +91,11 @@ class GuardProcess:
                 self._process.stdin.close()
 
     def _start(self) -> subprocess.Popen[bytes]:
-        # A session of its own: what is sent to the program's terminal (Ctrl-C, hang-up) is not meant for it.
         process = subprocess.Popen(
             self._words,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            start_new_session=True,
+            **own_group(),
             env=python_environment(),
         )
         late = threading.Timer(_READY_S, process.kill)
@@ -111,7 +109,8 @@ class GuardProcess:
                 f"the process that {self._what} did not start",
                 "its error output says why; nothing was switched on",
             )
-        if process.stdin is not None and os.name == "posix":
+        # Windows has no such pipes: what is written fits, since a process that hears nothing is ended after 2 s.
+        if process.stdin is not None and sys.platform != "win32":
             os.set_blocking(process.stdin.fileno(), False)
         self._asked_s = self._heard_s = time.monotonic()
         return process
@@ -154,6 +153,25 @@ def say_ready() -> None:
     """Say, in the process, that everything is loaded and the program may go on."""
     sys.stdout.write("ready\n")
     sys.stdout.flush()
+
+
+def hear() -> SimpleQueue[bytes]:
+    """Return, in the process, a queue of what the program says, in pieces as they come; an empty one is the last.
+
+    A thread reads, since Windows cannot wait for a pipe and a time at once.
+    """
+    said: SimpleQueue[bytes] = SimpleQueue()
+    fd = sys.stdin.fileno()
+
+    def listen() -> None:
+        while True:
+            piece = os.read(fd, 4096)
+            said.put(piece)
+            if not piece:
+                return
+
+    threading.Thread(target=listen, name="tega-hears", daemon=True).start()
+    return said
 
 
 def stay_alone() -> None:

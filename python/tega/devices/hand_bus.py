@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from tega.hand_link import Received
     from tega.wire import CanFrame
 
-__all__ = ["HandBus", "can_message"]
 
 # Waiting for a frame ends this soon, so that silence is noticed in time.
 _WAIT_S = 0.002

@@ -5,28 +5,27 @@ from the hand's thread ten times a second (:mod:`tega.devices.guard_process`). W
 hears nothing for a second, it opens the bus itself and sends zero torque, SERVO OFF and no more reports, until the hand
 says that its motors are off: for ten minutes after the program is gone, or until a program that stood still goes on.
 Until it first hears something no motor is on, and it does nothing. Nothing helps where both are killed, the adapter is
-pulled out, or the machine loses power: mount a switch.
+pulled out, or the machine loses power: mount a switch. On Windows a serial adapter belongs to one program at a time, so
+there it can be opened only when the program is gone, and a program that stands still keeps it (untried).
 """
 
 from __future__ import annotations
 
 import json
-import os
-import select
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, Final
 
-from tega.devices.guard_process import GuardProcess, answer, say_ready, stay_alone
+from tega.devices.guard_process import GuardProcess, answer, hear, say_ready, stay_alone
 from tega.devices.hand_bus import HandBus
 from tega.errors import DeviceUnavailableError
 
 if TYPE_CHECKING:
     from tega.wire import CanFrame
 
-__all__ = ["guard_hand", "main"]
 
 STUCK_S: Final = 1.0
 LONGEST_S: Final = 600.0
@@ -95,26 +94,33 @@ def main() -> None:
     import can  # noqa: F401  # there is no time for that later
 
     hand = _Hand(**json.loads(sys.argv[1]))
-    fd = sys.stdin.fileno()
+    pieces = hear()
     heard, stuck, said = False, False, b""
     say_ready()
     while True:
-        ready, _, _ = select.select([fd], [], [], STUCK_S if heard and not stuck else None)
-        chunk = os.read(fd, 4096) if ready else b""
-        said = (said + chunk)[-64:]
+        piece = _next(pieces, STUCK_S if heard and not stuck else None)
+        said = (said + (piece or b""))[-64:]
         if b"done" in said:
             return
-        if chunk:
-            answer(chunk)
+        if piece:
+            answer(piece)
             heard, stuck = True, False
             continue
-        if ready:
+        gone = piece is not None
+        if gone:
             stay_alone()
         if heard:
-            hand.let_go(_never if ready else lambda: bool(select.select([fd], [], [], 0)[0]))
-        if ready:
+            hand.let_go(_never if gone else lambda: not pieces.empty())
+        if gone:
             return
         stuck = True
+
+
+def _next(pieces: SimpleQueue[bytes], timeout_s: float | None) -> bytes | None:
+    try:
+        return pieces.get(timeout=timeout_s)
+    except Empty:
+        return None
 
 
 def _never() -> bool:

@@ -8,8 +8,6 @@ from typing import Any
 from tega.errors import DeviceUnavailableError
 from tega.lifecycle import require
 
-__all__ = ["hid_module"]
-
 
 def hid_module(driver: str) -> Any:
     """Import hidapi.

@@ -17,8 +17,6 @@ from tega.errors import DeviceUnavailableError
 from tega.lifecycle import Opened
 from tega.reopening import Reopening
 
-__all__ = ["AT_REST", "HidInput", "HidInputOptions", "InputCounts", "found_devices"]
-
 AT_REST = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """The motion of a device that nobody touches."""
 

@@ -17,8 +17,6 @@ from tega.devices.tracker_thread import ThreadedTracker
 from tega.errors import DeviceUnavailableError, WrongDeviceError
 from tega.reopening import Reopening
 
-__all__ = ["HoloLens", "HoloLensCounts", "HoloLensOptions"]
-
 # One packet of the spatial input: time, size and validity, head and eyes, 26 joints of each hand.
 _PACKET_BYTES: Final = 1948
 _PAYLOAD_BYTES: Final = 1936

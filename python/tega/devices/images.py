@@ -14,9 +14,6 @@ from tega.errors import DeviceUnavailableError, RecordingError
 from tega.lifecycle import Opened
 from tega.opencv import IMAGE_SUFFIXES, load_cv2, read_image
 
-__all__ = ["ImageFolder", "ImageFolderOptions"]
-
-
 # So few pictures with names of another kind are no part of the recording.
 _STRAY_SHARE = 0.1
 
@@ -40,9 +37,6 @@ class ImageFolder(Opened):
 
     Other files are ignored, hidden ones too, and so is a picture named unlike nearly all others; a note says which.
     All pictures have to have the size of the first.
-
-    Args:
-        options: The settings.
     """
 
     kind: ClassVar[Kind] = "tactile"

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["Arrived", "LiveEmg", "LiveEmgOptions"]
 
 # Random bytes can look like a packet once in a second; a source that gives less than this share is silent.
 _ALIVE_SHARE = 0.05
@@ -75,11 +74,7 @@ class Arrived(NamedTuple):
 
 
 class LiveEmg(Opened):
-    """A live EMG source; a driver adds how to start, what has arrived, and how to stop.
-
-    Args:
-        options: The settings.
-    """
+    """A live EMG source; a driver adds how to start, what has arrived, and how to stop."""
 
     kind: ClassVar[Kind] = "emg"
     name: ClassVar[str]

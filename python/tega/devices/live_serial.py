@@ -11,8 +11,6 @@ from tega.devices.live_emg import LiveEmg, LiveEmgOptions
 from tega.devices.serial_port import SerialPort
 from tega.errors import DeviceUnavailableError
 
-__all__ = ["BaudRate", "LiveSerialEmg", "LiveSerialOptions"]
-
 BaudRate = Annotated[int, msgspec.Meta(ge=300, le=4_000_000)]
 """Bits per second."""
 
@@ -28,11 +26,7 @@ class LiveSerialOptions(LiveEmgOptions, frozen=True, kw_only=True):
 
 
 class LiveSerialEmg(LiveEmg):
-    """A live EMG source on a serial port; a driver adds what to say and how to read it.
-
-    Args:
-        options: The settings.
-    """
+    """A live EMG source on a serial port; a driver adds what to say and how to read it."""
 
     extra: ClassVar[str] = "lab"
     requires: ClassVar[tuple[str, ...]] = ("serial",)

@@ -16,7 +16,6 @@ from tega.errors import DeviceUnavailableError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["LslEmg", "LslEmgOptions"]
 
 # Stamps further apart than this are a gap; below it they are the sender's jitter.
 _GAP_S = 0.1
@@ -43,11 +42,7 @@ class LslEmgOptions(LiveEmgOptions, frozen=True, kw_only=True):
 
 
 class LslEmg(LiveEmg):
-    """A stream of numbers found on the network; it is not asked to come back once it is gone.
-
-    Args:
-        options: The settings.
-    """
+    """A stream of numbers found on the network; it is not asked to come back once it is gone."""
 
     name: ClassVar[str] = "lsl-emg"
     summary: ClassVar[str] = "any Lab Streaming Layer stream of numbers"

@@ -18,8 +18,6 @@ from tega.errors import DeviceUnavailableError
 from tega.lifecycle import require
 from tega.reopening import Reopening
 
-__all__ = ["OpenXr", "OpenXrCounts", "OpenXrOptions"]
-
 _BACK_OFF_S: Final = (0.25, 2.0)
 # After a reconnection, a recentring or a time out of focus the same numbers may be another place. So long, whoever
 # steers is told "lost" and takes hold anew.

@@ -9,8 +9,6 @@ from typing import Any, Final, NamedTuple
 
 from tega.errors import DeviceUnavailableError
 
-__all__ = ["TIMES", "Made", "make_instance", "said"]
-
 TIMES: Final = "XR_KHR_convert_timespec_time"
 _HEADLESS: Final = "XR_MND_headless"
 _NEEDED: Final = {"wrist": "XR_EXT_hand_tracking", "tracker": "XR_HTCX_vive_tracker_interaction"}

@@ -13,7 +13,6 @@ from tega.errors import DeviceUnavailableError
 if TYPE_CHECKING:
     from tega.devices.openxr import OpenXrOptions
 
-__all__ = ["Located", "XrSession"]
 
 _VIVE_PROFILE: Final = "/interaction_profiles/htc/vive_tracker_htcx"
 # The first has to be known to every runtime; the others save those that have the device from guessing.

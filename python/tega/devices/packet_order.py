@@ -9,8 +9,6 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["PacketOrder", "believed_losses"]
-
 
 class PacketOrder:
     """Leaves out packets that came twice.

@@ -11,8 +11,6 @@ from tega.arm.robot.fci import machine_findings, server_version
 from tega.devices.base import Options
 from tega.devices.franky_arm import FrankaOptions
 
-__all__ = ["PandaArm", "PandaArmOptions"]
-
 _SERVER = 5
 
 
@@ -30,11 +28,7 @@ class PandaArmOptions(FrankaOptions, frozen=True, kw_only=True):
 
 
 class PandaArm(ProcessArm):
-    """Leads the robot's hand by panda-python's impedance controller; see :mod:`tega.arm.robot.panda_body`.
-
-    Args:
-        options: The settings.
-    """
+    """Leads the robot's hand by panda-python's impedance controller; see :mod:`tega.arm.robot.panda_body`."""
 
     name: ClassVar[str] = "panda"
     summary: ClassVar[str] = (

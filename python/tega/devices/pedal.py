@@ -11,8 +11,6 @@ from tega.devices.base import Found, Options
 from tega.devices.hid_input import HidInput, HidInputOptions, found_devices
 from tega.errors import DeviceUnavailableError
 
-__all__ = ["PEDALS", "Pedal", "PedalOptions"]
-
 PEDALS: Final = {
     (0x0C45, 0x7403): "PCsensor FootSwitch",
     (0x0C45, 0x7404): "PCsensor FootSwitch",
@@ -53,9 +51,6 @@ class Pedal(HidInput):
     (``1``). A pedal that is unplugged, or sends what cannot be read, is released at that moment. One that only
     tells of changes and freezes while it is held differs in nothing on the wire from one that is held on: only
     ``silent_after_ms`` ends that, and a dead-man has to have it. Keep an emergency stop in reach all the same.
-
-    Args:
-        options: The settings.
     """
 
     name: ClassVar[str] = "pedal"

@@ -14,7 +14,6 @@ from tega.devices.picture_origin import PictureOrigin
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["WORDS", "CameraCounts", "PictureCheck", "Verdict"]
 
 # Mean below which a picture is black although the lights are on.
 _BLACK = 5.0

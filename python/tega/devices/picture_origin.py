@@ -10,7 +10,6 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Origin", "PictureOrigin"]
 
 # Reports speak of a tenth of a picture: bands of a twenty-fourth, so that one lies wholly within.
 _N_BANDS: Final = 24

@@ -15,7 +15,6 @@ from tega.lifecycle import Opened, require
 if TYPE_CHECKING:
     from tega.wire import CanFrame
 
-__all__ = ["PythonCan", "PythonCanOptions", "may_have_hardware"]
 
 _NO_HARDWARE = frozenset({"virtual", "udp_multicast"})
 
@@ -47,11 +46,7 @@ def may_have_hardware(interface: str, channel: str | int) -> bool:
 
 
 class PythonCan(Opened):
-    """Sends classic CAN frames with 11-bit identifiers; never CAN FD.
-
-    Args:
-        options: The settings.
-    """
+    """Sends classic CAN frames with 11-bit identifiers; never CAN FD."""
 
     kind: ClassVar[Kind] = "hand"
     summary: ClassVar[str] = "any CAN adapter python-can knows; 'virtual' needs no hardware"

@@ -32,8 +32,6 @@ from tega.devices.base import (
 from tega.errors import ConfigError, DeviceUnavailableError
 from tega.plugins import find_plugin, load_plugin, plugin_package, plugins
 
-__all__ = ["DriverRecord", "driver_class", "driver_names", "list_drivers"]
-
 GROUP = "tega.devices"
 
 

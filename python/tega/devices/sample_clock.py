@@ -11,8 +11,6 @@ import math
 from collections import deque
 from typing import NamedTuple
 
-__all__ = ["SampleClock", "Stamp"]
-
 # The line is looked over this often, and the rate is fitted over this long.
 _LOOK_NS = 1_000_000_000
 _FIT_NS = 10_000_000_000

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from tega.errors import SampleRateError
 
-__all__ = ["LEAST_RATE_HZ", "LOST_TOLERANCE", "RATE_TOLERANCE", "too_slow", "wrong_rate"]
-
 LEAST_RATE_HZ = 125.0
 """Below it the 50 Hz low-pass would lie above 0.4 of the rate, where it filters next to nothing."""
 

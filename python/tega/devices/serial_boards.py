@@ -9,8 +9,6 @@ from typing import NamedTuple
 from tega.devices.base import Found
 from tega.lifecycle import require
 
-__all__ = ["find_boards", "is_dongle"]
-
 # Adapters and boards by USB vendor. None of these numbers says which program runs on the board.
 _BOARDS = {
     0x0403: "FTDI adapter",

@@ -11,8 +11,6 @@ from tega.devices.live_emg import Arrived
 from tega.devices.live_serial import BaudRate, LiveSerialEmg, LiveSerialOptions
 from tega.devices.serial_boards import find_boards
 
-__all__ = ["SerialEmg", "SerialEmgOptions"]
-
 
 class SerialEmgOptions(LiveSerialOptions, frozen=True, kw_only=True):
     """Settings of :class:`SerialEmg`.
@@ -36,9 +34,6 @@ class SerialEmg(LiveSerialEmg):
     """Lines of numbers from a serial port.
 
     Lines carry no number of their own: a lost line is not seen, only that fewer come.
-
-    Args:
-        options: The settings.
     """
 
     name: ClassVar[str] = "serial-emg"

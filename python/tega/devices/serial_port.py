@@ -10,8 +10,6 @@ from typing import Any
 from tega.errors import DeviceUnavailableError
 from tega.lifecycle import require
 
-__all__ = ["POLL_S", "SerialPort"]
-
 POLL_S = 0.004
 """How often a port is looked at while waiting: one period of a 250 Hz board."""
 

@@ -7,8 +7,6 @@ from typing import ClassVar
 from tega.arm.robot.driver import ArmOptions, ProcessArm
 from tega.devices.base import Options
 
-__all__ = ["SimulatedArm", "SimulatedArmOptions"]
-
 
 class SimulatedArmOptions(ArmOptions, frozen=True, kw_only=True):
     """Settings of :class:`SimulatedArm`.
@@ -23,11 +21,7 @@ class SimulatedArmOptions(ArmOptions, frozen=True, kw_only=True):
 
 
 class SimulatedArm(ProcessArm):
-    """A hand of 1 kg on a damped spring; see :class:`tega.arm.robot.spring_body.SpringBody`.
-
-    Args:
-        options: The settings.
-    """
+    """A hand of 1 kg on a damped spring; see :class:`tega.arm.robot.spring_body.SpringBody`."""
 
     name: ClassVar[str] = "simulated-arm"
     summary: ClassVar[str] = "simulated: a hand on a damped spring, in a process of its own"

@@ -17,8 +17,6 @@ from typing import Any
 
 from tega.lifecycle import require
 
-__all__ = ["slcan_bus"]
-
 _PIECE_BYTES = 4096
 _LINE = re.compile(rb"[^\r\a]*[\r\a]")  # an answer, a refusal
 _LONGEST_BYTES = 64  # twice a frame's; what goes on for longer without an end is noise

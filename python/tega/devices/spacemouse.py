@@ -12,8 +12,6 @@ from tega.devices.base import Found, Options
 from tega.devices.hid_input import AT_REST, HidInput, HidInputOptions, found_devices
 from tega.errors import DeviceUnavailableError
 
-__all__ = ["MODELS", "NOT_SIX_AXES", "SpaceMouse", "SpaceMouseOptions"]
-
 MODELS: Final = {
     (0x046D, 0xC625): "SpacePilot",
     (0x046D, 0xC626): "SpaceNavigator",
@@ -66,9 +64,6 @@ class SpaceMouse(HidInput):
     Both layouts are read, told apart by the length of the first report. A cap that is deflected repeats itself
     every 16 ms: after 100 ms without, what was not renewed is zero, and if it was all, the state is "no data". At
     rest it says nothing, so a device that freezes at rest cannot be told from one that nobody touches.
-
-    Args:
-        options: The settings.
     """
 
     name: ClassVar[str] = "spacemouse"

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from tega.sim.operator import ForearmEmg
     from tega.sim.seams import Indenter
 
-__all__ = ["SyntheticEmg", "SyntheticEmgOptions", "SyntheticTouch", "SyntheticTouchOptions", "effort_at"]
 
 Seconds = Annotated[float, msgspec.Meta(gt=0, le=3600)]
 Seed = Annotated[int, msgspec.Meta(ge=0, lt=2**32)]
@@ -86,11 +85,7 @@ class SyntheticTouchOptions(Options, frozen=True):
 
 
 class SyntheticTouch(Opened):
-    """A fingertip camera that sees a ball pressed in and let go, as the grasp goes.
-
-    Args:
-        options: The settings.
-    """
+    """A fingertip camera that sees a ball pressed in and let go, as the grasp goes."""
 
     kind: ClassVar[Kind] = "tactile"
     summary: ClassVar[str] = "simulated presses on a gel; needs nothing"
@@ -182,11 +177,7 @@ class SyntheticEmgOptions(Options, frozen=True):
 
 
 class SyntheticEmg(Opened):
-    """Three channels of raw EMG that follow the effort of the grasp.
-
-    Args:
-        options: The settings.
-    """
+    """Three channels of raw EMG that follow the effort of the grasp."""
 
     kind: ClassVar[Kind] = "emg"
     summary: ClassVar[str] = "simulated raw EMG of three muscles; needs nothing"

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-__all__ = ["attribute"]
-
 
 def attribute(file: Path) -> str:
     """Return what a file of sysfs says, without spaces around it; ``""`` where it is not there."""

@@ -12,8 +12,6 @@ from tega.devices.base import Kind
 from tega.errors import DeviceUnavailableError
 from tega.lifecycle import Opened
 
-__all__ = ["ThreadedTracker"]
-
 _MOST_POSES: Final = 256
 
 

@@ -23,7 +23,6 @@ from tega.wire import x40_ble_frame
 if TYPE_CHECKING:
     from collections.abc import Coroutine
 
-__all__ = ["BleOptions", "BleVest"]
 
 _NAMES: Final = ("TactSuit", "Tactot")
 _SERVICE: Final = "6e400001-b5a3-f393-e0a9-e50e24dcca9e"
@@ -54,9 +53,6 @@ class BleVest(StreamedVest):
     As far as is known a vest holds the last frame for ever, so everything rests on the zeros that are sent on the way
     out; a second process sends them if this one is killed. A broken radio link may leave it vibrating until it is
     found again. Nothing but motor frames is ever written to a vest.
-
-    Args:
-        options: The settings.
     """
 
     name: ClassVar[str] = "bhaptics-ble"

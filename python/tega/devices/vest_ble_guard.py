@@ -15,8 +15,6 @@ from typing import Any, Final
 
 from tega.devices.guard_process import GuardProcess, answer, say_ready, stay_alone
 
-__all__ = ["MOTORS", "guard_vest", "main"]
-
 MOTORS: Final = "6e40000a-b5a3-f393-e0a9-e50e24dcca9e"
 """The characteristic that takes motor frames."""
 

@@ -19,8 +19,6 @@ from tega.devices.vest_stream import HOLD_MS, StreamedVest, VestLink, VestOption
 from tega.errors import DeviceUnavailableError, WireError
 from tega.wire import HidStatus, hid_motor_report, hid_status, hid_stop_report
 
-__all__ = ["HidVest", "HidVestOptions"]
-
 _ANSWER_S = 1.0  # a board sends its status every 100 ms; ten missing ones are too many
 _LEAVE_S = 0.2
 _REPORT_BYTES = 64
@@ -47,11 +45,7 @@ class HidVestOptions(VestOptions, frozen=True):
 
 
 class HidVest(StreamedVest):
-    """Sends motor reports, each with a time to live of 200 ms, and each when the board has answered the one before.
-
-    Args:
-        options: The settings.
-    """
+    """Sends motor reports, each with a time to live of 200 ms, and each when the board has answered the one before."""
 
     name: ClassVar[str] = "hid-vest"
     in_steps: ClassVar[bool] = False

@@ -21,8 +21,6 @@ from tega.lifecycle import require
 from tega.threads import promote
 from tega.wire import player_v2_message, player_v2_ping, player_v2_status, player_v2_stop
 
-__all__ = ["PlayerOptions", "PlayerVest"]
-
 _PATH: Final = "/v2/feedbacks"
 _GRACE_S = 2.0  # a Player that has just been asked may take this long to say which devices it has
 _ON_THE_WAY: Final = 2  # frames that a slow Player may not have read yet
@@ -57,9 +55,6 @@ class PlayerVest(StreamedVest):
     Every frame is followed by a websocket ping. Of a Player that has not answered one for 20 ms no more than two frames
     are on the way: the next one waits for an answer, and a newer one takes its place. A Player that answers no pings is
     fed 25 frames a second at most, and a note says so.
-
-    Args:
-        options: The settings.
     """
 
     name: ClassVar[str] = "bhaptics-player"

@@ -15,8 +15,6 @@ from tega.records.table import columns, rows
 if TYPE_CHECKING:
     from tega.haptics import MotorLevels
 
-__all__ = ["VestRecorder", "VestRecorderOptions"]
-
 
 class VestRecorderOptions(Options, frozen=True):
     """Settings of :class:`VestRecorder`.
@@ -29,11 +27,7 @@ class VestRecorderOptions(Options, frozen=True):
 
 
 class VestRecorder(Opened):
-    """Writes every vest frame as a row: time, then the intensity (0 to 100) of each motor by its API index.
-
-    Args:
-        options: The settings.
-    """
+    """Writes every vest frame as a row: time, then the intensity (0 to 100) of each motor by its API index."""
 
     kind: ClassVar[Kind] = "vest"
     summary: ClassVar[str] = "writes vest frames to a table instead of a vest"

@@ -15,8 +15,6 @@ from tega.devices.vest_stream import StreamedVest, VestLink, VestOptions
 from tega.errors import DeviceUnavailableError
 from tega.wire import vest_levels
 
-__all__ = ["ScreenVest", "ScreenVestOptions"]
-
 _HEADING = "     front L ──── R      back L ──── R"
 _LINES = 6
 
@@ -33,11 +31,7 @@ class ScreenVestOptions(VestOptions, frozen=True):
 
 
 class ScreenVest(StreamedVest):
-    """Draws the sixteen levels of each motor as a number, both panels from the wearer's left.
-
-    Args:
-        options: The settings.
-    """
+    """Draws the sixteen levels of each motor as a number, both panels from the wearer's left."""
 
     name: ClassVar[str] = "on-screen-vest"
     summary: ClassVar[str] = "a vest drawn in a terminal"

@@ -26,8 +26,6 @@ from tega.devices.vest_stream import HOLD_MS, StreamedVest, VestLink, VestOption
 from tega.errors import DeviceUnavailableError
 from tega.sound_card import load_sounddevice
 
-__all__ = ["COLUMN_HZ", "RATE_HZ", "ColumnTones", "SoundVest", "SoundVestOptions"]
-
 RATE_HZ: Final = 48_000
 """Samples per second and ear."""
 
@@ -118,11 +116,7 @@ class ColumnTones:
 
 
 class SoundVest(StreamedVest):
-    """Sounds one tone a column through the loudspeaker or headphones.
-
-    Args:
-        options: The settings.
-    """
+    """Sounds one tone a column through the loudspeaker or headphones."""
 
     name: ClassVar[str] = "sound-vest"
     summary: ClassVar[str] = "a vest to be heard: one tone for each column"

@@ -38,7 +38,6 @@ from tega.wire import vest_levels
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-__all__ = ["HOLD_MS", "StreamedVest", "VestCounters", "VestLink", "VestOptions"]
 
 WATCHDOG_S: Final = 0.2
 KEEP_ALIVE_S: Final = 0.1
@@ -138,11 +137,7 @@ class VestCounters(msgspec.Struct, kw_only=True):
 
 
 class StreamedVest(Opened):
-    """Base of the live vest drivers.
-
-    Args:
-        options: The settings.
-    """
+    """Base of the live vest drivers."""
 
     kind: ClassVar[Kind] = "vest"
     name: ClassVar[str]

@@ -13,8 +13,6 @@ from tega.foreign_file import check_file
 from tega.lifecycle import Opened
 from tega.opencv import IMAGE_SUFFIXES, load_cv2
 
-__all__ = ["VideoFile", "VideoFileOptions"]
-
 # Containers that state no frame count leave OpenCV to infer it from the duration, which may be off by one.
 _INFERRED_COUNT_SUFFIXES = frozenset({".mkv", ".webm", ".ts", ".mpg", ".mpeg", ".flv"})
 
@@ -40,9 +38,6 @@ class VideoFile(Opened):
 
     The length is checked: when fewer frames can be decoded than the header announces, the file was cut. It is
     then refused, or, when asked for, used without the last frame decoded, since that may be half a picture.
-
-    Args:
-        options: The settings.
     """
 
     kind: ClassVar[Kind] = "tactile"

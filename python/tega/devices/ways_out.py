@@ -16,8 +16,6 @@ import threading
 from collections.abc import Callable
 from types import FrameType
 
-__all__ = ["closes_on_exit", "last_words", "release"]
-
 # Windows has no SIGHUP.
 _ENDING = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
 

@@ -12,8 +12,6 @@ from tega.doctor.case import DriverCase, failed
 from tega.doctor.findings import Finding
 from tega.errors import TegaError
 
-__all__ = ["check_arm", "try_arm", "try_tracker"]
-
 _LOOK_S = 1.5
 _STEP_S = 0.01
 

@@ -22,8 +22,6 @@ from tega.doctor.tactile import FoundCamera, crowded, try_camera
 from tega.doctor.vest import try_vest
 from tega.errors import DeviceUnavailableError, MissingExtraError
 
-__all__ = ["LOOK_S", "ROLES", "TRY_S", "DriverLook", "look_around", "look_for", "try_all"]
-
 LOOK_S: Final = 3.5
 """Deadline of looking for devices, all drivers side by side."""
 TRY_S: Final = 5.5

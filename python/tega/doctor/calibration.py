@@ -20,7 +20,6 @@ from tega.errors import CalibrationError
 if TYPE_CHECKING:
     from tega.config import SessionConfig
 
-__all__ = ["CHECK", "check_calibration"]
 
 CHECK: Final = "calibration"
 

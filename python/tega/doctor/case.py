@@ -9,8 +9,6 @@ from tega.devices.base import Kind
 from tega.doctor.findings import Finding, Status
 from tega.errors import SampleRateError, TegaError, WrongDeviceError
 
-__all__ = ["DriverCase", "failed", "holders", "late"]
-
 _PROC = Path("/proc")
 
 

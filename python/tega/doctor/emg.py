@@ -11,8 +11,6 @@ from tega.doctor.case import DriverCase, failed, holders
 from tega.doctor.findings import Finding
 from tega.errors import SampleRateError, TegaError
 
-__all__ = ["try_amplifier"]
-
 _LOOK_S = 2.2
 """The spectrum of the mains takes two seconds."""
 _TOO_SLOW = (

@@ -7,8 +7,6 @@ from typing import Literal
 
 import msgspec
 
-__all__ = ["Examination", "Finding", "Status"]
-
 Status = Literal["fine", "doubt", "wrong", "missing"]
 """``fine``; ``doubt``: works, but look at it; ``wrong``: there, but of no use as it is; ``missing``: not there."""
 

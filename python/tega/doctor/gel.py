@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from tega.doctor.case import DriverCase
     from tega.doctor.findings import Finding
 
-__all__ = ["LEAST_PICTURES", "look_at_gel"]
 
 LEAST_PICTURES = 10
 """Fewer pictures say too little about a sensor's noise."""

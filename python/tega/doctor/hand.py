@@ -12,8 +12,6 @@ from tega.doctor.case import DriverCase, failed
 from tega.doctor.findings import Finding
 from tega.errors import TegaError
 
-__all__ = ["try_hand"]
-
 _LOOK_S = 1.2
 """Temperatures come twice a second."""
 _WARM_C = 60

@@ -11,7 +11,6 @@ import numpy as np
 if TYPE_CHECKING:
     from tega.devices.allegro import Allegro
 
-__all__ = ["LoopTiming", "time_loop"]
 
 _PERCENTILES = (50, 99, 99.9, 100)
 

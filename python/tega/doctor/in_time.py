@@ -7,8 +7,6 @@ import time
 from collections.abc import Callable, Mapping
 from typing import TypeVar
 
-__all__ = ["in_time"]
-
 _Key = TypeVar("_Key")
 _Answer = TypeVar("_Answer")
 

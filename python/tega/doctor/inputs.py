@@ -10,8 +10,6 @@ from tega.doctor.case import DriverCase, failed
 from tega.doctor.findings import Finding
 from tega.errors import TegaError
 
-__all__ = ["try_input"]
-
 _LOOK_S = 1.0
 _STEP_S = 0.02
 

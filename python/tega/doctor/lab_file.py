@@ -13,8 +13,6 @@ from tega.devices import Found
 from tega.doctor.bench import DriverLook
 from tega.toml_text import toml_item, toml_value, tree_text
 
-__all__ = ["lab_settings"]
-
 _HEAD = """\
 # A session on real devices. Lines that begin with # are switched off; take the # away to switch one on.
 # Check it:            tega-teleop config check {name}

@@ -12,8 +12,6 @@ from tega.doctor.calibration import check_calibration
 from tega.doctor.case import DriverCase
 from tega.doctor.findings import Examination, Finding
 
-__all__ = ["DEADLINE_S", "cases_of", "examine"]
-
 DEADLINE_S: Final = 30.0
 """Deadline of everything: a slow amplifier measures its rate for ten seconds before it is refused."""
 

@@ -17,8 +17,6 @@ from tega.doctor.findings import Finding
 from tega.doctor.gel import look_at_gel
 from tega.errors import TegaError
 
-__all__ = ["FoundCamera", "crowded", "try_camera"]
-
 _LOOK_S = 1.5
 _SLOW = 0.9
 """Share of the agreed rate below which pictures are missing."""

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from importlib.resources import files
 
-__all__ = ["udev_rules"]
-
 
 def udev_rules() -> str:
     """Return the text of the rules' file, its installation in the first lines."""

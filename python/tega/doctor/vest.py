@@ -10,8 +10,6 @@ from tega.doctor.case import DriverCase, failed
 from tega.doctor.findings import Finding
 from tega.errors import MissingExtraError, TegaError
 
-__all__ = ["try_vest"]
-
 
 def try_vest(case: DriverCase) -> list[Finding]:
     """Open a vest, which begins with zeros, hear what it says of itself, close it."""

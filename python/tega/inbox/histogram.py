@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-__all__ = ["Histogram"]
-
 
 class Histogram:
     """Counts numbers in bins a fiftieth wide, in little memory however many there are.

@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from tega.bus import Bus
     from tega.teleop.pacing import Pacer
 
-__all__ = ["Inputs", "Seat", "SeatSeen"]
 
 _AXES = ("x", "y", "z", "rx", "ry", "rz")
 

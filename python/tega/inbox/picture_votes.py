@@ -29,7 +29,6 @@ from tega._native import vote_lines
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["PictureVotes"]
 
 _DARK_SHARE = 0.6
 # A line of the untouched picture with less spread, counts of 255, is of one colour by itself.

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from tega.inbox.stream import Stream
     from tega.stages.base import Decoder
 
-__all__ = ["Finger", "Muscles", "Prepared"]
-
 
 class Finger(NamedTuple):
     """One fingertip, ready to run.

@@ -12,8 +12,6 @@ from tega.errors import TegaError
 from tega.reopening import Reopening, polled
 from tega.threads import run_realtime
 
-__all__ = ["READ_TIMEOUT_S", "Produce", "ReadAhead", "Reader", "opened_again", "read_items"]
-
 # How long a live source may keep its thread from noticing that the run is over.
 READ_TIMEOUT_S = 0.1
 

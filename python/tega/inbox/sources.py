@@ -27,16 +27,6 @@ if TYPE_CHECKING:
     from tega.records import Intent
     from tega.stages.base import Decoder
 
-__all__ = [
-    "BlockMeter",
-    "Contact",
-    "EmgBlock",
-    "SourceReport",
-    "grasp_blocks",
-    "metrics_of",
-    "picture_of",
-    "samples_of",
-]
 
 # Of missing EMG samples at most this much is told to the filters, which start afresh after a tenth of a second.
 MOST_GAP_S = 1.0

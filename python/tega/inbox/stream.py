@@ -12,8 +12,6 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from typing import Any, Generic, Protocol, TypeVar
 
-__all__ = ["NEVER_NS", "Item", "LiveStream", "PulledStream", "Stream"]
-
 NEVER_NS = 2**63 - 1
 
 Item = TypeVar("Item", bound=tuple[Any, ...])
@@ -21,16 +19,17 @@ Item_co = TypeVar("Item_co", bound=tuple[Any, ...], covariant=True)
 
 
 class Stream(Protocol[Item_co]):
-    """A stream of items that the loop takes its input from.
+    """A stream of items that the loop takes its input from."""
 
-    Attributes:
-        ended: Whether nothing will come any more.
-        end_ns: When the stream ends, as far as is known.
-        due_ns: Before this time :meth:`next_until` has nothing to give.
-    """
+    @property
+    def ended(self) -> bool:
+        """Whether nothing will come any more."""
+        ...
 
-    ended: bool
-    end_ns: int
+    @property
+    def end_ns(self) -> int:
+        """When the stream ends, as far as is known."""
+        ...
 
     @property
     def due_ns(self) -> int:

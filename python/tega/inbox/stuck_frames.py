@@ -14,7 +14,6 @@ if TYPE_CHECKING:
 
     from tega.tactile import ContactMetrics
 
-__all__ = ["STUCK_FRAMES", "LastFrame"]
 
 # So many equal pictures in a row, the first included, and a live sensor is called stuck. Two may come of a camera
 # that is read faster than it exposes.

@@ -5,8 +5,6 @@ from __future__ import annotations
 import contextlib
 import threading
 
-__all__ = ["Bell"]
-
 
 class Bell:
     """Rung by the sources' threads, waited for by the loop; ringing twice before it is heard counts once."""

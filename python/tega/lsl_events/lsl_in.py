@@ -9,8 +9,6 @@ from typing import Any, NamedTuple
 
 from tega.devices.lsl import load_lsl, to_monotonic_s
 
-__all__ = ["Heard", "LslMarkersIn"]
-
 _LOOK_S = 0.5
 _WAIT_S = 0.2
 _CONNECT_S = 5.0
@@ -63,7 +61,7 @@ class LslMarkersIn:
         self._thread.start()
 
     def close(self) -> None:
-        """Stop listening."""
+        """Take in what has come, and stop listening."""
         self._over.set()
         self._thread.join(_CONNECT_S)
 
@@ -85,11 +83,19 @@ class LslMarkersIn:
             inlet.time_correction(timeout=_CONNECT_S)
             self.problem = ""
             while not self._over.is_set():
-                values, stamp_s = inlet.pull_sample(timeout=_WAIT_S)
-                if values is not None:
-                    self._take(" ".join(map(str, values)), float(stamp_s), float(inlet.time_correction()))
+                self._pull(inlet, _WAIT_S)
+            # What was set while the clocks were still compared, or came since the last look, belongs to the run.
+            while self._pull(inlet, 0.0):
+                pass
         finally:
             inlet.close_stream()
+
+    def _pull(self, inlet: Any, wait_s: float) -> bool:
+        """Take the next marker, once there is one; tell whether there was."""
+        values, stamp_s = inlet.pull_sample(timeout=wait_s)
+        if values is not None:
+            self._take(" ".join(map(str, values)), float(stamp_s), float(inlet.time_correction()))
+        return values is not None
 
     def _take(self, text: str, stamp_s: float, correction_s: float) -> None:
         self.correction_s = correction_s

@@ -7,8 +7,6 @@ import time
 
 from tega.devices.lsl import load_lsl, to_monotonic_s
 
-__all__ = ["LslMarkersOut"]
-
 # What was pushed last is on its way when the stream is taken away.
 _LINGER_S = 0.2
 # Told again to who comes later.

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from tega.bus import Backlog, Bus
     from tega.config_sections import LslStreamName
 
-__all__ = ["LslStreams"]
 
 _KINDS: Final[Mapping[LslStreamName, tuple[type[Record], ...]]] = {
     "emg": (EmgSamples,),

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from tega.bus import Bus
     from tega.config import MarkersSection
 
-__all__ = ["RunMarkers"]
-
 
 class RunMarkers:
     """Sends what a run does, and records what others mark. Make it early: streams take a second to find each other.

@@ -12,8 +12,6 @@ import msgspec
 
 from tega.net.messages import Ping, Pong, decode, encode
 
-__all__ = ["WINDOW_NS", "ClockEstimate", "Offset", "PeerClock"]
-
 _PERIOD_NS = 200_000_000
 _MOST_ASKED = 100
 WINDOW_NS = 10_000_000_000

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from tega.net.clock import Offset
     from tega.net.ends import FarTracker
 
-__all__ = ["Commands"]
 
 _Command = TypeVar("_Command", HandMessage, ArmMessage)
 _RATE_NS = 1_000_000_000

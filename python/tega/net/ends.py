@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from tega.inbox.stream import LiveStream
     from tega.wire import CanFrame
 
-__all__ = ["FarFinger", "FarHand", "FarMuscles", "FarSwitch", "FarTracker", "far_muscles"]
 
 _STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 _JOINTS = 16

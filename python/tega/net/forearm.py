@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.inbox.inputs import Inputs, Seat
 
-__all__ = ["ForearmReader"]
-
 
 class ForearmReader:
     """Reads tracker and switches; the tracker is made at once, to know its axes, and opened later.

@@ -8,8 +8,6 @@ from typing import Final, Literal
 from tega.net.clock import Offset
 from tega.net.messages import Stamped
 
-__all__ = ["REFUSALS", "Refusal", "StampGate", "refused_by"]
-
 Refusal = Literal["foreign", "repeated", "reordered", "no clock", "old", "ahead", "malformed"]
 REFUSALS: Final = ("foreign", "repeated", "reordered", "no clock", "old", "ahead", "malformed")
 

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from tega.net.forearm import ForearmReader
     from tega.safety.guard import Guard
 
-__all__ = ["IntentSender"]
 
 _KEPT = 1024
 

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from tega.net.link import Link
     from tega.net.settings import NetSection
 
-__all__ = ["Lead"]
 
 _ASK_NS = 250_000_000
 _ASK_AGAIN_NS = 2_000_000_000

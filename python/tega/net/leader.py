@@ -10,8 +10,6 @@ import msgspec
 
 from tega.net.messages import PROTOCOL, Join, Refused, Welcome, decode, encode
 
-__all__ = ["Leadership", "Reception"]
-
 # An operator who has asked but whose sign of life has not come by then has gone again.
 _SIGN_NS = 1_000_000_000
 

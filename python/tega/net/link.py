@@ -19,8 +19,6 @@ from tega.errors import ConfigError, DeviceUnavailableError
 from tega.lifecycle import Opened, require
 from tega.net.settings import NetSection, checked_net
 
-__all__ = ["KEY_FILES", "Channel", "Link", "root_key", "zenoh_settings"]
-
 KEY_FILES = ("ca.pem", "station.pem", "station.key")
 """A station's folder of keys: the authority's certificate, its own, and its own private key."""
 

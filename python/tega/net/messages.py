@@ -10,25 +10,6 @@ import msgspec
 from tega.calibration import TouchMaxima
 from tega.records import Contact, Intent, PoseNumbers, RunState
 
-__all__ = [
-    "PROTOCOL",
-    "ArmMessage",
-    "Change",
-    "Feature",
-    "HandMessage",
-    "Image",
-    "Join",
-    "Ping",
-    "Pong",
-    "Refused",
-    "Samples",
-    "Stamped",
-    "State",
-    "Welcome",
-    "decode",
-    "encode",
-]
-
 PROTOCOL = 3
 """Raised by whatever the other side could not understand; stations of two numbers refuse each other."""
 

@@ -34,8 +34,6 @@ if TYPE_CHECKING:
     from tega.teleop.moment import LoopView
     from tega.teleop.sinks import Sinks
 
-__all__ = ["OperatorStation"]
-
 
 class OperatorStation(Station):
     """The operator's end of the link.

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
     from tega.inbox.prepared import Prepared
 
-__all__ = ["PictureSender", "unpacked"]
 
 _LEAVE_S = 2.0
 

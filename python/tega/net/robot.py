@@ -39,7 +39,6 @@ if TYPE_CHECKING:
     from tega.safety.guard import Guard
     from tega.teleop.latency import LatencyTrace
 
-__all__ = ["RobotStation"]
 
 _STATE_NS = 100_000_000
 

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from tega.net.clock import Offset
     from tega.net.ends import FarMuscles
 
-__all__ = ["SampleReceiver", "SampleSender"]
 
 _AT_ONCE_NS = 50_000_000
 _NEVER_OLD_NS = 10**12

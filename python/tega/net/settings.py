@@ -10,8 +10,6 @@ import msgspec
 
 from tega.errors import ConfigError
 
-__all__ = ["KEYS_COMMAND", "Endpoint", "NetSection", "NetTracker", "checked_net"]
-
 KEYS_COMMAND = "tega-teleop net keys keys --operator NAME --robot NAME"
 _DEFAULT_PORT = 7447
 _Ms = Annotated[float, msgspec.Meta(ge=10, le=10_000)]

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from tega.teleop.moment import LoopView
     from tega.teleop.sinks import Sinks
 
-__all__ = ["Station", "open_station"]
 
 _LEAVE_S = 2.0
 

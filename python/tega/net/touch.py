@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from tega.net.clock import Offset
     from tega.teleop.latency import LatencyTrace
 
-__all__ = ["FarTouch", "with_touch"]
-
 
 def with_touch(calibration: Calibration, welcome: Welcome, *, robot: str) -> Calibration:
     """Return a calibration that also knows what counts as full touch of a robot's fingertips.

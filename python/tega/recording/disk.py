@@ -14,6 +14,7 @@ import contextlib
 import json
 import os
 import shutil
+import sys
 import tempfile
 import threading
 import time
@@ -26,8 +27,6 @@ from tega.foreign_file import read_words
 from tega.plain_name import plain_name
 from tega.recording.lock import lock
 from tega.whole_file import write_whole
-
-__all__ = ["DirectFile", "SpooledFile", "open_disk", "rescue_tails", "take_tail"]
 
 _TAIL = ".tail"
 _MEMORY = Path("/dev/shm")  # where Linux keeps files in memory
@@ -255,7 +254,7 @@ def _bring(folder: Path, part: Path) -> None:
 def _owner(folder: Path) -> dict[str, Any]:
     """Return which file a folder belongs to; of other people's folders nothing is believed."""
     seen = folder.stat(follow_symlinks=False)
-    if not folder.is_dir() or folder.is_symlink() or seen.st_uid != os.getuid():
+    if sys.platform == "win32" or not folder.is_dir() or folder.is_symlink() or seen.st_uid != os.getuid():
         raise ValueError(f"{folder.name} is somebody else's")
     owner = json.loads((folder / _OWNER).read_bytes())
     return owner if isinstance(owner, dict) else {}

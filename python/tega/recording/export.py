@@ -14,8 +14,6 @@ from tega.plain_name import plain_name
 from tega.recording.mcap_reader import McapReader, Message
 from tega.recording.origin import LEAD_IN
 
-__all__ = ["export_file"]
-
 Row = dict[str, Any]
 
 

@@ -10,8 +10,6 @@ from tega.foreign_file import read_words
 from tega.recording.tables import TABLES
 from tega.whole_file import write_whole
 
-__all__ = ["OUTPUT_NAMES", "SUMMARY_FORMAT", "prepare_folder"]
-
 SUMMARY_FORMAT = "tega-run"
 # What else TEGA writes into folders: a demo's trials.
 _FORMATS = (SUMMARY_FORMAT, "tega-demo")

@@ -16,8 +16,6 @@ from tega.recording.origin import origins, span
 from tega.records import Latency as LatencyRecord
 from tega.records.schema import read
 
-__all__ = ["Inspection", "Marked", "StageLatency", "StreamFacts", "inspect_file"]
-
 # Two and a half periods without an item are a gap: one was lost, and not only late.
 _GAP_PERIODS = 2.5
 _PATHS = {"touch": "camera to vest", "intent": "muscle to hand"}

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+import sys
 from typing import BinaryIO
-
-__all__ = ["lock"]
 
 
 def lock(file: BinaryIO) -> bool:
@@ -12,10 +11,10 @@ def lock(file: BinaryIO) -> bool:
 
     The mark dies with the process. Where the system has no such marks the answer is yes.
     """
-    try:
-        import fcntl
-    except ImportError:
+    if sys.platform == "win32":
         return True
+    import fcntl
+
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:

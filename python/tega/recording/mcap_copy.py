@@ -8,8 +8,6 @@ from typing import IO, Any, NamedTuple
 from tega.lifecycle import require
 from tega.recording.mcap_schemas import decoder
 
-__all__ = ["McapCopy", "McapItem", "McapRecords"]
-
 
 class McapItem(NamedTuple):
     """A message, an attachment or a table, as the public stream reader gives it.

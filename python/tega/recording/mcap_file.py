@@ -17,7 +17,6 @@ from tega.recording.record_channels import RecordChannels
 if TYPE_CHECKING:
     from tega.records import Record
 
-__all__ = ["McapFile"]
 
 _CHUNK_BYTES = 4 * 1024 * 1024
 # Of zstd: the noise of a camera hardly yields to more effort.

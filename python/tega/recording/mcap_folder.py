@@ -14,8 +14,6 @@ from tega.recording.disk import take_tail
 from tega.recording.mcap_copy import McapCopy, McapRecords
 from tega.whole_file import new_file, write_whole
 
-__all__ = ["INDEX_NAME", "Recovered", "SessionFolder", "recover_file", "session_files"]
-
 INDEX_NAME = "session.json"
 INDEX_FORMAT = "tega-session"
 _PART = ".part"

@@ -7,6 +7,7 @@ import time
 from collections import Counter, deque
 from typing import NamedTuple
 
+from tega.bus import told_drops
 from tega.records import Picture, Record
 
 __all__ = ["BoundedQueue", "Item"]
@@ -49,6 +50,7 @@ class BoundedQueue:
         self._given_bytes = 0
         self._done_bytes = 0
         self.dropped: Counter[str] = Counter()
+        self._dropped_at_s = 0.0
 
     def __len__(self) -> int:
         """Return how many wait."""
@@ -65,7 +67,7 @@ class BoundedQueue:
         while True:
             with self._lock:
                 if self._closed:
-                    self.dropped[item.record.where] += 1
+                    self._drop(item)
                     return False
                 # One item always fits, however large it is.
                 if self.n_bytes == 0 or self.n_bytes + item.n_bytes <= limit:
@@ -73,7 +75,7 @@ class BoundedQueue:
                     self._items.append(item)
                     return True
                 if not self._wait:
-                    self.dropped[item.record.where] += 1
+                    self._drop(item)
                     return False
             time.sleep(_WAIT_S)
 
@@ -88,6 +90,10 @@ class BoundedQueue:
         """Give an item's room back; called by the one who takes."""
         self._done_bytes += item.n_bytes
 
+    def problem(self) -> str:
+        """Return how many were dropped while that goes on, ``""`` once no more are."""
+        return told_drops(self.dropped.total(), self._dropped_at_s)
+
     def close(self) -> None:
         """Take nothing more; what comes is counted as dropped, what waits can still be taken."""
         with self._lock:
@@ -99,3 +105,7 @@ class BoundedQueue:
             self.dropped[item.record.where] += 1
             with self._lock:
                 self._given_bytes -= item.n_bytes
+
+    def _drop(self, item: Item) -> None:
+        self.dropped[item.record.where] += 1
+        self._dropped_at_s = time.monotonic()

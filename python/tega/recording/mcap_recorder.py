@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from tega.config import RecordingSection
     from tega.recording.mcap_folder import SessionFolder
 
-__all__ = ["McapRecorder"]
 
 _LOG = logging.getLogger(__name__)
 
@@ -130,6 +129,13 @@ class McapRecorder:
     def dropped(self) -> dict[str, int]:
         """Records that did not fit, by topic."""
         return dict(self._queue.dropped)
+
+    def problem(self) -> str:
+        """Return why no more is recorded, or how many records were dropped while that goes on; else ``""``."""
+        if self.state == "stopped":
+            return f"recording: stopped: {self.reason}"
+        dropped = self._queue.problem()
+        return f"recording: {dropped}, the disk does not keep up" if dropped else ""
 
     def finish(self, summary: bytes = b"") -> dict[str, Any]:
         """Write what waits, the index and the summary; close the file and give it its name.

@@ -14,17 +14,6 @@ from tega.lifecycle import require
 from tega.records import RECORDS, Record
 from tega.records.schema import Part, fields, own_schema, parts, schema_name, units, values
 
-__all__ = [
-    "MESSAGES",
-    "PACKAGE",
-    "VERSIONS",
-    "decoder",
-    "encoded",
-    "message_class",
-    "schema_bytes",
-    "unit_table",
-]
-
 PACKAGE = "tega"
 _EXTRA = "record"
 

@@ -14,8 +14,6 @@ from tega.recording.mcap_folder import SessionFolder, session_files
 from tega.recording.origin import new_session, origin, span
 from tega.whole_file import new_file
 
-__all__ = ["merge_sessions"]
-
 _HINT = "merge what was recorded with one setup; keep the others apart"
 
 

@@ -12,8 +12,6 @@ from typing import NamedTuple
 
 from tega.errors import ConfigError
 
-__all__ = ["LEAD_IN", "SPAN", "Span", "new_session", "origin", "origins", "span"]
-
 LEAD_IN = "lead-in.mcap"
 """Name of the attachment with what came before the span, as far as a replay needs it."""
 

@@ -13,11 +13,11 @@ from tega.lifecycle import require
 from tega.recording.mcap_schemas import MESSAGES, PACKAGE, encoded, message_class, schema_bytes
 from tega.records import Joints, LogLine, Picture, PoseRecord, TrackerAxes
 from tega.records.schema import schema_name
+from tega.threads import give_way
 
 if TYPE_CHECKING:
     from tega.records import Record
 
-__all__ = ["RecordChannels"]
 
 _LOG_LEVELS = {10: "Debug", 20: "Info", 30: "Warning", 40: "Error", 50: "Fatal"}
 
@@ -53,12 +53,14 @@ class RecordChannels:
         self.context: Any = self._foxglove.Context()
 
     def write(self, record: Record, t_ns: int) -> None:
-        """Encode a record and tell it.
+        """Encode a record and tell it, unless nobody hears its channel; one that is new is made for who may come.
 
         Args:
             record: What is to be told.
             t_ns: When it came, nanoseconds since the start of the session.
         """
+        if not self._heard(record):
+            return
         log_ns = self.epoch_ns + t_ns
         match record:
             case Picture():
@@ -73,6 +75,13 @@ class RecordChannels:
                 self._axes(record, log_ns)
             case _:
                 self._message(record.where, record, log_ns)
+
+    def _heard(self, record: Record) -> bool:
+        topics = [record.where]
+        if isinstance(record, Picture):
+            topics.append(_frame_topic(record))
+        channels = [self._channels.get(topic) for topic in topics]
+        return any(channel is None or channel.has_sinks() for channel in channels)
 
     def _channel(self, topic: str, make: Any, **how: Any) -> Any:
         channel = self._channels.get(topic)
@@ -111,13 +120,14 @@ class RecordChannels:
         else:
             channel = self._channel(topic, self._channels_of.CompressedImageChannel)
             whole = np.frombuffer(pixels, np.uint8).reshape(image.shape)
-            _, data = self._cv2.imencode(".jpg", whole, self._quality)
+            with give_way():
+                _, data = self._cv2.imencode(".jpg", whole, self._quality)
             message = self._messages.CompressedImage(
                 timestamp=stamp, frame_id=record.finger, data=data.tobytes(), format="jpeg"
             )
         channel.log(message, log_time=log_ns)
         summed = msgspec.structs.replace(record, pixels_crc32=zlib.crc32(pixels))
-        self._message(f"{topic.rpartition('/')[0]}/frame", summed, log_ns)
+        self._message(_frame_topic(record), summed, log_ns)
 
     def _joints(self, record: Joints, log_ns: int) -> None:
         make = self._messages.JointState
@@ -156,3 +166,8 @@ class RecordChannels:
             rotation=self._messages.Quaternion(**dict(zip("xyzw", record.quaternion, strict=True))),
         )
         self._channel(record.where, self._channels_of.FrameTransformChannel).log(message, log_time=log_ns)
+
+
+def _frame_topic(picture: Picture) -> str:
+    """Return where a picture's number and exact times are told."""
+    return f"{picture.where.rpartition('/')[0]}/frame"

@@ -167,11 +167,8 @@ class Recording:
             self._early.clear()
 
     def problem(self) -> str:
-        """Return why no more is recorded, or how much was not; ``""`` while all is well."""
-        if self._recorder.state == "stopped":
-            return f"recording: stopped: {self._recorder.reason}"
-        n_dropped = sum(self._recorder.dropped.values())
-        return f"recording: {n_dropped} records dropped, the disk does not keep up" if n_dropped else ""
+        """Return why no more is recorded, or how many records were dropped while that goes on; else ``""``."""
+        return self._recorder.problem()
 
     def ended(self, report: LoopReport, n_waits: int) -> None:
         """Record how the loop ended, and after how many deadlines."""

@@ -10,8 +10,6 @@ from tega.csv_writer import CsvWriter
 from tega.records import ArmTurn, Contact, Event, Intent, Record
 from tega.records.table import columns, rows
 
-__all__ = ["TABLES", "RecordTable"]
-
 TABLES: Final[dict[type[Record], str]] = {
     Contact: "contacts.csv",
     Event: "events.csv",

@@ -19,8 +19,6 @@ from tega.recording.mcap_folder import SessionFolder, session_files
 from tega.recording.origin import LEAD_IN, SPAN, Span, new_session, origin, span
 from tega.whole_file import new_file
 
-__all__ = ["trim_session"]
-
 # What a replay needs from before the span.
 _LEADING = frozenset(
     f"tega.{name}"

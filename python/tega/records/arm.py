@@ -9,18 +9,6 @@ import msgspec
 
 from tega.records.base import Count, Milliseconds, Ns, Record, Share, quantity
 
-__all__ = [
-    "ArmHealth",
-    "ArmMeasured",
-    "ArmSent",
-    "ArmTarget",
-    "ArmTurn",
-    "ForearmPose",
-    "PoseNumbers",
-    "PoseRecord",
-    "TrackerAxes",
-]
-
 Metres = Annotated[float, quantity("m")]
 Quaternion = Annotated[float, quantity("1")]
 

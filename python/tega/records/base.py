@@ -14,25 +14,6 @@ from typing import Annotated, ClassVar
 
 import msgspec
 
-__all__ = [
-    "Count",
-    "Degrees",
-    "Grey",
-    "GreyPerPixel",
-    "Millimetres",
-    "Milliseconds",
-    "Newtons",
-    "Ns",
-    "Percent",
-    "Pixel",
-    "Pixels",
-    "Record",
-    "Share",
-    "SquareMillimetres",
-    "Step",
-    "quantity",
-]
-
 
 def quantity(unit: str, wire: str = "") -> msgspec.Meta:
     """Return the annotation of a field: its unit, and its type in a file.

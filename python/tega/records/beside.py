@@ -10,8 +10,6 @@ import msgspec
 from tega.records.base import Grey, GreyPerPixel, Ns, Pixel, Pixels, Record, Share, Step
 from tega.records.touch import NamedValue
 
-__all__ = ["BesideContact", "BesideIntent"]
-
 
 class BesideContact(Record, frozen=True, kw_only=True):
     """Contact that a second metric finds in a picture.

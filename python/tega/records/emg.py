@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["Adaptation", "AdaptationSwitch", "EmgSamples", "Intent", "MuscleCondition"]
-
 
 class EmgSamples(Record, frozen=True, kw_only=True):
     """Consecutive EMG samples, as they were read.

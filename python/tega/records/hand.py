@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
     from typing import Any
 
-__all__ = ["BusFrame", "HandCommand", "HandExchange", "Imposed", "Joints", "bus_frames"]
-
 
 class BusFrame(msgspec.Struct, frozen=True):
     """One frame of a CAN bus.

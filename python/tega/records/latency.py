@@ -7,8 +7,6 @@ from typing import ClassVar, Final
 
 from tega.records.base import Ns, Record
 
-__all__ = ["INTENT_STAGES", "TOUCH_STAGES", "Latency"]
-
 TOUCH_STAGES: Final = ("camera", "contact", "wait", "map", "held", "hand-over", "own", "in-hand", "whole")
 INTENT_STAGES: Final = ("sample", "levels", "wait", "report", "hand-over", "own", "whole")
 

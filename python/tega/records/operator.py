@@ -6,8 +6,6 @@ from typing import ClassVar
 
 from tega.records.base import Ns, Record, Share
 
-__all__ = ["Button", "InputState"]
-
 
 class InputState(Record, frozen=True, kw_only=True):
     """State of an input device from now on.

@@ -6,19 +6,6 @@ from typing import Annotated, ClassVar
 
 from tega.records.base import Count, Milliseconds, Ns, Record, quantity
 
-__all__ = [
-    "Alert",
-    "End",
-    "Haptics",
-    "HeardMarker",
-    "LogLine",
-    "Marker",
-    "RecorderStatus",
-    "RunState",
-    "Skip",
-    "Value",
-]
-
 
 class RunState(Record, frozen=True, kw_only=True):
     """The run's state from now on.

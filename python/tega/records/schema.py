@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 
 from tega.records.base import Record
 
-__all__ = ["MessageField", "Part", "fields", "own_schema", "parts", "read", "schema_name", "units", "values"]
-
 Part = type[msgspec.Struct]
 
 _WIRE: Mapping[Any, str] = {int: "int64", float: "double", str: "string", bool: "bool", bytes: "bytes"}

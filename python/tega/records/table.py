@@ -10,8 +10,6 @@ from tega.records.arm import PoseNumbers
 from tega.records.base import Record
 from tega.records.schema import fields
 
-__all__ = ["columns", "numbers", "rows"]
-
 # What a row is made of where a record has a row for each part, as a hand's command has for each CAN frame.
 _PARTS = {"frames": ("id", "data")}
 

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["Contact", "Event", "NamedValue", "Picture"]
 
 _NAN = math.nan
 

@@ -6,8 +6,6 @@ from typing import Annotated, ClassVar
 
 from tega.records.base import Ns, Record, quantity
 
-__all__ = ["SentFrame", "TriedMotor", "VestFrame", "VestRecord"]
-
 
 class VestRecord(Record, frozen=True, kw_only=True):
     """Intensity of every motor of a layout at one moment; its subclasses say by whom.

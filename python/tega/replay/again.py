@@ -46,7 +46,6 @@ if TYPE_CHECKING:
     from tega.teleop.loop_report import LoopReport
     from tega.wire import CanFrame
 
-__all__ = ["Replay", "replay_file"]
 
 # When things were done is no result.
 _WHEN = frozenset({"t_ns", "taken_ns", "known_ns"})

@@ -16,8 +16,6 @@ from tega.errors import RecordingError
 from tega.replay.compare import Comparison, compare
 from tega.replay.recorded import Head, Recorded, read_recorded
 
-__all__ = ["arm_settings", "compare_arm", "forearm"]
-
 _POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 _SPEEDS = ("x", "y", "z", "about_x", "about_y", "about_z")
 

@@ -11,8 +11,6 @@ from tega.replay.measured import Measured
 from tega.replay.recorded import Recorded
 from tega.stages.choose import chosen_stage, is_outside
 
-__all__ = ["compare_beside"]
-
 
 def compare_beside(recorded: Recorded, measured: Measured) -> list[Comparison]:
     """Compare every stage that looked on, as far as that can be computed again.

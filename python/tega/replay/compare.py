@@ -8,8 +8,6 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-__all__ = ["Comparison", "Difference", "compare"]
-
 Row = tuple[int, Mapping[str, Any]]
 """A time in nanoseconds and what was so then, by name."""
 

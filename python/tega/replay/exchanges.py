@@ -15,8 +15,6 @@ from tega.replay.compare import Comparison, compare
 from tega.replay.recorded import Head, Recorded
 from tega.wire import CanFrame
 
-__all__ = ["compare_exchanges"]
-
 
 def compare_exchanges(recorded: Recorded) -> list[Comparison]:
     """Give a new link what the hand said, at the same times, and compare what it would send; none without a hand."""

@@ -39,8 +39,6 @@ if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.devices.base import EmgChunk, TactileFrame
 
-__all__ = ["Measured", "PictureError", "contact_items", "level_items", "picture_errors"]
-
 
 class PictureError(msgspec.Struct, frozen=True):
     """Errors of contacts measured in JPEG pictures against those recorded from the pictures themselves.

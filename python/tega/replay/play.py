@@ -21,12 +21,11 @@ from tega.errors import ConfigError
 from tega.replay.measured import Measured
 from tega.replay.play_clock import PlayClock
 from tega.replay.played_input import Switched, played_input
+from tega.replay.playhead import Playhead
 from tega.replay.recorded import read_recorded
 from tega.teleop import run_session
 from tega.teleop.prepare import Progress
 from tega.teleop.summary import write_summary
-
-__all__ = ["LEAD_S", "play_file", "playing_to"]
 
 LEAD_S = 2
 """Before the first item, in real time at least: the run arms, and a hand goes to where it was."""
@@ -68,6 +67,7 @@ def play_file(
     *,
     speed: float | None = 1.0,
     because: str = "",
+    playhead: Playhead | None = None,
     progress: Progress = lambda _what, _done, _total: None,
     **options: Any,
 ) -> dict[str, Any]:
@@ -82,6 +82,7 @@ def play_file(
             to the day of the person that it names.
         speed: Seconds of the session a second, 0.05 to 20; ``None`` for as fast as it goes.
         because: Why a real vest or hand is played to at more than the recording's speed.
+        playhead: Where to begin, and takes wishes for another moment meanwhile; ``None`` for all from the beginning.
         progress: Told how preparation goes.
         options: Further arguments of ``run_session``.
 
@@ -91,6 +92,7 @@ def play_file(
 
     Raises:
         RecordingError: The recording cannot be read.
+        InvalidValueError: It ends before what it is to begin with.
         ConfigError: The speed is not for what it is played to.
         KeyboardInterrupt: ``stop`` said so before the loop had begun.
         TegaError: Whatever the run says.
@@ -120,15 +122,16 @@ def play_file(
     config = _settings(measured.config, to, pace=pace, fast=speed is None, vest_pace=vest_pace)
     # Whole seconds, so that the ticks of the vest lie where they lay.
     lead_ns = math.ceil(LEAD_S * pace) * 1_000_000_000 if live else 0
-    clock = PlayClock(speed)
+    playhead = Playhead() if playhead is None else playhead
+    clock = PlayClock(speed, playhead.reach)
     words = "as fast as it went" if speed is None else "at its own speed"
     if pace != 1:
         words = f"at {pace:g} times its speed"
     note = f"played from {path.name} {words}{f', because {because}' if because else ''}"
     if not recorded.complete:
         note += "; the recording was cut, and is played as far as it goes"
-    prepared = played_input(recorded, measured, lead_ns=lead_ns, note=note)
-    haptics = Switched(recorded, clock, lead_ns, options.pop("haptics", lambda: True))
+    prepared = played_input(recorded, measured, playhead=playhead, lead_ns=lead_ns, note=note)
+    haptics = Switched(recorded, clock, playhead, options.pop("haptics", lambda: True))
     summary = run_session(
         config, clock=clock, prepared=prepared, haptics=haptics, progress=progress, **options
     )
@@ -139,6 +142,8 @@ def play_file(
         "from": "raw streams" if recorded.head.lossless else "recorded contacts and levels",
         "real": real,
         "lead_s": lead_ns / 1e9,
+        "from_s": playhead.from_ns / 1e9,
+        "jumps": playhead.n_jumps,
     }
     if speed is not None:
         # The loop counts in the session's time; who waits for a tick waits in real time.

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-
-__all__ = ["PlayClock"]
+from collections.abc import Callable
 
 _LATE_NS = 3_000_000
 
@@ -15,6 +14,7 @@ class PlayClock:
 
     Args:
         speed: Seconds of the session a second; ``None`` for a clock that never sleeps.
+        reach: Told every deadline once it has come, before the loop takes in what is known by then.
 
     Attributes:
         tick_ns: The deadline last waited for.
@@ -22,8 +22,8 @@ class PlayClock:
         worst_late_ns: The latest one, by the machine's clock.
     """
 
-    def __init__(self, speed: float | None) -> None:
-        self._speed = speed
+    def __init__(self, speed: float | None, reach: Callable[[int], None] = lambda _t_ns: None) -> None:
+        self._speed, self._reach = speed, reach
         self._began_ns: int | None = None
         self.tick_ns = self.n_late = self.worst_late_ns = 0
 
@@ -36,11 +36,14 @@ class PlayClock:
     def sleep_until(self, t_ns: int) -> None:
         """Sleep until the session has come to ``t_ns``."""
         self.tick_ns = max(self.tick_ns, t_ns)
-        if self._speed is None:
-            return
+        if self._speed is not None:
+            self._sleep(t_ns, self._speed)
+        self._reach(self.tick_ns)
+
+    def _sleep(self, t_ns: int, speed: float) -> None:
         if self._began_ns is None:
             self._began_ns = time.monotonic_ns()
-        due_ns = self._began_ns + math.ceil(t_ns / self._speed)
+        due_ns = self._began_ns + math.ceil(t_ns / speed)
         while (left_ns := due_ns - time.monotonic_ns()) > 0:
             time.sleep(left_ns * 1e-9)
         self.n_late += -left_ns > _LATE_NS

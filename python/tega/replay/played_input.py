@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -10,8 +11,8 @@ from tega.foreign_file import tells_damage
 from tega.hand import split_level
 from tega.inbox.prepared import Finger, Muscles, Prepared
 from tega.inbox.sources import EmgBlock, SourceReport
-from tega.inbox.stream import Item, PulledStream
 from tega.replay.measured import contact_items, level_items
+from tega.replay.playhead import PlayedItems
 from tega.stages.attached import with_attached
 from tega.stages.choose import muscle_decoder
 from tega.teleop.loop import FIRST_LEVEL
@@ -19,23 +20,25 @@ from tega.teleop.loop import FIRST_LEVEL
 if TYPE_CHECKING:
     from tega.replay.measured import Measured
     from tega.replay.play_clock import PlayClock
+    from tega.replay.playhead import Playhead
     from tega.replay.recorded import Recorded
-
-__all__ = ["Switched", "played_input"]
 
 
 @tells_damage
-def played_input(recorded: Recorded, measured: Measured, *, lead_ns: int, note: str) -> Prepared:
+def played_input(
+    recorded: Recorded, measured: Measured, *, playhead: Playhead, lead_ns: int, note: str
+) -> Prepared:
     """Make the prepared sources of a run from a recording.
 
     Args:
         recorded: The recording.
         measured: What was measured in it again.
+        playhead: Says what of it is played.
         lead_ns: What comes before it.
         note: What a reader of the results must know.
     """
     head = recorded.head
-    end_ns = lead_ns + (recorded.last_tick_ns if recorded.end is None else recorded.end[0])
+    playhead.begin(recorded.last_tick_ns if recorded.end is None else recorded.end[0], lead_ns)
 
     def source(name: str, rate_hz: float | None) -> Any:
         then = head.sources[name]
@@ -55,20 +58,22 @@ def played_input(recorded: Recorded, measured: Measured, *, lead_ns: int, note: 
 
     fingers = {}
     for finger in recorded.contacts:
-        items = [
-            (taken + lead_ns, (t_ns + lead_ns, metrics))
-            for taken, (t_ns, metrics) in contact_items(recorded, measured, finger)
-        ]
+        items = list(contact_items(recorded, measured, finger))
         fingers[finger] = Finger(
             source(finger, head.sources[finger].rate_hz),
             head.baselines[finger],
             "recording",
             SourceReport(n_items=len(items)),
-            stream=_as_known(items, end_ns),
+            stream=PlayedItems(
+                [item for _, item in items],
+                [known for known, _ in items],
+                playhead=playhead,
+                stamped=lambda contact, t_ns: (t_ns, contact[1]),
+            ).stream,
         )
     muscles, emg = None, measured.calibration.emg
     if "emg" in head.sources and emg is not None:
-        blocks = _asked(recorded, level_items(recorded, measured), len(emg.channels), lead_ns)
+        first, asked = _asked(recorded, level_items(recorded, measured), len(emg.channels))
         with with_attached(measured.config.stages, head.files) as stages:
             decoder = muscle_decoder(stages, measured.config.session.preset, emg)
         muscles = Muscles(
@@ -76,19 +81,25 @@ def played_input(recorded: Recorded, measured: Measured, *, lead_ns: int, note: 
             emg,
             decoder,
             SourceReport(),
-            stream=_as_known(blocks, end_ns),
+            stream=PlayedItems(
+                [block for _, block in asked],
+                [known for known, _ in asked],
+                playhead=playhead,
+                stamped=lambda block, t_ns: block._replace(t_ns=t_ns),
+                first=first,
+            ).stream,
         )
     name = head.facts["calibration"]
     return Prepared(fingers, muscles, measured.calibration, "" if name == "self-calibrated" else name)
 
 
 def _asked(
-    recorded: Recorded, items: Sequence[tuple[int, EmgBlock]], n_channels: int, lead_ns: int
-) -> list[tuple[int, EmgBlock]]:
-    """Return what the hand was asked for: the muscles' level, or the one that was set against them."""
+    recorded: Recorded, items: Sequence[tuple[int, EmgBlock]], n_channels: int
+) -> tuple[EmgBlock, list[tuple[int, EmgBlock]]]:
+    """Return what the hand was asked for at first, and then: the muscles' level, or the one set against them."""
     nothing = (0,) * n_channels
     first = next((level for _, level, _ in recorded.hand), 0) or FIRST_LEVEL
-    asked: list[tuple[int, EmgBlock]] = [(0, _imposed(EmgBlock(0, nothing, FIRST_LEVEL), first))]
+    asked: list[tuple[int, EmgBlock]] = []
     imposed: float = 0
     block = EmgBlock(0, nothing, FIRST_LEVEL)
     changes: list[tuple[int, int, Any]] = [(taken, 0, block) for taken, block in items]
@@ -98,21 +109,15 @@ def _asked(
             imposed = what
         else:
             block = what
-        at_ns = lead_ns + (tick_ns if is_imposed else block[0])
-        at = block._replace(t_ns=at_ns)
-        asked.append((lead_ns + tick_ns, _imposed(at, imposed) if imposed else at))
-    return asked
+        at = block._replace(t_ns=tick_ns if is_imposed else block[0])
+        asked.append((tick_ns, _imposed(at, imposed) if imposed else at))
+    return _imposed(EmgBlock(0, nothing, FIRST_LEVEL), first), asked
 
 
 def _imposed(block: EmgBlock, level: float) -> EmgBlock:
     """Return a block that asks for a level set against the muscles."""
     whole, closure = split_level(level)
     return block._replace(level=whole, closure=closure)
-
-
-def _as_known(items: Sequence[tuple[int, Item]], end_ns: int) -> PulledStream[Item]:
-    """Return a stream whose items come when they were known then."""
-    return PulledStream([item for _, item in items], known=[known for known, _ in items], end_ns=end_ns)
 
 
 class _Played:
@@ -125,14 +130,15 @@ class _Played:
 class Switched:
     """Says whether the motors may turn: when they did, and somebody else allows it."""
 
-    def __init__(self, recorded: Recorded, clock: PlayClock, lead_ns: int, other: Callable[[], bool]) -> None:
-        self._changes = [(lead_ns + t_ns, on) for _, on, t_ns in recorded.haptics]
-        self._clock = clock
+    def __init__(
+        self, recorded: Recorded, clock: PlayClock, playhead: Playhead, other: Callable[[], bool]
+    ) -> None:
+        self._changes = [(t_ns, on) for _, on, t_ns in recorded.haptics]
+        self._clock, self._playhead = clock, playhead
         self._other = other
-        self._on = True
 
     def __call__(self) -> bool:
         """Tell it for the tick that the clock is at."""
-        while self._changes and self._changes[0][0] <= self._clock.tick_ns:
-            self._on = self._changes.pop(0)[1]
-        return self._on and self._other()
+        at_ns = self._clock.tick_ns - self._playhead.shift_ns
+        place = bisect_right(self._changes, at_ns, key=lambda change: change[0])
+        return (place == 0 or self._changes[place - 1][1]) and self._other()

@@ -14,8 +14,6 @@ from tega.devices.base import DeviceInfo, Kind, Options
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.lifecycle import Opened
 
-__all__ = ["PosesFile", "PosesFileOptions"]
-
 
 class PosesFileOptions(Options, frozen=True, kw_only=True):
     """Settings of :class:`PosesFile`.
@@ -33,11 +31,7 @@ class PosesFileOptions(Options, frozen=True, kw_only=True):
 
 
 class PosesFile(Opened):
-    """Plays a recording at its own times, from the first read after it was opened; once it has ended no pose comes.
-
-    Args:
-        options: The settings.
-    """
+    """Plays a recording at its own times, from the first read after it was opened; once it has ended no pose comes."""
 
     kind: ClassVar[Kind] = "tracker"
     summary: ClassVar[str] = "a recorded path of a forearm (CSV, or a session)"

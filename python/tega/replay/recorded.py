@@ -35,8 +35,6 @@ from tega.records import (
 )
 from tega.records.schema import read
 
-__all__ = ["Head", "Recorded", "read_recorded"]
-
 
 class Head(msgspec.Struct, frozen=True):
     """Head of a recording, known before the first message.

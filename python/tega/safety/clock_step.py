@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import time
 
-__all__ = ["ClockStep"]
-
 _STEP_NS = 500_000_000
 _TOLD_NS = 5_000_000_000
 

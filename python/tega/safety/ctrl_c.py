@@ -11,8 +11,6 @@ from typing import Any
 
 from tega.safety.stop import Stop as AnyStop
 
-__all__ = ["CtrlC"]
-
 _PATIENCE_S = 1.0
 
 

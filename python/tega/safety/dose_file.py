@@ -26,7 +26,6 @@ from tega.whole_file import write_whole
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["DAY_S", "KeptDose"]
 
 DAY_S: Final = 86_400.0
 """So long a run counts, from its end on."""

@@ -14,7 +14,6 @@ from tega.safety.states import RunStates, State, Transition
 if TYPE_CHECKING:
     from tega.inbox.sources import SourceReport
 
-__all__ = ["Guard", "Watched"]
 
 # Looked at this often, and less where nothing is live; a loop that is late, always.
 _LOOK_NS = 10_000_000

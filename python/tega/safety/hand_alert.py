@@ -10,7 +10,6 @@ from tega.errors import DeviceUnavailableError
 if TYPE_CHECKING:
     from tega.devices.allegro import Allegro
 
-__all__ = ["HandAlert"]
 
 _LOOK_S = 0.1
 _TOLD_S = 1.0

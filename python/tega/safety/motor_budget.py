@@ -19,7 +19,6 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["DOSE_S", "HEAT_SHARE", "HEAT_TAU_S", "MotorBudget"]
 
 HEAT_TAU_S: Final = 60.0
 """Time constant of a coin motor's case in cloth, seconds."""

@@ -6,8 +6,6 @@ from typing import Annotated, Literal
 
 import msgspec
 
-__all__ = ["SafetySection"]
-
 _Ms = Annotated[float, msgspec.Meta(ge=0, le=600_000)]
 
 

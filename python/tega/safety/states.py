@@ -16,8 +16,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Final, Literal, NamedTuple, get_args
 
-__all__ = ["STATES", "RunStates", "State", "Transition"]
-
 State = Literal["idle", "armed", "active", "hold", "stopped"]
 
 STATES: Final[tuple[State, ...]] = get_args(State)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-__all__ = ["Stop"]
-
 
 class Stop:
     """Asked all the time by a run whether to end; whoever wants that says so here, with a reason.

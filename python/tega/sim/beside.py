@@ -13,8 +13,6 @@ from tega.records import BesideContact, BesideIntent, Contact, Intent
 if TYPE_CHECKING:
     from tega.bus import Bus
 
-__all__ = ["BesideNotes", "BesideResult"]
-
 
 class BesideResult(msgspec.Struct, frozen=True, kw_only=True):
     """Answers of a stage beside the connected one in a lift, and how far the two agree.

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from tega.haptics import Layout
     from tega.sim.operator.shams import Sham, ShamName
 
-__all__ = ["CONDITIONS", "PULSES", "Condition", "feels", "worn"]
 
 Condition = Literal[
     "haptic",

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from tega.sim.rig import TrialSteering
     from tega.view.state import ViewState
 
-__all__ = ["DEMO_FORMAT", "DemoReport", "demo_heading", "draw_demo", "prepare_demo", "run_demo", "write_demo"]
 
 DEMO_FORMAT = "tega-demo"
 

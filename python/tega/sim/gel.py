@@ -18,24 +18,6 @@ from numpy.typing import NDArray
 from tega import _native
 from tega.sim.seams import Indenter
 
-__all__ = [
-    "CAMERA_HZ",
-    "CAMERA_MM",
-    "HEIGHT",
-    "HEIGHTS_ALONG_MM",
-    "LENGTH_MM",
-    "MIDDLE_ALONG_MM",
-    "PX_PER_MM",
-    "RADIUS_ACROSS_MM",
-    "STIFFNESS_N_MM3",
-    "WIDTH",
-    "Gel",
-    "GelTruth",
-    "ball",
-    "board",
-    "fall",
-]
-
 HEIGHT: Final = 320
 WIDTH: Final = 240
 PX_PER_MM: Final = _native.GEL_PX_PER_MM

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from tega.hand import HandController
     from tega.wire import CanFrame
 
-__all__ = ["SimulatedAllegro", "SimulatedBus"]
 
 COUNTS_PER_TORQUE = 1200.0
 # Torques come a thousand times as often as anything else, and in sets: the firmware takes their words as they lie.
@@ -50,6 +49,11 @@ class SimulatedAllegro:
     def angles_rad(self) -> NDArray[np.float64]:
         """The joint angles as the encoders show them now, float64 (16,), in radians."""
         return self._read()
+
+    @property
+    def target_rad(self) -> NDArray[np.float64] | None:
+        """Joint targets of the last tick, float64 (16,), in radians; ``None`` before the first."""
+        return self._controller.target_rad
 
     def step(self, level: float) -> list[CanFrame]:
         """Go on by one tick of 3 ms.

@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from tega.sim.trial import TrialPlan
     from tega.stages.base import Decoder, Metric
 
-__all__ = ["EMG_HZ", "Lab", "lab_of"]
 
 EMG_HZ = 1000.0
 """Rate of the EMG."""

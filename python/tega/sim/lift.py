@@ -44,7 +44,6 @@ if TYPE_CHECKING:
     from tega.sim.streams import Streams
     from tega.view.state import Shape
 
-__all__ = ["Lift"]
 
 # Time to put the object down and let go, after the window in which it has to be lifted, seconds.
 _AFTER_S = 15.0
@@ -279,6 +278,7 @@ class Lift:
             images=rig.touch_images(),
             shapes=self._shapes,
             poses=world.poses(),
+            palm=world.palm_row,
             contact_points=world.contact_points(),
             emg=tail,
             rows=self._rows(),

@@ -7,8 +7,6 @@ from collections.abc import Callable
 from tega.clock import Clock
 from tega.teleop.pacing import Pacer
 
-__all__ = ["SimulatedPacer"]
-
 
 class SimulatedPacer(Pacer):
     """Waits for a deadline on the clock, then lets simulated time pass up to it.

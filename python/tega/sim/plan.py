@@ -13,8 +13,6 @@ from tega.sim.beside import BesideResult
 from tega.sim.conditions import CONDITIONS, Condition
 from tega.sim.score import TrialEvent
 
-__all__ = ["TrialPlan", "TrialResult", "loop_settings"]
-
 
 class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Plan of a trial; equal plans give equal results, bit for bit.

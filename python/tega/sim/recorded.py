@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from tega.sim.plan import TrialResult
     from tega.teleop.loop_report import LoopReport
 
-__all__ = ["LiftRecorder"]
 
 _NAME = "simulated"
 

@@ -41,7 +41,6 @@ if TYPE_CHECKING:
     from tega.sim.score import TrialScorer
     from tega.sim.world import World
 
-__all__ = ["ACT_NS", "CAMERA_DELAY_NS", "TrialRig", "TrialSteering"]
 
 ACT_NS = 10_000_000
 """Between two looks of the person at the world, nanoseconds; also the length of an EMG block."""

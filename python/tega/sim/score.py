@@ -13,7 +13,6 @@ import msgspec
 if TYPE_CHECKING:
     from tega.sim.seams import WorldTruth
 
-__all__ = ["LIFT_M", "LIFT_WINDOW_S", "STABLE_S", "TrialEvent", "TrialScorer"]
 
 LIFT_M = 0.2
 """Height that has to be reached, metres (the paper's)."""

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
     from tega.haptics import MotorLevels
 
-__all__ = ["Act", "Indenter", "Percept", "WorldTruth"]
-
 
 class Indenter(NamedTuple):
     """A rigid shape that presses a fingertip's gel.

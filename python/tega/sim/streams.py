@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from tega.stages.base import MeasuredPicture
     from tega.view.state import TouchImage
 
-__all__ = ["Streams"]
 
 _CHANNELS = tuple(f"channel_{k}" for k in (1, 2, 3))
 _COLUMNS: dict[str, tuple[str, ...]] = {

@@ -10,8 +10,6 @@ import msgspec
 if TYPE_CHECKING:
     from tega.sim.trial import TrialResult
 
-__all__ = ["Row", "summarise_trials"]
-
 
 class Row(msgspec.Struct, frozen=True, kw_only=True):
     """One object under one condition.

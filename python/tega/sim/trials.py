@@ -20,8 +20,6 @@ from tega.sim.trial import TrialPlan, TrialResult, run_trial
 from tega.sim.workers import over_cores
 from tega.whole_file import write_whole
 
-__all__ = ["plan_trials", "read_results", "run_trials"]
-
 
 def plan_trials(
     objects: Sequence[str], conditions: Sequence[str], seeds: Iterable[int], **settings: object

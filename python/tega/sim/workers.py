@@ -12,8 +12,6 @@ from typing import Any, TypeVar
 from tega.child_process import isolated_workers
 from tega.errors import MissingExtraError
 
-__all__ = ["over_cores"]
-
 Job = TypeVar("Job")
 Result = TypeVar("Result")
 

@@ -18,7 +18,6 @@ from tega.foreign_file import read_foreign
 if TYPE_CHECKING:
     from tega.config_sections import StagesSection
 
-__all__ = ["attached_files", "with_attached"]
 
 _GROUPS: Final[tuple[Literal["metric", "decoder", "mapping"], ...]] = ("metric", "decoder", "mapping")
 _MOST_MIB = 64

@@ -21,19 +21,6 @@ if TYPE_CHECKING:
     from tega.records import Contact, Event, Intent
     from tega.tactile import ContactMetrics
 
-__all__ = [
-    "Decoder",
-    "FingerSetup",
-    "GelTraits",
-    "Mapping",
-    "MeasuredPicture",
-    "Metric",
-    "MuscleSetup",
-    "StageOptions",
-    "TouchMap",
-    "VestSetup",
-]
-
 
 class StageOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Base of every stage's options: a field a key of its ``options`` table, with a default and the unit in its name.

@@ -20,17 +20,6 @@ if TYPE_CHECKING:
     from tega.config_sections import BesideConfig, SessionConfig, StagesSection
     from tega.stages.base import Mapping as MappingStage
 
-__all__ = [
-    "Chosen",
-    "block_s",
-    "chosen_stage",
-    "finger_metric",
-    "is_outside",
-    "muscle_decoder",
-    "muscle_setup",
-    "preset_metric",
-    "vest_mapping",
-]
 
 Preset = Literal["paper", "live"]
 

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
     from tega.records import Contact, Event
 
-__all__ = ["FIELDS", "ColumnsMapping", "ColumnsOptions", "finger_columns", "value_of"]
 
 FIELDS = (
     "cci",

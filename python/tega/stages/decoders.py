@@ -17,8 +17,6 @@ from tega.stages.emg_band import EmgBand
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["RulesDecoder", "RulesOptions"]
-
 
 class RulesOptions(StageOptions, frozen=True):
     """Options of the decoder ``rules``.

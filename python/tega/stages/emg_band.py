@@ -12,7 +12,6 @@ from tega.lifecycle import require
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["EmgBand"]
 
 _LOW_HZ: Final = 20.0
 _HIGH_HZ: Final = 450.0

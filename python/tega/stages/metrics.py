@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["LiveMetric", "LiveOptions", "PaperMetric", "contact_metrics_of", "contact_record"]
-
 
 # Between the frames of a DIGIT, seconds, where their times do not say it.
 _PERIOD_S = 1 / 60

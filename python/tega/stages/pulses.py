@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
     from tega.records import Contact, Event
 
-__all__ = ["PulsesMapping", "PulsesOptions"]
 
 _Percent = Annotated[float, msgspec.Meta(ge=0, le=100)]
 

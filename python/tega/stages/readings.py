@@ -36,7 +36,6 @@ if TYPE_CHECKING:
 
     from tega.records import Contact
 
-__all__ = ["ReadingMetric", "ReadingOptions"]
 
 Threshold: TypeAlias = Literal["D1", "D2", "D3", "D4", "D5", "D6", "D7", "D8"]
 

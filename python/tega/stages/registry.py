@@ -22,17 +22,6 @@ from tega.motor_layout import MotorLayout, find_layout
 from tega.plugins import find_plugin, load_plugin, plugin_package, plugins
 from tega.stages.base import Decoder, Mapping, Metric, StageOptions
 
-__all__ = [
-    "GROUPS",
-    "Group",
-    "OptionRecord",
-    "StageRecord",
-    "find_stages",
-    "list_stages",
-    "stage_class",
-    "stage_names",
-]
-
 Group = Literal["metric", "decoder", "mapping", "layout"]
 
 GROUPS: Final[dict[Group, tuple[str, type]]] = {

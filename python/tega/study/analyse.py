@@ -11,7 +11,8 @@ import msgspec
 from tega.errors import RecordingError
 from tega.sim.operator.person import Parameter
 from tega.study.answers import ArmCoupling, Contrast, PoseUse, TrialCoupling, answers
-from tega.study.compare import Cell, Test, cells_of, compare
+from tega.study.cells import Cell, cells_of
+from tega.study.compare import Test, compare
 from tega.study.coupling import TouchCourse, read_course
 from tega.study.difference import OutcomeDifference, outcomes
 from tega.study.directions import Direction, directions
@@ -28,8 +29,6 @@ from tega.study.silico.sensitivity import SensitivityRow, read_sensitivity
 from tega.study.state import derive, events_path, rehearsed
 from tega.study.touch_picture import FingerPicture, pictures_of
 from tega.study.trials import Trial, bench_trials, course_path, study_trials
-
-__all__ = ["Analysis", "FigureMaterial", "Flow", "Planner", "analyse", "analyse_bench", "analyse_study"]
 
 FORMAT = "tega-study-analysis"
 

@@ -25,8 +25,6 @@ from tega.study.coupling import (
 from tega.study.people import sign_flip
 from tega.study.trials import Trial
 
-__all__ = ["ArmCoupling", "Contrast", "PoseUse", "TrialCoupling", "answers"]
-
 MOST_LAG_S = 1.0
 SIGNALS = ("cci", "eda")
 

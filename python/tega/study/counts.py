@@ -14,8 +14,6 @@ from tega.study.people import Ratio
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-__all__ = ["Shares", "adjusted_ratio", "clopper_pearson", "dispersion", "poisson_rates", "shares"]
-
 
 class Shares(NamedTuple):
     """Two success rates compared; all of it treats trials as independent.

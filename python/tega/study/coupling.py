@@ -25,24 +25,6 @@ from tega.whole_file import write_whole
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = [
-    "GRID_HZ",
-    "Correlation",
-    "TouchCourse",
-    "correlate",
-    "dwell",
-    "effective_n",
-    "fisher_mean",
-    "lag_sweep",
-    "on_grid",
-    "other_trials",
-    "partial",
-    "pearson",
-    "read_course",
-    "response_slope",
-    "transitions",
-    "write_course",
-]
 
 GRID_HZ = 10.0
 """Rate at which courses are compared: a pose lasts at least a tenth of a second, so more would add no information."""

@@ -22,16 +22,6 @@ from tega.study.privacy import withdrawn_ids
 from tega.study.state import events_path
 from tega.study.touch_rows import TouchRow, read_touch, touch_path
 
-__all__ = [
-    "DETECTED",
-    "DETECTOR",
-    "TrialEvents",
-    "detect_study",
-    "detected_path",
-    "events_of",
-    "read_detected",
-]
-
 DETECTOR = "detector"
 DETECTED: dict[str, Kind] = {"lift_off": "lift_off", "slip": "slip", "deformation": "deformation"}
 """Events of the detector that a study counts."""

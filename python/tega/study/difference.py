@@ -10,8 +10,6 @@ import numpy as np
 from tega.study.packages import scipy_stats
 from tega.study.trials import Trial
 
-__all__ = ["METRICS", "OutcomeDifference", "outcome", "outcomes"]
-
 METRICS = ("duration_s", "slips", "deformations", "success")
 
 

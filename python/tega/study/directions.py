@@ -11,8 +11,6 @@ from tega.study.difference import OutcomeDifference, outcome
 from tega.study.paper import PAPER_OBJECTS, PAPER_TABLE_1
 from tega.study.trials import Trial
 
-__all__ = ["Direction", "Verdict", "directions"]
-
 Verdict = Literal["as printed", "opposite", "not told apart", "no data"]
 
 

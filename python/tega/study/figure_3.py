@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["figure_3"]
-
 
 def figure_3(rows: Sequence[FingerRow], pictures: Mapping[str, FingerPicture]) -> Figure | None:
     """Draw Fig 3: untouched gel, frame, difference, the metric's map with the marks of CCI and EDA."""

@@ -16,16 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = [
-    "figure_7",
-    "figure_8",
-    "figure_8_trials",
-    "lag_figure",
-    "new_figure",
-    "p_text",
-    "pose_figure",
-    "svg",
-]
 
 CCI_BLUE, EDA_GREEN, POSE_RED = "#0072B2", "#009E73", "#c8202f"
 ARMS = ("#56B4E9", "#E69F00", "#999999", "#CC79A7", "#009E73", "#F0E442", "#0072B2", "#D55E00")

@@ -9,8 +9,6 @@ import msgspec
 from tega.study.touch_picture import FingerPicture
 from tega.study.trials import Trial
 
-__all__ = ["FingerRow", "finger_rows"]
-
 
 class FingerRow(msgspec.Struct, frozen=True, kw_only=True):
     """One fingertip's contact.

@@ -13,8 +13,6 @@ from tega.foreign_file import read_words
 from tega.study.touch_rows import touch_path
 from tega.whole_file import write_whole
 
-__all__ = ["HandRow", "hand_path", "read_hand", "write_hand"]
-
 
 class HandRow(NamedTuple):
     """State of hand and arm at one moment.

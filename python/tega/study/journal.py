@@ -17,8 +17,6 @@ from tega.errors import DeviceUnavailableError, RecordingError
 from tega.file_lock import lock_file
 from tega.foreign_file import check_file, read_foreign
 
-__all__ = ["Journal", "JournalEvent", "Kind", "Status", "counting", "read_events", "undone_numbers"]
-
 Kind = Literal[
     "session_start",
     "session_stop",

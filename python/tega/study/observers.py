@@ -9,8 +9,6 @@ from tega.plain_name import plain_name
 from tega.study.journal import JournalEvent, read_events
 from tega.study.state import events_path
 
-__all__ = ["PART", "RECORDED", "WHOLE", "observer_path", "read_observers", "saw_whole"]
-
 WHOLE, PART = "", "not the whole trial"
 """Texts of a rater's ``trial_end``."""
 

@@ -11,8 +11,6 @@ import itertools
 from collections.abc import Sequence
 from typing import Literal, NamedTuple, TypeVar
 
-__all__ = ["Layout", "Slot", "allocate", "lay_out", "shuffled", "williams"]
-
 Layout = Literal["abba", "pairs", "period"]
 
 _Item = TypeVar("_Item")

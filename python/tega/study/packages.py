@@ -7,8 +7,6 @@ from typing import Any
 
 from tega.errors import MissingExtraError
 
-__all__ = ["scipy_stats", "statsmodels"]
-
 
 def scipy_stats() -> Any:
     """Return ``scipy.stats``.

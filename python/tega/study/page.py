@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 from tega.errors import MissingExtraError
 from tega.study.analyse import Analysis
-from tega.study.compare import SMALLEST_FOR_P, Cell, Test
+from tega.study.cells import Cell
+from tega.study.compare import SMALLEST_FOR_P, Test
 from tega.study.difference import OutcomeDifference
 from tega.study.directions import Direction
 from tega.study.figures import p_text
@@ -21,7 +22,6 @@ from tega.study.tables import PAPER_LABELS
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-__all__ = ["report_html"]
 
 _SHORT = {"duration_s": "time", "slips": "slips", "deformations": "deformed", "success": "success"}
 _MARKS = {"as printed": "yes told", "opposite": "no told", "not told apart": "", "no data": ""}

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-__all__ = ["PAPER_OBJECTS", "PAPER_P", "PAPER_SETUP", "PAPER_TABLE_1"]
-
 PAPER_OBJECTS = ("bottle", "container", "bag")
 
 PAPER_TABLE_1 = {

@@ -18,15 +18,6 @@ from tega.study.rank import rank_sum_counts
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = [
-    "CrossOver",
-    "Ratio",
-    "cross_over",
-    "paired_log_ratio",
-    "ratio_of_means",
-    "sign_flip",
-    "within_person",
-]
 
 FLIPS_UP_TO = 20
 DRAWS = 99_999

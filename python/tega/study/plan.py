@@ -23,19 +23,6 @@ from tega.plain_name import plain_name
 from tega.study.order import Layout, allocate, lay_out
 from tega.toml_text import tree_text
 
-__all__ = [
-    "CONDITIONS",
-    "METRICS",
-    "PlannedTrial",
-    "StudyPlan",
-    "StudySettings",
-    "default_family",
-    "make_plan",
-    "person_id",
-    "read_plan",
-    "write_plan",
-]
-
 CONDITIONS = {
     "haptic": "vest worn, shows touch all the time",
     "non-haptic": "vest worn and connected, shows nothing",

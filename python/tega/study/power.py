@@ -18,8 +18,6 @@ from tega.study.packages import scipy_stats
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["SPREADS", "CountPower", "EffectSpread", "count_power", "people_for", "time_power"]
-
 
 class EffectSpread(NamedTuple):
     """Assumed differences between people and between trials.
@@ -169,40 +167,3 @@ def people_for(
         if found >= power:
             return people, found
     return None
-
-
-def time_power(
-    ratio: float,
-    *,
-    people: int,
-    trials: int = 10,
-    sd_effect: float = 0.05,
-    sd_trial: float = 0.15,
-    alpha: float = 0.05,
-) -> float:
-    """Return the power of the paired t on mean log times, by the noncentral t.
-
-    Args:
-        ratio: Time under the first condition over that under the second.
-        people: In the study, 2 or more.
-        trials: Per person and condition.
-        sd_effect: Of people's log effect.
-        sd_trial: Of a trial's log time within person and condition.
-        alpha: Two-sided.
-
-    Raises:
-        InvalidValueError: A value is out of range.
-
-    Example:
-        >>> round(time_power(152.8 / 168.5, people=8), 4)
-        0.8085
-    """
-    sd = math.sqrt(sd_effect**2 + 2 * sd_trial**2 / trials) if trials > 0 else math.nan
-    if people < 2 or not sd > 0 or not ratio > 0:
-        raise InvalidValueError(
-            f"ratio = {ratio}, people = {people}, SD {sd:g}: cannot be",
-            "ratio and SDs above 0, people from 2",
-        )
-    stats, df = scipy_stats(), people - 1
-    limit, off = stats.t.ppf(1 - alpha / 2, df), math.log(ratio) / sd * math.sqrt(people)
-    return float(stats.nct.sf(limit, df, off) + stats.nct.cdf(-limit, df, off))

@@ -26,8 +26,6 @@ from tega.study.plan import StudyPlan, person_id, read_plan, write_plan
 from tega.study.state import events_path
 from tega.whole_file import write_whole
 
-__all__ = ["Withdrawal", "export", "note_elsewhere", "withdraw", "withdrawn_ids"]
-
 _LOG = logging.getLogger(__name__)
 
 _LIST = "withdrawn.txt"

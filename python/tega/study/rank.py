@@ -18,15 +18,6 @@ from tega.study.packages import scipy_stats, statsmodels
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = [
-    "MannWhitney",
-    "Shift",
-    "holm",
-    "mann_whitney",
-    "rank_biserial_interval",
-    "rank_sum_counts",
-    "shift",
-]
 
 EXACT_UP_TO = 240
 """Trials in both groups together up to which the exact distribution with ties is computed (under a second)."""

@@ -13,8 +13,6 @@ from tega.study.plan import read_plan
 from tega.study.privacy import withdrawn_ids
 from tega.study.state import events_path
 
-__all__ = ["RAW_TLX", "RatingUse", "ratings"]
-
 RAW_TLX = "raw NASA-TLX"
 
 

@@ -18,9 +18,6 @@ from tega.study.figures import figure_7, figure_8, lag_figure, pose_figure, svg
 from tega.study.page import report_html
 from tega.study.tables import write_csv
 
-__all__ = ["Report", "figures_of", "write_report"]
-
-
 FIGURES = ("fig3", "fig7", "fig8", "lags", "poses")
 
 

@@ -13,8 +13,6 @@ from tega.plain_name import plain_name
 from tega.study.journal import Journal, JournalEvent, Status, undone_numbers
 from tega.study.plan import PlannedTrial, StudyPlan
 
-__all__ = ["SessionState", "Where", "check_where", "derive", "events_path", "rehearsed", "resume"]
-
 Where = Literal["lab", "emulated", "simulated"]
 """What the devices of a session are."""
 

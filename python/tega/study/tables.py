@@ -14,8 +14,6 @@ from tega.study.analyse import Analysis
 from tega.study.coupling import TouchCourse, on_grid
 from tega.study.directions import Direction
 
-__all__ = ["csv_files", "table_1", "write_csv"]
-
 PAPER_LABELS = {
     "duration_s": "Completion Time",
     "slips": "Slippage",

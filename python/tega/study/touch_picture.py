@@ -25,15 +25,6 @@ if TYPE_CHECKING:
     from tega.study.plan import PlannedTrial
     from tega.study.trials import Trial
 
-__all__ = [
-    "FingerPicture",
-    "picture_path",
-    "pictures_of",
-    "read_touch_picture",
-    "recorded_picture",
-    "write_touch_picture",
-]
-
 
 Preset: TypeAlias = Literal["paper", "live"]
 

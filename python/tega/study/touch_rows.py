@@ -12,8 +12,6 @@ from tega.errors import RecordingError
 from tega.foreign_file import read_words
 from tega.whole_file import write_whole
 
-__all__ = ["TouchRow", "read_touch", "touch_path", "write_touch"]
-
 
 class TouchRow(NamedTuple):
     """A measured frame of a fingertip.

@@ -14,8 +14,6 @@ from tega.study.plan import PlannedTrial, StudyPlan, read_plan
 from tega.study.privacy import withdrawn_ids
 from tega.study.state import events_path
 
-__all__ = ["Trial", "bench_trials", "course_path", "study_trials", "trials_of_events"]
-
 _CAN_BE_UNDONE = {"lift_off", "lifted", "slip", "deformation", "drop", "note", "override", "redo"}
 
 

@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.inbox.prepared import Muscles
 
-__all__ = ["UNDO_SEAT", "AdaptationWatch", "open_adaptation"]
-
 UNDO_SEAT: Final = "undo"
 _TARGET = "target:"
 _MAY_CHANGE = frozenset({"armed", "active"})

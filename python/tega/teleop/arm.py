@@ -26,8 +26,6 @@ from tega.teleop.arm_records import ArmRecords
 from tega.teleop.arm_view import ArmView, look
 from tega.teleop.moment import LoopView
 
-__all__ = ["Steering", "open_arm"]
-
 _LEAVE_S = 5.0
 
 

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from tega.bus import Bus
     from tega.devices.base import ArmDriver
 
-__all__ = ["ArmRecords"]
 
 # Names of the two coordinate frames.
 _BASE, _TRACKER = "arm_base", "tracker"

@@ -11,8 +11,6 @@ if TYPE_CHECKING:
     from tega.arm.turn import Turn
     from tega.devices.base import ArmDriver
 
-__all__ = ["ArmView", "look"]
-
 
 class ArmView(NamedTuple):
     """View of an arm at one moment.

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["find_baseline"]
 
 # Enough frames to contain quiet ones, few enough to hold in memory whatever the picture's size.
 MOST_FRAMES = 96

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.inbox.prepared import Prepared
 
-__all__ = ["MuscleAlert", "open_condition"]
-
 _MOST_CHUNKS = 4096
 
 

@@ -10,8 +10,6 @@ import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-__all__ = ["settle", "settled"]
-
 
 def settle() -> None:
     """Leave what exists now out of collections from now on."""

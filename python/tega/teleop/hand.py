@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from tega.hand import ModelledHand
 from tega.wire import allegro_limp_frames, allegro_torque_frames
@@ -14,7 +14,6 @@ if TYPE_CHECKING:
 
     from tega.wire import CanFrame
 
-__all__ = ["HAND_TICK_NS", "Hand", "ModelledAllegro"]
 
 # The Allegro v4 reports its joints every 3 ms and wants one torque set for each.
 HAND_TICK_NS = 3_000_000
@@ -34,6 +33,16 @@ class Hand(Protocol):
 
     def limp(self) -> Sequence[CanFrame]:
         """Return the frames that leave the hand without force."""
+        ...
+
+
+@runtime_checkable
+class CommandedHand(Hand, Protocol):
+    """A hand that tells which joint angles it steers to; the page draws them beside the measured ones."""
+
+    @property
+    def target_rad(self) -> NDArray[np.float64] | None:
+        """Joint targets of the last tick, float64 (16,), in radians; ``None`` before the first."""
         ...
 
 
@@ -58,6 +67,11 @@ class ModelledAllegro:
     def angles_rad(self) -> NDArray[np.float64]:
         """The model's joint angles, float64 (16,), in radians."""
         return self._angles
+
+    @property
+    def target_rad(self) -> NDArray[np.float64] | None:
+        """Joint targets of the last tick, float64 (16,), in radians; ``None`` before the first."""
+        return self._hand.controller.target_rad
 
     def step(self, level: float) -> list[CanFrame]:
         """Go on by one tick of 3 ms.

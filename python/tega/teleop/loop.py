@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from tega.teleop.latency import LatencyTrace
     from tega.wire import CanFrame
 
-__all__ = ["DualLoop", "Sink"]
 
 Sent_contra = TypeVar("Sent_contra", contravariant=True)
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import msgspec
 
-__all__ = ["LoopReport"]
-
 
 class LoopReport(msgspec.Struct, kw_only=True):
     """Counts, times and ends of a loop.

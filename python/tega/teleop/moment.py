@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from tega.records import Event, Record
+from tega.teleop.hand import CommandedHand
 
 if TYPE_CHECKING:
     from tega.bus import Bus
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from tega.teleop.loop_report import LoopReport
     from tega.teleop.touch import TouchLoop, TouchMoment
 
-__all__ = ["LoopView", "Moment", "Moments"]
 
 _EVENT_NS = 3_000_000_000
 
@@ -33,7 +33,7 @@ class LoopView(NamedTuple):
         felt: What each finger feels now, thumb first.
         vest: The frame of this tick; ``None`` without tactile sources.
         block: The newest EMG block; ``None`` before the first.
-        angles_rad: The hand's 16 joint angles; ``None`` without a hand.
+        angles_rad: The hand's 16 joint angles as measured or modelled; ``None`` without a hand.
         counts: What was done since the start: frames of one finger (mean), EMG blocks, hand ticks, vest frames.
         inputs: What the operator's input devices say, by what they are for.
         state: Of the run, and why; ``""`` without a guard.
@@ -44,6 +44,7 @@ class LoopView(NamedTuple):
         link: How the link to the other station is, in one line; ``""`` on one machine.
         arm_height_m: Height of the arm's end as measured, metres over its base; ``None`` where that is not known.
         event: The newest event of touch; ``None`` before the first.
+        target_rad: The 16 joint angles that the hand steers to; ``None`` where it does not tell them.
     """
 
     t_ns: int
@@ -63,6 +64,7 @@ class LoopView(NamedTuple):
     link: str = ""
     arm_height_m: float | None = None
     event: Event | None = None
+    target_rad: Sequence[float] | None = None
 
     @property
     def newest_event(self) -> str:
@@ -115,6 +117,7 @@ class Moments:
     ) -> None:
         self._bus, self._touch, self._hand, self._report = bus, touch, hand, report
         self._inputs, self._guard, self._trace, self._complete = inputs, guard, trace, complete
+        self._commanded = hand if isinstance(hand, CommandedHand) else None
         self._shown: Moment | None = None
         self.event: Event | None = None
 
@@ -128,6 +131,7 @@ class Moments:
     ) -> None:
         """Publish the moment of a tick."""
         guard, trace = self._guard, self._trace
+        target_rad = None if self._commanded is None else self._commanded.target_rad
         view = LoopView(
             t_ns,
             newest,
@@ -138,6 +142,7 @@ class Moments:
             self._counts(),
             inputs=self._inputs.seen,
             event=self.event,
+            target_rad=None if target_rad is None else target_rad.tolist(),
         )
         if guard is not None:
             view = view._replace(

@@ -14,7 +14,6 @@ from tega.records import TriedMotor
 if TYPE_CHECKING:
     from tega.bus import Bus
 
-__all__ = ["TEST_PERCENT", "MotorAnswer", "MotorTests", "lit_frame"]
 
 TEST_PERCENT: Final = 50
 """How hard a motor is tried, percent; less where its limits allow less."""

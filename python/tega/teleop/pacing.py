@@ -11,8 +11,6 @@ from tega.devices.base import DeviceInfo
 from tega.errors import ConfigError
 from tega.inbox.wake import Bell
 
-__all__ = ["Pacer", "PacingReport", "refuse_live"]
-
 # A tick this late is made up for; beyond it, a burst of old commands would do more harm than a gap.
 CATCH_UP_NS = 100_000_000
 

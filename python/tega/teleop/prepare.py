@@ -21,8 +21,6 @@ from tega.stages.choose import block_s, chosen_stage, finger_metric, muscle_deco
 from tega.teleop.baseline import find_baseline
 from tega.teleop.touching import RecordedFingers
 
-__all__ = ["Progress", "prepare", "to_be_read"]
-
 _log = logging.getLogger(__name__)
 
 Progress = Callable[[str, int, int], None]

@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from tega.net.station import Station
     from tega.recording.session import Recording
 
-__all__ = ["Rig", "open_rig"]
-
 
 class Rig(NamedTuple):
     """Devices and outputs of a run, all of them open.

@@ -34,8 +34,6 @@ if TYPE_CHECKING:
     from tega.stages.base import Metric
     from tega.teleop.latency import LatencyTrace
 
-__all__ = ["run_loop"]
-
 
 def run_loop(
     stack: ExitStack,
@@ -235,12 +233,12 @@ def _conclude(
     recording, markers = state.rig.recording, state.rig.markers
     summary = summarise(state, error=error)
     out_dir = state.rig.config.session.out_dir
-    if markers is not None:
-        summary["markers"] = markers.summary()
     try:
         if out_dir is not None or recording is not None:
             stack.pop_all().close()  # the tables are complete before the summary says so
     finally:
+        if markers is not None:
+            summary["markers"] = markers.summary()  # with those that came last
         if recording is not None:
             recording.ended(state.loop, n_waits)
             summary["recording"] = recording.finish(summary)

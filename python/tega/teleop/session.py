@@ -21,8 +21,6 @@ from tega.teleop.rig import open_rig
 from tega.teleop.run import run_loop
 from tega.threads import realtime
 
-__all__ = ["run_session"]
-
 
 def run_session(
     config: SessionConfig,

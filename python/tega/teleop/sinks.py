@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from tega.inbox.prepared import Prepared
     from tega.wire import CanFrame
 
-__all__ = ["Sinks", "open_inputs", "open_sinks"]
-
 
 class Sinks(NamedTuple):
     """Outputs of a run: vests, hand and files.

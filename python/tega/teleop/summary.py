@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from tega.teleop.pacing import PacingReport
     from tega.teleop.rig import Rig
 
-__all__ = ["RunFacts", "summarise", "write_summary"]
-
 
 class RunFacts(NamedTuple):
     """Facts that a summary is made of.

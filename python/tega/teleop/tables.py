@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from tega.devices.base import DeviceInfo
     from tega.inbox.prepared import Prepared
 
-__all__ = ["open_tables"]
 
 _LOG = logging.getLogger(__name__)
 _NAME = "disk: tables are no longer written"

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from tega.records import Contact
     from tega.tactile import ContactMetrics
 
-__all__ = ["STALE_NS", "TouchLoop", "TouchMoment"]
 
 # A frame older than this says nothing about the present: the finger's columns fall silent.
 STALE_NS = 100_000_000

@@ -14,8 +14,6 @@ from tega.teleop.touch import TouchLoop
 if TYPE_CHECKING:
     from tega.config import SessionConfig
 
-__all__ = ["touch_loop"]
-
 
 def touch_loop(config: SessionConfig, calibration: Calibration, fingers: Iterable[str]) -> TouchLoop:
     """Make the back loop that settings and a calibration ask for."""

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from tega.inbox.sources import Contact
     from tega.stages.base import Metric
 
-__all__ = ["RecordedFingers", "Touching"]
 
 # Pictures that are decoded before their turn, for each finger.
 _AHEAD: Final = 8

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from tega.teleop.loop_report import LoopReport
     from tega.teleop.touch import TouchLoop
 
-__all__ = ["VestOutput"]
-
 
 class _Writes(Protocol):
     def write(self, t_ns: int, sent: MotorLevels, /) -> object: ...

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from tega.teleop.condition import MuscleAlert
     from tega.teleop.sinks import Sinks
 
-__all__ = ["watch_over"]
-
 
 def watch_over(
     config: SessionConfig,

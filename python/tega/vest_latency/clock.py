@@ -24,8 +24,6 @@ from numpy.typing import NDArray
 
 from tega.errors import InvalidValueError
 
-__all__ = ["CLICKS_MS", "ClockMap", "SoundBlock", "by_blocks", "by_clicks", "find_clicks"]
-
 CLICKS_MS: Final = {"keys": 20.0, "speaker": 8.0}
 """How well the time of a click is known, ms: a keyboard tells of a key up to so long after it was heard; a speaker's
 stamp lacks what its converter takes, and sound takes 3 ms a metre."""

@@ -26,8 +26,6 @@ from numpy.typing import NDArray
 
 from tega.errors import InvalidValueError, MissingExtraError
 
-__all__ = ["FEWEST", "MOST_DELAY_S", "SHORTEST_S", "BurstOnset", "Onsets", "find_onsets"]
-
 FEWEST: Final = 6
 """Of fewer bursts there is no result."""
 SHORTEST_S: Final = 0.5
@@ -270,6 +268,11 @@ def _nothing(commands_s: Sequence[float], problem: str, hint: str) -> Onsets:
 
 
 def load_signal() -> Any:
+    """Import :mod:`scipy.signal`.
+
+    Raises:
+        MissingExtraError: SciPy is not installed.
+    """
     try:
         from scipy import signal
     except ImportError as error:

@@ -16,8 +16,6 @@ from tega.foreign_file import read_foreign
 from tega.vest_latency.clock import ClockMap
 from tega.whole_file import write_whole
 
-__all__ = ["OnsetLog", "read_log", "read_wav", "write_log", "write_wav"]
-
 
 class OnsetLog(msgspec.Struct, frozen=True, kw_only=True, tag_field="format", tag="tega-onset-log"):
     """The bursts of one motor; times in seconds from any moment, all from the same.

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from tega.devices.base import DeviceInfo, VestSink
     from tega.haptics import Layout
 
-__all__ = ["BURST_S", "OnsetFound", "found_in", "log_of", "play_bursts", "record_of", "watched_vest"]
 
 BURST_S: Final = 0.5
 # Long enough for a motor to stand still again, uneven so that nothing periodic keeps step.

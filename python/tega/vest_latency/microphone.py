@@ -14,8 +14,6 @@ from tega.errors import DeviceUnavailableError
 from tega.sound_card import load_sounddevice
 from tega.vest_latency.clock import SoundBlock
 
-__all__ = ["Microphone", "Speaker", "list_microphones"]
-
 RATE_HZ: Final = 48_000
 _FIRST_S: Final = 3.0
 _CLICK_S: Final = 0.003

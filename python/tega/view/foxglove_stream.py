@@ -10,7 +10,7 @@ from tega.bus import Backlog
 from tega.errors import DeviceUnavailableError
 from tega.lifecycle import require
 from tega.recording.record_channels import RecordChannels
-from tega.records import HandExchange, Record
+from tega.records import RECORDS, HandExchange, Record
 from tega.threads import run_realtime
 
 if TYPE_CHECKING:
@@ -64,7 +64,11 @@ class FoxgloveStream:
                 f"foxglove: port {self._port} cannot be served: {error}", "end the program that has it"
             ) from error
         self.url = f"ws://127.0.0.1:{self._server.port}"
-        self._bus.subscribe(Record, self._take, name="foxglove", backlog=self._backlog)
+        for kind in RECORDS:
+            # A hand's exchanges are stamped by another clock until the session has started; unless somebody else wants
+            # them they are not even made.
+            if kind.topic and kind is not HandExchange:
+                self._bus.subscribe(kind, self._take, name="foxglove", backlog=self._backlog)
         return self
 
     def __exit__(
@@ -78,8 +82,7 @@ class FoxgloveStream:
 
     def _take(self, record: Record) -> None:
         channels = self._channels
-        # A hand's exchanges are stamped by another clock until the session has started.
-        if self._server is None or channels is None or isinstance(record, HandExchange):
+        if self._server is None or channels is None:
             return
         if channels.epoch_ns == 0:
             channels.epoch_ns = time.time_ns() - record.log_ns

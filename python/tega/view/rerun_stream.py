@@ -19,11 +19,12 @@ from tega.threads import run_realtime
 if TYPE_CHECKING:
     from tega.bus import Bus
 
-__all__ = ["RERUN_PORT", "RerunStream"]
+__all__ = ["RERUN_PORT", "RerunStream", "save_layout"]
 
 RERUN_PORT: Final = 9876
 """Where the viewer listens by itself."""
 
+_APPLICATION = "tega"
 _TIMELINE = "run"
 _JPEG_QUALITY = 80
 _MOST = 2048
@@ -33,7 +34,8 @@ _FLUSH_S = 1.0
 class RerunStream:
     """Sends a run's records to a viewer that is open on this machine; use as a context manager.
 
-    TEGA serves nothing here: the viewer does. The page's layout is sent first.
+    TEGA serves nothing here: the viewer does. The layout is sent first; ``python/tega/data/rerun-layout.rbl`` is the
+    same, to open beside a recording.
 
     Args:
         bus: The run's.
@@ -64,7 +66,7 @@ class RerunStream:
         # Now, so that the packages behind them are not loaded while the loop runs: that takes a second.
         self._rerun.Image(np.zeros((2, 2, 3), np.uint8)).compress(jpeg_quality=_JPEG_QUALITY)
         self._rerun.BarChart([0])
-        stream = self._rerun.RecordingStream("tega")
+        stream = self._rerun.RecordingStream(_APPLICATION)
         if self._file is None:
             self.url = f"rerun+http://127.0.0.1:{self._port}/proxy"
             stream.connect_grpc(self.url, default_blueprint=_layout())
@@ -127,6 +129,16 @@ class RerunStream:
             case LogLine():
                 shown = rr.TextLog(record.text)
         return shown
+
+
+def save_layout(path: Path) -> None:
+    """Write the viewer's layout as an ``.rbl`` file, which Rerun opens.
+
+    Raises:
+        MissingExtraError: The package rerun-sdk is not installed.
+    """
+    require("rerun", driver="rerun", extra="rerun")
+    _layout().save(_APPLICATION, str(path))
 
 
 def _layout() -> Any:

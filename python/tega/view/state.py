@@ -72,6 +72,8 @@ class ViewState(NamedTuple):
         images: Pictures by finger; ``None`` where there are none.
         shapes: Primitives of the scene. The same object as long as they are the same shapes.
         poses: float64 (n, 7), one row a shape: position in metres, then the quaternion w, x, y, z; z is up.
+        palm: float64 (7,), where the palm of the drawn hand is, as a row of ``poses``: the hand as commanded is drawn
+            there too.
         contact_points: float64 (k, 6): where, metres, and the force on the object there, newtons.
         emg: The newest muscle signal.
         rows: Lines of text, such as object, condition, phase.
@@ -83,6 +85,7 @@ class ViewState(NamedTuple):
     images: Mapping[str, TouchImage] | None = None
     shapes: Sequence[Shape] | None = None
     poses: NDArray[np.float64] | None = None
+    palm: NDArray[np.float64] | None = None
     contact_points: NDArray[np.float64] | None = None
     emg: EmgTail | None = None
     rows: Mapping[str, str] = {}

@@ -28,8 +28,6 @@ from tega.wire.allegro_messages import (
 )
 from tega.wire.arrays import as_bytes
 
-__all__ = ["allegro_decode", "allegro_requested"]
-
 _TEMPERATURE_VALID_MAX_C: Final = 120
 
 

@@ -10,27 +10,6 @@ from typing import Final, Literal, NamedTuple, TypeAlias
 
 from tega._native import ALLEGRO_RAD_PER_COUNT
 
-__all__ = [
-    "HAND_FINGERS",
-    "AllegroConfig",
-    "AllegroImu",
-    "AllegroInfo",
-    "AllegroMessage",
-    "AllegroPeriod",
-    "AllegroPose",
-    "AllegroPosition",
-    "AllegroRejected",
-    "AllegroRequest",
-    "AllegroSerial",
-    "AllegroServo",
-    "AllegroStatus",
-    "AllegroTemperature",
-    "AllegroTorque",
-    "CanFrame",
-    "Counts",
-    "Finger",
-]
-
 Finger: TypeAlias = Literal["index", "middle", "ring", "thumb"]
 """A finger's name."""
 

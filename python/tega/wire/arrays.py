@@ -9,8 +9,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from tega.errors import DtypeError, ShapeError, WireError
 
-__all__ = ["as_bytes", "float_array", "integer_array"]
-
 
 def float_array(name: str, values: ArrayLike, shape: tuple[int, ...] | None = None) -> NDArray[np.float64]:
     """Return real numbers as contiguous float64; what already is that is not copied.

@@ -16,21 +16,6 @@ from numpy.typing import ArrayLike, NDArray
 from tega import _native
 from tega.wire.arrays import as_bytes, integer_array
 
-__all__ = [
-    "PlayerStatus",
-    "hub_line",
-    "player_v2_message",
-    "player_v2_ping",
-    "player_v2_status",
-    "player_v2_stop",
-    "sdk3_dot_message",
-    "sdk3_stop_message",
-    "vest_levels",
-    "x16_levels",
-    "x40_ble_frame",
-    "x40_ble_levels",
-]
-
 
 def _forty(intensities: ArrayLike) -> NDArray[np.uint8]:
     if isinstance(intensities, np.ndarray) and intensities.dtype == np.uint8 and intensities.shape == (40,):

@@ -13,16 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 from tega import _native
 from tega.wire.arrays import as_bytes, integer_array
 
-__all__ = [
-    "HidMotor",
-    "HidStatus",
-    "hid_motor",
-    "hid_motor_report",
-    "hid_status",
-    "hid_status_report",
-    "hid_stop_report",
-]
-
 
 def hid_motor_report(
     intensities: ArrayLike, *, sequence: int, ttl_ms: int, request_status: bool = False

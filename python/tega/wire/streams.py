@@ -16,16 +16,6 @@ from numpy.typing import NDArray
 from tega import _native
 from tega.wire.arrays import as_bytes
 
-__all__ = [
-    "AsciiEmgDecoder",
-    "ChordsBatch",
-    "ChordsDecoder",
-    "CytonBatch",
-    "CytonDecoder",
-    "SpikerDecoder",
-    "chords_channels",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class CytonBatch:

@@ -2,7 +2,7 @@
 
 Needs ``pylsl``. What its stream is called is the ``port`` that it prints. Commands: ``mark TEXT`` marks now,
 ``mark TEXT S`` what was S seconds ago; ``hear NAME`` listens to a stream of texts; ``heard`` tells what came, each with
-its time. All times are this process's monotonic clock, seconds; on Linux that is the library's own.
+its stamp as it was sent. ``at_s`` is this process's monotonic clock, seconds; on Linux that is the library's own.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def main() -> None:
         if words[0] == "heard":
             for inlet in inlets:
                 while (got := inlet.pull_sample(0.0))[0] is not None:
-                    heard.append((got[1] + inlet.time_correction(), got[0][0]))
+                    heard.append((got[1], got[0][0]))
             return {"heard": heard}
         raise ValueError(words[0])
 

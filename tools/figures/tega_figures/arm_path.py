@@ -27,7 +27,8 @@ from tega.arm import (
     WatchdogSettings,
 )
 from tega.arm.rotation import IDENTITY, between, exp, from_matrix, inverse, multiply, to_matrix
-from tega.arm.sources import RecordedPoses, ScriptedPoses, Waypoint, path_through
+from tega.arm.sources import RecordedPoses
+from tega_emulators.scripted_poses import ScriptedPoses, Waypoint, path_through
 
 __all__ = [
     "CASES",

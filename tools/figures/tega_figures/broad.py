@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from tega.opencv import read_image
 from tega.sim.gel import Gel
-from tega.sim.gel_sequences import pressing
 from tega.sim.seams import Indenter
 from tega_figures.closeness import difference
+from tega_figures.gel_sequences import pressing
 
 __all__ = [
     "DISC_MM",

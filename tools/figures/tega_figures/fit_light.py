@@ -16,9 +16,9 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.audit import Mark
 from tega.lifecycle import require
 from tega.sim.gel import Gel, ball
+from tega_figures.audit import Mark
 from tega_figures.check_touch import RecordedPresses, load_presses
 from tega_figures.closeness import difference
 

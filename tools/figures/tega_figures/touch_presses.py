@@ -1,6 +1,6 @@
 """Scores a touch reading on simulated presses: felt from which force, how steadily, silent when after release.
 
-Each press is one unit of the simulated gel with leftovers and drift on (:mod:`tega.sim.gel_sequences`). Seeds of
+Each press is one unit of the simulated gel with leftovers and drift on (:mod:`tega_figures.gel_sequences`). Seeds of
 units come from
 a fixed text, so that nobody chose them. The touch tracker and two plain peers read the same frames.
 """
@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from tega.lifecycle import require
 from tega.sim.gel import PX_PER_MM
-from tega.sim.gel_sequences import SHAPES, GelMoment, press_sequence, ramp
 from tega.touch import GelLight, KnownPress, TouchTracker, TrackedContact, calibrate_light
+from tega_figures.gel_sequences import SHAPES, GelMoment, press_sequence, ramp
 
 __all__ = [
     "CALIBRATION",
@@ -166,7 +166,7 @@ def score_press(
     """Press a shape into a unit and score readings on the same frames.
 
     Args:
-        name: One of :data:`~tega.sim.gel_sequences.SHAPES`.
+        name: One of :data:`~tega_figures.gel_sequences.SHAPES`.
         seed: Of the unit.
         readings: Names in :data:`PEERS`.
         rate_hz: Frames a second.

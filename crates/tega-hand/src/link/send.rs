@@ -78,17 +78,22 @@ impl HandLink {
         let spent_s = (self.last_set_ns - self.first_set_ns) as f64 * 1e-9;
         let rate_hz = if spent_s > 0.0 { f64::from(self.n_checked.saturating_sub(1)) / spent_s } else { 0.0 };
         let enough = self.n_checked >= CHECKED_SETS;
+        let lowest_hz = self.settings.lowest_rate_hz;
         if !enough && in_phase_ns < CHECK_NS {
             return;
         }
         if self.n_checked == 0 {
             let finger = self.sets.silent_finger(t_ns - CHECK_NS / 2).unwrap_or(Finger::Index);
             self.fail(Fault::NoPositions { finger: finger.name() }, t_ns);
-        } else if enough && spent_s == 0.0 {
-            // Everything came in one go after a stall of this side; look at some more.
+        } else if enough && (spent_s == 0.0 || (rate_hz < lowest_hz && in_phase_ns < CHECK_NS)) {
+            // Everything came in one go, or too little, after a stall; look at some more while the motors are off.
             self.n_checked = 0;
-        } else if rate_hz < self.settings.lowest_rate_hz {
-            self.fail(Fault::TooSlow { rate_hz, lowest_hz: self.settings.lowest_rate_hz }, t_ns);
+        } else if rate_hz < lowest_hz {
+            if self.attempts == 0 {
+                self.fail(Fault::TooSlow { rate_hz, lowest_hz }, t_ns);
+            } else {
+                self.look_again(t_ns);
+            }
         } else if let Some(angles) = self.angles_rad {
             self.enter(Phase::Running, t_ns);
             self.heat.start(t_ns);

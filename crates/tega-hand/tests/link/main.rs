@@ -281,9 +281,23 @@ fn slow_reports_and_impossible_angles_are_refused_before_the_motors_go_on() {
     bench.run(300);
     assert_eq!(bench.fault(), "angle");
     let mut slow = Bench::with(Hand::default(), LinkSettings { lowest_rate_hz: 400.0, ..Default::default() });
-    slow.run(300);
+    slow.run(1500);
     assert_eq!(slow.fault(), "too-slow");
     assert!(!bench.pushed() && !slow.pushed());
+}
+
+#[test]
+fn a_hand_held_up_while_it_is_looked_at_is_looked_at_once_more_with_the_motors_off() {
+    let mut bench = Bench::new(Hand::default());
+    // Half as many sets as wanted, from the first request on.
+    bench.hand.every_ms = 6;
+    bench.run(400);
+    assert_eq!((bench.fault(), bench.link.phase()), ("", Phase::Checking));
+    assert!(!bench.hand.servo_on && !bench.pushed());
+    bench.hand.every_ms = 3;
+    bench.run(400);
+    assert_eq!((bench.fault(), bench.link.phase()), ("", Phase::Running));
+    assert!(bench.hand.servo_on);
 }
 
 #[test]

@@ -6,8 +6,6 @@ from typing import NamedTuple, Protocol
 
 from tega.arm.robot.words import Quaternion, Triple
 
-__all__ = ["HandSeen", "RobotBody"]
-
 
 class HandSeen(NamedTuple):
     """Place and turn of the robot's hand, with their time.

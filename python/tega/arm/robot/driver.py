@@ -8,6 +8,7 @@ import secrets
 import select
 import socket
 import subprocess
+import sys
 import time
 from typing import Annotated, Any, ClassVar
 
@@ -33,8 +34,6 @@ from tega.device_items import DeviceInfo, Kind, Options
 from tega.errors import DeviceUnavailableError
 from tega.lifecycle import Opened
 
-__all__ = ["ArmOptions", "ProcessArm"]
-
 _MOST_BYTES = 4096
 _LEAVE_S = 6.0
 _SILENT_S = 0.3
@@ -55,11 +54,7 @@ class ArmOptions(Options, frozen=True, kw_only=True):
 
 
 class ProcessArm(Opened):
-    """An arm in a process of its own. A subclass names what stands behind it.
-
-    Args:
-        options: The settings.
-    """
+    """An arm in a process of its own. A subclass names what stands behind it."""
 
     kind: ClassVar[Kind] = "arm"
     extra: ClassVar[str] = ""
@@ -136,6 +131,10 @@ class ProcessArm(Opened):
         """
         if self._process is not None:
             return
+        if sys.platform == "win32":
+            raise DeviceUnavailableError(
+                f"{self.name}: the arm's process needs Linux or macOS", "steer the arm from another machine"
+            )
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._session, self._sequence = secrets.randbits(62), 0
         self._told, self._late, self._refused = None, 0, 0

@@ -9,23 +9,12 @@ from __future__ import annotations
 import re
 import socket
 import struct
+import sys
 from importlib.metadata import PackageNotFoundError, files, version
 from pathlib import Path
 from typing import Final, NamedTuple
 
 from tega.errors import DeviceUnavailableError, WrongDeviceError
-
-__all__ = [
-    "PORT",
-    "Library",
-    "Preflight",
-    "fitting_server",
-    "installed_library",
-    "machine_findings",
-    "preflight",
-    "server_version",
-    "the_fix",
-]
 
 PORT: Final = 1337
 _HEADER: Final = struct.Struct("<III")
@@ -171,6 +160,8 @@ def the_fix(server: int, library: Library | None) -> str:
 
 def machine_findings() -> list[tuple[bool, str, str]]:
     """Look at what libfranka wants of this machine: for each, whether it is so, what it is, and what to do."""
+    if sys.platform != "linux":
+        return [(False, f"{sys.platform} instead of Linux", "libfranka steers a robot from Linux only")]
     import resource
 
     realtime = Path("/sys/kernel/realtime")

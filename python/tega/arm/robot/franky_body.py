@@ -14,8 +14,6 @@ from tega.arm.robot.words import Quaternion, Triple
 from tega.errors import DeviceUnavailableError, WrongDeviceError
 from tega.lifecycle import require
 
-__all__ = ["JOINT_LIMITS_RAD", "MODE_WORDS", "FrankyBody"]
-
 JOINT_LIMITS_RAD: Final = {
     "panda": (
         (-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973),

@@ -7,8 +7,6 @@ from typing import Literal, NamedTuple
 from tega.arm.robot.words import ArmTargetWords
 from tega.arm.settings import WatchdogSettings
 
-__all__ = ["Leash", "Order"]
-
 # The clocks are one on one machine; more than this is no delay of a thread.
 _AHEAD_MS = 20.0
 

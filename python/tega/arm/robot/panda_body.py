@@ -19,8 +19,6 @@ from tega.arm.settings import LimitSettings
 from tega.errors import DeviceUnavailableError, WrongDeviceError
 from tega.lifecycle import require
 
-__all__ = ["PandaBody"]
-
 _TO_START_SHARE: Final = 0.05
 _POSTURE_NM_RAD: Final = 5.0
 _SILENT_NS: Final = 200_000_000

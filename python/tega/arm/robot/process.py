@@ -38,8 +38,6 @@ from tega.arm.robot.words import (
 )
 from tega.errors import TegaError
 
-__all__ = ["Loop", "ProcessSettings", "main"]
-
 _MOST_BYTES = 4096
 _WINDOW_S = 1.0
 _REST_S = 3.0

@@ -9,8 +9,6 @@ import numpy as np
 from tega.arm.robot.words import Quaternion, Triple
 from tega.arm.rotation import between, exp, multiply, unit
 
-__all__ = ["Slew"]
-
 
 class Slew:
     """Moves a target towards what is asked, along the straight line and the shortest turn.

@@ -12,8 +12,6 @@ from tega.arm.robot.body import HandSeen
 from tega.arm.robot.words import Quaternion, Triple
 from tega.arm.rotation import between, exp, multiply, unit
 
-__all__ = ["SpringBody"]
-
 # Critically damped with 1 kg: 800 N/m as on the robot; turning likewise.
 _PER_S2 = 800.0
 _STEP_S = 1e-3

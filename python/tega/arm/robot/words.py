@@ -9,20 +9,6 @@ import msgspec
 
 from tega.arm.pose import ArmState
 
-__all__ = [
-    "AppliedTarget",
-    "ArmShutdown",
-    "ArmStatusWords",
-    "ArmTargetWords",
-    "Failed",
-    "Health",
-    "Phase",
-    "Ready",
-    "Recover",
-    "decode",
-    "encode",
-]
-
 Phase = Literal["ready", "following", "resting", "faulted"]
 Triple = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]

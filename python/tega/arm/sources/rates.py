@@ -11,8 +11,6 @@ from tega.arm.pose import StampedPose
 from tega.arm.rotation import IDENTITY, exp, multiply, unit
 from tega.device_items import InputReading
 
-__all__ = ["RatePoses"]
-
 # A pose is told once in so long at most, as a tracker would; the summing goes on between.
 _LEAST_NS: Final = 1_000_000
 # After a longer pause the deflection of before is not summed up: nobody knows how long it lasted.

@@ -13,8 +13,6 @@ from tega.errors import RecordingError
 from tega.foreign_file import read_words
 from tega.records import PoseNumbers
 
-__all__ = ["RecordedPoses", "read_poses", "write_poses"]
-
 _COLUMNS = ["t_s", *PoseNumbers.table]
 
 

@@ -12,8 +12,6 @@ from tega.cli.options import echo_json, json_option
 if TYPE_CHECKING:
     from tega.study.detecting import TrialEvents
 
-__all__ = ["detect"]
-
 
 @click.command(epilog="Example: tega-teleop study detect my-study p01")
 @click.argument("folder", type=click.Path(path_type=Path, file_okay=False))

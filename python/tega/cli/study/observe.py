@@ -8,8 +8,6 @@ import click
 
 from tega.cli.page import DEFAULT_PORT
 
-__all__ = ["observe"]
-
 
 @click.command(epilog="Example: tega-teleop study observe my-study p01 --rater r1")
 @click.argument("folder", type=click.Path(path_type=Path, file_okay=False))

@@ -12,7 +12,6 @@ from tega.cli.options import NameList, echo_json, json_option
 if TYPE_CHECKING:
     from tega.study.order import Layout
 
-__all__ = ["plan", "status"]
 
 _FOLDER = click.Path(path_type=Path, file_okay=False)
 

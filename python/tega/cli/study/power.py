@@ -8,8 +8,6 @@ import click
 
 from tega.cli.options import echo_json, json_option
 
-__all__ = ["power"]
-
 
 @click.command(epilog="Example: tega-teleop study power --slips 5.9,2.8 --trials 10")
 @click.option("--slips", default="5.9,2.8", show_default=True, help="Mean per trial without and with touch.")

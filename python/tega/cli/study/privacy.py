@@ -8,8 +8,6 @@ import click
 
 from tega.cli.options import echo_json, json_option
 
-__all__ = ["export", "withdraw"]
-
 _FOLDER = click.Path(path_type=Path, file_okay=False)
 
 

@@ -12,7 +12,6 @@ from tega.cli.options import echo_json, json_option
 if TYPE_CHECKING:
     from tega.study.analyse import Analysis
 
-__all__ = ["report"]
 
 _FOLDER = click.Path(path_type=Path, file_okay=False)
 

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from tega.study.plan import StudyPlan
     from tega.study.state import Where
 
-__all__ = ["run"]
-
 
 @click.command(epilog="Example: tega-teleop study run my-study p01 --lab lab.toml")
 @click.argument("folder", type=click.Path(path_type=Path, file_okay=False))

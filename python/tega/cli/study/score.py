@@ -8,8 +8,6 @@ import click
 
 from tega.cli.options import echo_json, json_option
 
-__all__ = ["score"]
-
 
 @click.command(epilog="Example: tega-teleop study score my-study --boris my-study.boris")
 @click.argument("folder", type=click.Path(path_type=Path, file_okay=False))

@@ -9,8 +9,6 @@ import click
 from tega.cli.options import NameList, echo_json, json_option
 from tega.cli.study.simulate import SHARD, trials_shown
 
-__all__ = ["sensitivity"]
-
 
 @click.command(epilog="Example: tega-teleop study sensitivity in-silico")
 @click.argument("folder", type=click.Path(path_type=Path, file_okay=False))

@@ -13,8 +13,6 @@ import click
 
 from tega.cli.options import NameList, echo_json, json_option, loop_options, loop_sets
 
-__all__ = ["SHARD", "simulate", "trials_shown"]
-
 LINE_EVERY_S = 30.0
 
 _FOLDER = click.Path(path_type=Path, file_okay=False)

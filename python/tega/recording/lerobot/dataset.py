@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tega.errors import ConfigError, RecordingError
+from tega.foreign_file import tells_damage
 from tega.lifecycle import require
 from tega.plain_name import plain_name
 from tega.recording.lerobot.episode import Episode, read_episode
@@ -34,7 +35,6 @@ from tega.recording.origin import origins, span
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["export_lerobot"]
 
 FORMAT = "v3.0"
 DATA = f"data/{PLACE}.parquet"
@@ -76,10 +76,16 @@ def export_lerobot(paths: Sequence[Path], folder: Path, *, fps: int = 30, task: 
     dataset = _Dataset(folder, fps, task)
     try:
         for path in paths:
-            dataset.add(read_episode(path, fps=fps))
+            _add(path, dataset, fps)
     finally:
         dataset.close()
     return folder
+
+
+@tells_damage
+def _add(path: Path, dataset: _Dataset, fps: int) -> None:
+    """Read a recording and add it; whatever its content leads to on the way is damage of that file."""
+    dataset.add(read_episode(path, fps=fps))
 
 
 class _Dataset:

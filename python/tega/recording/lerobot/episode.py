@@ -17,7 +17,6 @@ from tega.recording.origin import span
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Column", "Episode", "read_episode"]
 
 _S = 1_000_000_000
 
@@ -131,6 +130,11 @@ def read_episode(path: Path, *, fps: int) -> Episode:
     used = {topic: stream for topic, stream in streams.items() if stream.values}
     if not used:
         raise RecordingError(f"{path.name}: holds no stream", "the run had not begun")
+    for topic, stream in used.items():
+        if not any(value is None or np.size(value) for value in stream.values):  # None: a picture
+            raise RecordingError(
+                f"{path.name}: the records of {topic} hold no numbers", "inspect says how far it can be read"
+            )
     begin_ns = max(*(s.times[0] for s in used.values()), span(reader.metadata).from_ns)
     samples = _Samples(used.get("/emg/samples"), fps)
     begin_ns = max(begin_ns, samples.begin_ns)

@@ -9,7 +9,6 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Colours", "figures"]
 
 QUANTILES = (0.01, 0.10, 0.50, 0.90, 0.99)
 

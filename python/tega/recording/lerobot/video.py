@@ -15,17 +15,6 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = [
-    "CODEC",
-    "FILES_PER_CHUNK",
-    "PIXELS",
-    "PLACE",
-    "VIDEOS",
-    "VIDEO_MB",
-    "EpisodeCamera",
-    "Video",
-    "VideoPlace",
-]
 
 PLACE = "chunk-{chunk_index:03d}/file-{file_index:03d}"
 """Where a file is, below its folder."""

@@ -2,6 +2,7 @@
 
 from tega.sim.operator.acting import Operator, Rules
 from tega.sim.operator.calibrate import Calibrated, calibrate
+from tega.sim.operator.effects import EFFECTS
 from tega.sim.operator.emg import CHANNELS, ForearmEmg
 from tega.sim.operator.emg_noise import TICK_HZ
 from tega.sim.operator.keyboard import KEYS_HELP, KeyboardOperator
@@ -12,6 +13,7 @@ from tega.sim.operator.shams import SHAMS, Sham, sham_vest
 
 __all__ = [
     "CHANNELS",
+    "EFFECTS",
     "KEYS_HELP",
     "SHAMS",
     "TICK_HZ",

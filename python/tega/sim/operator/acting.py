@@ -22,8 +22,6 @@ from tega.sim.operator.vest_sense import LOOK_S, Skin
 from tega.sim.operator.vision import Eyes, SeenEvent
 from tega.sim.seams import Act, Percept
 
-__all__ = ["Operator", "Rules"]
-
 _TICK_S = 0.01
 _VEST_READ_S = 0.5
 _PANELS: tuple[Panel, Panel] = ("front", "back")

@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 from tega.sim.operator.sections import GripSection
 from tega.sim.operator.vision import normal_cdf
 
-__all__ = ["Closure", "ObjectBelief", "Panel", "above", "below", "best_level", "cost"]
-
 Panel: TypeAlias = Literal["front", "back"]
 # Where a panel's line stands in the state: x, front b0 and b1, back b0 and b1.
 _LINE: dict[Panel, int] = {"front": 1, "back": 3}

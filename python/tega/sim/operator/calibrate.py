@@ -12,8 +12,6 @@ from tega.sim.operator.emg import ForearmEmg
 from tega.sim.operator.emg_noise import TICK_HZ
 from tega.sim.operator.person import PersonNumbers
 
-__all__ = ["Calibrated", "calibrate"]
-
 _SQUEEZE_S = 3.0
 _PAUSE_S = 2.0
 _SQUEEZES = 3

@@ -9,23 +9,24 @@ For each muscle ``m`` with excitation ``U`` (share of the strongest), slow drive
 
 Amplitude-modulated Gaussian noise: Shwedyk, Balasubramanian and Scott 1977; spectrum: Farina and Merletti 2000.
 Noise is made in bulk, a second at a time; a call costs some microseconds and any division into calls gives the same
-samples. Not modelled: motor units, the amplifier's own band, quantisation, lost samples.
+samples. Electrode shift, sweat, co-contraction and posture are effects, off unless named
+(:mod:`tega.sim.operator.effects`). Not modelled: motor units, the amplifier's own band, quantisation, lost samples.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tega.errors import InvalidValueError, ShapeError
+from tega.sim.operator.effects import Disturbance
 from tega.sim.operator.emg_noise import TICK_HZ, NoiseMaker, Second
 from tega.sim.operator.person import PersonNumbers, stream
 from tega.sim.seams import Act
-
-__all__ = ["CHANNELS", "ForearmEmg"]
 
 CHANNELS = ("ecr", "fcu", "fds")
 """Wrist extensor, wrist flexor, finger flexor: the order of the columns."""
@@ -34,6 +35,7 @@ CHANNELS = ("ecr", "fcu", "fds")
 _FAST_M_S = 0.1
 _POSTURE_M = 0.2
 _MOST = 1.2
+_NOTHING = (0.0, 0.0, 0.0)
 
 
 class _Artefact(NamedTuple):
@@ -52,9 +54,10 @@ class ForearmEmg:
         label: Which stretch of the session: another trial, other noise and electrodes shifted a little.
         rate_hz: Samples per second, 200 to 10,000.
         settled: Electrodes exactly as at calibration, gain 1.
+        effects: What has changed since the calibration: names of :data:`tega.sim.operator.effects.EFFECTS`.
 
     Raises:
-        InvalidValueError: The rate is out of range.
+        InvalidValueError: The rate is out of range, or there is no such effect.
 
     Example:
         >>> from tega.sim.operator import ForearmEmg, typical_person
@@ -71,12 +74,17 @@ class ForearmEmg:
         label: str | int = 0,
         rate_hz: float = 1000.0,
         settled: bool = False,
+        effects: Collection[str] = (),
     ) -> None:
         if not 200 <= rate_hz <= 10_000:
             raise InvalidValueError(f"rate_hz = {rate_hz} Hz is not within 200 to 10000")
         p = self._p = person.emg
         self.rate_hz = rate_hz
-        self._noise = NoiseMaker(p, rate_hz=rate_hz, seed=seed, label=label)
+        self._disturbed = (
+            Disturbance(effects, seed=seed, label=label, tick_s=1 / TICK_HZ) if effects else None
+        )
+        turned = None if self._disturbed is None else self._disturbed.turned
+        self._noise = NoiseMaker(p, rate_hz=rate_hz, seed=seed, label=label, turned=turned)
         self._jolts = stream(seed, "emg", label, "artefact")
         gain = np.zeros(3) if settled else p.gain_sd * stream(seed, "emg", label, "gain").standard_normal(3)
         self._gain = np.exp(gain).tolist()
@@ -98,7 +106,7 @@ class ForearmEmg:
         """
         moved = math.dist(act.forearm_m, self._at_m) * TICK_HZ if self._tick else 0.0
         self._at_m = act.forearm_m
-        return self._samples(act.excitation, act.forearm_m[0], moving=moved > _FAST_M_S)
+        return self._samples([act.excitation], act.forearm_m[0], moving=moved > _FAST_M_S)
 
     def course(self, excitation: ArrayLike) -> NDArray[np.float64]:
         """Return the samples of a whole course of excitation with the forearm at rest in the grasp pose.
@@ -115,36 +123,67 @@ class ForearmEmg:
         values = np.asarray(excitation, np.float64)
         if values.ndim != 1:
             raise ShapeError(f"excitation has shape {values.shape}, expected (n,)")
-        parts = [self._samples(u, 0.0, moving=False) for u in values.tolist()]
+        left: list[float] = values.tolist()
+        parts = []
+        while left:
+            room = TICK_HZ - self._tick % TICK_HZ
+            parts.append(self._samples(left[:room], 0.0, moving=False))
+            left = left[room:]
         return np.concatenate(parts) if parts else np.empty((0, 3))
 
     def rest(self, seconds: float) -> None:
         """Let the muscles recover; no samples are made."""
         self.fatigue *= math.exp(-self._p.recovery_per_s * self._p.recovery_at_rest * seconds)
 
-    def _samples(self, excitation: float, height_m: float, *, moving: bool) -> NDArray[np.float64]:
-        p = self._p
-        tick = self._tick % TICK_HZ
+    def _samples(self, excitations: list[float], height_m: float, *, moving: bool) -> NDArray[np.float64]:
+        """Return the samples of one or more ticks of one second."""
+        tick, n = self._tick % TICK_HZ, len(excitations)
         if tick == 0 or self._second is None:
             self._second = self._noise.second(self.fatigue)
         second = self._second
-        first, end = second.bounds[tick], second.bounds[tick + 1]
+        scales, electrodes, jolts = [], [], []
+        for k, excitation in enumerate(excitations, tick):
+            added, gains = (_NOTHING, None) if self._disturbed is None else self._disturbed.step()
+            scales.append(self._scales(excitation, second.drive[k], added, height_m))
+            electrodes.append(gains)
+            rate = self._p.artefact_hz * (self._p.artefact_moving if moving else 1.0)
+            if second.chance[k] < rate / TICK_HZ:
+                self._artefacts.append(self._artefact())
+            if self._artefacts:
+                jolts.append((k, self._tick, self._artefacts))
+                self._forget_artefacts()
+            self._tire(excitation)
+            self._tick += 1
+        bounds = second.bounds[tick : tick + n + 1]
+        first, end = bounds[0], bounds[-1]
+        signal = second.sensor[first:end].copy()
+        lengths = np.diff(bounds)
+        for m, source in enumerate(second.sources):
+            scale = np.repeat([row[m] for row in scales], lengths)[:, None]
+            seen = source[first:end] * scale
+            signal += (
+                seen if electrodes[0] is None else seen * np.repeat(np.array(electrodes), lengths, axis=0)
+            )
+        for k, at, artefacts in jolts:
+            self._shake(signal[second.bounds[k] - first : second.bounds[k + 1] - first], at, artefacts)
+        return signal
+
+    def _scales(
+        self, excitation: float, drive: list[float], added: tuple[float, float, float], height_m: float
+    ) -> tuple[float, ...]:
+        """Return the amplitude of each muscle, µV."""
+        p = self._p
         slow_sd = math.sqrt(p.drive_floor**2 + (p.drive_share * excitation) ** 2)
         stronger = 1 + p.fatigue_gain * self.fatigue
-        signal = second.sensor[first:end].copy()
-        for m, slow in enumerate(second.drive[tick]):
+        scales = []
+        for m, slow in enumerate(drive):
             gain = self._gain[m] * math.exp(self._posture[m] * height_m)
-            e = min(max(gain * excitation + slow * slow_sd, 0.0), _MOST)
+            if self._disturbed is not None:
+                gain *= self._disturbed.muscle_gain[m]
+            e = min(max(gain * excitation + slow * slow_sd + added[m], 0.0), _MOST)
             e = p.rest_share + (1 - p.rest_share) * e
-            signal += second.sources[m][first:end] * (self._peak_uv[m] * e**p.power * stronger)
-        rate = p.artefact_hz * (p.artefact_moving if moving else 1.0)
-        if second.chance[tick] < rate / TICK_HZ:
-            self._artefacts.append(self._artefact())
-        if self._artefacts:
-            self._shake(signal)
-        self._tire(excitation)
-        self._tick += 1
-        return signal
+            scales.append(self._peak_uv[m] * e**p.power * stronger)
+        return tuple(scales)
 
     def _tire(self, excitation: float) -> None:
         """Three-compartment model; the active share follows the excitation as far as muscle is left."""
@@ -160,11 +199,15 @@ class ForearmEmg:
         omega = 2 * math.pi * (1 + 7 * speed)
         return _Artefact(self._tick, int(3 * where), float(height if sign < 0.5 else -height), float(omega))
 
-    def _shake(self, signal: NDArray[np.float64]) -> None:
+    def _shake(self, signal: NDArray[np.float64], tick: int, artefacts: list[_Artefact]) -> None:
+        """Add artefacts to the samples of a tick."""
         decay_s = self._p.artefact_decay_ms / 1e3
         inside_s = np.arange(len(signal)) / self.rate_hz
-        for jolt in self._artefacts:
-            t_s = (self._tick - jolt.start) / TICK_HZ + inside_s
+        for jolt in artefacts:
+            t_s = (tick - jolt.start) / TICK_HZ + inside_s
             signal[:, jolt.channel] += jolt.height_uv * np.exp(-t_s / decay_s) * np.cos(jolt.omega * t_s)
-        oldest = self._tick - round(12 * decay_s * TICK_HZ)
+
+    def _forget_artefacts(self) -> None:
+        """Drop what has died away."""
+        oldest = self._tick - round(12 * self._p.artefact_decay_ms / 1e3 * TICK_HZ)
         self._artefacts = [jolt for jolt in self._artefacts if jolt.start > oldest]

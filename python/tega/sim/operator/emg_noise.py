@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from tega.sim.operator.person import stream
 from tega.sim.operator.sections import Emg
 
-__all__ = ["TICK_HZ", "NoiseMaker", "Second"]
-
 TICK_HZ = 100
 """Acts a second."""
 
@@ -48,9 +46,18 @@ class NoiseMaker:
         rate_hz: Samples per second.
         seed: Of everything random.
         label: Which stretch of the session.
+        turned: Weights with which each electrode sees what the electrodes saw before, (3, 3); ``None``: as they sat.
     """
 
-    def __init__(self, emg: Emg, *, rate_hz: float, seed: int, label: str | int) -> None:
+    def __init__(
+        self,
+        emg: Emg,
+        *,
+        rate_hz: float,
+        seed: int,
+        label: str | int,
+        turned: NDArray[np.float64] | None = None,
+    ) -> None:
         self._p, self._rate_hz = emg, rate_hz
         self._step = math.ceil(_LEAST_RATE_HZ / rate_hz)
         self._taps = round(_KERNEL_S * rate_hz * self._step)
@@ -59,6 +66,8 @@ class NoiseMaker:
         self._chance = stream(seed, "emg", label, "chance")
         flexors, extensor = emg.crosstalk_flexors, emg.crosstalk_extensor
         self._mix = np.array([[1, extensor, extensor], [extensor, 1, flexors], [extensor, flexors, 1]])
+        if turned is not None:
+            self._mix = turned @ self._mix
         self._white = self._signal.standard_normal((3, self._taps - 1))
         self._drive: list[float] = self._slow.standard_normal(4).tolist()
         self._wander_uv = np.zeros(3)

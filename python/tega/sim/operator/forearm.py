@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-__all__ = ["SimulatedForearm"]
-
 
 class SimulatedForearm:
     """Moves the hand as a whole from place to place, with minimum jerk.

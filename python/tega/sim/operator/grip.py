@@ -16,8 +16,6 @@ from tega.sim.operator.person import PersonNumbers
 from tega.sim.operator.vision import Kind, SeenEvent
 from tega.sim.seams import WorldTruth
 
-__all__ = ["Decision", "GripDecisions"]
-
 _CARRYING = frozenset({"lift", "place"})
 _CONTACT = frozenset({"contact", "onset", "slip", "deformation"})
 _HELD = frozenset({"lift", "hold", "place"})

@@ -9,8 +9,6 @@ from tega.sim.operator.motor import level_effort
 from tega.sim.operator.person import typical_person
 from tega.sim.seams import Act, Percept
 
-__all__ = ["KEYS_HELP", "KeyboardOperator"]
-
 KEYS_HELP = (
     "1 to 5: close to that level · space: let go · up, down: lift, lower · right, left: nearer, away · q: end"
 )

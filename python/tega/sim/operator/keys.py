@@ -13,8 +13,6 @@ from types import TracebackType
 
 from tega.errors import DeviceUnavailableError
 
-__all__ = ["Keys"]
-
 # One key as a terminal sends it: a control sequence, or one character.
 _KEY = re.compile(rb"\x1b(?:\[[0-9;]*[@-~]|O[@-~])|\x1b(?![\[O])|[^\x1b]", re.DOTALL)
 _ARROWS = {b"A": "up", b"B": "down", b"C": "right", b"D": "left"}

@@ -14,8 +14,6 @@ import numpy as np
 
 from tega.sim.operator.sections import MotorSection
 
-__all__ = ["MuscleMotor", "level_effort"]
-
 _MOST = 1.15
 
 
@@ -51,7 +49,15 @@ class MuscleMotor:
     def command(self, level: int) -> None:
         """Aim at a level; slack begins anew."""
         error, floor = self._aim.standard_normal(2)
-        share = level_effort(self._p, level) * (1 + self._p.aim_sd * error) + self._p.aim_floor * floor
+        self._set_out(level_effort(self._p, level) * (1 + self._p.aim_sd * error) + self._p.aim_floor * floor)
+
+    def correct(self, effort: float) -> None:
+        """Aim at an effort, a share of that at Emax, from the one that is made now; the error goes with the change."""
+        error, floor = self._aim.standard_normal(2)
+        change = effort - self.excitation / self._full
+        self._set_out(effort + change * self._p.aim_sd * error + self._p.aim_floor * floor)
+
+    def _set_out(self, share: float) -> None:
         self._target = min(max(self._full * float(share), 0.0), _MOST)
         self._share = 1.0
         self._bias = self._p.effort_sd * float(self._sense.standard_normal())

@@ -32,17 +32,6 @@ from tega.sim.operator.sections import (
     Vision,
 )
 
-__all__ = [
-    "FROZEN_SHA256",
-    "Parameter",
-    "Parameters",
-    "PersonNumbers",
-    "draw_person",
-    "load_parameters",
-    "stream",
-    "typical_person",
-]
-
 FROZEN_SHA256 = "101a8f666f21c0758534eb3afb6042942ec306f22020a4590ac3539a7a26006f"
 """Of the parameter file as it was before the first closed-loop run; any other file is called changed."""
 

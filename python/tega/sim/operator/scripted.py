@@ -12,8 +12,6 @@ from tega.sim.operator.motor import level_effort
 from tega.sim.operator.person import typical_person
 from tega.sim.seams import Act, Percept
 
-__all__ = ["DEFAULT_COURSE", "ScriptedOperator", "Step"]
-
 
 class Step(NamedTuple):
     """One step of a script.

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import msgspec
 
-__all__ = ["BodySection", "Emg", "ForearmSection", "GripSection", "MotorSection", "VestSection", "Vision"]
-
 
 class _PersonSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     pass

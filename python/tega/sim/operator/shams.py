@@ -16,8 +16,6 @@ from tega.errors import InvalidValueError
 from tega.haptics import Layout, MotorLevels, vest_frame
 from tega.sim.operator.person import stream
 
-__all__ = ["SHAMS", "Sham", "ShamName", "sham_vest"]
-
 ShamName = Literal[
     "informative", "off", "silent", "constant", "unrelated", "replayed", "permuted", "inverted", "half"
 ]

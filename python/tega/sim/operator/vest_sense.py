@@ -17,8 +17,6 @@ from tega.haptics import MotorLevels
 from tega.sim.operator.sections import VestSection, Vision
 from tega.sim.operator.vision import Kind, SeenEvent, normal_cdf, reaction_s
 
-__all__ = ["LOOK_S", "Look", "Skin"]
-
 # The score of the 75 % point in a comparison of two looks: sqrt(2) * 0.6745.
 _TWO_LOOKS = 0.954
 # Time between two looks, which is that between two decisions, seconds.

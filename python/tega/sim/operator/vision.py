@@ -14,8 +14,6 @@ import numpy as np
 from tega.sim.operator.sections import Vision
 from tega.sim.seams import WorldTruth
 
-__all__ = ["Eyes", "Kind", "SeenEvent", "normal_cdf", "reaction_s"]
-
 Kind = Literal["slip", "deformation", "contact", "weaker", "onset"]
 
 _DEGREES = 180 / math.pi

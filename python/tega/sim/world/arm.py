@@ -10,15 +10,6 @@ from typing import Final
 
 import numpy as np
 
-__all__ = [
-    "ARM_LIMITS_RAD",
-    "ARM_POSTURE_RAD",
-    "ARM_SPEEDS_RAD_S",
-    "arm_actuators",
-    "arm_body",
-    "arm_joint_names",
-]
-
 ARM_LIMITS_RAD: Final = np.array(
     [
         [-2.8973, 2.8973],

@@ -12,8 +12,6 @@ from tega.arm.robot.words import Quaternion, Triple
 from tega.arm.rotation import from_matrix, to_matrix
 from tega.errors import TegaError
 
-__all__ = ["BenchBody"]
-
 _HAND_TICK_S: Final = 3e-3
 # A process that was away does not make up for more: the arm stood still meanwhile.
 _MOST_S: Final = 0.05

@@ -15,7 +15,6 @@ from tega.wire import HAND_FINGERS
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["LiftedBody", "body_of"]
 
 # Boards that a flex is drawn of: half their thickness, and how far towards the axis those of its ends reach.
 _BOARD_M: Final = 0.002

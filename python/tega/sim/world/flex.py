@@ -18,7 +18,6 @@ from tega.sim.world.shells import shell_mass_kg
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["AROUND", "NAME", "SKIN_M", "UP", "flex_body", "mesh", "young_pa"]
 
 NAME: Final = "object"
 AROUND: Final = 16

@@ -12,7 +12,6 @@ from tega.sim.world.arm import ARM_LIMITS_RAD, ARM_POSTURE_RAD, ARM_SPEEDS_RAD_S
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["ArmFollower"]
 
 _SPEED_M_S: Final = 0.25
 _ACCELERATION_M_S2: Final = 1.0

@@ -12,8 +12,6 @@ import msgspec
 
 from tega.errors import InvalidValueError
 
-__all__ = ["OBJECTS", "PALM_FACE_M", "ObjectSpec"]
-
 PALM_FACE_M: Final = 0.0111
 """How far the palm's face is before the palm's frame."""
 

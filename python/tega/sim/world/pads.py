@@ -23,7 +23,6 @@ from tega.wire import HAND_FINGERS
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["PadContacts"]
 
 _FLEX = -1
 """What a contact of MuJoCo calls the shape that is a flex."""

@@ -8,8 +8,6 @@ import numpy as np
 
 from tega.hand import CLOSURE_POSES_RAD, HandController
 
-__all__ = ["GRASP_POSES_RAD", "hand_controller"]
-
 # Open, but no wider than the objects ask for: no joint is 0.59 rad or more from the next level, so that a move
 # from one level to the next keeps its 0.6 s.
 _OPEN_RAD: Final = ((0.0, 0.50, 0.40, 0.30), (1.35, 0.20, -0.14, 0.15))

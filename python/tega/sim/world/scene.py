@@ -17,16 +17,6 @@ from tega.sim.world.shells import object_body, object_tendons, wall_rad_s
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = [
-    "PALM_ROTATION",
-    "Physics",
-    "build",
-    "grasp_palm_m",
-    "import_mujoco",
-    "object_parts",
-    "physics_for",
-    "preamble",
-]
 
 PALM_ROTATION: Final = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """Palm to world: the fingers point along x, the palm faces y, the index finger is on top. float64 (3, 3)."""

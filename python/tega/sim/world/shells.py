@@ -12,8 +12,6 @@ from typing import Final
 from tega.sim.world.objects import ObjectSpec
 from tega.wire import HAND_FINGERS
 
-__all__ = ["object_body", "object_tendons", "shell_mass_kg", "wall_rad_s"]
-
 # Light bodies make soft contacts, as their stiffness scales with mass; so shells are given a fair share of it.
 _SHELL_SHARE: Final = 0.08
 _REACH_M: Final = 0.9

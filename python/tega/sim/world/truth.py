@@ -10,8 +10,6 @@ from tega.sim.world.body import LiftedBody
 from tega.sim.world.objects import ObjectSpec
 from tega.sim.world.pads import PadContacts
 
-__all__ = ["Witness"]
-
 _LIFTED_M: Final = 1e-3
 _LOST_M: Final = 0.03
 _FREE_S: Final = 0.05

@@ -127,6 +127,13 @@ class World:
         return np.array(data.site_xpos[self._palm]), np.array(data.site_xmat[self._palm]).reshape(3, 3)
 
     @property
+    def palm_row(self) -> NDArray[np.float64]:
+        """Where the palm is, float64 (7,), as a row of :meth:`poses`."""
+        row = np.empty(7)
+        row[:3], row[3:] = self.data.xpos[self._palm_body], self.data.xquat[self._palm_body]
+        return row
+
+    @property
     def object_pose(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Where the object's middle is and where its axis points, world frame: float64 (3,) metres and (3,)."""
         return np.array(self._body.middle_m()), np.array(self._body.upright())

@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     from tega.clock import Clock
     from tega.study.lead.desk import Desk
 
-__all__ = ["TrialBefore"]
-
 
 class TrialBefore:
     """Corrections and notes of the trial that ended last.

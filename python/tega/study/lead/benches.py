@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 from tega.study.state import Where
 from tega.whole_file import write_whole
 
-__all__ = ["LabBench", "SimulatedBench", "TrialBench"]
-
 _LOOK_S = 0.01
 _CONDITIONS = ("haptic", "non-haptic", "event-gated")
 

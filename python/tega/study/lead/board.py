@@ -13,8 +13,6 @@ from tega.errors import RecordingError
 from tega.foreign_file import read_foreign
 from tega.whole_file import write_whole
 
-__all__ = ["SessionBoard", "board_path", "read_board", "write_board"]
-
 
 class SessionBoard(msgspec.Struct, frozen=True, kw_only=True):
     """State of a session, for the observers' consoles.

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
     from tega.sim.operator.keys import Keys
 
-__all__ = ["ENTER", "Desk", "LineDesk", "Screen", "TerminalDesk", "desk_for"]
 
 ENTER = "\n"
 _LINE_EVERY_S = 5.0

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from tega.hand_poses import ClosureScale
     from tega.teleop.moment import LoopView
 
-__all__ = ["Going", "SeenKind", "TrialSeen", "in_thread"]
 
 SeenKind = Literal["height", "drop", "slip", "deformation", "mark"]
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Literal
 
-__all__ = ["LIFT_M", "OFF_TABLE_M", "STABLE_S", "LiftRule", "Verdict"]
-
 LIFT_M = 0.2
 """Height that has to be reached, metres (the paper's)."""
 

@@ -15,7 +15,6 @@ from tega.study.plan import PlannedTrial
 if TYPE_CHECKING:
     from tega.study.lead.desk import Desk
 
-__all__ = ["QUESTIONS", "TLX", "Question", "answer_of", "ask", "blocks_to_ask", "raw_tlx"]
 
 STEP = 5
 

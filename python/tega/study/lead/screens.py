@@ -11,8 +11,6 @@ from tega.study.lead.trial import keys_of
 if TYPE_CHECKING:
     from tega.study.lead.trial import LedTrial
 
-__all__ = ["running", "waiting"]
-
 
 def waiting(
     heading: str, thing: str, left_s: float, before: Sequence[str], keys: Sequence[tuple[str, str]]

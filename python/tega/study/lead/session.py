@@ -23,7 +23,6 @@ from tega.study.state import SessionState, derive, resume
 if TYPE_CHECKING:
     from tega.study.lead.benches import TrialBench
 
-__all__ = ["INSTRUCTION", "lead_session"]
 
 INSTRUCTION = (
     "Grasp the object with as little force as it takes. Lift it to the mark, 0.2 m up, within 15 s, and hold it still. "

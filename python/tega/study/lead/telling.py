@@ -8,8 +8,6 @@ from pathlib import Path
 from tega.study.lead.board import SessionBoard, write_board
 from tega.study.lead.desk import Desk, Screen
 
-__all__ = ["Telling"]
-
 _REDRAW_S = 0.1
 _BOARD_S = 0.5
 

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from tega.study.lead.benches import TrialBench
     from tega.study.plan import PlannedTrial
 
-__all__ = ["EXPERIMENTER", "LedTrial", "Task", "keys_of", "recording_folder"]
 
 EXPERIMENTER = "experimenter"
 COUNTDOWN_S = 3.0

@@ -9,8 +9,6 @@ from tega.study.journal import Kind
 from tega.study.observe.observing import Now, Observing
 from tega.study.observe.rater_console import NAMES, RaterConsole
 
-__all__ = ["Console"]
-
 
 class Console(RaterConsole):
     """Shows a session to a rater and takes the rater's keys.

@@ -13,8 +13,6 @@ from tega.study.observers import PART, RECORDED, WHOLE, observer_path
 from tega.study.plan import PlannedTrial, read_plan
 from tega.study.state import events_path
 
-__all__ = ["OBSERVED", "Now", "Observing", "checked_rater"]
-
 OBSERVED: tuple[Kind, ...] = ("lift_off", "slip", "deformation", "drop")
 """What a rater can see happen."""
 

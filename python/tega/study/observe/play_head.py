@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-__all__ = ["SPEEDS", "PlayHead"]
-
 SPEEDS = (0.5, 1.0, 2.0)
 """Seconds of the trial a second."""
 

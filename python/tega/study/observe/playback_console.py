@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from tega.study.observe.scoring import Showing
     from tega.view.state import ViewState
 
-__all__ = ["PlaybackConsole"]
 
 _SEEK_NS = 2_000_000_000
 _TRACK = 72

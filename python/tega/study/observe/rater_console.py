@@ -16,8 +16,6 @@ from textual.widgets import Digits, Input, Static
 
 from tega.study.journal import JournalEvent, Kind
 
-__all__ = ["NAMES", "RaterConsole", "help_line", "pressed_ns"]
-
 _REPEAT_NS = 80_000_000
 _KEYS: dict[str, Kind] = {"l": "lift_off", "s": "slip", "d": "deformation", "x": "drop"}
 NAMES: dict[str, str] = {"lift_off": "lift-off", "slip": "slip", "deformation": "deformation", "drop": "drop"}

@@ -16,8 +16,6 @@ from tega.study.plan import read_plan
 from tega.study.score.boris import attempts
 from tega.study.state import events_path
 
-__all__ = ["RecordedTrial", "Unseen", "recorded_trials"]
-
 
 class RecordedTrial(NamedTuple):
     """A trial with a recording, without its condition.

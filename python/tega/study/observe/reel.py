@@ -30,7 +30,6 @@ from tega.view.state import TouchImage, ViewState
 if TYPE_CHECKING:
     from tega.study.observe.recorded import RecordedTrial
 
-__all__ = ["Reel", "read_reel"]
 
 _APART_NS = 30_000_000
 """The page shows no more pictures than that."""

@@ -14,8 +14,6 @@ from tega.study.observe.reel import Reel, read_reel
 from tega.study.observers import PART, RECORDED, WHOLE, observer_path, saw_whole
 from tega.study.plan import read_plan
 
-__all__ = ["Scoring", "Showing"]
-
 _OVER = "all recordings are scored"
 
 

@@ -16,8 +16,6 @@ from tega.study.score.agree import Agreement, agreement
 from tega.study.score.boris import attempts
 from tega.study.state import events_path
 
-__all__ = ["EXPERIMENTER", "KINDS", "TRUTH", "Scored", "agreements", "scored_trials"]
-
 TRUTH, EXPERIMENTER = "truth", "experimenter"
 KINDS: tuple[Kind, ...] = ("lift_off", "slip", "deformation", "drop")
 TOLERANCE_S = 1.0

@@ -15,8 +15,6 @@ import numpy as np
 
 from tega.study.packages import scipy_stats, statsmodels
 
-__all__ = ["Agreement", "Icc", "agreement", "icc", "kappa", "match_events"]
-
 _EPS = 1e-9
 _TURNS = 60
 

@@ -23,8 +23,6 @@ from tega.study.plan import read_plan
 from tega.study.privacy import note_elsewhere
 from tega.study.state import events_path
 
-__all__ = ["export_boris", "import_boris"]
-
 _CODES: dict[str, tuple[Kind, str]] = {
     "slip": ("slip", "s"),
     "deformation": ("deformation", "d"),

@@ -20,15 +20,6 @@ from tega.toml_text import tree_text
 if TYPE_CHECKING:
     from tega.sim.operator.person import Parameter
 
-__all__ = [
-    "PARAMETERS",
-    "SIMULATION",
-    "Assumptions",
-    "assume",
-    "assumption_files",
-    "read_assumptions",
-    "read_parameters",
-]
 
 SIMULATION, PARAMETERS = "simulation.toml", "parameters.toml"
 

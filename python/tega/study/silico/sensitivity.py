@@ -23,8 +23,6 @@ from tega.study.silico.simulate import jobs_of, made_study, unfinished
 from tega.study.silico.spread import Progress, run_sessions
 from tega.study.trials import study_trials
 
-__all__ = ["ARMS", "SENSITIVITY", "VARIED", "SensitivityRow", "read_sensitivity", "run_sensitivity"]
-
 SENSITIVITY = "sensitivity"
 """Folder in the study's folder."""
 

@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from tega.sim.plan import TrialResult
     from tega.sim.streams import Streams
 
-__all__ = ["RUNNING", "SessionJob", "keep_session", "person_seed", "run_session"]
 
 COURSE_HZ = 30.0
 PEOPLE_APART = 1000

@@ -20,8 +20,6 @@ from tega.study.silico.session import RUNNING, SessionJob
 from tega.study.silico.spread import Progress, run_sessions
 from tega.study.state import derive, events_path
 
-__all__ = ["ensure_plan", "jobs_of", "made_study", "simulate", "unfinished"]
-
 
 def ensure_plan(plan: StudyPlan, folder: Path, files: Mapping[str, bytes] = {}) -> None:
     """Write a simulated study's plan, or find the same one there.

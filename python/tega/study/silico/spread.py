@@ -15,8 +15,6 @@ from tega.errors import DeviceUnavailableError, MissingExtraError, WrongDeviceEr
 from tega.sim.workers import over_cores
 from tega.study.silico.session import RUNNING, SessionJob, keep_session, run_session
 
-__all__ = ["Progress", "run_sessions"]
-
 Progress = Callable[[str, int, int], None]
 """Told what is counted, how many are done, and how many there are."""
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from tega.errors import InvalidValueError
 
 if TYPE_CHECKING:
+    from tega.replay.playhead import Playhead
     from tega.teleop.motor_tests import MotorAnswer
 
 __all__ = ["Controls"]
@@ -24,6 +25,7 @@ class Controls:
         try_motor: Has a motor of the vest vibrate, by its place in the frame; ``None`` where none can be tried.
         can_go: Whether the run waits, armed, until it is told to go.
         undo: Undoes the online adaptation of EMG, or has it begin anew; ``None`` where there is none.
+        playhead: Of a recording that is played; ``None`` where nobody can seek.
     """
 
     def __init__(
@@ -35,11 +37,13 @@ class Controls:
         try_motor: Callable[[int], MotorAnswer] | None = None,
         can_go: bool = False,
         undo: Callable[[], None] | None = None,
+        playhead: Playhead | None = None,
     ) -> None:
         self.can_pause = can_pause
         self.can_mute = can_mute
         self.objects = tuple(objects)
         self.try_motor, self.can_go, self.undo = try_motor, can_go, undo
+        self.playhead = playhead
         self._go = threading.Event()
         self._lock = threading.Lock()
         self._stop = threading.Event()

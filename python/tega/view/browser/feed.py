@@ -17,7 +17,7 @@ from tega.stages.base import MeasuredPicture
 from tega.teleop.adapting import UNDO_SEAT
 from tega.teleop.touch import STALE_NS
 from tega.view.browser.decoders_apart import DecodersApart
-from tega.view.browser.hand_figure import HandFigure
+from tega.view.browser.hand_figure import STANDING, HandFigure
 from tega.view.state import EmgTail, TouchImage, ViewState
 
 if TYPE_CHECKING:
@@ -84,9 +84,9 @@ class SessionFeed:
                 if not pictures.measured and name in state.loop.contacts:
                     image = image._replace(metrics=state.loop.contacts[name][1])
                 images[name] = image
-        shapes = poses = None
+        shapes = poses = palm = None
         if (angles := state.loop.angles_rad) is not None:
-            shapes, poses = self._figure.shapes, self._figure.poses(angles)
+            shapes, poses, palm = self._figure.shapes, self._figure.poses(angles), np.array(STANDING)
         ages_ms = [
             (state.t_ns - t_ns) / 1e6
             for t_ns, _ in state.loop.contacts.values()
@@ -96,6 +96,7 @@ class SessionFeed:
             images=images,
             shapes=shapes,
             poses=poses,
+            palm=palm,
             emg=None if prepared.muscles is None else self._tail(state.t_ns, prepared.muscles),
             rows={**self._rows, **self._apart.rows(), **self.adaptation_row(), **state.rows},
             latency_ms={"picture to vest": float(np.mean(ages_ms))} if ages_ms else {},

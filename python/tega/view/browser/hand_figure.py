@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple, cast
+from typing import TYPE_CHECKING, Final, NamedTuple, cast
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -20,15 +20,16 @@ if TYPE_CHECKING:
 
     from tega.view.state import Shape, ShapeKind
 
-__all__ = ["EYE_M", "LOOK_AT_M", "HandFigure"]
+__all__ = ["EYE_M", "LOOK_AT_M", "STANDING", "HandFigure"]
 
 EYE_M, LOOK_AT_M = (0.55, 0.36, 0.33), (0.0, 0.01, 0.12)
 """Where to look at the figure from, and what at, metres."""
 
 _DARK = (0.2, 0.2, 0.22, 1.0)
-# The palm stands with its fingers up, so high over the floor.
-_HEIGHT_M = 0.11
 _STRAIGHT = (1.0, 0.0, 0.0, 0.0)
+# The palm stands with its fingers up, so high over the floor.
+STANDING: Final = (0.0, 0.0, 0.11, *_STRAIGHT)
+"""Where the palm of a figure without a world is: position in metres, quaternion w, x, y, z."""
 
 
 class _Link(NamedTuple):
@@ -62,24 +63,30 @@ class HandFigure:
         self._links: list[_Link] = []
         self._solids: list[_Solid] = []
         root = ET.fromstring(hand_body())
-        root.set("pos", f"0 0 {_HEIGHT_M}")
+        root.set("pos", "0 0 0")
         self._add(root, -1)
 
-    def poses(self, angles_rad: Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:
+    def poses(
+        self,
+        angles_rad: Sequence[float] | NDArray[np.float64],
+        palm: Sequence[float] | NDArray[np.float64] = STANDING,
+    ) -> NDArray[np.float64]:
         """Return the pose of each shape, float64 (n, 7): position in metres, then the quaternion w, x, y, z.
 
         Args:
             angles_rad: The 16 joint angles, in the order of :data:`tega.hand.JOINT_NAMES`.
+            palm: Where the palm is, a row like those returned.
         """
+        palm_m, palm_turn = np.array(palm[:3]), np.array(palm[3:])
         places: list[NDArray[np.float64]] = []
         turns: list[NDArray[np.float64]] = []
         for parent, place, turn, joint, axis in self._links:
             if joint >= 0:
                 half = angles_rad[joint] / 2
                 turn = _times(turn, np.array([math.cos(half), *(math.sin(half) * axis)]))  # noqa: PLW2901
-            if parent >= 0:
-                place = places[parent] + _turned(turns[parent], place)  # noqa: PLW2901
-                turn = _times(turns[parent], turn)  # noqa: PLW2901
+            above_m, above_turn = (palm_m, palm_turn) if parent < 0 else (places[parent], turns[parent])
+            place = above_m + _turned(above_turn, place)  # noqa: PLW2901
+            turn = _times(above_turn, turn)  # noqa: PLW2901
             places.append(place)
             turns.append(turn)
         return np.array(

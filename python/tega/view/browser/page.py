@@ -16,7 +16,9 @@ from tega.haptics import FINGERS
 from tega.teleop.touch import STALE_NS
 from tega.view.browser.charts import CourseChart, MuscleCharts
 from tega.view.browser.delays import Delays
+from tega.view.browser.ghost import GHOST_COLOUR
 from tega.view.browser.scene import Point, Scene
+from tega.view.browser.seek import SeekSlider
 from tega.view.browser.timeline import KEPT_S, Timeline
 from tega.view.browser.touch import GAP, TILE_HEIGHT, TILE_WIDTH, SmallSheet, TouchSheet
 from tega.view.browser.vest import TRIED, vest_svg
@@ -68,6 +70,7 @@ class Page:
         arm: What the arm does, why, what the operator holds, and where the hand is; empty without an arm.
         status: The lines of text.
         timeline: The moments that can be looked back at; ``None`` on a page without controls.
+        seek: The slider over a recording that is played; ``None`` where none is.
         inputs: viser's handles of the buttons and choices that there are: ``object``, ``haptics``, ``pause``, ``go``,
             ``undo``, ``stop``.
     """
@@ -86,6 +89,7 @@ class Page:
         self._server, self._blind, self._controls = server, controls is None, controls
         self._sheet, self._labels, self._delays = TouchSheet(), ContactLabels(), Delays()
         self.timeline: Timeline | None = None
+        self.seek: SeekSlider | None = None
         self._past_sheet: bytes | None = None
         self._small = SmallSheet()
         self.scene = Scene(server, eye_m=eye_m, at_m=at_m)
@@ -103,6 +107,8 @@ class Page:
         self._rates = gui.add_html("")
         if controls is not None:
             self._add_buttons(gui, controls)
+            if controls.playhead is not None:
+                self.seek = SeekSlider(gui, controls.playhead)
             self.timeline = Timeline(gui, kept_s)
             self._looking = gui.add_html("")
         self._muscles = MuscleCharts(gui)
@@ -114,6 +120,7 @@ class Page:
             self._images = gui.add_image(blank, jpeg_quality=85)
             gui.add_html(_LEGEND)
             if not self._blind:
+                gui.add_html(_COMMANDED)
                 self._vest = gui.add_html(vest_svg(None))
                 if controls is not None and controls.try_motor is not None:
                     hint = "while the run is armed, a click on a motor has it vibrate for half a second"
@@ -181,7 +188,7 @@ class Page:
         past = self.paint_past()
         with self._server.atomic():
             if not past:
-                self.scene.draw(state.shapes, state.poses, None if self._blind else state.contact_points)
+                self._draw_scene(state)
             if turn == 0:
                 if sheet is not None and not past:
                     self._images.image = sheet
@@ -190,6 +197,8 @@ class Page:
                 self.status.content = _status(state)
             elif turn == 1:
                 self.paint_text(state)
+                if self.seek is not None:
+                    self.seek.follow()
                 if not past:
                     self._paint_touch(_captions(state, self._labels), self._torso(state))
                 self._delays.note(latency_ms)
@@ -198,6 +207,14 @@ class Page:
                 self._course.draw()
                 if state.emg is not None:
                     self._muscles.draw(state.t_ns / 1e9, state.emg)
+
+    def _draw_scene(self, state: ViewState) -> None:
+        points, commanded = state.contact_points, None
+        if self._blind:
+            points = None  # who scores what is seen is told nothing that a camera does not see
+        elif state.palm is not None and state.loop.target_rad is not None:
+            commanded = state.loop.target_rad, state.palm
+        self.scene.draw(state.shapes, state.poses, points, commanded)
 
     def _torso(self, state: ViewState) -> str:
         can_try = self._controls is not None and self._controls.try_motor is not None
@@ -222,7 +239,7 @@ class Page:
             return False
         state, sheet, emg = past
         with self._server.atomic():
-            self.scene.draw(state.shapes, state.poses, state.contact_points)
+            self._draw_scene(state)
             if sheet is not None and sheet is not self._past_sheet:
                 import imageio.v3
 
@@ -276,6 +293,10 @@ _LEGEND = (
     '<b style="color:#27a045">○</b> peak, <b style="color:#3b8cff">○</b> area that EDA counts</div>'
 )
 
+_COMMANDED = (
+    f'<div style="{_FONT};font-size:11px;padding:0 10px 6px;color:#6c757d">scene: '
+    f'<b style="color:{GHOST_COLOUR}">blue, translucent</b> the hand as commanded · red arrows: forces</div>'
+)
 
 # What the browser does by itself: unless the run's state is painted afresh in time, it greys the state and says for how
 # long nothing was heard. A frozen or killed program, a painter that failed and a run that stands still look the same.

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Sequence
-from typing import Final, Literal, NamedTuple
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any, Final, Literal, NamedTuple
 
 __all__ = ["KINDS", "STATION_KINDS", "Kind", "Planned", "plan"]
 
@@ -18,7 +19,8 @@ class Kind(NamedTuple):
         kind: What it stands for.
         device: What it happens to.
         how: The emulator's own word for it, or what the soak itself does.
-        told: What reports it begins with one of these: an alert, a state's reason, or ``arm`` and what the arm does.
+        told: Pattern of how words that report it begin: an alert, a state's reason, ``arm`` with what the arm does and
+            why, or ``ended:`` with the last words of a run.
         then: Whether the run has to go on by itself, or ends and is started again.
         lasts_s: So long it lasts, between these.
     """
@@ -26,53 +28,72 @@ class Kind(NamedTuple):
     kind: str
     device: str
     how: str
-    told: tuple[str, ...]
+    told: str
     then: Then = "recovers"
     lasts_s: tuple[float, float] = (1.0, 3.0)
+
+    def words(self, said: Mapping[str, Any]) -> str:
+        """Return what of a line of the program reports this fault; ``""`` where nothing does."""
+        every: list[str] = []
+        if "ended" in said:
+            # The error's class stands before its words.
+            every.append(f"ended: {str(said['ended']).partition(': ')[2]}")
+        elif "said" not in said:  # that is for a person, of the link
+            every += said.get("alerts", ())
+            every.append(said.get("reason", "") if said.get("state") in {"hold", "idle", "armed"} else "")
+            every.append(f"arm {said.get('arm', '')}")
+        return next((words for words in every if re.match(self.told, words)), "")
 
 
 def _finger(name: str) -> list[Kind]:
     return [
-        Kind("unplug", name, "cut", (name,)),
-        Kind("freeze", name, "freeze", (name,)),
-        Kind("noise", name, "garbage", (name,)),
-        Kind("late", name, "slow", (name,)),
-        Kind("wrong data", name, "black", (name,)),
-        Kind("transport stall", name, "pause", (name,)),
+        Kind("unplug", name, "cut", f"{name}:"),
+        Kind("freeze", name, "freeze", f"{name}:"),
+        Kind("noise", name, "garbage", f"{name}:"),
+        Kind("late", name, "slow", f"{name}:"),
+        Kind("wrong data", name, "black", f"{name}:"),
+        Kind("transport stall", name, "pause", f"{name}:"),
     ]
 
 
-_TRACKER = ("hololens", "arm holding: the forearm", "arm holding: no pose", "arm idle", "arm stopped")
+# A hand whose guard was lost suffers from another fault.
+_HAND = "hand: (?!the process)"
+_LET_GO = "(holding|idle|stopped):"
+_TRACKER = (
+    "hololens:|arm: (the forearm is lost|there was no pose yet|the tracker has no vote)"
+    f"|arm {_LET_GO} (the forearm is lost|there was no pose yet|no pose came|the tracker has no vote)"
+)
+_ARM = f"simulated-arm: the arm's process has said nothing|arm {_LET_GO} the arm did not tell where it is"
 
 KINDS: Final[tuple[Kind, ...]] = (
     *_finger("thumb"),
     *_finger("index"),
     *_finger("middle"),
     *_finger("ring"),
-    Kind("unplug", "emg", "unplug", ("emg",)),
-    Kind("freeze", "emg", "freeze 1", ("emg",)),
-    Kind("noise", "emg", "loss 0.9", ("emg",), lasts_s=(2.0, 3.0)),
-    Kind("late", "emg", "slow 0.2", ("emg",), lasts_s=(2.0, 3.0)),
-    Kind("wrong data", "emg", "garbage 1", ("emg",), lasts_s=(2.0, 3.0)),
-    Kind("wrong data", "emg", "signal flat", ("emg",), lasts_s=(2.0, 3.0)),
-    Kind("electrode off", "emg", "signal rail", ("emg",)),
-    Kind("electrode off", "emg", "signal hum", ("emg",)),
-    Kind("freeze", "hand", "freeze", ("hand", "ended"), "restarts"),
-    Kind("noise", "hand", "garbage", ("hand",)),
-    Kind("late", "hand", "half", ("hand",), lasts_s=(0.2, 0.4)),
-    Kind("wrong data", "hand", "babble", ("hand",)),
-    Kind("wrong data", "hand", "duplicate", ("hand",)),
-    Kind("transport stall", "hand", "silence", ("hand", "ended"), lasts_s=(1.0, 1.5)),
-    Kind("too hot", "hand", "hot", ("ended",), "restarts"),
-    Kind("unplug", "vest", "refuse", ("vest",)),
-    Kind("unplug", "vest", "drop", ("vest",), lasts_s=(0.1, 0.2)),
-    Kind("freeze", "vest", "freeze", ("vest",), lasts_s=(2.0, 3.0)),
-    Kind("switched off", "vest", "off", ("vest",)),
-    Kind("unplug", "pedal", "unplug", ("dead-man",)),
-    Kind("freeze", "pedal", "freeze", ("dead-man",)),
-    Kind("noise", "pedal", "garbage", ("dead-man",)),
-    Kind("wrong data", "pedal", "half", ("dead-man",)),
-    Kind("late", "pedal", "slow", ("dead-man",)),
+    Kind("unplug", "emg", "unplug", "emg:"),
+    Kind("freeze", "emg", "freeze 1", "emg:"),
+    Kind("noise", "emg", "loss 0.9", "emg:", lasts_s=(2.0, 3.0)),
+    Kind("late", "emg", "slow 0.2", "emg:", lasts_s=(2.0, 3.0)),
+    Kind("wrong data", "emg", "garbage 1", "emg:", lasts_s=(2.0, 3.0)),
+    Kind("wrong data", "emg", "signal flat", "emg:", lasts_s=(2.0, 3.0)),
+    Kind("electrode off", "emg", "signal rail", "emg:"),
+    Kind("electrode off", "emg", "signal hum", "emg:"),
+    Kind("freeze", "hand", "freeze", "ended: allegro: no joint angle has changed", "restarts"),
+    Kind("noise", "hand", "garbage", _HAND),
+    Kind("late", "hand", "half", _HAND, lasts_s=(0.2, 0.4)),
+    Kind("wrong data", "hand", "babble", _HAND),
+    Kind("wrong data", "hand", "duplicate", _HAND),
+    Kind("transport stall", "hand", "silence", "hand: silent", lasts_s=(1.0, 1.5)),
+    Kind("too hot", "hand", "hot", r"ended: allegro: \w+ is at \d+ °C", "restarts"),
+    Kind("unplug", "vest", "refuse", "vest:"),
+    Kind("unplug", "vest", "drop", "vest:", lasts_s=(0.1, 0.2)),
+    Kind("freeze", "vest", "freeze", "vest:", lasts_s=(2.0, 3.0)),
+    Kind("switched off", "vest", "off", "vest:"),
+    Kind("unplug", "pedal", "unplug", "dead-man:"),
+    Kind("freeze", "pedal", "freeze", "dead-man:"),
+    Kind("noise", "pedal", "garbage", "dead-man:"),
+    Kind("wrong data", "pedal", "half", "dead-man:"),
+    Kind("late", "pedal", "slow", "dead-man:"),
     Kind("unplug", "tracker", "hide", _TRACKER, lasts_s=(0.5, 3.0)),
     Kind("freeze", "tracker", "freeze", _TRACKER, lasts_s=(0.5, 3.0)),
     Kind("noise", "tracker", "guess", _TRACKER),
@@ -81,26 +102,26 @@ KINDS: Final[tuple[Kind, ...]] = (
     Kind("wrong data", "tracker", "nan", _TRACKER),
     Kind("wrong data", "tracker", "odd-size", _TRACKER),
     Kind("out of sight", "tracker", "lose", _TRACKER),
-    Kind("freeze", "arm", "stop", ("arm", "simulated-arm")),
-    Kind("kill -9", "arm", "kill", ("simulated-arm",), "restarts"),
-    Kind("clock step", "computer", "clock", ("clock",), lasts_s=(0.5, 1.0)),
-    Kind("disk full", "computer", "disk", ("recording",), "restarts"),
-    Kind("late", "program", "stop", ("the loop", "hand"), lasts_s=(1.2, 1.8)),
-    Kind("kill -9", "program", "kill", ("guard",), "restarts"),
+    Kind("freeze", "arm", "stop", _ARM),
+    Kind("kill -9", "arm", "kill", "(arm stopped: )?simulated-arm: the arm's process has ended", "restarts"),
+    Kind("clock step", "computer", "clock", "clock:", lasts_s=(0.5, 1.0)),
+    Kind("disk full", "computer", "disk", "recording: stopped", "restarts"),
+    Kind("late", "program", "stop", f"the loop was|{_HAND}", lasts_s=(1.2, 1.8)),
+    Kind("kill -9", "program", "kill", "guard", "restarts"),
 )
 """Every fault that a soak of one program makes."""
 
-_LINK = ("link",)
+_LINK = "link:"
 STATION_KINDS: Final[tuple[Kind, ...]] = (
     *(kind for kind in KINDS if kind.device != "program"),
     Kind("unplug", "link", "cut", _LINK),
     Kind("transport stall", "link", "stall", _LINK),
     Kind("late", "link", "delay_ms 400", _LINK),
     Kind("noise", "link", "loss 0.3", _LINK, lasts_s=(2.0, 3.0)),
-    Kind("late", "robot", "stop", ("the loop", "hand", "link"), lasts_s=(1.2, 1.8)),
+    Kind("late", "robot", "stop", f"the loop was|{_HAND}|link:", lasts_s=(1.2, 1.8)),
     Kind("late", "operator", "stop", _LINK, lasts_s=(1.2, 1.8)),
-    Kind("kill -9", "robot", "kill", ("guard",), "restarts"),
-    Kind("kill -9", "operator", "kill", ("guard",), "restarts"),
+    Kind("kill -9", "robot", "kill", "guard", "restarts"),
+    Kind("kill -9", "operator", "kill", "guard", "restarts"),
 )
 """Every fault that a soak of two stations makes."""
 

@@ -241,7 +241,7 @@ class _Soak:
             until(lambda: self._told(kind, seen_s) is not None, 1.0)
             told = self._told(kind, seen_s)
         if told is not None:
-            fault.detected_s, fault.said = told.at_s - self._began_s, _words(told, kind)
+            fault.detected_s, fault.said = told.at_s - self._began_s, kind.words(told.said)
         if kind.then == "restarts" or not program.alive:
             self._look_after(fault, kind, at_ns)
         self._recover(fault, kind)
@@ -254,7 +254,7 @@ class _Soak:
         return bool(felt_now(self._lab.vest)[FINGERS.index(finger)])
 
     def _told(self, kind: Kind, since_s: float) -> SaidLine | None:
-        return next((line for line in self._programs.lines(since_s) if _words(line, kind)), None)
+        return next((line for line in self._programs.lines(since_s) if kind.words(line.said)), None)
 
     def _kill(self, fault: SoakFault) -> SoakFault:
         """Kill the program, see that the devices are safe without it, and start it again."""
@@ -412,18 +412,6 @@ class _Soak:
 
     def _elapsed(self) -> int:
         return round(self._now())
-
-
-def _words(line: SaidLine, kind: Kind) -> str:
-    """Return what of a line reports a fault of this kind."""
-    said = line.said
-    if "said" in said:  # to a person, of the link
-        return ""
-    if "ended" in said:
-        return str(said["ended"]) if "ended" in kind.told else ""
-    reason = said.get("reason", "") if said.get("state") in {"hold", "idle", "armed"} else ""
-    every: list[str] = [*said.get("alerts", ()), reason, f"arm {said.get('arm', '')}"]
-    return next((words for words in every if words.startswith(kind.told)), "")
 
 
 def _runs(pid: int | None) -> bool:

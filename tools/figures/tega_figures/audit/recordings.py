@@ -23,15 +23,6 @@ if TYPE_CHECKING:
     from tega.devices.base import EmgChunk, TactileFrame
     from tega.records import Contact
 
-__all__ = [
-    "AuditMaterial",
-    "EmgColumns",
-    "Listener",
-    "is_emg_file",
-    "is_session",
-    "read_material",
-    "recordings_of",
-]
 
 _EMG_SUFFIXES = frozenset({".csv", ".tsv", ".txt", ".npy", ".mat"})
 LOOSE_FINGER = "index"

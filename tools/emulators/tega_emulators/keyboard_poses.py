@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from tega.arm.pose import StampedPose
 from tega.arm.rotation import IDENTITY, exp, multiply, unit
 
-__all__ = ["POSE_KEYS_HELP", "KeyboardPoses"]
-
 POSE_KEYS_HELP: Final = (
     "w, s: forward, back · a, d: left, right · r, f: up, down · i, k: lean back, forward · j, l: turn left, right · "
     "u, o: roll left, right · space: stop"

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.audit import AuditReport, EmgScore, FingerAudit, Mark, TouchScore, VestScore
 from tega.errors import InvalidValueError
 from tega.view.figures import CCI_BLUE, EDA_GREEN, new_figure
+from tega_figures.audit import AuditReport, EmgScore, FingerAudit, Mark, TouchScore, VestScore
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,13 +6,13 @@ ties, and its law is not linear; each way of reading a place is a set of setting
 
 from __future__ import annotations
 
-from tega.audit.emg import EmgScore
-from tega.audit.recordings import EmgColumns
-from tega.audit.run import Audited, AuditReport, AuditRequest, audit_recording
-from tega.audit.touch import FingerAudit, TouchScore, mean_difference
-from tega.audit.truth import Forces, Mark, read_forces, read_marks
-from tega.audit.variants import READINGS, Kind, SettingSweep, parse_sweep
-from tega.audit.vest import VestScore
+from tega_figures.audit.emg import EmgScore
+from tega_figures.audit.recordings import EmgColumns
+from tega_figures.audit.run import Audited, AuditReport, AuditRequest, audit_recording
+from tega_figures.audit.touch import FingerAudit, TouchScore, mean_difference
+from tega_figures.audit.truth import Forces, Mark, read_forces, read_marks
+from tega_figures.audit.variants import READINGS, Kind, SettingSweep, parse_sweep
+from tega_figures.audit.vest import VestScore
 
 __all__ = [
     "READINGS",

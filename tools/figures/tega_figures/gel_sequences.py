@@ -18,8 +18,6 @@ from tega.errors import InvalidValueError
 from tega.sim.gel import CAMERA_HZ, PX_PER_MM, Gel, fall
 from tega.sim.seams import Indenter
 
-__all__ = ["SHAPES", "GelMoment", "press_sequence", "pressing", "ramp"]
-
 Shape = Literal["sphere", "cylinder", "capsule", "box", "plane"]
 
 _FLAT = np.eye(3)

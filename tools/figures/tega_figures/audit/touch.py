@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from tega.audit.truth import FarField, Mask, PictureTruth
 from tega.devices.base import TactileFrame
 from tega.emg_score import changes_per_second, rank_correlation
 from tega.errors import TegaError
@@ -16,15 +15,14 @@ from tega.inbox.frames import FrameMeter
 from tega.inbox.sources import Contact, SourceReport
 from tega.stages.choose import finger_metric
 from tega.tactile import ContactMetrics
+from tega_figures.audit.truth import FarField, Mask, PictureTruth
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tega.audit.variants import Variant
     from tega.calibration import Calibration
     from tega.stages.base import Metric
-
-__all__ = ["FingerAudit", "FingerReading", "TouchScore", "mean_difference"]
+    from tega_figures.audit.variants import Variant
 
 
 class TouchScore(msgspec.Struct, frozen=True, kw_only=True):

@@ -15,17 +15,6 @@ from typing import Any, Final, Literal, NamedTuple
 from tega.config import SessionConfig, check_tree, override_recorded
 from tega.errors import ConfigError
 
-__all__ = [
-    "READINGS",
-    "Kind",
-    "SettingSweep",
-    "Variant",
-    "kind_of",
-    "named_variants",
-    "parse_sweep",
-    "sweep_variants",
-]
-
 Kind = Literal["touch", "emg", "vest"]
 
 _TABLE: Final[dict[Kind, str]] = {"touch": "metric", "emg": "decoder", "vest": "mapping"}

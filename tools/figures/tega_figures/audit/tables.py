@@ -10,9 +10,8 @@ from rich.console import Console
 from rich.table import Table
 
 if TYPE_CHECKING:
-    from tega.audit import AuditReport
+    from tega_figures.audit import AuditReport
 
-__all__ = ["print_report"]
 
 _Column = tuple[str, Callable[[Any], str | None]]
 

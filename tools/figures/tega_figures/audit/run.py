@@ -8,16 +8,25 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import msgspec
 
-from tega.audit.emg import EmgScore, emg_scores
-from tega.audit.recordings import AuditMaterial, EmgColumns, read_material, recordings_of
-from tega.audit.touch import FingerAudit, FingerReading, TouchScore
-from tega.audit.truth import Forces, Mark, PictureTruth, mask_of, read_mask
-from tega.audit.variants import READINGS, Kind, SettingSweep, Variant, kind_of, named_variants, sweep_variants
-from tega.audit.vest import VestScore, vest_score
 from tega.config import check_tree
 from tega.errors import ConfigError, RecordingError
+from tega.foreign_file import tells_damage
 from tega.inbox.sources import metrics_of
 from tega.stages.choose import chosen_stage
+from tega_figures.audit.emg import EmgScore, emg_scores
+from tega_figures.audit.recordings import AuditMaterial, EmgColumns, read_material, recordings_of
+from tega_figures.audit.touch import FingerAudit, FingerReading, TouchScore
+from tega_figures.audit.truth import Forces, Mark, PictureTruth, mask_of, read_mask
+from tega_figures.audit.variants import (
+    READINGS,
+    Kind,
+    SettingSweep,
+    Variant,
+    kind_of,
+    named_variants,
+    sweep_variants,
+)
+from tega_figures.audit.vest import VestScore, vest_score
 
 if TYPE_CHECKING:
     from tega.calibration import Calibration
@@ -26,20 +35,18 @@ if TYPE_CHECKING:
     from tega.inbox.sources import Contact as Measured
     from tega.records import Contact
 
-__all__ = ["AuditReport", "AuditRequest", "Audited", "audit_recording"]
-
 
 class AuditRequest(NamedTuple):
     """Readings to compare, and what they are judged by.
 
     Attributes:
         of: Touch, EMG, vest; empty means what the sweep is of, else what the recording holds.
-        names: Readings of :data:`tega.audit.READINGS`; empty means all.
+        names: Readings of :data:`tega_figures.audit.READINGS`; empty means all.
         sweep: One setting over a range of values, instead of named readings.
         sets: Settings of every reading, as ``key=value``.
         preset: Instead of the recording's.
         marks: Marked circles by the pictures' names; ``None`` without. Pictures without one are left out.
-        masks: Folder of masks, named as :func:`~tega.audit.truth.mask_of` says; likewise.
+        masks: Folder of masks, named as :func:`~tega_figures.audit.truth.mask_of` says; likewise.
         forces: Measured forces; likewise.
         separate: Whether every picture is of a press of its own.
     """
@@ -113,10 +120,23 @@ def audit_recording(
     """
     found = []
     for one in recordings_of(path):
-        audit = _Audit(one, asked)
-        read_material(one, audit, preset=asked.preset, baseline=baseline, emg=emg, progress=progress)
-        found.append(audit.finished())
+        # What a session's records lead to is damage of that file; others have their own readers.
+        audited = tells_damage(_audited) if one.suffix == ".mcap" else _audited
+        found.append(audited(one, asked, baseline, emg, progress))
     return found
+
+
+def _audited(
+    path: Path,
+    asked: AuditRequest,
+    baseline: Path | None,
+    emg: EmgColumns | None,
+    progress: Callable[[str, int, int], None],
+) -> Audited:
+    """Compare readings on one recording."""
+    audit = _Audit(path, asked)
+    read_material(path, audit, preset=asked.preset, baseline=baseline, emg=emg, progress=progress)
+    return audit.finished()
 
 
 class _Audit:

@@ -8,20 +8,19 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from tega.audit.touch import rank_of
 from tega.calibration import Calibration, FingerMaxima
 from tega.calibration.maxima import touch_maxima
 from tega.motor_layout import find_layout
 from tega.teleop.touch_loop import touch_loop
+from tega_figures.audit.touch import rank_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tega.audit.truth import Forces
-    from tega.audit.variants import Variant
     from tega.inbox.sources import Contact
+    from tega_figures.audit.truth import Forces
+    from tega_figures.audit.variants import Variant
 
-__all__ = ["VestScore", "vest_score"]
 
 # A motor at this intensity has nothing left to say; a step over so many points is felt as a flip.
 FULL, FLIP = 95, 40

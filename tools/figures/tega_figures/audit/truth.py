@@ -17,8 +17,6 @@ from tega.errors import RecordingError
 from tega.foreign_file import read_words
 from tega.opencv import read_image
 
-__all__ = ["FarField", "Forces", "Mark", "PictureTruth", "mask_of", "read_forces", "read_marks", "read_mask"]
-
 Image = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 

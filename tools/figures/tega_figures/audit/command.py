@@ -12,9 +12,8 @@ from tega.cli.options import ChannelList, json_option
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tega.audit import Audited, AuditReport, AuditRequest, EmgColumns
+    from tega_figures.audit import Audited, AuditReport, AuditRequest, EmgColumns
 
-__all__ = ["audit"]
 
 _FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
 _DRAWN = click.Path(dir_okay=False, path_type=Path)
@@ -89,13 +88,13 @@ def audit(*, recording: Path, picture: Path | None, curves: Path | None, as_json
 
     With --json: a list of objects, one a recording, {"recording", "sweep", "n_left_out", "touch", "emg", "vest"};
     each of the last three is a list, one a reading (of touch: a reading and finger), with the fields of
-    tega.audit.TouchScore, EmgScore and VestScore, of a sweep with its "value".
+    tega_figures.audit.TouchScore, EmgScore and VestScore, of a sweep with its "value".
     """
     import msgspec
 
-    from tega.audit import audit_recording
-    from tega.cli.audit_tables import print_report
     from tega.cli.options import echo_json, progress_bar
+    from tega_figures.audit import audit_recording
+    from tega_figures.audit.tables import print_report
 
     with progress_bar(enabled=not as_json) as progress:
         found = audit_recording(
@@ -111,7 +110,7 @@ def audit(*, recording: Path, picture: Path | None, curves: Path | None, as_json
 
 
 def _asked(flags: dict[str, Any]) -> AuditRequest:
-    from tega.audit import AuditRequest, parse_sweep, read_forces, read_marks
+    from tega_figures.audit import AuditRequest, parse_sweep, read_forces, read_marks
 
     if flags["names"] and flags["sweep"]:
         raise click.UsageError("--reading is for named readings: leave it out of a --sweep")
@@ -131,7 +130,7 @@ def _asked(flags: dict[str, Any]) -> AuditRequest:
 
 
 def _emg(flags: dict[str, Any]) -> EmgColumns | None:
-    from tega.audit import EmgColumns
+    from tega_figures.audit import EmgColumns
 
     if flags["emg_rate_hz"] is None or flags["emg_kind"] is None:
         return None
@@ -142,7 +141,7 @@ def _emg(flags: dict[str, Any]) -> EmgColumns | None:
 
 def _draw(found: Sequence[Audited], picture: Path | None, curves: Path | None) -> None:
     """Draw each recording; of several, and of several fingers, the name goes into the file's."""
-    from tega.view.audit import draw_audit, draw_courses, draw_curves, draw_sweep
+    from tega_figures.audit.pictures import draw_audit, draw_courses, draw_curves, draw_sweep
 
     for one in found:
         report: AuditReport = one.report

@@ -12,8 +12,6 @@ from tega.arm.pose import Pose, StampedPose
 from tega.arm.rotation import between, exp, multiply, unit
 from tega.errors import InvalidValueError
 
-__all__ = ["ScriptedPoses", "Waypoint", "path_through"]
-
 
 class Waypoint(NamedTuple):
     """A pose that the path comes to and rests at.

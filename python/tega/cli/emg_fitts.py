@@ -1,0 +1,149 @@
+"""Test closure by the muscles with Fitts' targets, and compare the results: ``emg fitts`` and ``emg skill``."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from tega.cli.emg_people import interval_told
+from tega.cli.options import NameList, echo_json, json_option
+
+if TYPE_CHECKING:
+    from tega.skill.kept import DecoderSkill
+
+__all__ = ["emg_fitts", "emg_skill"]
+
+
+@click.command(
+    epilog="Example: tega-teleop emg fitts lab.toml --person p01 --set stages.decoder.name=proportional"
+)
+@click.argument("settings", type=click.Path(path_type=Path), metavar="SETTINGS.toml")
+@click.option("--person", required=True, metavar="ID", help="Whose calibration.")
+@click.option(
+    "--movements",
+    type=click.IntRange(1, 100),
+    default=6,
+    show_default=True,
+    help="Of each distance and width.",
+)
+@click.option(
+    "--dwell-s",
+    type=click.FloatRange(0.1, 5),
+    default=1.0,
+    show_default=True,
+    help="To be stayed in the target.",
+)
+@click.option(
+    "--timeout-s",
+    type=click.FloatRange(0.2, 60),
+    default=10.0,
+    show_default=True,
+    help="Then the next target comes.",
+)
+@click.option("--seed", type=int, default=0, show_default=True, help="Of the order.")
+@click.option("--yes", is_flag=True, help="Begin without waiting for Enter.")
+@click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
+@json_option
+def emg_fitts(
+    *,
+    settings: Path,
+    person: str,
+    movements: int,
+    dwell_s: float,
+    timeout_s: float,
+    seed: int,
+    yes: bool,
+    sets: tuple[str, ...],
+    as_json: bool,
+) -> None:
+    """Hit targets with the closure that the muscles ask for (ISO 9241-411); keep the result with the calibration.
+
+    Bring the lower bar to the upper one and stay. Nothing but the EMG is needed. With --json: {"person", "decoder",
+    "throughput_bits_s", "completion", "path_efficiency", "overshoots", "movement_time_s", "movements", "conditions":
+    [{distance, width, id_bits, effective_distance, effective_width, effective_id_bits, movement_time_s,
+    throughput_bits_s, completed, movements}], "file"}.
+    """
+    import msgspec
+
+    from tega.cli.guide import TerminalGuide, guide_for
+    from tega.config import load_config
+    from tega.skill.live import fitts_test
+
+    config = load_config(settings, sets=(*sets, f"calibration.person={json.dumps(person)}")).config
+    guide = guide_for(yes=yes, get_ready_s=1.0)
+    try:
+        record, score, file = fitts_test(
+            config,
+            guide,
+            movements=movements,
+            dwell_s=dwell_s,
+            timeout_s=timeout_s,
+            seed=seed,
+            settings=str(settings),
+        )
+    finally:
+        if isinstance(guide, TerminalGuide):
+            guide.close()
+    path = "" if score.path_efficiency is None else f", path {100 * score.path_efficiency:.0f} % efficient"
+    guide.say(
+        f"{record.decoder}: {score.throughput_bits_s:.2f} bits/s; hit {100 * score.completion:.0f} % of "
+        f"{score.movements}{path}, {score.overshoots:.1f} overshoots a movement",
+        tone="good",
+    )
+    if as_json:
+        echo_json(
+            {"person": person, "decoder": record.decoder, **msgspec.to_builtins(score), "file": str(file)}
+        )
+
+
+@click.command(epilog="Example: tega-teleop emg skill calibrations --decoders rules,learned")
+@click.argument("folder", type=click.Path(path_type=Path, file_okay=False), metavar="CALIBRATIONS")
+@click.option("--person", metavar="ID", help="Only this one's.")
+@click.option(
+    "--decoders", type=NameList(), help="The first is what the others are compared with; else all, by name."
+)
+@json_option
+def emg_skill(*, folder: Path, person: str | None, decoders: list[str] | None, as_json: bool) -> None:
+    """Compare decoders by the Fitts tests kept in a folder of calibrations, with 95 % intervals.
+
+    Within a person the interval goes over distances and widths; over people, where there are two or more, it goes over
+    people. With --json a list: decoder, person (null: over people), tests, unit, throughput_bits_s {mean, low, high,
+    n}, completion, path_efficiency, overshoots, difference_bits_s (to the first decoder, paired).
+    """
+    import msgspec
+
+    from tega.calibration.folder import CalibrationFolder
+    from tega.skill.kept import compare_kept, kept_fitts
+
+    found = compare_kept(kept_fitts(CalibrationFolder(folder), person), decoders or ())
+    if as_json:
+        echo_json(msgspec.to_builtins(found))
+    else:
+        _print(found)
+
+
+def _print(found: list[DecoderSkill]) -> None:
+    from rich.box import SIMPLE
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=SIMPLE, title="Fitts tests; [95 % interval]", title_justify="left")
+    for name in ("person", "decoder"):
+        table.add_column(name, no_wrap=True)
+    for name in ("tests", "bits/s", "against first", "hit %", "path %", "overshoots"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for one in found:
+        table.add_row(
+            one.person or "over people",
+            one.decoder,
+            str(one.tests),
+            interval_told(one.throughput_bits_s),
+            interval_told(one.difference_bits_s),
+            f"{100 * one.completion:.0f}",
+            "–" if one.path_efficiency is None else f"{100 * one.path_efficiency:.0f}",
+            f"{one.overshoots:.1f}",
+        )
+    Console(highlight=False, width=110).print(table)

@@ -1,0 +1,99 @@
+"""Results of Fitts tests are kept whole, and decoders are compared with intervals."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("scipy", reason="intervals need SciPy")
+
+from tega.calibration.folder import CalibrationFolder
+from tega.calibration.records import read_record
+from tega.errors import CalibrationError, TegaError
+from tega.skill.fitts import Movement
+from tega.skill.interval import mean_interval
+from tega.skill.kept import FittsRecord, compare_kept, keep_fitts, kept_fitts, movement_row
+
+MADE = datetime(2026, 11, 23, 12, 0, 0, tzinfo=UTC)
+
+
+def result(person: str, decoder: str, time_s: float, *, minutes: int = 0) -> FittsRecord:
+    movements: list[Movement] = []
+    for distance, high, hard in ((0.25, 0.5, 1.0), (0.5, 0.75, 1.5)):
+        ends = ((high - 0.04, hard * time_s), (high + 0.04, hard * time_s), (None, 10.0))
+        movements += [
+            Movement(distance, 0.2, high, high - distance, end or 0.1, end, t, 0.6, 1, inside_at_start=False)
+            for end, t in ends
+        ]
+    return FittsRecord(
+        person=person,
+        device="bench",
+        driver="ascii-emg",
+        made=MADE + timedelta(minutes=minutes),
+        preset="live",
+        decoder=decoder,
+        seed=0,
+        dwell_s=1.0,
+        timeout_s=10.0,
+        cursor_step=0.01,
+        throughput_bits_s=0.0,
+        completion_percent=66.7,
+        overshoots=0.67,
+        movements=tuple(movement_row(one) for one in movements),
+    )
+
+
+def test_a_result_is_kept_whole(tmp_path: Path) -> None:
+    record = result("p01", "learned", 1.0)
+    path = keep_fitts(record, CalibrationFolder(tmp_path))
+    assert path == tmp_path / "people/p01/fitts/20261123-120000.toml"
+    assert read_record(path, FittsRecord) == record
+    assert read_record(path, FittsRecord).score() == record.score()
+    assert record.score().completion == pytest.approx(2 / 3)
+
+
+def test_decoders_are_compared_within_people_and_over_them(tmp_path: Path) -> None:
+    folder = CalibrationFolder(tmp_path)
+    minutes = 0
+    for person, slower in (("p01", 1.0), ("p02", 1.3)):
+        for decoder, time_s in (("rules", 2.0), ("learned", 1.0)):
+            keep_fitts(result(person, decoder, slower * time_s, minutes=minutes), folder)
+            minutes += 1
+    found = compare_kept(kept_fitts(folder), ["rules", "learned"])
+    assert [(one.person, one.decoder, one.unit) for one in found] == [
+        ("p01", "rules", "conditions"),
+        ("p01", "learned", "conditions"),
+        ("p02", "rules", "conditions"),
+        ("p02", "learned", "conditions"),
+        (None, "rules", "people"),
+        (None, "learned", "people"),
+    ]
+    rules, learned = found[-2:]
+    assert rules.difference_bits_s is None
+    assert learned.difference_bits_s is not None
+    assert learned.difference_bits_s.n == 2
+    assert learned.difference_bits_s.mean == pytest.approx(
+        learned.throughput_bits_s.mean - rules.throughput_bits_s.mean
+    )
+    assert [one.person for one in compare_kept(kept_fitts(folder, "p02"))] == ["p02", "p02"]
+
+
+def test_what_is_not_there_or_damaged_is_refused(tmp_path: Path) -> None:
+    folder = CalibrationFolder(tmp_path)
+    with pytest.raises(CalibrationError, match="no Fitts test was kept"):
+        compare_kept(kept_fitts(folder))
+    path = keep_fitts(result("p01", "rules", 1.0), folder)
+    path.write_text(path.read_text(encoding="utf-8").replace("0.25, 0.2,", "0.25,", 1), encoding="utf-8")
+    with pytest.raises(TegaError, match="is not 10 numbers"):
+        compare_kept(kept_fitts(folder))
+
+
+def test_an_interval_by_hand() -> None:
+    # t with 2 degrees of freedom at 0.975: 4.302653; standard error of 1, 2, 3: 1 / √3.
+    found = mean_interval([1.0, 2.0, 3.0])
+    assert found.low == pytest.approx(2 - 4.302653 / 3**0.5)
+    assert found.high == pytest.approx(2 + 4.302653 / 3**0.5)
+    assert mean_interval([2.0]).low is None
+    assert (mean_interval([1.0, 1.1]).side, mean_interval([-1.0, 1.0]).side) == (1, 0)

@@ -1,0 +1,189 @@
+"""Seeking in a recording that is played: ahead, back, from a place; the run's own time goes on."""
+
+from __future__ import annotations
+
+import csv
+import itertools
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+pytest.importorskip("foxglove", reason="needs the extra record")
+
+from reference.chromium import launched, opened
+from reference.moments import Moments
+from reference.waiting import until
+from tega.config import SessionConfig, check_tree
+from tega.errors import InvalidValueError
+from tega.inbox.stream import LiveStream
+from tega.replay.play import play_file
+from tega.replay.playhead import PlayedItems, Playhead
+from tega.replay.recorded import read_recorded
+from tega.teleop import run_session
+from tega.teleop.moment import LoopView
+from tega.view.browser import BrowserView, Controls
+
+SECONDS = 3.0
+MS = 1_000_000
+
+
+def checked(tree: dict[str, Any]) -> SessionConfig:
+    return check_tree(tree, {}, base=Path.cwd()).config
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording of one made-up finger and of muscles."""
+    folder = tmp_path_factory.mktemp("made-up")
+    tree = {
+        "session": {"pace": "fast"},
+        "tactile": {"thumb": {"driver": "synthetic-touch", "options": {"duration_s": SECONDS}}},
+        "emg": {"driver": "synthetic-emg", "kind": "raw", "options": {"duration_s": SECONDS}},
+        "recording": {"dir": str(folder), "lossless": True, "stop_free_mib": 0.0},
+    }
+    return folder / str(run_session(checked(tree))["recording"]["file"])
+
+
+def frames(folder: Path) -> dict[int, list[int]]:
+    """Return what the vest was told, by thirtieth of a second."""
+    with (folder / "vest.csv").open(newline="") as file:
+        return {
+            round(float(row[0]) * 30): [int(v) for v in row[1:]]
+            for row in itertools.islice(csv.reader(file), 1, None)
+        }
+
+
+def played(file: Path, out: Path, playhead: Playhead, **options: Any) -> dict[str, Any]:
+    to = checked({"session": {"out_dir": str(out)}})
+    return play_file(file, to, speed=None, playhead=playhead, **options)
+
+
+def test_a_run_can_begin_anywhere(recorded: Path, tmp_path: Path) -> None:
+    summary = played(recorded, tmp_path, Playhead(1.0))
+    assert summary["ended"] == "complete"
+    assert summary["duration_s"] == pytest.approx(SECONDS - 1.0, abs=0.05)
+    assert summary["played"]["from_s"] == 1.0
+    then = {round(t_ns * 30 / 1e9): list(levels) for t_ns, _, levels in read_recorded(recorded).vest}
+    now = frames(tmp_path)
+    # The smoothing of what is felt needs a few frames to be as it was.
+    same = [now[k] == then[k + 30] for k in range(10, max(now) - 1)]
+    assert len(same) > 40
+    assert sum(same) / len(same) > 0.9
+    assert any(max(frame) > 30 for frame in now.values())
+
+
+@pytest.mark.parametrize(("at_s", "to_s"), [(0.5, 2.0), (2.0, 0.5), (2.9, 0.0)])
+def test_a_jump_goes_there_and_the_run_ends_as_much_earlier_or_later(
+    recorded: Path, tmp_path: Path, at_s: float, to_s: float
+) -> None:
+    playhead = Playhead()
+    seen: list[tuple[float, float]] = []
+
+    def look(view: LoopView) -> None:
+        t_s = view.t_ns / 1e9
+        seen.append((t_s, playhead.at_s))
+        if t_s >= at_s and not playhead.n_jumps:
+            playhead.go_to(to_s)
+
+    summary = played(recorded, tmp_path, playhead, observer=look)
+    assert summary["played"]["jumps"] == 1
+    assert summary["duration_s"] == pytest.approx(SECONDS + at_s - to_s, abs=0.12)
+    times = [t_s for t_s, _ in seen]
+    assert times == sorted(times)
+    before = [(t, at) for t, at in seen if t < at_s - 0.05]
+    after = [(t, at) for t, at in seen if t > at_s + 0.1]
+    assert all(at == pytest.approx(t, abs=0.04) for t, at in before)
+    assert all(at == pytest.approx(min(t - at_s + to_s, SECONDS), abs=0.12) for t, at in after)
+    assert len(after) > 5
+
+
+def test_after_a_jump_the_level_that_stood_there_is_asked_for_at_once() -> None:
+    playhead = Playhead()
+    playhead.begin(10_000 * MS, 0)
+    items = [(1000 * MS, "two"), (5000 * MS, "four"), (9000 * MS, "one")]
+
+    def stamped(item: tuple[int, str], t_ns: int) -> tuple[int, str]:
+        return t_ns, item[1]
+
+    def stream(first: tuple[int, str] | None) -> LiveStream[tuple[int, str]]:
+        known = [t for t, _ in items]
+        return PlayedItems(items, known, playhead=playhead, stamped=stamped, first=first).stream
+
+    levels, touch = stream((0, "open")), stream(None)
+
+    def come(t_ms: int) -> tuple[list[tuple[int, str]], list[tuple[int, str]]]:
+        playhead.reach(t_ms * MS)
+        both = [], []  # type: ignore[var-annotated]
+        for stream, taken in zip((levels, touch), both, strict=True):
+            while (item := stream.next_until(t_ms * MS)) is not None:
+                taken.append(item)
+        return both
+
+    assert come(0) == ([(0, "open")], [])
+    assert come(900) == ([], [])
+    assert come(1000) == ([(1000 * MS, "two")], [(1000 * MS, "two")])
+    playhead.go_to(6.0)
+    assert come(2000) == ([(2000 * MS, "four")], [])
+    playhead.go_to(0.0)
+    assert come(3000) == ([(3000 * MS, "open")], [])
+    assert come(4000) == ([(4000 * MS, "two")], [(4000 * MS, "two")])
+    playhead.go_to(6.0)
+    assert come(5000) == ([(5000 * MS, "four")], [])
+    assert (levels.ended, touch.ended) == (False, False)
+    assert come(9000) == ([(8000 * MS, "one")], [(8000 * MS, "one")])
+    assert (levels.ended, touch.ended) == (True, True)
+    assert levels.end_ns == touch.end_ns == 9000 * MS
+
+
+def test_a_beginning_behind_the_end_is_refused(recorded: Path, tmp_path: Path) -> None:
+    with pytest.raises(InvalidValueError, match=r"from = 60 s, and the recording has 3.0 s"):
+        played(recorded, tmp_path, Playhead(60.0))
+    with pytest.raises(InvalidValueError, match="expected 0 or more"):
+        Playhead(-1.0)
+
+
+def test_the_slider_follows_and_the_program_s_own_moves_are_no_wishes() -> None:
+    playhead = Playhead()
+    with BrowserView(port=0, controls=Controls(playhead=playhead)) as view:
+        seek = view.page.seek
+        assert seek is not None
+        seek.follow()
+        assert not seek.slider.visible
+        playhead.begin(90_000 * MS, 0)
+        playhead.reach(12_340 * MS)
+        seek.follow()
+        assert (seek.slider.visible, seek.slider.max, seek.slider.value) == (True, 90.0, 12.3)
+        assert not playhead.wanted
+        seek.slider.value = 70.0
+        seek._put(SimpleNamespace(client=object()))
+        assert playhead.wanted
+        seek.follow()  # it is being dragged
+        assert seek.slider.value == 70.0
+    with BrowserView(port=0) as view:
+        assert view.page.seek is None
+
+
+@pytest.mark.slow
+def test_the_slider_seeks_ahead_and_back_in_the_browser() -> None:
+    playhead = Playhead()
+    playhead.begin(90_000 * MS, 0)
+    moment = Moments().at(2.0)
+    with (
+        launched() as browser,
+        BrowserView(port=0, controls=Controls(playhead=playhead)) as view,
+        opened(browser, view.url) as page,
+    ):
+        view.offer(moment)
+        page.get_by_text("recording, s").wait_for()
+        slider = page.get_by_role("slider").first
+        slider.focus()
+        slider.press("End")
+        until(lambda: playhead.wanted)
+        playhead.reach(2_000 * MS)
+        until(lambda: playhead.at_s == 90.0 or playhead.wanted)
+        slider.press("Home")
+        until(lambda: playhead.wanted)
+        playhead.reach(2_500 * MS)
+        assert playhead.at_s == 0.0

@@ -1,0 +1,134 @@
+"""The hand as commanded stands beside the hand as measured: where the joints are led to, at the palm that is drawn."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("viser", reason="needs the extra view")
+
+from PIL import Image
+
+from reference.chromium import launched, opened
+from reference.waiting import until
+from tega.bus import Bus
+from tega.config import check_tree
+from tega.hand import CLOSURE_POSES_RAD
+from tega.teleop import run_session
+from tega.teleop.hand import CommandedHand, ModelledAllegro
+from tega.view.browser import BrowserView
+from tega.view.browser.feed import SessionFeed
+from tega.view.browser.hand_figure import EYE_M, LOOK_AT_M, STANDING, HandFigure
+from tega.view.state import ViewState
+
+PALM = np.array([0.3, -0.2, 0.5, np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0])
+
+
+def completed(folder: Path) -> list[ViewState]:
+    """Run a second of muscles that are generated, and return what the page is given of it."""
+    emg = {"driver": "synthetic-emg", "kind": "raw", "options": {"seed": 1, "duration_s": 3.0}}
+    config = check_tree({"session": {"pace": "fast"}, "emg": emg}, {}, base=folder).config
+    bus, seen = Bus(), []
+    feed = SessionFeed({}, bus)
+    run_session(
+        config,
+        on_prepared=feed.watch,
+        observer=lambda loop: seen.append(feed.complete(ViewState(loop.t_ns, loop))),
+        bus=bus,
+    )
+    return seen
+
+
+def test_a_hand_tells_where_it_steers_to_before_it_is_there() -> None:
+    hand = ModelledAllegro()
+    assert isinstance(hand, CommandedHand)
+    for _ in range(60):
+        hand.step(5)
+    target = hand.target_rad
+    assert target is not None
+    way = CLOSURE_POSES_RAD[4] - CLOSURE_POSES_RAD[0]
+    assert (target - hand.angles_rad) @ way > 0.01
+    for _ in range(1500):
+        hand.step(5)
+    np.testing.assert_allclose(np.array(hand.target_rad), CLOSURE_POSES_RAD[4], atol=1e-9)
+
+
+def test_a_run_s_moments_tell_it_and_where_the_palm_is_drawn(tmp_path: Path) -> None:
+    seen = completed(tmp_path)
+    moved = [s for s in seen if s.loop.target_rad is not None]
+    assert len(moved) > 80
+    gaps = [np.abs(np.array(s.loop.target_rad) - np.array(s.loop.angles_rad)).max() for s in moved]
+    assert max(gaps) > 0.02
+    for state in moved:
+        np.testing.assert_array_equal(state.palm, STANDING)
+
+
+def test_a_figure_goes_where_its_palm_goes() -> None:
+    figure = HandFigure()
+    standing, led = figure.poses(CLOSURE_POSES_RAD[2]), figure.poses(CLOSURE_POSES_RAD[2], PALM)
+    apart = np.linalg.norm(standing[:, None, :3] - standing[None, :, :3], axis=2)
+    np.testing.assert_allclose(np.linalg.norm(led[:, None, :3] - led[None, :, :3], axis=2), apart, atol=1e-8)
+    # What was up is along the world's x: the palm was turned by a right angle about y.
+    way = standing[:, :3] - STANDING[:3]
+    np.testing.assert_allclose(
+        led[:, :3] - PALM[:3], np.stack([way[:, 2], way[:, 1], -way[:, 0]], 1), atol=1e-8
+    )
+
+
+def test_in_the_simulated_world_both_hands_coincide_where_the_command_is_what_is_measured() -> None:
+    pytest.importorskip("mujoco", reason="the simulated world needs the extra sim")
+    from tega.sim.world import World
+
+    world, figure = World("bottle", seed=1), HandFigure()
+    shapes, poses = world.shapes(), world.poses()
+    ours = figure.poses(world.angles_rad, world.palm_row)
+    for finger in ("thumb", "index", "middle", "ring"):
+        (there,) = (row for shape, row in zip(shapes, poses, strict=True) if shape[0] == f"{finger}_pad")
+        (here,) = (row for shape, row in zip(figure.shapes, ours, strict=True) if shape[0] == f"{finger}_pad")
+        np.testing.assert_allclose(here[:3], there[:3], atol=1e-4)
+
+
+def test_the_page_draws_it_while_there_is_a_command_and_hides_it_from_raters(tmp_path: Path) -> None:
+    state: Any = next(s for s in completed(tmp_path) if s.loop.target_rad is not None)
+    with BrowserView(port=0) as view, BrowserView(port=0, blind=True) as blind:
+        for k in range(3):
+            view.page.paint(state, turn=k, rates_hz={}, latency_ms={})
+            blind.page.paint(state, turn=k, rates_hz={}, latency_ms={})
+        names = [handle.name for handle, _ in view.page.scene.ghost.solids.batches]
+        assert names == ["/commanded/ball", "/commanded/tube"]
+        assert blind.page.scene.ghost.solids.batches == []
+        view.page.paint(
+            state._replace(loop=state.loop._replace(target_rad=None)), turn=0, rates_hz={}, latency_ms={}
+        )
+        assert view.page.scene.ghost.solids.batches == []
+
+
+@pytest.mark.slow
+def test_it_is_seen_blue_in_the_browser(tmp_path: Path) -> None:
+    opened_hand, closed_hand = CLOSURE_POSES_RAD[0], CLOSURE_POSES_RAD[4]
+    state: Any = next(s for s in completed(tmp_path) if s.loop.target_rad is not None)
+    figure = HandFigure()
+    apart = state._replace(
+        poses=figure.poses(opened_hand),
+        loop=state.loop._replace(angles_rad=opened_hand.tolist(), target_rad=closed_hand.tolist()),
+    )
+    alone = apart._replace(loop=apart.loop._replace(target_rad=None))
+    with (
+        launched() as browser,
+        BrowserView(port=0, eye_m=EYE_M, at_m=LOOK_AT_M) as view,
+        opened(browser, view.url) as page,
+    ):
+
+        def blue() -> float:
+            shown = np.asarray(Image.open(io.BytesIO(page.screenshot())).convert("RGB")).astype(int)
+            scene = shown[:, 430:1030]
+            return float(((scene[..., 2] - scene[..., 0]) > 40).mean())
+
+        view.offer(apart)
+        until(lambda: blue() > 0.004)
+        view.offer(alone)
+        until(lambda: blue() < 0.0005)

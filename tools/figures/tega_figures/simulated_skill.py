@@ -1,0 +1,88 @@
+"""Print and draw decoders compared on simulated people: the table and the picture of docs/evidence/emg-skill.md.
+
+``python -m tega_figures.simulated_skill people.jsonl docs/images/emg-skill.png``, where people.jsonl is what
+``tega-teleop emg people --out people.jsonl`` kept. Everything in it is simulated.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+import msgspec
+import numpy as np
+
+from tega.cli.emg_people import interval_told
+from tega.errors import MissingExtraError, TegaError
+from tega.skill.people import PersonSkill, compare_people
+
+if TYPE_CHECKING:
+    from tega.skill.people import PeopleSkill
+
+__all__ = ["main", "skill_table"]
+
+
+@click.command(help=__doc__)
+@click.argument("people", type=click.Path(path_type=Path, exists=True, dir_okay=False))
+@click.argument("picture", type=click.Path(path_type=Path, dir_okay=False), required=False)
+def main(people: Path, picture: Path | None) -> None:
+    """Print the table, and draw the picture where one is named."""
+    known = [msgspec.json.decode(line, type=PersonSkill) for line in people.read_bytes().splitlines()]
+    decoders, effects, movements = known[0].asked
+    rows = compare_people(known, decoders, effects)
+    click.echo(f"{len(known)} simulated people, {movements} movements of each distance and width.\n")
+    click.echo(skill_table(rows))
+    if picture is not None:
+        _draw(rows, len(known), picture)
+
+
+def skill_table(rows: list[PeopleSkill]) -> str:
+    """Return the comparison as Markdown."""
+    lines = [
+        "| effect | decoder | throughput, bits/s | against the first | lost to the effect | hit | path | overshoots |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for row in rows:
+        refused = f" (refused on {row.refused})" if row.refused else ""
+        told = (row.throughput_bits_s, row.difference_bits_s, row.lost_bits_s)
+        intervals = " | ".join(interval_told(one).replace("\\[", "[") for one in told)
+        path = "–" if row.path_efficiency is None else f"{100 * row.path_efficiency.mean:.0f} %"
+        lines.append(
+            f"| {row.effect} | `{row.decoder}`{refused} | {intervals} | {100 * row.completion.mean:.0f} % | {path} | "
+            f"{row.overshoots.mean:.1f} |"
+        )
+    return "\n".join(lines)
+
+
+def _draw(rows: list[PeopleSkill], n_people: int, file: Path) -> None:
+    """Draw throughput and hits with their intervals, a group an effect."""
+    try:
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise MissingExtraError("the picture needs matplotlib", "pip install 'tega[view]'") from error
+    effects = list(dict.fromkeys(row.effect for row in rows))
+    decoders = list(dict.fromkeys(row.decoder for row in rows))
+    figure = Figure(figsize=(8, 5.5), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True)
+    for n, decoder in enumerate(decoders):
+        mine = {row.effect: row for row in rows if row.decoder == decoder}
+        x = np.arange(len(effects)) + (n - (len(decoders) - 1) / 2) * 0.22
+        for axes, name, times in ((above, "throughput_bits_s", 1), (below, "completion", 100)):
+            told = [getattr(mine[effect], name) for effect in effects]
+            means = np.array([times * one.mean for one in told])
+            lows = np.array([times * (one.mean if one.low is None else one.low) for one in told])
+            axes.errorbar(x, means, yerr=means - lows, fmt="o", capsize=3, label=decoder)
+    above.set(ylabel="throughput, bits/s", ylim=(0, None))
+    below.set(ylabel="movements that hit, %", ylim=(0, 105))
+    below.set_xticks(np.arange(len(effects)), effects)
+    above.legend()
+    above.set_title(f"Fitts test of {n_people} simulated people, mean and 95 % interval over people")
+    figure.savefig(file, dpi=110)
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except TegaError as error:
+        raise SystemExit(f"error: {error}") from None
