@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import msgspec
-import numpy as np
 import pytest
 
 from reference.waiting import until
@@ -23,7 +22,6 @@ from reference.wizard import OnScreen, Wizard, presses, records
 from tega.calibration.folder import CalibrationFolder
 from tega.calibration.records import EmgRecord, utc_now, write_record
 from tega.cli.main import main
-from tega.devices.registry import driver_class
 from tega_emulators.process import Emulator
 from tega_emulators.vests import seen_by
 from tega_emulators.wearer import Wearer
@@ -417,75 +415,6 @@ def test_a_refresh_follows_the_scale_of_the_day_and_practice_is_scored(
     assert tracked.told["rms_error_levels"] > 0.5
     assert tracked.told["delay_s"] is None
     assert Path(tracked.told["file"]).is_file()
-
-
-def board_samples(file: Path, board: Emulator, efforts: list[float], seconds: float) -> Any:
-    """Return what the board gives at some efforts in turn."""
-    from tega.config import load_config
-
-    section = load_config(file, environ={}).config.emg
-    assert section is not None
-    found = []
-    with driver_class(section.driver, "emg")(section.options) as source:
-        for effort in efforts:
-            board.say(f"effort {effort}")
-            chunks: list[Any] = []
-            while sum(map(len, chunks)) < seconds * 500:
-                if (chunk := source.read(0.1)) is not None:
-                    chunks.append(chunk.samples)
-            found.append(np.concatenate(chunks)[-round((seconds - 0.5) * 500) :])
-    return np.concatenate(found)
-
-
-def test_ten_seconds_put_maxima_and_a_learned_model_to_today(calibrated: Muscles, tmp_path: Path) -> None:
-    pytest.importorskip("sklearn", reason="scikit-learn is not installed")
-    from tega.decoders import LearnedDecoder, fit
-
-    board, file = calibrated.board, calibrated.copied(tmp_path)
-    efforts = [RESTING, 0.5, 1.0] * 3
-    learn = board_samples(file, board, efforts, 2.5)
-    old = fit(
-        learn,
-        np.repeat([0.0, 0.5, 1.0] * 3, len(learn) // 9),
-        rate_hz=500,
-        tau=50,
-        channels=("ch1", "ch2", "ch3"),
-    )
-    old.save(tmp_path / "p01.json")
-    today = Mover(board)
-    today.full = 0.6
-    wizard = Wizard(
-        [
-            *("emg", "recalibrate", str(file), "--person", "p01", "--json"),
-            *("--set", "stages.decoder.name=learned"),
-            *("--set", f"stages.decoder.options.model={tmp_path / 'p01.json'}"),
-        ],
-        today,
-    )
-    assert wizard.run() == 0, wizard.said
-    record = tomllib.loads(Path(wizard.told["record"]).read_text())
-    before = calibrated.wizard.told["files"][0]["record"]
-    assert 0.5 < record["scale"] < 0.85
-    assert record["live_max"][0] < 0.9 * before["live_max"][0]
-    new = LearnedDecoder.load(Path(wizard.told["model"]))
-    assert Path(wizard.told["model"]).parent == tmp_path
-    # The strongest effort as it comes today, at 0.6 of what the model has learned; rest as it was.
-    quiet, strong = learn[:1000], learn[2000:3000]
-    weak = strong.mean(axis=0) + 0.6 * (strong - strong.mean(axis=0))
-    closed = [np.median(LearnedDecoder(one.model).process(weak)[5:]) for one in (old, new)]
-    assert closed[1] > closed[0] + 0.1
-    assert closed[1] > 0.8
-    assert np.median(LearnedDecoder(new.model).process(quiet)[5:]) < 0.1
-
-
-def test_ten_seconds_of_another_person_are_refused_before_they_begin(
-    calibrated: Muscles, tmp_path: Path
-) -> None:
-    file = calibrated.copied(tmp_path)
-    wizard = Wizard(["emg", "recalibrate", str(file), "--person", "p02", "--json"], Mover(calibrated.board))
-    assert wizard.run() == 1
-    assert "p02" in wizard.said
-    assert "Squeeze" not in wizard.said
 
 
 def test_a_fitts_test_of_a_hand_at_rest_hits_nothing_and_is_kept(calibrated: Muscles, tmp_path: Path) -> None:

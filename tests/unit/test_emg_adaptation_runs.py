@@ -14,6 +14,7 @@ pytest.importorskip("foxglove", reason="needs the extra tega[record]")
 from reference.sessions import rewritten, stream
 from tega.bus import Bus
 from tega.config import check_tree
+from tega.recording.mcap_reader import McapReader
 from tega.recording.trim import trim_session
 from tega.records import Adaptation, AdaptationSwitch, Button, Contact, HeardMarker, Intent, RunState
 from tega.replay import replay_file
@@ -92,6 +93,15 @@ def test_its_recording_is_computed_again_bit_for_bit(run: tuple[Path, list[Any]]
     assert stream(found, "/emg/levels").recorded > 600
     # What looks on beside is given the samples as they came.
     assert stream(found, "/beside/rules/emg").differ == 0
+
+
+def test_the_condition_of_the_muscles_is_recorded_and_changes_nothing(run: tuple[Path, list[Any]]) -> None:
+    messages = McapReader(run[0]).messages(lambda topic: topic == "/emg/condition")
+    kept = [one.value for one in messages if one.topic == "/emg/condition"]
+    # Once for every second of effort: in three of eight stretches of eight seconds.
+    assert 20 <= len(kept) <= 30
+    assert all(len(one.median_hz) == 2 for one in kept)
+    assert stream(replay_file(run[0]), "/emg/levels").differ == 0
 
 
 def test_a_change_that_was_not_so_is_found(run: tuple[Path, list[Any]], tmp_path: Path) -> None:

@@ -32,8 +32,10 @@ def emg_recalibrate(
 ) -> None:
     """Fit a calibrated person's muscles to today: five seconds at rest, five with the hand closed.
 
-    Rest and maxima are put to today's scale. A learned model of the settings is fitted to today too, into a new file;
-    the old one stays. With --json: {"person", "record", "model"}.
+    For electrodes that moved, dried or were put on again. Rest and maxima of the calibration are put to today's scale.
+    A learned model of the settings is fitted to today too, into a new file; the old one stays. Nothing is written
+    where a channel gives less than a quarter or more than four times what it gave, or rest and effort are not told
+    apart. With --json: {"person", "record", "model"}.
     """
     import json
 
@@ -41,7 +43,7 @@ def emg_recalibrate(
     from tega.calibration.recalibrate import HALF_S, recalibrate
     from tega.calibration.records import utc_now
     from tega.calibration.times import Times
-    from tega.cli.guide import guide_for
+    from tega.cli.guide import TerminalGuide, guide_for
     from tega.config import load_config
 
     config = load_config(settings, sets=(*sets, f"calibration.person={json.dumps(person)}")).config
@@ -51,7 +53,7 @@ def emg_recalibrate(
     try:
         found = recalibrate(config, person, home, guide, times=times, now=utc_now(), model_out=out)
     finally:
-        if hasattr(guide, "close"):
+        if isinstance(guide, TerminalGuide):
             guide.close()
     if as_json:
         model = None if found.model is None else str(found.model)

@@ -99,6 +99,14 @@ class OutsideDecoder(Decoder):
         return float(self._lsl.local_clock()) - self._stamp_s
 
     @property
+    def holds(self) -> str:
+        """Why the newest closure is held, in words; ``""`` where it is not."""
+        age_s = self.age_s
+        if age_s <= self._options.age_ms / 1000:
+            return ""
+        return "the other process has said nothing" + (f" for {age_s:.1f} s" if age_s < math.inf else " yet")
+
+    @property
     def full_scale(self) -> Sequence[float]:
         """Maxima of the calibration."""
         return tuple(self._maxima.tolist())

@@ -231,6 +231,11 @@ class Decoder(_Stage, ABC):
         """Value of each channel that counts as full, in the unit of the samples, for display; may be empty."""
         return ()
 
+    @property
+    def holds(self) -> str:
+        """Why its newest closure only repeats the one before, in words for display; ``""`` where it does not."""
+        return ""
+
 
 class Mapping(_Stage, ABC):
     """Turns what the fingertips feel into motor levels: entry-point group ``tega.mappings``.

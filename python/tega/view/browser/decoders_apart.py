@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 if TYPE_CHECKING:
     from tega.records import BesideIntent, Intent
 
-__all__ = ["DecodersApart"]
+__all__ = ["DecodersApart", "closure_of"]
 
 OVER_NS: Final = 10_000_000_000
 # A level is a quarter of the closure.
@@ -30,11 +30,11 @@ class DecodersApart:
 
     def connected(self, intent: Intent) -> None:
         """Take what the connected decoder asks of the hand."""
-        self._connected.append((intent.t_ns, _closure(intent)))
+        self._connected.append((intent.t_ns, closure_of(intent)))
 
     def beside(self, intent: BesideIntent) -> None:
         """Take what a decoder beside it would have asked."""
-        self._beside.setdefault(intent.stage, deque(maxlen=_MOST)).append((intent.t_ns, _closure(intent)))
+        self._beside.setdefault(intent.stage, deque(maxlen=_MOST)).append((intent.t_ns, closure_of(intent)))
 
     def rows(self) -> dict[str, str]:
         """Return a line of text for each decoder beside: its closure, and in how much of ten seconds it was apart."""
@@ -55,7 +55,8 @@ class DecodersApart:
         return rows
 
 
-def _closure(intent: Intent | BesideIntent) -> float:
+def closure_of(intent: Intent | BesideIntent) -> float:
+    """Return the closure that an intent asks for, 0 to 1, also of a decoder that knows levels alone."""
     return (intent.level - 1) / 4 if intent.closure is None else intent.closure
 
 

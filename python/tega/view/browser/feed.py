@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tega.records import Adaptation, BesideIntent, Button, EmgSamples, Intent, Picture
+from tega.records import Button, EmgSamples, Picture
 from tega.stages.base import MeasuredPicture
 from tega.teleop.adapting import UNDO_SEAT
 from tega.teleop.touch import STALE_NS
-from tega.view.browser.decoders_apart import DecodersApart
 from tega.view.browser.hand_figure import STANDING, HandFigure
+from tega.view.browser.muscle_rows import MuscleRows
 from tega.view.state import EmgTail, TouchImage, ViewState
 
 if TYPE_CHECKING:
@@ -54,10 +54,7 @@ class SessionFeed:
         bus.subscribe(Picture, self._see, name="page")
         bus.subscribe(MeasuredPicture, self._measured, name="page")
         bus.subscribe(EmgSamples, self._hear, name="page")
-        self._bus, self._apart, self._adaptation, self._t_ns = bus, DecodersApart(), "", 0
-        bus.subscribe(Intent, self._apart.connected, name="page")
-        bus.subscribe(BesideIntent, self._apart.beside, name="page")
-        bus.subscribe(Adaptation, self._adapted, name="page")
+        self._bus, self._t_ns, self._muscle_rows = bus, 0, MuscleRows(bus)
 
     def watch(self, prepared: Prepared) -> Prepared:
         """Take note of what a run starts with, and return it."""
@@ -92,27 +89,21 @@ class SessionFeed:
             for t_ns, _ in state.loop.contacts.values()
             if state.t_ns - t_ns <= STALE_NS
         ]
+        muscles = prepared.muscles
+        holds = "" if muscles is None or muscles.decoder is None else muscles.decoder.holds
         return state._replace(
             images=images,
             shapes=shapes,
             poses=poses,
             palm=palm,
-            emg=None if prepared.muscles is None else self._tail(state.t_ns, prepared.muscles),
-            rows={**self._rows, **self._apart.rows(), **self.adaptation_row(), **state.rows},
+            emg=None if muscles is None else self._tail(state.t_ns, muscles),
+            rows={**self._rows, **self._muscle_rows.rows(holds), **state.rows},
             latency_ms={"picture to vest": float(np.mean(ages_ms))} if ages_ms else {},
         )
 
     def undo(self) -> None:
         """Undo the adaptation of EMG as its key does; once more has it begin anew."""
         self._bus.publish(Button(seat=UNDO_SEAT, t_ns=self._t_ns, seq=0, button="page", pressed=True))
-
-    def _adapted(self, change: Adaptation) -> None:
-        gains = " · ".join(f"{gain:.2f}" for gain in change.gains)
-        self._adaptation = "undone" if change.why == "undone" else f"gains {gains} ({change.why})"
-
-    def adaptation_row(self) -> dict[str, str]:
-        """Return the line of text that tells what the adaptation does; nothing before it does something."""
-        return {"adaptation": self._adaptation} if self._adaptation else {}
 
     def _see(self, picture: Picture) -> None:
         shown = self._pictures.get(picture.finger)
