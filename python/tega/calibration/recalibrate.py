@@ -1,4 +1,4 @@
-"""Recalibrate muscles in ten seconds: five at rest, five with the hand closed, for the maxima and a learned model."""
+"""Calibrate muscles anew in ten seconds: five of rest, five of a fist, for the maxima and a learned model."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Recalibrate muscles in ten seconds: ``tega-teleop emg recalibrate``."""
+"""Calibrate muscles anew in ten seconds: ``tega-teleop emg recalibrate``."""
 
 from __future__ import annotations
 
