@@ -153,7 +153,7 @@ def _typed_stages(
             raise ConfigError(f"{place}: {error.message}", error.hint) from None
         typed = convert(one.options, wanted.options_type, f"{key}.options")
         beside.append(msgspec.structs.replace(one, options=typed))
-    return StagesSection(**sections, beside=tuple(beside))
+    return StagesSection(**sections, beside=tuple(beside), adaptation=config.stages.adaptation)
 
 
 # Settings that have another name now.

@@ -31,6 +31,7 @@ __all__ = [
     "DEFAULT_STAGES",
     "FINGERS",
     "STAGE_GROUPS",
+    "AdaptationSection",
     "ArmConfig",
     "BesideConfig",
     "CalibrationConfig",
@@ -238,6 +239,7 @@ class InputSection(_Section, frozen=True):
         clutch: A switch that is held as long as the arm follows; without one the dead-man is it.
         recover: A button that says, with the dead-man let go, that the arm may go on after a fault or a stop.
         marker: A switch that marks a moment.
+        undo: A button that undoes the online adaptation of EMG; pressed again, that begins anew.
     """
 
     motion: InputConfig | None = None
@@ -245,6 +247,7 @@ class InputSection(_Section, frozen=True):
     clutch: InputConfig | None = None
     recover: InputConfig | None = None
     marker: InputConfig | None = None
+    undo: InputConfig | None = None
 
     def in_use(self) -> dict[str, InputConfig]:
         """Return the inputs that have a device."""
@@ -371,6 +374,20 @@ class BesideConfig(_Section, frozen=True):
         return StagesSection(metric=chosen) if self.group == "metric" else StagesSection(decoder=chosen)
 
 
+class AdaptationSection(_Section, frozen=True):
+    """The online adaptation of EMG: gain and offset of each channel, while rest or a known target is sure.
+
+    Attributes:
+        on: Whether the connected decoder gets adapted samples; off, they are as they came.
+        gain_percent_per_min: By so much a channel's gain changes within any minute at most; by 50 % in all.
+        offset_percent_per_min: Likewise its offset, of the calibrated maximum; by 10 % in all.
+    """
+
+    on: bool = False
+    gain_percent_per_min: Annotated[float, msgspec.Meta(ge=0, le=50)] = 10.0
+    offset_percent_per_min: Annotated[float, msgspec.Meta(ge=0, le=10)] = 2.0
+
+
 class StagesSection(_Section, frozen=True):
     """The stages that turn pictures into contacts, EMG into intent, and contacts into motor levels.
 
@@ -379,12 +396,14 @@ class StagesSection(_Section, frozen=True):
         decoder: Turns EMG into the operator's intent.
         mapping: Turns contacts into motor levels.
         beside: Further metrics and decoders that look on and are recorded; they move nothing.
+        adaptation: Whether the decoder's samples follow slow changes of skin and electrodes.
     """
 
     metric: StageConfig = StageConfig()
     decoder: StageConfig = StageConfig()
     mapping: StageConfig = StageConfig()
     beside: tuple[BesideConfig, ...] = ()
+    adaptation: AdaptationSection = AdaptationSection()
 
 
 class SessionConfig(_Section, frozen=True):

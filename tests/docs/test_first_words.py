@@ -12,7 +12,7 @@ import pytest
 PACKAGE = Path(__file__).resolve().parents[2] / "python" / "tega"
 
 SORTED_VERBS = """\
-Add Advance Align Analyse Apply Ask Average Break Build Calibrate Call Check Choose Close Collect Compare
+Adapt Add Advance Align Analyse Apply Ask Average Break Build Calibrate Call Check Choose Close Collect Compare
 Compose Compute Connect Convert Copy Correlate Cut Debounce Decide Declare Decode Define Delete Deliver Derive
 Describe Detect Draw Drive Drop Encode End Estimate Exchange Export Filter Find Fit Follow Gather Give Group Hold
 Import Inspect Judge Keep Lay Lead Learn Let Light Limit List Listen Load Look Make Map Mark Measure Merge Move Name

@@ -11,8 +11,10 @@ import pytest
 from rich.console import Console
 
 from reference.held import PEDAL, TWO
+from tega.bus import Bus
 from tega.config import check_tree
 from tega.errors import ConfigError, DeviceUnavailableError
+from tega.records import AdaptationSwitch
 from tega.teleop import run_session
 from tega.teleop.moment import LoopView
 from tega.view.state import ViewState
@@ -87,6 +89,34 @@ def test_a_run_shows_and_counts_what_the_operator_holds(tmp_path: Path) -> None:
     page = _status(ViewState(seen[-1].t_ns, seen[-1]))
     assert "dead man" in page
     assert "held, 1 press" in page
+
+
+def test_a_pedal_undoes_the_adaptation_of_the_muscles() -> None:
+    bus, switches, pressed = Bus(), list[AdaptationSwitch](), list[bool]()
+    bus.subscribe(AdaptationSwitch, switches.append)
+    with (
+        Emulator("hid_input", "--device", "pedal-keyboard") as foot,
+        HidPort(HidBoard(foot.port, *PEDAL)).installed(),
+    ):
+        settings = {
+            "session": {"duration_s": 30.0},
+            "emg": {"driver": "synthetic-emg", "kind": "raw", "options": {"seed": 1, "duration_s": 30.0}},
+            "stages": {"adaptation": {"on": True}},
+            "input": {"undo": {"driver": "pedal", "button": "c"}},
+        }
+
+        def press_once(view: LoopView) -> None:
+            if not pressed and view.inputs:
+                pressed.append(foot.say("press 1") is not None)
+
+        run_session(
+            check_tree(settings, {}, base=Path.cwd()).config,
+            observer=press_once,
+            stop=lambda: any(switch.n_undone == 1 for switch in switches),
+            bus=bus,
+        )
+    assert pressed
+    assert switches[-1].n_undone == 1
 
 
 def test_a_run_that_names_a_missing_input_does_not_begin() -> None:

@@ -47,7 +47,8 @@ def reading(baseline: Any, **options: Any) -> ReadingMetric:
 def test_the_stages_of_the_package_are_found_and_described() -> None:
     assert {"live", "paper", "reading"} <= set(stage_names("metric"))
     found = {(stage.group, stage.name): stage for stage in list_stages()}
-    assert all(stage.ready and stage.summary for stage in found.values())
+    assert all(stage.summary for stage in found.values())
+    assert all(stage.ready for stage in found.values() if stage.name != "lsl")  # which needs pylsl
     factor = {option.name: option for option in found["metric", "reading"].options}["factor"]
     assert (factor.default, factor.summary) == (1.28, "The 1.28 of Eq 4.")
     cutoff = {option.name: option for option in found["decoder", "rules"].options}["cutoff_hz"]
@@ -60,7 +61,10 @@ def test_the_stages_of_the_package_are_found_and_described() -> None:
 def test_the_stages_of_the_package_keep_the_contract(stage: Any) -> None:
     if stage.group == "layout":
         check_stage(find_layout(stage.name))
-    elif stage.name != "learned":  # which needs a model: tests/property/test_decoders.py
+    elif stage.name not in {
+        "learned",
+        "lsl",
+    }:  # test_decoders.py and test_outside_decoder.py have what they need
         check_stage(Chosen(stage.group, StageConfig(name=stage.name), "live").kind)
 
 

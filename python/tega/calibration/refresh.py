@@ -12,7 +12,7 @@ import numpy as np
 from tega.calibration.folder import CalibrationFolder, device_name
 from tega.calibration.guide import Guide
 from tega.calibration.records import EmgRecord, TouchRecord
-from tega.calibration.steps_emg import chain_of, take_rest, take_squeezes
+from tega.calibration.steps_emg import Maxima, Quiet, chain_of, driver_settings, take_rest, take_squeezes
 from tega.calibration.steps_touch import take_baseline
 from tega.calibration.times import Times
 from tega.devices.registry import driver_class
@@ -22,7 +22,9 @@ from tega.stages.choose import block_s
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from tega.calibration.effort import Chain
     from tega.config import EmgConfig, SessionConfig
+    from tega.devices.base import EmgSource
 
 
 _BASELINE_S, _REST_S, _SQUEEZE_S = 1.0, 4.0, 3.0
@@ -96,23 +98,67 @@ def _emg(
     now: datetime,
 ) -> Path:
     with driver_class(section.driver, "emg")(section.options) as source:
-        record = folder.record(person, EmgRecord, device_name(source.info))
-        if record is None:
-            raise _nothing(person, "EMG", device_name(source.info))
-        chain = chain_of(source, section, block_s=block_s(config))
-        if record.channels != chain.channels:
-            raise CalibrationError(
-                f"EMG: {person} was calibrated with channels {', '.join(record.channels)}",
-                "calibrate without --refresh",
-            )
+        record, chain = kept_record(config, section, person, folder, source)
         quiet = take_rest(source, chain, guide, times)
         maxima = take_squeezes(source, chain, quiet, guide, times, n=1)
+    new = to_todays_scale(record, quiet=quiet, maxima=maxima, limits=_SCALE, guide=guide, now=now)
+    return folder.keep(new)
+
+
+def kept_record(
+    config: SessionConfig, section: EmgConfig, person: str, folder: CalibrationFolder, source: EmgSource
+) -> tuple[EmgRecord, Chain]:
+    """Return a person's calibration on an open source, and the chain by which it was made.
+
+    Raises:
+        CalibrationError: There is none, or it is of other channels or EMG settings.
+    """
+    record = folder.record(person, EmgRecord, device_name(source.info))
+    if record is None:
+        raise _nothing(person, "EMG", device_name(source.info))
+    chain = chain_of(source, section, block_s=block_s(config))
+    for what, then, now in (
+        ("channels", ", ".join(record.channels), ", ".join(chain.channels)),
+        ("kind", record.kind, chain.kind),
+        ("blocks, samples,", record.tau_samples, chain.tau),
+        ("driver settings", record.settings, driver_settings(section)),
+    ):
+        if then != now:
+            raise CalibrationError(
+                f"EMG: {person} was calibrated with {what} {then}, now it is {now}",
+                "set it back, or calibrate anew: tega-teleop calibrate",
+            )
+    return record, chain
+
+
+def to_todays_scale(
+    record: EmgRecord,
+    *,
+    quiet: Quiet,
+    maxima: Maxima,
+    limits: tuple[float, float],
+    guide: Guide,
+    now: datetime,
+) -> EmgRecord:
+    """Return a calibration of muscles with today's rest, and its maxima times what one squeeze gives today.
+
+    Args:
+        record: The calibration.
+        quiet: Today's rest.
+        maxima: Today's squeeze.
+        limits: How many times its old maximum a channel may give, at least and at most.
+        guide: Is told the scale.
+        now: When this is.
+
+    Raises:
+        CalibrationError: A channel gives too much or too little by far.
+    """
     ratios = np.array(maxima.live) / np.array(record.live_max)
     for name, ratio in zip(record.channels, ratios, strict=True):
-        if not _SCALE[0] <= ratio <= _SCALE[1]:
+        if not limits[0] <= ratio <= limits[1]:
             raise CalibrationError(
                 f"EMG: {name} gives {ratio:.1f} times what it gave at the calibration",
-                "look at its electrode, then calibrate without --refresh",
+                "look at its electrode, then calibrate anew: tega-teleop calibrate",
             )
     scale = float(f"{np.exp(np.log(ratios).mean()):.4g}")
     new = msgspec.structs.replace(
@@ -126,7 +172,7 @@ def _emg(
         notes=(*record.notes, *quiet.notes, *maxima.notes),
     )
     guide.say(f"EMG: today {scale:.2f} times the calibration's scale", tone="good")
-    return folder.keep(new)
+    return new
 
 
 def _times(values: tuple[float, ...], ratios: np.ndarray) -> tuple[float, ...]:
@@ -135,5 +181,6 @@ def _times(values: tuple[float, ...], ratios: np.ndarray) -> tuple[float, ...]:
 
 def _nothing(person: str, what: str, device: str) -> CalibrationError:
     return CalibrationError(
-        f"{what}: {person} has no calibration on {device} to refresh", "calibrate without --refresh first"
+        f"{what}: {person} has no calibration on {device} to refresh",
+        "calibrate first: tega-teleop calibrate, without --refresh",
     )

@@ -159,8 +159,17 @@ def _drain(source: EmgSource) -> None:
             return
 
 
-def take_rest(source: EmgSource, chain: Chain, guide: Guide, times: Times) -> Quiet:
+def take_rest(
+    source: EmgSource, chain: Chain, guide: Guide, times: Times, *, heard: list[EmgChunk] | None = None
+) -> Quiet:
     """Measure the muscles at rest.
+
+    Args:
+        source: The open source.
+        chain: The conditions.
+        guide: Shows and asks.
+        times: How long things take.
+        heard: Filled with the samples that were judged.
 
     Raises:
         CalibrationError: They are not at rest, and nobody is there to decide.
@@ -171,6 +180,8 @@ def take_rest(source: EmgSource, chain: Chain, guide: Guide, times: Times) -> Qu
         guide.ready("Let the arm lie, hand open, and do nothing")
         _drain(source)
         chunks = collect(source, times.rest_s, guide, "Rest", names=chain.channels)
+        if heard is not None:
+            heard[:] = chunks
         found = judge_quiet(chunks, chain, limits=optional(source, "limits"))
         return Quiet(offset=_rounded(found.offset), rest=_rounded(found.rest), notes=found.problems)
 
@@ -180,9 +191,25 @@ def take_rest(source: EmgSource, chain: Chain, guide: Guide, times: Times) -> Qu
 
 
 def take_squeezes(
-    source: EmgSource, chain: Chain, quiet: Quiet, guide: Guide, times: Times, *, n: int = SQUEEZES
+    source: EmgSource,
+    chain: Chain,
+    quiet: Quiet,
+    guide: Guide,
+    times: Times,
+    *,
+    n: int = SQUEEZES,
+    heard: list[EmgChunk] | None = None,
 ) -> Maxima:
     """Take the maxima of strong squeezes, with pauses.
+
+    Args:
+        source: The open source.
+        chain: The conditions.
+        quiet: What the channels have at rest.
+        guide: Shows and asks.
+        times: How long things take.
+        n: How many.
+        heard: Filled with the samples that were judged, of all of them.
 
     Raises:
         CalibrationError: They cannot be used, and nobody is there to decide.
@@ -195,10 +222,13 @@ def take_squeezes(
         for k in range(n):
             if k and times.pause_s > 0:
                 collect(source, times.pause_s, guide, "Pause: let go and breathe", names=chain.channels)
-            guide.ready(f"Squeeze {k + 1} of {n}: a fist, as strong as you can, until told to stop")
+            which = f"Squeeze {k + 1} of {n}" if n > 1 else "Squeeze"
+            guide.ready(f"{which}: a fist, as strong as you can, until told to stop")
             _drain(source)
             squeezes.append(collect(source, times.squeeze_s, guide, "SQUEEZE", names=chain.channels))
-            guide.say(f"squeeze {k + 1}: let go")
+            guide.say(f"{which.lower().partition(' of ')[0]}: let go")
+        if heard is not None:
+            heard[:] = [chunk for chunks in squeezes for chunk in chunks]
         found = judge_squeezes(squeezes, rest, chain, limits=optional(source, "limits"))
         return Maxima(live=_rounded(found.live), paper=_rounded(found.paper), notes=found.problems)
 

@@ -9,6 +9,7 @@ import click
 
 from tega.cli.emg_fitts import emg_fitts, emg_skill
 from tega.cli.emg_people import emg_people
+from tega.cli.emg_recalibrate import emg_recalibrate
 from tega.cli.emg_score import emg_score
 from tega.cli.options import ChannelList, NameList, echo_json, json_option
 
@@ -21,13 +22,14 @@ _KINDS = click.Choice(["raw", "rectified", "envelope"])
 
 @click.group(epilog="Example: tega-teleop emg compare --help")
 def emg() -> None:
-    """Fit a decoder to a person's muscles, and compare decoders on one log."""
+    """Fit a decoder to a person's muscles or to the day, and compare decoders on one log."""
 
 
 emg.add_command(emg_score, "score")
 emg.add_command(emg_fitts, "fitts")
 emg.add_command(emg_skill, "skill")
 emg.add_command(emg_people, "people")
+emg.add_command(emg_recalibrate, "recalibrate")
 
 
 @emg.command(

@@ -141,6 +141,8 @@ def run_viewed(
     ends.also(lambda: (getattr(stop, "reason", "") or "asked to") if stop() else "")
     ends.also(lambda: "the page's button" if controls.stopped else "")
     feed = SessionFeed({"preset": config.session.preset}, bus)
+    if config.stages.adaptation.on and not can_pause:
+        controls.undo = feed.undo
     kept = {"kept_s": _RECORDING_KEPT_S} if can_pause or run is not None else {}
     with browser_observer(
         title, port=port, controls=controls, complete=feed.complete, eye_m=EYE_M, at_m=LOOK_AT_M, **kept

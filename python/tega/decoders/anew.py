@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Final
 
 import msgspec
@@ -73,6 +74,7 @@ def fitted_anew(model: Model, samples: NDArray[np.float64], target: ArrayLike) -
         bias=float(new[-1]),
         lowest=tuple(float(v) for v in np.minimum(model.lowest, z.min(axis=0))),
         highest=tuple(float(v) for v in np.maximum(model.highest, z.max(axis=0))),
+        recalibrated=datetime.now(UTC).replace(microsecond=0),
     )
 
 

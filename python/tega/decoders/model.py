@@ -33,7 +33,7 @@ class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         tau: Samples per block.
         channels: Names of the channels, in order.
         person: Whose muscles; ``""`` where not said.
-        made: When.
+        made: When it was learned.
         model: ``ridge``, ``huber`` or ``kernel``.
         features: Names of the features.
         smoothing_s: Time constants of the causal smoothing, s.
@@ -57,6 +57,7 @@ class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         data_sha256: Hash of the training data.
         duration_s: Length of the training data.
         versions: Of the packages that it was made with.
+        recalibrated: When it was last fitted anew to a day; ``None`` for never.
         format: Always ``tega-decoder``.
         version: Of the file format.
     """
@@ -90,6 +91,7 @@ class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     data_sha256: str
     duration_s: _Positive
     versions: dict[str, str]
+    recalibrated: datetime | None = None
     format: Literal["tega-decoder"] = "tega-decoder"
     version: Literal[1] = 1
 

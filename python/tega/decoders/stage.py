@@ -91,29 +91,38 @@ class _BlockStage(Decoder):
     _pace: _Pace
     _hold_below = 0.0
     _kept = 0.0
+    _holds = ""
 
     def decode(self, samples: NDArray[np.float64], times_ns: NDArray[np.int64]) -> Sequence[Intent]:
         """Take the next samples; one intent a block.
 
         With blocks that come a tenth too fast or too slow, over the last 30, another rate than that of the
-        calibration is
-        at work: the closure is held, and no channel believed, which the guard holds the hand for.
+        calibration is at work: the closure is held, and no channel believed, which the guard holds the hand for.
         """
         self._core.process(samples)
         return [self._intent(one, int(times_ns[one.end])) for one in self._core.decoded]
 
     def _intent(self, one: Decoded, t_ns: int) -> Intent:
-        channels, confidence = one.channels, one.confidence
+        channels, confidence, least = one.channels, one.confidence, self._hold_below
+        self._holds = "this effort is like none that the model knows" if one.held else ""
         if not self._pace.keeps(t_ns):
             channels, confidence = (0,) * len(channels), 0.0
-        if confidence > 0 and confidence >= self._hold_below:
+            self._holds = "samples come at another rate than at the calibration"
+        if confidence > 0 and confidence >= least:
             self._kept = one.closure
+        elif confidence > 0:
+            self._holds = f"{100 * confidence:.0f} % sure, {100 * least:.0f} % are needed"
         return Intent(t_ns=t_ns, closure=self._kept, confidence=confidence, channels=channels)
 
     @property
     def held_samples(self) -> Sequence[int]:
         """Samples replaced so far, by channel."""
         return [int(n) for n in self._core.held_samples]
+
+    @property
+    def holds(self) -> str:
+        """Why the newest closure is held, in words; ``""`` where it is not."""
+        return self._holds
 
 
 class LearnedStage(_BlockStage):

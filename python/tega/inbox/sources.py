@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tega.calibration import EmgMaxima
+    from tega.emg_adaptation import ChannelAdaptation
     from tega.records import Contact as ContactRecord
     from tega.records import Intent
     from tega.stages.base import Decoder
@@ -159,6 +160,7 @@ class BlockMeter:
         maxima: What counts as full, and what the samples are.
         live: Whether the samples come from a device that runs on its own clock.
         start_ns: The clock's time at the start of the session; subtracted from a live source's stamps.
+        adaptation: Adapts what the decoder is given; ``None`` for samples as they came.
 
     Attributes:
         end_ns: Time of the newest sample.
@@ -172,8 +174,10 @@ class BlockMeter:
         maxima: EmgMaxima,
         live: bool,
         start_ns: int = 0,
+        adaptation: ChannelAdaptation | None = None,
     ) -> None:
         self._decoder = decoder
+        self._adaptation = adaptation
         self._votes = ChannelVotes(maxima.rate_hz, maxima.tau, maxima.kind, maxima.channels, maxima.maxima)
         # The faults that the report tells.
         self._told = self._votes.faults
@@ -206,7 +210,7 @@ class BlockMeter:
         Raises:
             ShapeError: The samples have another number of channels than the maxima.
         """
-        samples, report, votes = chunk.samples, self._report, self._votes
+        samples, report, votes, adaptation = chunk.samples, self._report, self._votes, self._adaptation
         n_missing = max(0, chunk.first_index - self._next_index)
         if n_missing:
             n_told = min(n_missing, round(MOST_GAP_S * self._rate_hz))
@@ -219,7 +223,11 @@ class BlockMeter:
             voting = votes.take(samples[part])
             at += len(voting)
             self._n_samples += len(voting)
-            blocks += [self._believed(intent) for intent in self._decoder.decode(voting, times_ns[part])]
+            given = voting if adaptation is None else adaptation.take(voting)
+            made = [self._believed(intent) for intent in self._decoder.decode(given, times_ns[part])]
+            if adaptation is not None:
+                adaptation.decoded(made, int(times_ns[at - 1]))
+            blocks += made
         report.n_items += len(chunk.samples)
         report.n_missing += n_missing
         self._next_index = chunk.first_index + len(chunk.samples)
@@ -288,6 +296,7 @@ def grasp_blocks(
     stopped: Callable[[], bool] = lambda: False,
     stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None,
     see: Callable[[EmgChunk], None] = lambda _chunk: None,
+    adaptation: ChannelAdaptation | None = None,
 ) -> Generator[EmgBlock, None, int]:
     """Turn the samples of a source into levels, one per block.
 
@@ -305,6 +314,7 @@ def grasp_blocks(
         stopped: Tells when to give up.
         stamp: Told of each block: its time, and the monotonic time at which its last samples were received.
         see: Told of the samples that were read, before they are looked at.
+        adaptation: Adapts what the decoder is given; ``None`` for samples as they came.
 
     Yields:
         Time, level of each channel and fused level of each block.
@@ -313,7 +323,7 @@ def grasp_blocks(
         When the source ended, in nanoseconds.
     """
     live = source.info.live
-    meter = BlockMeter(decoder, report, maxima=maxima, live=live, start_ns=start_ns)
+    meter = BlockMeter(decoder, report, maxima=maxima, live=live, start_ns=start_ns, adaptation=adaptation)
     while not (stopped() or source.ended):
         try:
             chunk = source.read(READ_TIMEOUT_S)

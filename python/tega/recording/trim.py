@@ -25,6 +25,7 @@ _LEADING = frozenset(
     for name in (
         "Contact",
         "EmgSamples",
+        "AdaptationSwitch",
         "Levels",
         "HandExchange",
         "Skip",

@@ -15,7 +15,7 @@ from tega.records.arm import (
 )
 from tega.records.base import Record
 from tega.records.beside import BesideContact, BesideIntent
-from tega.records.emg import EmgSamples, Intent
+from tega.records.emg import Adaptation, AdaptationSwitch, EmgSamples, Intent, MuscleCondition
 from tega.records.hand import BusFrame, HandCommand, HandExchange, Imposed, Joints, bus_frames
 from tega.records.latency import Latency
 from tega.records.operator import Button, InputState
@@ -36,6 +36,8 @@ from tega.records.vest import SentFrame, TriedMotor, VestFrame, VestRecord
 
 __all__ = [
     "RECORDS",
+    "Adaptation",
+    "AdaptationSwitch",
     "Alert",
     "ArmHealth",
     "ArmMeasured",
@@ -62,6 +64,7 @@ __all__ = [
     "Latency",
     "LogLine",
     "Marker",
+    "MuscleCondition",
     "NamedValue",
     "Picture",
     "PoseNumbers",
@@ -114,5 +117,8 @@ RECORDS: tuple[type[Record], ...] = (
     BesideIntent,
     Event,
     TriedMotor,
+    AdaptationSwitch,
+    Adaptation,
+    MuscleCondition,
 )
 """All of them."""

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import msgspec
 
-from tega.records.base import Ns, Record, Share, Step, quantity
+from tega.records.base import Count, Ns, Record, Share, Step, quantity
 
 if TYPE_CHECKING:
     import numpy as np
@@ -73,3 +74,66 @@ class Intent(Record, frozen=True, kw_only=True):
     def log_ns(self) -> int:
         """Time at which the loop took the intent in."""
         return self.taken_ns
+
+
+class AdaptationSwitch(Record, frozen=True, kw_only=True):
+    """What the online adaptation of EMG may do from now on, as it read that at the end of a block.
+
+    Attributes:
+        t_ns: When the block was complete, since the start of the session.
+        n_samples: Samples of each channel up to there, those that never came included.
+        allowed: Whether gains and offsets may change: the run is armed or active, and no finger touches anything.
+        target: Closure that the person is told to hold, 0 to 1; ``None`` where nobody said.
+        n_undone: How often the key that undoes has been pressed.
+    """
+
+    topic: ClassVar[str] = "/emg/adaptation/switch"
+
+    t_ns: Ns
+    n_samples: Count
+    allowed: bool = False
+    target: Share | None = None
+    n_undone: Count = 0
+
+
+class Adaptation(Record, frozen=True, kw_only=True):
+    """Gain and offset of every channel from now on: amplitude' = gain x (amplitude - offset).
+
+    Attributes:
+        t_ns: When the block was complete, since the start of the session.
+        n_samples: Samples of each channel up to there; the next one is adapted by these numbers.
+        why: ``rest``, ``target``, ``undone`` or ``again``.
+        gains: Of each channel, 1 where nothing was changed.
+        offsets: Of each channel, 0 where nothing was changed.
+    """
+
+    topic: ClassVar[str] = "/emg/adaptation"
+    table: ClassVar[tuple[str, ...]] = ("t_s", "why", "gains", "offsets")
+
+    t_ns: Ns
+    n_samples: Count
+    why: str
+    gains: tuple[Share, ...]
+    offsets: tuple[Annotated[float, quantity("the source's")], ...]
+
+
+class MuscleCondition(Record, frozen=True, kw_only=True):
+    """Condition of the muscles and their electrodes, once every second of effort.
+
+    Attributes:
+        t_ns: When the newest sample was complete, since the start of the session.
+        median_hz: Median frequency of each channel over the last second of effort; NaN where there was none.
+        slope_percent_per_min: Slope of that over the last minutes of effort, of its first value; NaN where not known.
+        pattern_change: Distance of the channels' share in the effort from that of the run's first eight seconds of
+            such an effort, weak or strong, 0 (the same) to 1 (another channel altogether); NaN where not known.
+        said: What is told; ``""`` for nothing.
+    """
+
+    topic: ClassVar[str] = "/emg/condition"
+    table: ClassVar[tuple[str, ...]] = ("t_s", "median_hz", "slope_percent_per_min", "pattern_change", "said")
+
+    t_ns: Ns
+    median_hz: tuple[Annotated[float, quantity("Hz")], ...] = ()
+    slope_percent_per_min: tuple[Annotated[float, quantity("%/min")], ...] = ()
+    pattern_change: Share = math.nan
+    said: str = ""

@@ -19,7 +19,7 @@ from tega.bus import Bus
 from tega.clock import ManualClock
 from tega.foreign_file import tells_damage
 from tega.inbox.stream import NEVER_NS, Item, PulledStream
-from tega.records import BusFrame, Contact, Event, HandCommand, Intent, VestFrame
+from tega.records import Adaptation, BusFrame, Contact, Event, HandCommand, Intent, VestFrame
 from tega.records.schema import values
 from tega.replay.arm import compare_arm
 from tega.replay.beside import compare_beside
@@ -108,6 +108,7 @@ def replay_file(
     streams = _compare_pixels(measured) if recorded.head.lossless else []
     streams += _compare(recorded, again, cut_ns)
     streams += compare_beside(recorded, measured)
+    streams += _compare_adaptations(recorded, measured)
     streams += compare_exchanges(recorded)
     streams += compare_arm(recorded, measured.arm)
     return Replay(
@@ -330,6 +331,18 @@ def _compare(recorded: Recorded, again: _Again, cut_ns: int | None) -> list[Comp
         )
         streams.append(compare("/hand/frames", ours, theirs, until_ns=cut_ns))
     return streams
+
+
+def _compare_adaptations(recorded: Recorded, measured: Measured) -> list[Comparison]:
+    """Compare every change of gains and offsets of EMG."""
+    ours = recorded.adaptations
+    theirs = [one for one in measured.adaptations if one.t_ns >= recorded.from_ns]
+    if recorded.end is None:  # samples may have been recorded later than what was made of them
+        theirs = theirs[: len(ours)]
+    if not (ours or theirs):
+        return []
+    rows, again = ([(one.t_ns, values(one)) for one in some] for some in (ours, theirs))
+    return [compare(Adaptation.topic, rows, again)]
 
 
 def _contact_row(contact: Contact) -> dict[str, Any]:

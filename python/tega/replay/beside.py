@@ -9,7 +9,7 @@ from tega.records.schema import values
 from tega.replay.compare import Comparison, compare
 from tega.replay.measured import Measured
 from tega.replay.recorded import Recorded
-from tega.stages.choose import chosen_stage
+from tega.stages.choose import chosen_stage, is_outside
 
 
 def compare_beside(recorded: Recorded, measured: Measured) -> list[Comparison]:
@@ -23,7 +23,10 @@ def compare_beside(recorded: Recorded, measured: Measured) -> list[Comparison]:
         measured: What its pictures and samples say now.
     """
     streams = []
+    outside = {one.name for one in measured.config.stages.beside if is_outside(one)}
     for topic, said in recorded.beside.items():
+        if {topic.split("/")[2], topic.split("/")[2].rpartition("-")[0]} & outside:
+            continue  # another process said it
         stamps = {row.t_ns for row in said}
         again = [row for row in measured.beside.get(topic, []) if row.t_ns >= recorded.from_ns]
         shared = [row for row in again if row.t_ns in stamps]

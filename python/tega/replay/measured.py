@@ -15,15 +15,23 @@ from tega.arm.settings import ArmSettings
 from tega.bus import Bus
 from tega.calibration import load_calibration
 from tega.config import STAGE_GROUPS, load_config
+from tega.emg_adaptation import ChannelAdaptation, read_switches
 from tega.errors import TegaError
 from tega.inbox.frames import FrameMeter
 from tega.inbox.sources import BlockMeter, Contact, EmgBlock, SourceReport, metrics_of, picture_of, samples_of
-from tega.records import BesideContact, BesideIntent
+from tega.records import Adaptation, AdaptationSwitch, BesideContact, BesideIntent
 from tega.replay.arm import arm_settings
 from tega.replay.recorded import Head, Recorded, without_devices
 from tega.stages.attached import with_attached
 from tega.stages.base import MeasuredPicture
-from tega.stages.choose import Chosen, chosen_stage, finger_metric, metric_told, muscle_decoder
+from tega.stages.choose import (
+    Chosen,
+    chosen_stage,
+    finger_metric,
+    is_outside,
+    metric_told,
+    muscle_decoder,
+)
 from tega.teleop.beside import look_on
 
 if TYPE_CHECKING:
@@ -70,8 +78,10 @@ class Measured:
         pixels: By finger and picture: stamp, checksum as recorded, checksum now.
         arm: Settings of the arm's chain, likewise.
         metric: What measures the pictures.
+        outside: Whether the levels came from a decoder in another process.
         same_metric: Whether the recording's contacts were measured by this version of it.
         changed: What of the settings is not the run's own, in words.
+        adaptations: Gains and offsets of EMG, as the samples and the recorded switches give them.
         beside: What the stages beside the connected ones say, by topic.
     """
 
@@ -86,11 +96,13 @@ class Measured:
         self.blocks: list[EmgBlock] = []
         self.pixels: dict[str, list[tuple[int, dict[str, int], dict[str, int]]]] = {}
         self.changed: list[str] = []
+        self.adaptations: list[Adaptation] = []
         self.beside: dict[str, list[BesideContact | BesideIntent]] = {}
         self._bus: Bus | None = None
         self.arm = ArmSettings()
         self.metric: Chosen
         self.same_metric = True
+        self.outside = False
         self._exact = False
         self._meters: dict[str, FrameMeter] = {}
         self._muscles: BlockMeter | None = None
@@ -118,7 +130,8 @@ class Measured:
         if not self.same_metric:
             self.changed.append(f"metric: {then} -> {now}, so contacts are those recorded")
         emg = self.calibration.emg
-        if "emg" in head.sources and emg is not None:
+        self.outside = chosen_stage("decoder", self.config.stages, self.config.session.preset).kind.outside
+        if "emg" in head.sources and emg is not None and not self.outside:
             used = msgspec.structs.replace(emg, kind=kind)
             kept = head.files if self._other is None else {}
             with with_attached(self.config.stages, kept) as stages:
@@ -128,20 +141,36 @@ class Measured:
                 SourceReport(),
                 maxima=used,
                 live=head.sources["emg"].live,
+                adaptation=self._adaptation(head, used),
             )
         self._look_on(head, None if emg is None else msgspec.structs.replace(emg, kind=kind))
 
+    def _adaptation(self, head: Head, used: EmgMaxima) -> ChannelAdaptation | None:
+        """Make the adaptation of the run, with its switches as the run read them."""
+        settings = self.config.stages.adaptation
+        if not settings.on:
+            return None
+        return ChannelAdaptation(
+            used, settings, switches=read_switches(head.switches), tell=self._adapted_again
+        )
+
+    def _adapted_again(self, told: Adaptation | AdaptationSwitch) -> None:
+        if isinstance(told, Adaptation):
+            self.adaptations.append(told)
+
     def _look_on(self, head: Head, muscles: EmgMaxima | None) -> None:
         """Have the stages beside the connected ones look on again."""
-        if not self.config.stages.beside:
+        beside = tuple(one for one in self.config.stages.beside if not is_outside(one))
+        if not beside:
             return
+        stages = msgspec.structs.replace(self.config.stages, beside=beside)
         self._bus = Bus()
         self._bus.subscribe(BesideContact, lambda said: self._said(said, said.finger), vital=True)
         self._bus.subscribe(BesideIntent, lambda said: self._said(said, "emg"), vital=True)
         with ExitStack() as stack:  # nothing in it has a thread of its own
             look_on(
                 stack,
-                self.config,
+                msgspec.structs.replace(self.config, stages=stages),
                 self._bus,
                 baselines=head.baselines,
                 touch=self.calibration.touch,
@@ -164,11 +193,16 @@ class Measured:
                 self.changed.append(f"calibration: {other.calibration.file.name}")
         vest = msgspec.structs.replace(other.vest, driver=None, options={})
         hand = msgspec.structs.replace(other.hand, driver=None, options={})
+        adapted = other.stages.adaptation
         for name, old, new in (
             ("session.preset", head.config.session.preset, other.session.preset),
             ("emg.kind", kind, kind if other.emg is None else other.emg.kind),
             *((f"vest.{f}", getattr(head.config.vest, f), getattr(vest, f)) for f in vest.__struct_fields__),
             *((f"stages.{f}", _told(head.config, f), _told(other, f)) for f in STAGE_GROUPS),
+            *(
+                (f"stages.adaptation.{f}", getattr(head.config.stages.adaptation, f), getattr(adapted, f))
+                for f in adapted.__struct_fields__
+            ),
             *((f"hand.{f}", getattr(head.config.hand, f), getattr(hand, f)) for f in hand.__struct_fields__),
         ):
             if old != new:
@@ -249,7 +283,8 @@ def contact_items(recorded: Recorded, measured: Measured, finger: str) -> list[t
 
 def level_items(recorded: Recorded, measured: Measured) -> list[tuple[int, EmgBlock]]:
     """Pair every block that the loop took in with what the samples say now; what came over a link is as it came."""
-    if recorded.head.sources["emg"].driver == "net":  # made at the operator's station, by what is known there
+    # Made at the operator's station by what is known there, or by another program.
+    if recorded.head.sources["emg"].driver == "net" or measured.outside:
         return [
             (row.taken_ns, EmgBlock(row.t_ns, row.channels, row.level, row.closure, row.confidence))
             for row in recorded.levels

@@ -21,6 +21,8 @@ from tega.recording.mcap_schemas import VERSIONS
 from tega.recording.origin import LEAD_IN, span
 from tega.recording.session import FORMAT
 from tega.records import (
+    Adaptation,
+    AdaptationSwitch,
     BesideContact,
     BesideIntent,
     BusFrame,
@@ -46,6 +48,7 @@ class Head(msgspec.Struct, frozen=True):
         facts: Format, times, and what was live.
         files: Whatever else is attached.
         versions: Version of every record that it may hold; empty in recordings of the first version.
+        switches: What the online adaptation of EMG might do, in order, those of the lead-in first.
     """
 
     config: SessionConfig
@@ -56,6 +59,7 @@ class Head(msgspec.Struct, frozen=True):
     facts: dict[str, str]
     files: dict[str, bytes]
     versions: dict[str, str]
+    switches: tuple[AdaptationSwitch, ...] = ()
 
     @property
     def lossless(self) -> bool:
@@ -85,6 +89,7 @@ class Recorded(msgspec.Struct):
         tried: When somebody tried a motor: time, its place in the frame, percent (0 for no longer).
         turns: What led an arm took in and gave, in order, as recorded.
         beside: What the stages beside the connected ones said, by topic, as recorded.
+        adaptations: Gains and offsets of EMG, in order, as recorded.
         imposed: When a level was set against the muscles: time, level (0 for no longer).
         end: How the loop ended; ``None`` where the recording was cut.
         dropped: Records lost, by topic.
@@ -109,6 +114,7 @@ class Recorded(msgspec.Struct):
     tried: list[tuple[int, int, int]] = []
     imposed: list[tuple[int, float]] = []
     beside: dict[str, list[Any]] = {}
+    adaptations: list[Adaptation] = []
     end: tuple[int, str, int] | None = None
     dropped: dict[str, int] = {}
     complete: bool = False
@@ -218,6 +224,8 @@ def _take(recorded: Recorded, message: Message, chunk: Callable[[EmgChunk], None
             recorded.tried.append((value.t_ns, value.motor, value.percent))
         case "tega.Event":
             recorded.events.append(read(Event, value))
+        case "tega.Adaptation":
+            recorded.adaptations.append(read(Adaptation, value))
         case "tega.BesideContact" | "tega.BesideIntent":
             recorded.beside.setdefault(message.topic, []).append(_beside(message))
         case _:
@@ -288,7 +296,33 @@ def _head(reader: McapReader) -> Head:
         ) from error
     versions = dict(reader.metadata.get("records", {}))
     settings = without_devices(tree)
-    return Head(settings, tree, calibration, baselines, sources, facts, dict(reader.files), versions)
+    return Head(
+        settings,
+        tree,
+        calibration,
+        baselines,
+        sources,
+        facts,
+        dict(reader.files),
+        versions,
+        _switches(reader) if settings.stages.adaptation.on else (),
+    )
+
+
+def _switches(reader: McapReader) -> tuple[AdaptationSwitch, ...]:
+    """Read the switches of the adaptation beforehand: one is recorded after the samples that it is for."""
+    lead_in = reader.files.get(LEAD_IN)
+    readers = [McapReader(reader.path)]
+    if lead_in is not None:
+        readers.insert(0, McapReader(reader.path, data=lead_in))
+    found = [
+        read(AdaptationSwitch, message.value)
+        for one in readers
+        for message in one.messages(lambda topic: topic == AdaptationSwitch.topic)
+        if message.value is not None
+    ]
+    # What was received before the span and told in it stands in both.
+    return tuple(sorted(set(found), key=lambda switch: switch.n_samples))
 
 
 def _refuse_newer(reader: McapReader) -> None:

@@ -198,6 +198,9 @@ class Decoder(_Stage, ABC):
     The class is called with a :class:`MuscleSetup` and its options, once a run.
     """
 
+    outside: ClassVar[bool] = False
+    """Whether its intents come from another process: a replay takes them as they were recorded."""
+
     @classmethod
     def block_s(cls, options: StageOptions) -> float:  # noqa: ARG003  # for those that have their own
         """Return the length of the blocks that its maxima are calibrated with, seconds."""
@@ -227,6 +230,11 @@ class Decoder(_Stage, ABC):
     def full_scale(self) -> Sequence[float]:
         """Value of each channel that counts as full, in the unit of the samples, for display; may be empty."""
         return ()
+
+    @property
+    def holds(self) -> str:
+        """Why its newest closure only repeats the one before, in words for display; ``""`` where it does not."""
+        return ""
 
 
 class Mapping(_Stage, ABC):

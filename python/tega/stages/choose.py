@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tega.calibration import EmgMaxima, TouchMaxima
-    from tega.config_sections import SessionConfig, StagesSection
+    from tega.config_sections import BesideConfig, SessionConfig, StagesSection
     from tega.stages.base import Mapping as MappingStage
 
 
@@ -137,6 +137,11 @@ def muscle_decoder(stages: StagesSection, preset: Preset, calibration: EmgMaxima
     """Make the decoder of the muscles."""
     decoder: Decoder = chosen_stage("decoder", stages, preset).make(muscle_setup(calibration, preset))
     return decoder
+
+
+def is_outside(beside: BesideConfig) -> bool:
+    """Tell whether a stage beside the connected ones gets what it says from another process."""
+    return beside.group == "decoder" and chosen_stage("decoder", beside.stages, "live").kind.outside is True
 
 
 def block_s(config: SessionConfig) -> float:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from tega.bus import Bus
     from tega.calibration.motor_onset import MotorOnset
     from tega.devices.base import EmgChunk, TactileFrame
+    from tega.emg_adaptation import ChannelAdaptation
     from tega.inbox.prepared import Finger, Muscles, Prepared
     from tega.inbox.wake import Bell
     from tega.stages.base import Metric
@@ -149,7 +150,13 @@ def contact_stream(
 
 
 def level_stream(
-    stack: ExitStack, muscles: Muscles, *, start_ns: int, trace: LatencyTrace | None, bus: Bus
+    stack: ExitStack,
+    muscles: Muscles,
+    *,
+    start_ns: int,
+    trace: LatencyTrace | None,
+    bus: Bus,
+    adaptation: ChannelAdaptation | None = None,
 ) -> Stream[EmgBlock]:
     """Make the stream of EMG blocks; only a live source is worth a thread."""
     if muscles.stream is not None or muscles.decoder is None:
@@ -169,6 +176,7 @@ def level_stream(
         maxima=muscles.maxima,
         start_ns=start_ns,
         see=see,
+        adaptation=adaptation,
     )
     if not live:
         return PulledStream(produce())

@@ -11,11 +11,13 @@ from tega.devices.base import EmgSource, TactileSource
 from tega.devices.registry import driver_class
 from tega.inbox.inputs import Inputs
 from tega.inbox.prepared import Prepared
+from tega.records import BesideContact, BesideIntent
 from tega.safety.guard import Guard
 from tega.safety.states import Transition
 from tega.stages.base import MeasuredPicture
 from tega.teleop.arm import Steering, open_arm
 from tega.teleop.beside import open_beside
+from tega.teleop.condition import open_condition
 from tega.teleop.pacing import refuse_live
 from tega.teleop.prepare import Progress, prepare, to_be_read
 from tega.teleop.sinks import Sinks, open_inputs, open_sinks
@@ -109,8 +111,9 @@ def open_rig(
     prepared = on_prepared(prepared)
     if recording is not None or bus.wants(MeasuredPicture):
         prepared = to_be_read(prepared)
-    if recording is not None:
+    if recording is not None or bus.wants(BesideIntent) or bus.wants(BesideContact):
         open_beside(stack, config, prepared, bus)
+    condition = open_condition(stack, config, prepared, bus)
     sinks = open_sinks(stack, config, prepared, bus)
     inputs = open_inputs(stack, config)
     if station is not None:
@@ -129,6 +132,7 @@ def open_rig(
         go=go,
         steering=steering,
         station=station,
+        condition=condition,
     )
     guard.observers.append(on_state)
     return Rig(config, bus, prepared, sinks, inputs, guard, recording, markers, steering, station)

@@ -13,6 +13,7 @@ from tega.config import DEFAULT_LAYOUT, DEFAULT_PACE, Pace
 from tega.inbox.wake import Bell
 from tega.records import Alert, RunState, Value
 from tega.stages.choose import finger_metric
+from tega.teleop.adapting import open_adaptation
 from tega.teleop.gc_pause import settle
 from tega.teleop.hand import Hand, ModelledAllegro
 from tega.teleop.loop import DualLoop
@@ -139,7 +140,14 @@ def run_loop(
         },
         levels=None
         if muscles is None
-        else level_stream(flows, muscles, start_ns=start_ns, trace=trace, bus=rig.bus),
+        else level_stream(
+            flows,
+            muscles,
+            start_ns=start_ns,
+            trace=trace,
+            bus=rig.bus,
+            adaptation=open_adaptation(config, muscles, rig.bus),
+        ),
         hand=hand,
         vests=sinks.vests,
         hands=sinks.hands,

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from tega.net.station import Station
     from tega.recording.session import Recording
     from tega.teleop.arm import Steering
+    from tega.teleop.condition import MuscleAlert
     from tega.teleop.sinks import Sinks
 
 
@@ -33,6 +34,7 @@ def watch_over(
     go: Callable[[], bool],
     steering: Steering | None,
     station: Station | None,
+    condition: MuscleAlert | None = None,
 ) -> Guard:
     """Make the guard of the live devices; recordings are not lost and need nobody.
 
@@ -54,6 +56,8 @@ def watch_over(
         streams.append(Watched("emg", "emg", m.maxima.rate_hz / m.maxima.tau, m.report))
         alerts["signal"] = partial(_signal, m.source)
         alerts["votes"] = partial(_votes, m.report)
+    if condition is not None:
+        alerts["muscles"] = lambda: condition.said
 
     needs: dict[str, Callable[[], str]] = {}
     worn = sinks.live_vests

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Callable, Collection
+from pathlib import Path
 
 __all__ = ["FAULTS", "SIGNALS", "Faults", "Signal"]
 
@@ -87,6 +88,12 @@ class Signal:
         self._of: dict[int, str] = {}
         self._effort: dict[int | None, float] = {None: 1.0}
         self._last: list[int | None] = []
+        self._rows: list[list[int]] = []
+
+    def play(self, file: Path) -> None:
+        """Show the rows of a CSV file in steps, a column a channel, over and over."""
+        lines = file.read_text(encoding="ascii").splitlines()
+        self._rows = [[int(cell) for cell in line.split(",")] for line in lines]
 
     def set(self, kind: str, channel: int | None = None) -> None:
         """Change what one channel shows, counted from 1, or all of them."""
@@ -108,6 +115,8 @@ class Signal:
 
     def steps(self, n: int, n_channels: int) -> list[int | None]:
         """Return sample n, one value per channel; ``None`` is the converter's upper limit."""
+        if self._rows:
+            return [*self._rows[n % len(self._rows)][:n_channels]]
         make: dict[str, Callable[[int], int | None]] = {
             "ramp": lambda channel: (n + 100 * channel) % 1000 - 500,
             "emg": lambda channel: round(

@@ -14,6 +14,7 @@ import sys
 import termios
 import time
 import tty
+from pathlib import Path
 from typing import Any
 
 from tega_emulators.faults import FAULTS, SIGNALS, Faults, Signal
@@ -189,6 +190,8 @@ class _Line:
             self._faults.clear()
         elif verb == "signal":
             self._signal.set(words[1], int(words[2]) if len(words) > 2 else None)
+        elif verb == "rows":
+            self._signal.play(Path(words[1]))
         elif verb == "effort":
             self._signal.set_effort(float(words[1]), int(words[2]) if len(words) > 2 else None)
         else:

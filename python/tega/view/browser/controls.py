@@ -24,6 +24,7 @@ class Controls:
         objects: Objects to choose from; none for no choice.
         try_motor: Has a motor of the vest vibrate, by its place in the frame; ``None`` where none can be tried.
         can_go: Whether the run waits, armed, until it is told to go.
+        undo: Undoes the online adaptation of EMG, or has it begin anew; ``None`` where there is none.
         playhead: Of a recording that is played; ``None`` where nobody can seek.
     """
 
@@ -35,12 +36,13 @@ class Controls:
         objects: Sequence[str] = (),
         try_motor: Callable[[int], MotorAnswer] | None = None,
         can_go: bool = False,
+        undo: Callable[[], None] | None = None,
         playhead: Playhead | None = None,
     ) -> None:
         self.can_pause = can_pause
         self.can_mute = can_mute
         self.objects = tuple(objects)
-        self.try_motor, self.can_go = try_motor, can_go
+        self.try_motor, self.can_go, self.undo = try_motor, can_go, undo
         self.playhead = playhead
         self._go = threading.Event()
         self._lock = threading.Lock()

@@ -12,10 +12,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tega.records import EmgSamples, Picture
+from tega.records import Button, EmgSamples, Picture
 from tega.stages.base import MeasuredPicture
+from tega.teleop.adapting import UNDO_SEAT
 from tega.teleop.touch import STALE_NS
 from tega.view.browser.hand_figure import STANDING, HandFigure
+from tega.view.browser.muscle_rows import MuscleRows
 from tega.view.state import EmgTail, TouchImage, ViewState
 
 if TYPE_CHECKING:
@@ -52,6 +54,7 @@ class SessionFeed:
         bus.subscribe(Picture, self._see, name="page")
         bus.subscribe(MeasuredPicture, self._measured, name="page")
         bus.subscribe(EmgSamples, self._hear, name="page")
+        self._bus, self._t_ns, self._muscle_rows = bus, 0, MuscleRows(bus)
 
     def watch(self, prepared: Prepared) -> Prepared:
         """Take note of what a run starts with, and return it."""
@@ -69,6 +72,7 @@ class SessionFeed:
 
     def complete(self, state: ViewState) -> ViewState:
         """Add pictures, muscle signal, hand and text to a moment of the loop."""
+        self._t_ns = state.t_ns
         if (prepared := self._prepared) is None:
             return state
         images = {}
@@ -85,15 +89,21 @@ class SessionFeed:
             for t_ns, _ in state.loop.contacts.values()
             if state.t_ns - t_ns <= STALE_NS
         ]
+        muscles = prepared.muscles
+        holds = "" if muscles is None or muscles.decoder is None else muscles.decoder.holds
         return state._replace(
             images=images,
             shapes=shapes,
             poses=poses,
             palm=palm,
-            emg=None if prepared.muscles is None else self._tail(state.t_ns, prepared.muscles),
-            rows={**self._rows, **state.rows},
+            emg=None if muscles is None else self._tail(state.t_ns, muscles),
+            rows={**self._rows, **self._muscle_rows.rows(holds), **state.rows},
             latency_ms={"picture to vest": float(np.mean(ages_ms))} if ages_ms else {},
         )
+
+    def undo(self) -> None:
+        """Undo the adaptation of EMG as its key does; once more has it begin anew."""
+        self._bus.publish(Button(seat=UNDO_SEAT, t_ns=self._t_ns, seq=0, button="page", pressed=True))
 
     def _see(self, picture: Picture) -> None:
         shown = self._pictures.get(picture.finger)

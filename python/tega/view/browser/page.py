@@ -72,7 +72,7 @@ class Page:
         timeline: The moments that can be looked back at; ``None`` on a page without controls.
         seek: The slider over a recording that is played; ``None`` where none is.
         inputs: viser's handles of the buttons and choices that there are: ``object``, ``haptics``, ``pause``, ``go``,
-            ``stop``.
+            ``undo``, ``stop``.
     """
 
     def __init__(
@@ -158,6 +158,10 @@ class Page:
         if controls.can_go:
             go = self.inputs["go"] = gui.add_button("Go", color="green")
             go.on_click(lambda _event: controls.go())
+
+        if (undo := controls.undo) is not None:
+            button = self.inputs["undo"] = gui.add_button("Undo adaptation", color="gray")
+            button.on_click(lambda _event: undo())
 
         stop = self.inputs["stop"] = gui.add_button("Stop", color="red")
         stop.on_click(lambda _event: controls.stop())

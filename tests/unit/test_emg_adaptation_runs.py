@@ -1,0 +1,173 @@
+"""Runs that adapt their EMG channels: recorded, undone by a key, computed again bit for bit, trimmed, told apart."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("foxglove", reason="needs the extra tega[record]")
+
+from reference.sessions import rewritten, stream
+from tega.bus import Bus
+from tega.config import check_tree
+from tega.recording.mcap_reader import McapReader
+from tega.recording.trim import trim_session
+from tega.records import Adaptation, AdaptationSwitch, Button, Contact, HeardMarker, Intent, RunState
+from tega.replay import replay_file
+from tega.teleop import run_session
+from tega.teleop.adapting import AdaptationWatch
+
+RATE_HZ, FULL = 1000, 40.0
+
+
+def drifting(file: Path) -> None:
+    """Write 64 s of two channels: rest that rises, efforts that weaken, rest again."""
+    rng = np.random.default_rng(7)
+    shares = [0.05, 0.05, 0.1, 0.1, 0.6, 0.5, 0.45, 0.1]
+    size = np.repeat(shares, 8 * RATE_HZ)[:, np.newaxis] * FULL * 1.25
+    np.save(file, rng.normal(size=(len(size), 2)) * size)
+
+
+def settings(folder: Path) -> Any:
+    drifting(folder / "emg.npy")
+    calibration = (
+        'format = "tega-calibration"\nversion = 1\npreset = "paper"\norigin = "made up"\n[emg]\nkind = "raw"\n'
+        f'rate_hz = {RATE_HZ}.0\ntau = 100\nchannels = ["ch1", "ch2"]\nmaxima = [{FULL}, {FULL}]\n'
+    )
+    (folder / "calibration.toml").write_text(calibration)
+    tree = {
+        "session": {"pace": "fast", "preset": "paper"},
+        "calibration": {"file": str(folder / "calibration.toml")},
+        "emg": {
+            "driver": "emg-file",
+            "kind": "raw",
+            "options": {"file": str(folder / "emg.npy"), "rate_hz": RATE_HZ, "channels": [1, 2]},
+        },
+        "stages": {"adaptation": {"on": True}, "beside": [{"group": "decoder", "name": "rules"}]},
+        "recording": {"dir": str(folder / "rec"), "lossless": True, "stop_free_mib": 0.0},
+    }
+    return check_tree(tree, {}, base=folder).config
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Adaptation | AdaptationSwitch]]:
+    """Return a recording in which a target was told from 32 s and the key was pressed at 60 s, and what it told."""
+    folder = tmp_path_factory.mktemp("adapting")
+    bus, told = Bus(), list[Any]()
+    bus.subscribe(Adaptation, told.append)
+    bus.subscribe(AdaptationSwitch, told.append)
+
+    def say(intent: Intent) -> None:
+        if intent.t_ns == 32_000_000_000:
+            bus.publish(HeardMarker(t_ns=intent.t_ns, received_ns=intent.t_ns, text="target:0.5"))
+        if intent.t_ns == 60_000_000_000:
+            bus.publish(Button(seat="undo", t_ns=intent.t_ns, seq=1, button="Enter", pressed=True))
+
+    bus.subscribe(Intent, say)
+    summary = run_session(settings(folder), bus=bus)
+    return folder / "rec" / str(summary["recording"]["file"]), told
+
+
+def test_a_run_follows_rest_and_target_and_one_key_undoes_it(run: tuple[Path, list[Any]]) -> None:
+    changes = [one for one in run[1] if isinstance(one, Adaptation)]
+    assert [why for k, why in enumerate(c.why for c in changes) if k == 0 or changes[k - 1].why != why] == [
+        "rest",
+        "target",
+        "undone",
+    ]
+    assert changes[-2].gains[0] > 1.05
+    assert changes[-2].offsets[0] > 0
+    assert changes[-1].gains == (1.0, 1.0)
+    assert changes[-1].offsets == (0.0, 0.0)
+
+
+def test_its_recording_is_computed_again_bit_for_bit(run: tuple[Path, list[Any]]) -> None:
+    found = replay_file(run[0])
+    changes = [one for one in run[1] if isinstance(one, Adaptation)]
+    assert found.same
+    assert stream(found, "/emg/adaptation").recorded == len(changes) > 3
+    assert stream(found, "/emg/levels").recorded > 600
+    # What looks on beside is given the samples as they came.
+    assert stream(found, "/beside/rules/emg").differ == 0
+
+
+def test_the_condition_of_the_muscles_is_recorded_and_changes_nothing(run: tuple[Path, list[Any]]) -> None:
+    messages = McapReader(run[0]).messages(lambda topic: topic == "/emg/condition")
+    kept = [one.value for one in messages if one.topic == "/emg/condition"]
+    # Once for every second of effort: in three of eight stretches of eight seconds.
+    assert 20 <= len(kept) <= 30
+    assert all(len(one.median_hz) == 2 for one in kept)
+    assert stream(replay_file(run[0]), "/emg/levels").differ == 0
+
+
+def test_a_change_that_was_not_so_is_found(run: tuple[Path, list[Any]], tmp_path: Path) -> None:
+    def other(topic: str, value: Any) -> Any:
+        if topic == "/emg/adaptation":
+            value.gains[1] += 1e-15
+        return value
+
+    found = replay_file(rewritten(run[0], tmp_path / "a.mcap", other))
+    assert not found.same
+    assert stream(found, "/emg/adaptation").differ > 0
+
+
+def test_the_switches_are_what_it_is_computed_from(run: tuple[Path, list[Any]], tmp_path: Path) -> None:
+    def never(topic: str, value: Any) -> Any:
+        if topic == "/emg/adaptation/switch":
+            value.allowed = False
+        return value
+
+    found = replay_file(rewritten(run[0], tmp_path / "a.mcap", never))
+    assert stream(found, "/emg/adaptation").replayed == 1  # the key
+
+
+def test_a_part_of_it_is_computed_again_too(run: tuple[Path, list[Any]], tmp_path: Path) -> None:
+    part = trim_session(run[0], from_s=40.0, to_s=62.0, out=tmp_path / "part")
+    found = replay_file(part)
+    assert found.same
+    assert stream(found, "/emg/adaptation").recorded > 0
+
+
+def test_without_it_the_replay_says_so_and_differs(run: tuple[Path, list[Any]]) -> None:
+    found = replay_file(run[0], sets=["stages.adaptation.on=false"])
+    assert "stages.adaptation.on: True -> False" in found.changed
+    assert stream(found, "/emg/levels").differ > 0
+
+
+@pytest.mark.parametrize(
+    ("said", "allowed"),
+    [
+        ([], False),
+        ([RunState(t_ns=0, state="active", reason="")], True),
+        ([RunState(t_ns=0, state="active", reason=""), RunState(t_ns=1, state="hold", reason="")], False),
+        (
+            [RunState(t_ns=0, state="active", reason=""), Contact(finger="thumb", t_ns=1, in_contact=True)],
+            False,
+        ),
+    ],
+)
+def test_never_in_a_hold_and_never_while_a_finger_touches(said: list[Any], *, allowed: bool) -> None:
+    bus = Bus()
+    watch = AdaptationWatch(bus)
+    for record in said:
+        bus.publish(record)
+    assert watch.switches().allowed is allowed
+
+
+def test_a_target_is_told_by_a_marker_and_taken_back() -> None:
+    bus = Bus()
+    watch = AdaptationWatch(bus)
+    mark = partial(HeardMarker, t_ns=0)
+    for text, target in (
+        ("target:0.8", 0.8),
+        ("other", 0.8),
+        ("target:x", 0.8),
+        ("target:", None),
+        ("target:7", None),
+    ):
+        bus.publish(mark(text=text))
+        assert watch.switches().target == target

@@ -1,0 +1,188 @@
+"""The page tells of the decoder: closure, confidence, hold, decoders beside; and of fatigue and moved electrodes."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tega.bus import Bus
+from tega.config import check_tree
+from tega.decoders import fit
+from tega.records import Adaptation, BesideIntent, Button, Intent, MuscleCondition
+from tega.teleop import run_session
+from tega.view.browser import BrowserView
+from tega.view.browser.decoders_apart import DecodersApart
+from tega.view.browser.feed import SessionFeed
+from tega.view.browser.muscle_rows import MuscleRows
+from tega.view.state import ViewState
+
+
+def told(apart: DecodersApart, pairs: list[tuple[float, float]], *, late_ns: int = 0) -> None:
+    for k, (ours, theirs) in enumerate(pairs):
+        apart.connected(Intent(t_ns=k * 100_000_000, level=1, closure=ours))
+        apart.beside(BesideIntent(stage="rules", t_ns=k * 100_000_000 + late_ns, level=1, closure=theirs))
+
+
+def test_closures_apart_by_more_than_half_a_level_are_counted_over_ten_seconds() -> None:
+    apart = DecodersApart()
+    told(apart, [(0.0, 1.0)] * 50 + [(0.5, 0.6)] * 75 + [(0.5, 0.75)] * 25)
+    assert apart.rows() == {"beside rules": "closure 0.75 (connected 0.50), apart in 25 % of 10 s"}
+
+
+def test_blocks_of_other_lengths_are_paired_by_their_times() -> None:
+    apart = DecodersApart()
+    told(apart, [(0.5, 0.5)] * 20, late_ns=-40_000_000)
+    assert apart.rows()["beside rules"].endswith("apart in 0 % of 10 s")
+
+
+def test_nothing_is_told_before_both_have_said_something() -> None:
+    apart = DecodersApart()
+    apart.beside(BesideIntent(stage="rules", t_ns=0, level=3))
+    assert apart.rows() == {}
+
+
+def test_a_run_that_is_looked_at_has_its_decoders_beside_without_a_recording(tmp_path: Path) -> None:
+    tree = {
+        "session": {"pace": "fast", "duration_s": 3.0},
+        "emg": {"driver": "synthetic-emg", "kind": "raw"},
+        "stages": {"beside": [{"group": "decoder", "name": "proportional"}]},
+    }
+    bus, rows = Bus(), list[Any]()
+    feed = SessionFeed({}, bus)
+    run_session(
+        check_tree(tree, {}, base=tmp_path).config,
+        on_prepared=feed.watch,
+        observer=lambda loop: rows.append(feed.complete(ViewState(loop.t_ns, loop)).rows),
+        bus=bus,
+    )
+    assert "apart in" in rows[-1]["beside proportional"]
+
+
+def test_the_pages_button_presses_the_key_that_undoes() -> None:
+    bus, pressed = Bus(), list[Button]()
+    feed = SessionFeed({}, bus)
+    bus.subscribe(Button, pressed.append)
+    feed.undo()
+    assert [(one.seat, one.pressed) for one in pressed] == [("undo", True)]
+
+
+def test_what_is_told_of_the_muscles_becomes_a_line_each_and_nothing_has_none() -> None:
+    bus = Bus()
+    rows = MuscleRows(bus)
+    assert rows.rows() == {}
+    bus.publish(Intent(t_ns=0, level=3, channels=(3, 3)))
+    assert rows.rows() == {}  # levels stand elsewhere on the page
+    bus.publish(Intent(t_ns=1, closure=0.52, confidence=0.87, channels=(2, 3)))
+    assert rows.rows() == {"decoder": "closure 0.52, 87 % sure"}
+    bus.publish(Adaptation(t_ns=0, n_samples=1, why="rest", gains=(1.04, 1.0), offsets=(0.0, 0.0)))
+    assert rows.rows()["adaptation"] == "gains 1.04 · 1.00 (rest)"
+    bus.publish(Adaptation(t_ns=0, n_samples=2, why="undone", gains=(1.0, 1.0), offsets=(0.0, 0.0)))
+    assert rows.rows()["adaptation"] == "undone"
+    nan = math.nan
+    bus.publish(MuscleCondition(t_ns=2, median_hz=(nan, nan), slope_percent_per_min=(nan, nan)))
+    assert set(rows.rows()) == {"decoder", "adaptation"}
+    bus.publish(
+        MuscleCondition(
+            t_ns=2, median_hz=(81.2, nan), slope_percent_per_min=(-3.14, nan), pattern_change=0.123
+        )
+    )
+    assert rows.rows()["fatigue"] == "median frequency 81 · – Hz, -3.1 · – %/min"
+    assert rows.rows()["electrodes"] == "pattern 12 % off the run's first"
+
+
+def test_a_hold_is_told_with_its_reason() -> None:
+    bus = Bus()
+    rows = MuscleRows(bus)
+    bus.publish(Intent(t_ns=1, closure=0.52, confidence=0.2, channels=(2, 3)))
+    assert rows.rows("20 % sure, 50 % are needed") == {
+        "decoder": "holds closure 0.52: 20 % sure, 50 % are needed"
+    }
+    bus.publish(Intent(t_ns=2, closure=0.52, confidence=0.0, channels=(0, 0)))
+    assert rows.rows() == {"decoder": "holds closure 0.52: no channel can be believed"}
+
+
+def learned(folder: Path, **options: float) -> dict[str, Any]:
+    """Fit a model to rest and effort, and write a recording: rest, effort, then twenty times as strong."""
+    pytest.importorskip("sklearn", reason="scikit-learn is not installed")
+    rng = np.random.default_rng(3)
+
+    def emg(closures: list[float]) -> tuple[Any, Any]:
+        closure = np.repeat(closures, 1000)
+        return rng.normal(size=(len(closure), 2)) * (2 + 40 * closure[:, np.newaxis]), closure
+
+    samples, closure = emg([0.0, 1.0, 0.5, 0.0] * 4)
+    fit(samples, closure, rate_hz=1000, tau=100, channels=("ch1", "ch2")).save(folder / "model.json")
+    known, _ = emg([0.0, 0.5, 1.0])
+    strange, _ = emg([20.0, 20.0])
+    np.save(folder / "emg.npy", np.concatenate([known, strange]))
+    calibration = (
+        'format = "tega-calibration"\nversion = 1\npreset = "live"\norigin = "made up"\n[emg]\nkind = "raw"\n'
+        'rate_hz = 1000.0\ntau = 100\nchannels = ["ch1", "ch2"]\nmaxima = [2000.0, 2000.0]\n'
+    )
+    (folder / "calibration.toml").write_text(calibration)
+    source = {"file": str(folder / "emg.npy"), "rate_hz": 1000, "channels": [1, 2]}
+    return {
+        "session": {"pace": "fast"},
+        "calibration": {"file": str(folder / "calibration.toml")},
+        "emg": {"driver": "emg-file", "kind": "raw", "options": source},
+        "stages": {
+            "decoder": {"name": "learned", "options": {"model": str(folder / "model.json"), **options}}
+        },
+    }
+
+
+def rows_of(tree: dict[str, Any], folder: Path) -> list[dict[str, str]]:
+    bus, rows = Bus(), list[dict[str, str]]()
+    feed = SessionFeed({}, bus)
+    run_session(
+        check_tree(tree, {}, base=folder).config,
+        on_prepared=feed.watch,
+        observer=lambda loop: rows.append(dict(feed.complete(ViewState(loop.t_ns, loop)).rows)),
+        bus=bus,
+    )
+    return rows
+
+
+def test_a_run_shows_how_sure_its_decoder_is_and_that_it_holds_what_it_does_not_know(tmp_path: Path) -> None:
+    rows = rows_of(learned(tmp_path), tmp_path)
+    sure = [row["decoder"] for row in rows if "sure" in row.get("decoder", "")]
+    assert re.fullmatch(r"closure \d\.\d\d, \d+ % sure", sure[0])
+    assert rows[-1]["decoder"].endswith(": this effort is like none that the model knows")
+    assert rows[-1]["decoder"].startswith("holds closure ")
+    assert "fatigue" in rows[-1]
+
+
+def test_a_run_shows_that_it_holds_for_want_of_confidence(tmp_path: Path) -> None:
+    rows = rows_of(learned(tmp_path, hold_below=1.0), tmp_path)
+    assert any(row.get("decoder", "").endswith(" % sure, 100 % are needed") for row in rows)
+
+
+def test_the_alert_of_moved_electrodes_and_the_pattern_stand_on_the_page(tmp_path: Path) -> None:
+    """Simulated: the muscle under the first electrode is under the second one after twenty seconds."""
+    rng = np.random.default_rng(5)
+    size = np.repeat([[30.0, 6.0], [6.0, 30.0]], [20_000, 10_000], axis=0)
+    tree = learned(tmp_path)
+    np.save(tmp_path / "emg.npy", rng.normal(size=size.shape) * size)
+    text = (tmp_path / "calibration.toml").read_text().replace("2000.0", "40.0")
+    (tmp_path / "calibration.toml").write_text(text)
+    del tree["stages"]
+    bus, moments = Bus(), list[ViewState]()
+    feed = SessionFeed({}, bus)
+    run_session(
+        check_tree(tree, {}, base=tmp_path).config,
+        on_prepared=feed.watch,
+        observer=lambda loop: moments.append(feed.complete(ViewState(loop.t_ns, loop))),
+        bus=bus,
+    )
+    last = moments[-2]
+    assert any("recalibrate in ten seconds" in alert for alert in last.loop.alerts)
+    with BrowserView("a run", port=0) as view:
+        view.page.paint_text(last)
+        assert "electrodes have moved or come loose" in view.page.run_state.content
+        assert re.search(r"electrodes</td>.*pattern \d\d % off the run", view.page.status.content)
+        assert re.search(r"fatigue</td>.*median frequency – · \d+ Hz", view.page.status.content)
