@@ -11,7 +11,7 @@ RATE_HZ = 60.0
 
 def frames(*parts: tuple[int, bool, bool, bool, float]) -> list[Seen]:
     """Return frames one after the other: how many, loaded, touching, told, S."""
-    rows = [row for n, *row in parts for _ in range(n)]
+    rows = [part[1:] for part in parts for _ in range(part[0])]
     return [
         Seen(k / RATE_HZ, loaded, touches, told, s, s / 10, 500 if touches and not told else 0, 1)
         for k, (loaded, touches, told, s) in enumerate(rows)
@@ -28,7 +28,8 @@ def test_what_is_missed_over_two_percent_has_to_be_told_and_frames_after_a_relea
     assert (found.difference, found.before) == (0.8, 0.7)
     # Six frames of the leftover are within 0.1 s of the release.
     assert (found.free, found.free_told) == (90, 60)
-    assert (found.share, found.changed_px) == (pytest.approx(0.1), 500)
+    assert found.share == pytest.approx(0.1)
+    assert found.changed_px == 500
 
 
 def test_a_finger_that_misses_less_has_nothing_to_tell() -> None:
