@@ -94,14 +94,12 @@ site: ## all pages with search, commands, settings and Python, into target/site;
 	PYTHONPATH=$(CURDIR)/tools/emulators:$(CURDIR)/tools/campaigns:$(CURDIR)/tools/figures \
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
 
-pictures: ## the drawn pictures of the docs, and the animations; needs a Chromium and the extras browser, lab, record, sim and view
+pictures: ## the drawn pictures of the docs, and the demo's animation; needs the extras lab, record, sim and view
 	$(BIN)/python docs/images/draw.py
 	$(BIN)/python -m tega_figures.diagrams docs/images
 	$(BIN)/python -m tega_figures.byte_layouts docs/images
 	$(BIN)/python -m tega_figures.page_plots docs/images
 	$(BIN)/python -m tega_figures.terminal_shots docs/images
-	$(BIN)/python -m tega_figures.page_shots docs/images
-	$(BIN)/python -m tega_figures.calibrate_shots docs/images/calibrate.webp
 
 clean: ## remove build output
 	rm -rf target fuzz/target benches/target dist $(VENV)

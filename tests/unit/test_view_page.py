@@ -103,6 +103,18 @@ def test_buttons_reach_the_program(seen):
     assert controls.paused
 
 
+def test_on_a_phone_the_sheet_is_as_wide_as_the_screen(browser):
+    with (
+        BrowserView("TEGA made-up grasp", port=0, controls=Controls()) as view,
+        opened(browser, view.url, width_px=390, height_px=844) as page,
+    ):
+        view.offer(Moments().at(2.0))
+        page.get_by_text("2.0 s", exact=True).wait_for(state="attached", timeout=60_000)
+        sheet = page.locator(".tega-phone")
+        until(lambda: sheet.bounding_box()["width"] > 360)
+        assert sheet.bounding_box()["x"] < 20
+
+
 def test_a_hold_and_the_end_of_a_run_are_read_on_the_page(browser):
     moment = Moments().at(2.0)
 

@@ -171,7 +171,7 @@ def main(file: Path) -> None:
         duration=[*lasts_ms, _END_MS],
         loop=0,
         quality=_QUALITY,
-        method=6,
+        method=3,
     )
 
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["lift", "main"]
 
 OBJECTS: Final = ("bottle", "container", "bag")
-SIZES_PX: Final = {"bottle": (1440, 900), "tablet": (820, 1180), "phone": (390, 844)}
+SIZES_PX: Final = {"bottle": (1440, 900), "phone": (390, 844)}
 # Every so many moments of thirty a second, one picture of the animation, which goes twice as fast as the lift.
 _EVERY, _FAST_FORWARD = 6, 2
 _MOMENT_S = 1 / 30
@@ -105,7 +105,7 @@ def still(browser: Any, course: list[ViewState], size_px: tuple[int, int], path:
     last = held_up(course)
     with ShownLift(browser, course, size_px).page() as lifted:
         for place in range(0, last + 1, _EVERY // 2):
-            lifted.paint(place, whole=place % _EVERY == 0)
+            lifted.paint(place, whole=place == last)
         lifted.shown.wait_for_timeout(5_000)  # the scene comes after the text
         Image.open(io.BytesIO(lifted.shown.screenshot())).convert("RGB").save(path, optimize=True)
 
@@ -128,7 +128,7 @@ def animation(browser: Any, course: list[ViewState], path: Path) -> None:
         duration=round(1000 * _EVERY * _MOMENT_S / _FAST_FORWARD),
         loop=0,
         quality=_QUALITY,
-        method=6,
+        method=3,
     )
 
 
