@@ -35,6 +35,6 @@ def test_the_holds_are_printed_as_a_table() -> None:
 
 
 def test_the_picture_is_drawn(tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib", reason="needs the extra tega[view]")
+    pytest.importorskip("matplotlib", reason="needs the extra pictures")
     assert CliRunner().invoke(main, ["picture", str(tmp_path / "emg.png")]).exit_code == 0
     assert (tmp_path / "emg.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"

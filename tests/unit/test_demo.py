@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +46,7 @@ def run_demo(folder: Path, capsys: pytest.CaptureFixture[str], *words: str) -> d
 
 
 def test_the_demo_lifts_is_felt_and_draws_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    pytest.importorskip("matplotlib", reason="needs the extra tega[view]")
+    pytest.importorskip("matplotlib", reason="needs the extra pictures")
     pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
     report = run_demo(tmp_path / "demo", capsys, "--objects", "container", "--seed", "3")
     (trial,) = report["trials"]
@@ -76,6 +77,24 @@ def test_the_demo_lifts_is_felt_and_draws_it(tmp_path: Path, capsys: pytest.Capt
     assert any(",1," in line for line in contacts.splitlines())
     # The folder is known as our own: the next demo may go there.
     prepare_folder(tmp_path / "demo")
+
+
+def test_without_matplotlib_the_demo_leaves_its_tables_and_says_what_draws(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
+    for name in [name for name in sys.modules if name.split(".")[0] == "matplotlib"] + ["matplotlib"]:
+        monkeypatch.setitem(sys.modules, name, None)
+    out = tmp_path / "demo"
+    with pytest.raises(SystemExit) as done:
+        main(["demo", "--fast", "--operator", "scripted", "--objects", "bag", "--out", str(out)])
+    captured = capsys.readouterr()
+    assert done.value.code == 0, captured.err
+    assert "no picture: matplotlib is not installed; pip install '" in captured.err
+    assert "[pictures]'" in captured.err
+    assert f"tables and summary.json are in {out}" in captured.out
+    assert not (out / "demo.png").exists()
+    assert (out / "1-bag" / "vest.csv").is_file()
 
 
 def test_the_demo_prints_one_page_and_no_keyboard_in_a_hurry(

@@ -65,7 +65,7 @@ def test_motors_are_in_the_order_in_which_they_are_worn(course: RunCourse) -> No
 
 
 def test_a_brief_pulse_is_in_the_picture_of_a_long_run() -> None:
-    pytest.importorskip("matplotlib", reason="needs the extra view")
+    pytest.importorskip("matplotlib", reason="needs the extra pictures")
     from tega.view.course import VestCourse
     from tega.view.figures import draw_vest, new_figure
 
@@ -88,7 +88,7 @@ def presses(tmp_path: Path) -> Path:
 def test_loose_files_leave_a_picture_and_words(
     presses: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    pytest.importorskip("matplotlib", reason="needs the extra view")
+    pytest.importorskip("matplotlib", reason="needs the extra pictures")
     out = tmp_path / "out"
     said, _ = call(capsys, "replay", "--tactile", f"thumb={presses}", "--out", out)
     assert "  thumb: 3 contacts, " in said
@@ -111,13 +111,13 @@ def test_without_matplotlib_there_are_words_and_the_line_that_installs_it(
     assert not (tmp_path / "out/picture.png").exists()
     # Who asks for the picture gets it or no run at all.
     _, noted = call(capsys, *words, "--picture", tmp_path / "mine.png", code=3)
-    assert "[view]'" in noted
+    assert "[pictures]'" in noted
 
 
 def test_a_session_is_told_and_drawn_by_its_verb_and_by_the_earlier_one(
     lossless: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    pytest.importorskip("matplotlib", reason="needs the extra view")
+    pytest.importorskip("matplotlib", reason="needs the extra pictures")
     for verb in ("verify", "replay"):
         said, _ = call(capsys, verb, lossless, "--picture", tmp_path / f"{verb}.png")
         assert "  thumb: " in said

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import re
+import tomllib
 from importlib.metadata import PathDistribution
 from pathlib import Path
 
 import pytest
 
+import tega
 from tega.cli import install_line
 from tega.cli.devices import could_not_look
 from tega.cli.doctor import _paragraph
@@ -15,6 +18,7 @@ from tega.cli.install_line import with_origin
 from tega.doctor.bench import DriverLook
 from tega.doctor.findings import Finding
 
+PROJECT = Path(__file__).parents[2]
 HINT = "install it with: pip install 'tega[sim,view]'"
 
 
@@ -53,3 +57,32 @@ def test_a_record_that_is_broken_changes_nothing(tmp_path: Path) -> None:
     (tmp_path / "tega-0.1.0.dist-info" / "direct_url.json").write_text("{", encoding="utf-8")
     assert with_origin(HINT, package) == HINT
     assert with_origin("plug it in", package) == "plug it in"
+
+
+def extras() -> dict[str, list[str]]:
+    project = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    found: dict[str, list[str]] = project["optional-dependencies"]
+    return found
+
+
+def test_every_extra_that_a_hint_names_exists() -> None:
+    known = set(extras())
+    named = set()
+    for source in [*Path(tega.__file__).parent.rglob("*.py"), *(PROJECT / "tools").rglob("*.py")]:
+        text = source.read_text(encoding="utf-8")
+        for words in re.findall(r"tega\[([a-z,-]+)\]'|extra=\"([a-z-]+)\"", text):
+            named |= {name for word in words for name in word.split(",") if name}
+    assert len(named) > 10
+    assert named <= known, "a hint names an extra that pyproject.toml does not have"
+
+
+def test_the_demo_and_the_page_are_installed_without_what_draws_pictures() -> None:
+    wanted, left = set(), ["sim", "view"]
+    while left:
+        for line in extras()[left.pop()]:
+            inner = re.fullmatch(r"tega\[([a-z,-]+)\]", line)
+            if inner:
+                left += inner[1].split(",")
+            else:
+                wanted.add(re.match(r"[\w-]+", line)[0])  # type: ignore[index]  # every line begins with a name
+    assert wanted == {"joblib", "mujoco-core", "python-can", "viser"}

@@ -103,6 +103,18 @@ def test_buttons_reach_the_program(seen):
     assert controls.paused
 
 
+def test_on_a_phone_the_sheet_is_as_wide_as_the_screen(browser):
+    with (
+        BrowserView("TEGA made-up grasp", port=0, controls=Controls()) as view,
+        opened(browser, view.url, width_px=390, height_px=844) as page,
+    ):
+        view.offer(Moments().at(2.0))
+        page.get_by_text("2.0 s", exact=True).wait_for(state="attached", timeout=60_000)
+        sheet = page.locator(".tega-phone")
+        until(lambda: sheet.bounding_box()["width"] > 360)
+        assert sheet.bounding_box()["x"] < 20
+
+
 def test_a_hold_and_the_end_of_a_run_are_read_on_the_page(browser):
     moment = Moments().at(2.0)
 
@@ -116,8 +128,6 @@ def test_a_hold_and_the_end_of_a_run_are_read_on_the_page(browser):
         view.offer(in_state("hold", "emg: no signal for 0.5 s"))
         page.get_by_text("HOLD", exact=True).wait_for(timeout=60_000)
         page.get_by_text("emg: no signal for 0.5 s").wait_for(timeout=60_000)
-        if folder := os.environ.get("TEGA_PICTURES"):
-            page.screenshot(path=Path(folder) / "view-hold.png")
         view.offer(in_state("stopped", "stopped: Ctrl-C"))
         view.__exit__(None, None, None)
         page.get_by_text("STOPPED", exact=True).wait_for(timeout=60_000)
@@ -171,7 +181,7 @@ def badge_colour(page) -> str:
 
 @pytest.mark.parametrize("name", ["bottle", "bag"])
 def test_the_bench_with_an_object_held_up(name, browser):
-    """Show a simulated lift at its height; with TEGA_PICTURES, keep the picture in that folder."""
+    """Show a simulated lift at its height."""
     pytest.importorskip("mujoco", reason="the simulated world needs the extra sim")
     from tega.sim.trial import TrialPlan, run_trial
 
@@ -197,8 +207,6 @@ def test_the_bench_with_an_object_held_up(name, browser):
         until(lambda: share_near(picture(page)[:420, 430:1030], OBJECT_COLOURS[name]) > 0.01)
         page.wait_for_timeout(3_000)
         shown = picture(page)
-        if folder := os.environ.get("TEGA_PICTURES"):
-            page.screenshot(path=Path(folder) / f"view-{name}.png")
     over_table = shown[:420, 430:1030]
     assert share_near(over_table, OBJECT_COLOURS[name]) > 0.01
     touch_maps = shown[260:395, 10:415]

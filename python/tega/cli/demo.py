@@ -92,9 +92,9 @@ def demo(
 
     Hand, objects, fingertip cameras, muscles and person are simulated. The loop in between is that of a run with
     devices. The terminal shows fingertips, vest, muscles, hand and object, then a summary. The folder --out gets a
-    table for each signal of each trial, and the picture demo.png. The three lifts take 46 s; with --fast about a
-    fifth of that. With --view the lifts repeat in the browser until Ctrl-C or the page's stop. After Ctrl-C there is
-    no picture and no summary.
+    table for each signal of each trial, and with the extra pictures demo.png. The three lifts take 46 s; with --fast
+    about a fifth of that. With --view the lifts repeat in the browser until Ctrl-C or the page's stop. After Ctrl-C
+    there is no picture and no summary.
 
     \b
     --json prints one object:

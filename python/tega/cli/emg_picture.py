@@ -26,7 +26,7 @@ def draw(parts: list[tuple[str, float, list[DecoderTold]]], file: Path) -> None:
     try:
         from matplotlib.figure import Figure
     except ImportError as error:
-        raise MissingExtraError("a picture needs matplotlib", "pip install 'tega[lab]'") from error
+        raise MissingExtraError("a picture needs matplotlib", "pip install 'tega[pictures]'") from error
     rows = max(len(told) for _, _, told in parts)
     figure = Figure(figsize=(5.5 * len(parts), 1.5 * rows + 0.6), layout="constrained")
     panels = figure.subplots(rows, len(parts), sharex="col", sharey=True, squeeze=False)

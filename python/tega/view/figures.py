@@ -180,7 +180,7 @@ def new_figure(*, figsize: tuple[float, float]) -> Figure:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
     except ImportError as error:
-        raise MissingExtraError("matplotlib is not installed", "pip install 'tega[view]'") from error
+        raise MissingExtraError("matplotlib is not installed", "pip install 'tega[pictures]'") from error
     figure = Figure(figsize=figsize, dpi=110, layout="constrained")
     FigureCanvasAgg(figure)
     return figure

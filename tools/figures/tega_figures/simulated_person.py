@@ -51,7 +51,7 @@ def picture(file: Path) -> None:
         from matplotlib.figure import Figure
     except ImportError as error:
         raise click.ClickException(
-            str(MissingExtraError("the picture needs matplotlib", "pip install 'tega[view]'"))
+            str(MissingExtraError("the picture needs matplotlib", "pip install 'tega[pictures]'"))
         ) from error
 
     person = typical_person()

@@ -60,7 +60,7 @@ def _draw(rows: list[PeopleSkill], n_people: int, file: Path) -> None:
     try:
         from matplotlib.figure import Figure
     except ImportError as error:
-        raise MissingExtraError("the picture needs matplotlib", "pip install 'tega[view]'") from error
+        raise MissingExtraError("the picture needs matplotlib", "pip install 'tega[pictures]'") from error
     effects = list(dict.fromkeys(row.effect for row in rows))
     decoders = list(dict.fromkeys(row.decoder for row in rows))
     figure = Figure(figsize=(8, 5.5), layout="constrained")

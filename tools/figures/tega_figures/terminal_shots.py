@@ -19,7 +19,7 @@ from typing import Final
 from rich.console import Console
 from rich.text import Text
 
-__all__ = ["main", "picture"]
+__all__ = ["drawn", "main", "picture"]
 
 PROJECT: Final = Path(__file__).resolve().parents[3]
 TEGA: Final = (sys.executable, "-m", "tega.cli")
@@ -38,13 +38,26 @@ def picture(words: list[str], said: str, path: Path, *, most_lines: int = 34) ->
     lines = said.rstrip().splitlines()
     shown = [*lines[:most_lines], *(["…"] if len(lines) > most_lines else [])]
     width = min(118, max(len(Text.from_ansi(line).plain) for line in [*shown, "$ " + " ".join(words)]) + 2)
+    path.write_text(drawn(words, shown, width=width, name=path.stem), encoding="utf-8")
+
+
+def drawn(words: list[str], lines: list[str], *, width: int, name: str, n_lines: int = 0) -> str:
+    """Return a terminal as SVG.
+
+    Args:
+        words: The command, as a reader types it.
+        lines: What stands below it, with its colours.
+        width: Of the terminal, characters.
+        name: Of the picture: its ids begin with it.
+        n_lines: Height of the terminal below the command, where the lines are fewer.
+    """
     with Path(os.devnull).open("w", encoding="utf-8") as nowhere:
         console = Console(record=True, width=width, file=nowhere, force_terminal=True)
         console.print(Text("$ " + " ".join(words), style="bold"))
-        for line in shown:
+        for line in [*lines, *[""] * (n_lines - len(lines))]:
             console.print(Text.from_ansi(line), no_wrap=True, overflow="ellipsis")
-        drawn = console.export_svg(title="terminal", unique_id=path.stem)
-    path.write_text(re.sub(r"\s*@font-face \{.*?\}", "", drawn, flags=re.DOTALL), encoding="utf-8")
+        svg = console.export_svg(title="terminal", unique_id=name)
+    return re.sub(r"\s*@font-face \{.*?\}", "", svg, flags=re.DOTALL)
 
 
 def _run(words: list[str], folder: Path) -> str:

@@ -301,7 +301,7 @@ _COMMANDED = (
 # What the browser does by itself: unless the run's state is painted afresh in time, it greys the state and says for how
 # long nothing was heard. A frozen or killed program, a painter that failed and a run that stands still look the same.
 _BEATS_PER_S = 2
-_AGEING = f"""<style>
+_AGEING = f"""<style class="tega-style">
 @property --tega-age {{ syntax: "<integer>"; inherits: true; initial-value: 0 }}
 @keyframes tega-age {{ to {{ --tega-age: 86400 }} }}
 @keyframes tega-late {{ to {{ visibility: visible; max-height: 3em }} }}
@@ -309,7 +309,12 @@ _AGEING = f"""<style>
 @keyframes tega-dim {{ to {{ filter: grayscale(1); opacity: 0.6 }} }}
 .tega-lights {{ animation: tega-dim 1ms linear {NO_NEWS_S}s forwards }}
 .tega-phone {{ display: none }}
-@media (max-width: 640px) {{ .tega-phone {{ display: block }} }}
+@media (max-width: 640px) {{
+  .tega-phone {{ display: block }}
+  /* viser's sheet for phones is narrower than the screen, and what is beside it shows no object. */
+  .mantine-Paper-root:has(.tega-style), .mantine-Paper-root:has(.tega-style) [style*="width: 20em"] {{
+    width: 100% !important; }}
+}}
 .tega-late {{ display: block; visibility: hidden; max-height: 0; overflow: hidden; color: #c92a2a; font-weight: bold;
   animation: tega-late 1ms linear calc({NO_NEWS_S}s - var(--tega-since)) forwards }}
 .tega-late span {{ animation: tega-age 86400s linear calc(0s - var(--tega-since)) forwards }}

@@ -22,7 +22,7 @@ def draw(report: SoakReport, path: Path) -> None:
     Raises:
         MissingExtraError: Matplotlib is not installed.
     """
-    figures = require("matplotlib.figure", driver="the picture of a soak", extra="study")
+    figures = require("matplotlib.figure", driver="the picture of a soak", extra="pictures")
     figure = figures.Figure(figsize=(10, 5.5), layout="constrained")
     faults, memory = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     rows = sorted({(f.device, f.kind) for f in report.faults}, reverse=True)

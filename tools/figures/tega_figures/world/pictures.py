@@ -42,7 +42,7 @@ def draw_all(folder: Path, lifts: dict[str, list[LiftResult]], errors: dict[str,
     try:
         from matplotlib.figure import Figure
     except ImportError as error:
-        raise MissingExtraError("pictures need matplotlib", "pip install 'tega[view]'") from error
+        raise MissingExtraError("pictures need matplotlib", "pip install 'tega[pictures]'") from error
     folder.mkdir(parents=True, exist_ok=True)
     done = [_save(_scene(Figure(figsize=(13, 4.8))), folder / "world-scene.png")]
     if lifts:
