@@ -8,10 +8,10 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
-from tega_figures.calibrate_shots import Screen
+from tega_figures.calibrate_shots import DrawnTerminal
 
 
-def plain(screen: Screen) -> list[str]:
+def plain(screen: DrawnTerminal) -> list[str]:
     return [Text.from_ansi(line).plain.rstrip() for line in screen.lines]
 
 
@@ -22,11 +22,11 @@ def test_a_screen_holds_the_newest_of_what_is_redrawn_and_all_that_is_printed() 
     with Live(console=console, auto_refresh=False, transient=True) as live:
         for left in (3, 2, 1):
             live.update(f"SQUEEZE\n████··\n{left} s left", refresh=True)
-            shown = Screen()
+            shown = DrawnTerminal()
             shown.take(out.getvalue())
             assert plain(shown) == ["ok rest", "SQUEEZE", "████··", f"{left} s left"]
     console.print("let go")
-    ended = Screen()
+    ended = DrawnTerminal()
     for letter in out.getvalue():  # however it is cut into parts
         ended.take(letter)
     assert [line for line in plain(ended) if line] == ["ok rest", "let go"]

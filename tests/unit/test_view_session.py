@@ -57,7 +57,9 @@ def test_a_sessions_moments_are_completed_with_pictures_signal_and_hand(tmp_path
     assert len(state.emg.samples) == 1500
     assert state.emg.rate_hz == 1000
     assert state.poses.shape == (len(state.shapes), 7)
-    assert state.rows == {"preset": "live"}
+    assert set(state.rows) == {"preset", "fatigue"}
+    assert state.rows["preset"] == "live"
+    assert state.rows["fatigue"].startswith("median frequency ")
     assert 0 <= state.latency_ms["picture to vest"] < 1000 / 60
     # The picture is the one that was measured last, and map and outline are those of the metric that did.
     n_touched = 0

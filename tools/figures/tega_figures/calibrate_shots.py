@@ -29,7 +29,7 @@ from tega_emulators.process import Emulator
 from tega_figures.chromium import launched
 from tega_figures.terminal_shots import drawn
 
-__all__ = ["Screen", "main"]
+__all__ = ["DrawnTerminal", "main"]
 
 _COLUMNS, _ROWS = 88, 24
 _FRAME_S, _FAST_FORWARD, _LIMIT_S = 0.25, 2, 180.0
@@ -45,7 +45,7 @@ _CUT: Final = re.compile(r"\x1b(?:\[[?\d;]*)?$")
 _LET_GO: Final = r"let go|raises its own|rest: ch1"
 
 
-class Screen:
+class DrawnTerminal:
     """Keeps the lines that stand on a terminal: as much of one as Rich needs, which erases lines before it writes them.
 
     Attributes:
@@ -99,7 +99,7 @@ def recorded(folder: Path, board: Emulator) -> list[Shown]:
         env={**os.environ, "TERM": "xterm-256color"},
     )
     os.close(theirs)
-    screen, kept, began_s, unread = Screen(), list[Shown](), time.monotonic(), ""
+    screen, kept, began_s, unread = DrawnTerminal(), list[Shown](), time.monotonic(), ""
     decoder = codecs.getincrementaldecoder("utf-8")("replace")
     try:
         while (t_s := time.monotonic() - began_s) < _LIMIT_S:

@@ -94,7 +94,7 @@ class _WatchedGel(Gel):
         return super().frame(indenters, index, t_s=t_s, out=out)
 
 
-class _Watched(Streams):
+class _Misses(Streams):
     """Looks at every picture of one lift with trackers of its own, which say what the loop's do."""
 
     def __init__(self, lab: Lab, gels: dict[str, _WatchedGel], clean: dict[str, Gel]) -> None:
@@ -151,7 +151,7 @@ def watch_demo(seed: int = 1) -> dict[str, list[list[Seen]]]:
     lab.gels = gels
     lifts: dict[str, list[list[Seen]]] = {finger: [] for finger in FINGERS}
     for name in DEMO_OBJECTS:
-        plan, kept = TrialPlan(object=name, seed=seed), _Watched(lab, gels, clean)
+        plan, kept = TrialPlan(object=name, seed=seed), _Misses(lab, gels, clean)
         Lift(lab, plan, lab.person(plan), 0, streams=kept).go(
             real_time=False, observer=None, stop=lambda: False, paused=lambda: False
         )
