@@ -107,7 +107,8 @@ def still(browser: Any, course: list[ViewState], size_px: tuple[int, int], path:
         for place in range(0, last + 1, _EVERY // 2):
             lifted.paint(place, whole=place == last)
         lifted.shown.wait_for_timeout(5_000)  # the scene comes after the text
-        Image.open(io.BytesIO(lifted.shown.screenshot())).convert("RGB").save(path, optimize=True)
+        shot = Image.open(io.BytesIO(lifted.shown.screenshot())).convert("RGB")
+        shot.quantize(256).save(path, optimize=True)
 
 
 def animation(browser: Any, course: list[ViewState], path: Path) -> None:

@@ -51,7 +51,7 @@ def drives(emg: EmgTail, n_points: int = _POINTS) -> NDArray[np.float64]:
 
 
 class CourseChart:
-    """CCI, EDA and pose over the newest seconds.
+    """Draw CCI, EDA and the closure asked for over the newest seconds.
 
     Args:
         gui: viser's GUI; the chart is added where it stands.
@@ -61,7 +61,7 @@ class CourseChart:
     def __init__(self, gui: viser.GuiApi, kept_s: float = 0.0) -> None:
         self._kept_s = kept_s
         self._course: deque[tuple[float, float, float, float]] = deque()
-        names = (("CCI", CCI_BLUE), ("EDA", EDA_GREEN), ("pose ÷ 4", POSE_RED))
+        names = (("CCI", CCI_BLUE), ("EDA", EDA_GREEN), ("closure", POSE_RED))
         gui.add_html(_caption("mean share of the maxima:", names))
         series = (_line(CCI_BLUE, 1.6), _line(EDA_GREEN, 1.6), _line(POSE_RED, 1.6, dash=(5, 4)))
         self._plot = _plot(gui, series, 1.05)
@@ -80,8 +80,8 @@ class CourseChart:
         ]
         n = max(len(touching), 1)
         cci, eda = sum(f.cci_norm for f in touching) / n, sum(f.eda_norm for f in touching) / n
-        pose = 0.0 if loop.block is None else (loop.block[2] - 1) / 4
-        self._course.append((t_s, cci, eda, pose))
+        closure = 0.0 if loop.block is None else (loop.block.wanted - 1) / 4
+        self._course.append((t_s, cci, eda, closure))
         while self._course[0][0] < t_s - COURSE_S - self._kept_s:
             self._course.popleft()
 
