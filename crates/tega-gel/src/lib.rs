@@ -4,9 +4,9 @@
 //! comes and what it does not model. Lengths are millimetres in the pad frame (x right and y down in the upright
 //! picture, z out of the gel), forces newtons.
 //!
-//! The solver and the painter are written once, in plain Rust that the compiler vectorises, and compiled for AVX-512,
-//! for AVX2 and for the target's baseline ([`tega_simd::dispatched!`]). They compute on integers, or on floats in one
-//! fixed order without fused operations, so that every path gives the same bits.
+//! The solver and the painter are written once, in plain Rust that the compiler vectorises, and compiled for
+//! AVX2 and for the target's baseline ([`tega_simd::dispatched!`]). They compute on integers, or on floats in one fixed
+//! order without fused operations, so that every path gives the same bits.
 //!
 //! ```
 //! use tega_gel::{Gel, Indenter, PICTURE, Setup, Shape};

@@ -1,8 +1,8 @@
 //! The one place that decides which instruction set the kernels of the other crates use.
 //!
 //! A kernel that [`dispatched!`] is given is written once, in plain Rust that the compiler vectorises, and compiled for
-//! AVX-512, for AVX2 and for the target's baseline (SSE2 on x86-64, NEON on arm64). A crate with kernels written for one
-//! set by hand asks [`isa`].
+//! AVX2 and for the target's baseline (SSE2 on x86-64, NEON on arm64). A crate with kernels written for one set by hand
+//! asks [`isa`]. AVX-512 has no path of its own: memory, not arithmetic, is the limit with AVX2 already.
 //!
 //! ```
 //! #[inline(always)]
@@ -34,37 +34,21 @@ pub enum Isa {
     /// AVX2.
     #[cfg(target_arch = "x86_64")]
     Avx2,
-    /// AVX-512 F, BW, VL, DQ, VBMI and VNNI: Ice Lake, Zen 4 and later.
-    #[cfg(target_arch = "x86_64")]
-    Avx512,
 }
 
-/// The best set of this processor, lowered by `TEGA_SIMD=baseline|avx2` (to compare paths, or to rule one out).
+/// The best set of this processor, lowered by `TEGA_SIMD=baseline` (to compare paths, or to rule one out).
 #[inline]
 pub fn isa() -> Isa {
     static FOUND: OnceLock<Isa> = OnceLock::new();
     *FOUND.get_or_init(|| match std::env::var("TEGA_SIMD").as_deref() {
         Ok("baseline") => Isa::Baseline,
-        #[cfg(target_arch = "x86_64")]
-        Ok("avx2") => detect().min(Isa::Avx2),
         _ => detect(),
     })
 }
 
 #[cfg(target_arch = "x86_64")]
 fn detect() -> Isa {
-    // Byte permutations and multiply-add of words came with Ice Lake and Zen 4; what lacks them takes AVX2.
-    let avx512 = is_x86_feature_detected!("avx512f")
-        && is_x86_feature_detected!("avx512bw")
-        && is_x86_feature_detected!("avx512vl")
-        && is_x86_feature_detected!("avx512dq")
-        && is_x86_feature_detected!("avx512vbmi")
-        && is_x86_feature_detected!("avx512vnni");
-    match (avx512, is_x86_feature_detected!("avx2")) {
-        (true, true) => Isa::Avx512,
-        (false, true) => Isa::Avx2,
-        _ => Isa::Baseline,
-    }
+    if is_x86_feature_detected!("avx2") { Isa::Avx2 } else { Isa::Baseline }
 }
 
 #[cfg(target_arch = "aarch64")]
@@ -77,7 +61,7 @@ fn detect() -> Isa {
     Isa::Baseline
 }
 
-/// The instruction set in use: "baseline", "neon", "avx2" or "avx512".
+/// The instruction set in use: "baseline", "neon" or "avx2".
 pub fn instruction_set() -> &'static str {
     match isa() {
         Isa::Baseline => "baseline",
@@ -85,8 +69,6 @@ pub fn instruction_set() -> &'static str {
         Isa::Neon => "neon",
         #[cfg(target_arch = "x86_64")]
         Isa::Avx2 => "avx2",
-        #[cfg(target_arch = "x86_64")]
-        Isa::Avx512 => "avx512",
     }
 }
 
@@ -102,20 +84,13 @@ macro_rules! dispatched {
         pub(crate) fn $name($($arg: $type),*) -> $result {
             #[cfg(target_arch = "x86_64")]
             {
-                #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512dq")]
-                fn avx512($($arg: $type),*) -> $result {
-                    $generic($($arg),*)
-                }
                 #[target_feature(enable = "avx2")]
                 fn avx2($($arg: $type),*) -> $result {
                     $generic($($arg),*)
                 }
-                match $crate::isa() {
+                if $crate::isa() == $crate::Isa::Avx2 {
                     // SAFETY: `isa` reports a set only after the processor itself said that it has it.
-                    $crate::Isa::Avx512 => return unsafe { avx512($($arg),*) },
-                    // SAFETY: as above.
-                    $crate::Isa::Avx2 => return unsafe { avx2($($arg),*) },
-                    $crate::Isa::Baseline => {}
+                    return unsafe { avx2($($arg),*) };
                 }
             }
             $generic($($arg),*)

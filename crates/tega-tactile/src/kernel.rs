@@ -35,8 +35,6 @@ macro_rules! count_by_reading {
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
-#[cfg(target_arch = "x86_64")]
-mod avx512;
 #[cfg(target_arch = "aarch64")]
 mod neon;
 
@@ -60,16 +58,6 @@ pub(crate) struct Row {
     pub min: i32,
     /// Largest n.
     pub max: i32,
-}
-
-impl Row {
-    /// Adds the pixels of another part of the same row.
-    pub(crate) fn merge(&mut self, part: Row) {
-        self.sum += part.sum;
-        self.squares += part.squares;
-        self.min = self.min.min(part.min);
-        self.max = self.max.max(part.max);
-    }
 }
 
 /// Weights, difference and whether squares are wanted: what a row kernel needs to know.
@@ -132,12 +120,9 @@ impl Kernel {
     #[allow(unsafe_code)]
     pub(crate) fn rows(&self, frame: &[u8], baseline: &[u8], columns: &mut [i32], rows: &mut Vec<Row>) {
         #[cfg(target_arch = "x86_64")]
-        match isa() {
+        if isa() == Isa::Avx2 {
             // SAFETY: `isa` reports a set only after the processor itself said that it has it.
-            Isa::Avx512 => return unsafe { avx512::rows(self, frame, baseline, columns, rows) },
-            // SAFETY: as above.
-            Isa::Avx2 => return unsafe { avx2::rows(self, frame, baseline, columns, rows) },
-            Isa::Baseline => {}
+            return unsafe { avx2::rows(self, frame, baseline, columns, rows) };
         }
         #[cfg(target_arch = "aarch64")]
         if isa() == Isa::Neon {
@@ -150,12 +135,9 @@ impl Kernel {
     #[allow(unsafe_code)]
     pub(crate) fn count(&self, frame: &[u8], baseline: &[u8], first: i32) -> u32 {
         #[cfg(target_arch = "x86_64")]
-        match isa() {
+        if isa() == Isa::Avx2 {
             // SAFETY: as in `rows`.
-            Isa::Avx512 => return unsafe { avx512::count(self, frame, baseline, first) },
-            // SAFETY: as in `rows`.
-            Isa::Avx2 => return unsafe { avx2::count(self, frame, baseline, first) },
-            Isa::Baseline => {}
+            return unsafe { avx2::count(self, frame, baseline, first) };
         }
         #[cfg(target_arch = "aarch64")]
         if isa() == Isa::Neon {

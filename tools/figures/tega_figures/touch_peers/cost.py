@@ -2,7 +2,7 @@
 
 ::
 
-    TEGA_SIMD=avx2 python -m tega_figures.touch_peers.cost
+    python -m tega_figures.touch_peers.cost
 
 Prints JSON: medians and tenth percentiles in microseconds, and ratios to the or-reduce; at rest and touched, one finger
 and four in one call.
