@@ -9,7 +9,7 @@ from typing import Any, Final
 import msgspec
 import numpy as np
 
-from tega.acceptance.report import STEPS, AcceptanceGuide, AcceptanceStep
+from tega.acceptance.report import STEPS, AcceptanceGuide, AcceptanceStatus, AcceptanceStep
 from tega.calibration.identify import motor_place
 from tega.devices.base import AnsweringHand, HarmlessDevice, ReportingHand, StampingVest, optional
 from tega.errors import InvalidValueError
@@ -43,12 +43,13 @@ def least_vest_options(options: Any) -> Any | None:
     return msgspec.structs.replace(options, limit=min(LEAST_PERCENT, options.limit))
 
 
-def accept_vest(vest: Any, layout: Layout, guide: AcceptanceGuide) -> Iterator[AcceptanceStep]:
-    """Accept an open vest whose limit is :data:`LEAST_PERCENT`.
+def accept_vest(vest: Any, layout: Layout, percent: int, guide: AcceptanceGuide) -> Iterator[AcceptanceStep]:
+    """Accept an open vest.
 
     Args:
-        vest: The open driver.
+        vest: The open driver, with the options of :func:`least_vest_options`.
         layout: Which motors it has.
+        percent: Their limit.
         guide: The person who holds or wears it.
 
     Yields:
@@ -56,9 +57,7 @@ def accept_vest(vest: Any, layout: Layout, guide: AcceptanceGuide) -> Iterator[A
     """
     dark = vest_frame([0] * 4, [0] * 4, layout=layout)
     motors = dark.motors.tolist()
-    question = (
-        f"May motors {motors[0]} and {motors[-1]} vibrate by turns, at {LEAST_PERCENT} %, for a second?"
-    )
+    question = f"May motors {motors[0]} and {motors[-1]} vibrate by turns, at {percent} %, for a second?"
     if not guide.confirm(question):
         yield from skipped_steps(STEPS[1:], f"the pulse {_NOT_SAID}")
         return
@@ -72,8 +71,8 @@ def accept_vest(vest: Any, layout: Layout, guide: AcceptanceGuide) -> Iterator[A
         yield _left_step(left_ms, n_zero)
     yield AcceptanceStep(
         name="limits",
-        status="passed" if largest <= LEAST_PERCENT else "failed",
-        said=f"100 % was asked for, {largest} % is the most that was sent; the limit is {LEAST_PERCENT} %",
+        status="passed" if largest <= percent else "failed",
+        said=f"100 % was asked for, {largest} % is the most that was sent; the limit is {percent} %",
         measured={"largest_percent": float(largest)},
     )
     yield AcceptanceStep(
@@ -81,14 +80,18 @@ def accept_vest(vest: Any, layout: Layout, guide: AcceptanceGuide) -> Iterator[A
         status="failed" if n_zero == _PULSES else "look" if n_zero or not where else "passed",
         said=f"{_PULSES - n_zero} of {_PULSES} frames were sent to a vest that is connected",
         todo="" if where else "nobody said where it was felt: tega-teleop vest identify tells every place",
-        measured={"strength_percent": float(LEAST_PERCENT)},
+        measured={"strength_percent": float(percent)},
         answers={"Where was it felt?": where},
     )
-    yield _vest_stop(vest, dark, motors, guide)
+    yield _vest_stop(vest, dark, percent, guide)
 
 
 def _pulse(vest: Any, dark: MotorLevels, motors: list[int]) -> tuple[int, int, list[tuple[float, float]]]:
-    """Light two motors by turns; return the largest strength sent, frames not shown, and (left, late) of each, s, ms."""
+    """Light two motors by turns.
+
+    Returns:
+        The largest strength sent, frames that were not shown, and of each that left when (s) and how late (ms).
+    """
     largest = n_zero = 0
     if isinstance(vest, StampingVest):
         vest.handed_over()
@@ -135,12 +138,12 @@ def _left_step(left_ms: list[tuple[float, float]], n_zero: int) -> AcceptanceSte
     )
 
 
-def _vest_stop(vest: Any, dark: MotorLevels, motors: list[int], guide: AcceptanceGuide) -> AcceptanceStep:
+def _vest_stop(vest: Any, dark: MotorLevels, percent: int, guide: AcceptanceGuide) -> AcceptanceStep:
     """Light one motor, write no more, and see that the driver silences it; then close."""
     counters = getattr(vest, "counters", None)
     before = 0 if counters is None else counters.silenced
-    lit = np.zeros(len(motors), np.uint8)
-    lit[0] = LEAST_PERCENT
+    lit = np.zeros_like(dark.intensities)
+    lit[0] = percent
     start_s = time.monotonic()
     try:
         while time.monotonic() - start_s < _SILENT_S:
@@ -154,17 +157,17 @@ def _vest_stop(vest: Any, dark: MotorLevels, motors: list[int], guide: Acceptanc
     vest.close()
     closed_s = time.monotonic() - start_s
     silent = guide.ask("Is every motor silent now?")
-    no = silent.strip().lower().startswith("n")
+    seen = _seen(silent)
     return AcceptanceStep(
         name="stop",
-        status="failed" if no or (counters is not None and not silenced) else "passed",
+        status="failed" if counters is not None and not silenced else seen,
         said=(
             "this driver does not count what its watchdog does"
             if counters is None
             else f"the watchdog sent zeros {silenced} times after writing had stopped"
         )
         + ", and closing sent zeros",
-        todo="use the vest's switch, and tell us" if no else "",
+        todo="use the vest's switch, and tell us" if seen == "failed" else "",
         measured={"closed_s": round(closed_s, 3)},
         answers={"Is every motor silent?": silent},
     )
@@ -191,13 +194,16 @@ def accept_hand(make: Any, options: Any, guide: AcceptanceGuide) -> Iterator[Acc
     yield _read_only(make, options)
     least = least_hand_options(options)
     guide.say("The hand is free of people and things; one of you has a finger on its emergency switch.")
-    question = f"May the hand's motors go on, with {100 * LEAST_TORQUE:.0f} % of the torque, and the fingers close a little?"
+    share = 0.0 if least is None else least.torque_share
+    question = (
+        f"May its motors go on, with {100 * share:.0f} % of the torque, and the fingers close a little?"
+    )
     if least is None or not guide.confirm(question):
         why = "the driver has no ceiling of torque" if least is None else f"the motion {_NOT_SAID}"
         yield from skipped_steps(STEPS[2:], why)
         return
     with make(least) as hand:
-        yield from _move(hand, guide)
+        yield from _move(hand, share, guide)
         stopped = _hand_stop(hand, guide)
     yield _motors_off(make, options, stopped)
 
@@ -232,7 +238,7 @@ def _read_only(make: Any, options: Any) -> AcceptanceStep:
     )
 
 
-def _move(hand: Any, guide: AcceptanceGuide) -> list[AcceptanceStep]:
+def _move(hand: Any, share: float, guide: AcceptanceGuide) -> list[AcceptanceStep]:
     try:
         hand.step(6)
         refused = False
@@ -251,7 +257,7 @@ def _move(hand: Any, guide: AcceptanceGuide) -> list[AcceptanceStep]:
     back_rad = float(np.abs(hand.angles_rad - open_rad).max())
     problem = optional(hand, "problem")
     seen = guide.ask("Did all fingers close a little and open again?")
-    no = seen.strip().lower().startswith("n")
+    moved = furthest > _MOVED_RAD
     late_ms = None if answered is None else (answered[1] - answered[0]) * 1e-6
     return [
         AcceptanceStep(
@@ -264,11 +270,11 @@ def _move(hand: Any, guide: AcceptanceGuide) -> list[AcceptanceStep]:
             name="limits",
             status="passed" if refused else "failed",
             said="a level above 5 is refused, and the hand holds" if refused else "a level above 5 was taken",
-            measured={"torque_share_ratio": LEAST_TORQUE},
+            measured={"torque_share_ratio": share},
         ),
         AcceptanceStep(
             name="least",
-            status="failed" if no or problem else "passed" if furthest > _MOVED_RAD else "look",
+            status="failed" if problem else _seen(seen) if moved else "look",
             said=f"told to close to level {LEAST_LEVEL:g}, its joints moved by up to {furthest:.3f} rad and came back"
             + (f"; {problem}" if problem else ""),
             todo=""
@@ -295,18 +301,25 @@ def _hand_stop(hand: Any, guide: AcceptanceGuide) -> AcceptanceStep:
     limp = guide.ask("Is the hand limp now?")
     return AcceptanceStep(
         name="stop",
-        status="failed" if limp.strip().lower().startswith("n") else "passed",
+        status=_seen(limp),
         said="it was let go",
         measured={"let_go_s": round(closed_s, 3)},
         answers={"Is the hand limp?": limp},
     )
 
 
+def _seen(answer: str) -> AcceptanceStatus:
+    """Return how a step went by what a person saw: a no is a failure, and where nobody looked somebody should."""
+    return "look" if not answer else "failed" if answer.lower().startswith("n") else "passed"
+
+
 def _motors_off(make: Any, options: Any, step: AcceptanceStep) -> AcceptanceStep:
     """Ask the hand itself, read anew, whether its motors are off."""
-    if not isinstance(make, HarmlessDevice) or (harmless := make.harmless(options)) is None:
+    harmless = make.harmless(options) if isinstance(make, HarmlessDevice) else None
+    if harmless is None:
         return step
-    with make(harmless) as hand:
+    driver: Any = make
+    with driver(harmless) as hand:
         on = isinstance(hand, ReportingHand) and hand.state().servo_on
     said = "the hand says that its motors are ON" if on else "the hand says that its motors are off"
     return msgspec.structs.replace(

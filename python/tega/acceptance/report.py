@@ -68,7 +68,7 @@ class AcceptanceReport(msgspec.Struct, frozen=True, kw_only=True):
         kind: Kind of device.
         driver: Its driver.
         device: What the device is called; a serial number where it has one.
-        options: The driver's options that are numbers, choices or yes and no; no path, name or key.
+        options: The driver's options of the settings that are numbers or yes and no; no path, name or key.
         answered: Whether a person answered; without one nobody has seen or felt anything.
         steps: All steps, in order.
         send_back: What to send to the project.
@@ -116,7 +116,7 @@ def report_text(report: AcceptanceReport) -> str:
     lines = [
         f"Acceptance of {report.check}: {report.driver} {report.device}",
         f"{report.made:%Y-%m-%d %H:%M} UTC, TEGA {report.tega}, {report.system}; {who}",
-        f"Options: {', '.join(f'{k} = {v}' for k, v in report.options.items()) or 'none'}",
+        f"Options of the settings: {', '.join(f'{k} = {v}' for k, v in report.options.items()) or 'none'}",
         "",
     ]
     for step in report.steps:

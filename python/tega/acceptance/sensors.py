@@ -23,7 +23,7 @@ _PICTURE_RISE: Final = 1.3
 """By how much a touched gel has to differ from rest, a ratio to what rest differs from itself."""
 
 
-class _Watched(NamedTuple):
+class _Arrivals(NamedTuple):
     """Items of a source over a while: arrival times, their own times, both s; how many samples; the values."""
 
     arrived_s: NDArray[np.float64]
@@ -33,7 +33,7 @@ class _Watched(NamedTuple):
     values: list[NDArray[Any]]
 
 
-def _watch(source: Any, seconds: float, values_of: Callable[[Any], NDArray[Any]]) -> _Watched:
+def _watch(source: Any, seconds: float, values_of: Callable[[Any], NDArray[Any]]) -> _Arrivals:
     arrived: list[float] = []
     stamped: list[float] = []
     values: list[NDArray[Any]] = []
@@ -53,10 +53,10 @@ def _watch(source: Any, seconds: float, values_of: Callable[[Any], NDArray[Any]]
         expected = first + length
         n += length
         values.append(taken)
-    return _Watched(np.array(arrived), np.array(stamped), n, gaps, values)
+    return _Arrivals(np.array(arrived), np.array(stamped), n, gaps, values)
 
 
-def _rate_step(seen: _Watched, agreed_hz: float | None, measured_hz: float | None) -> AcceptanceStep:
+def _rate_step(seen: _Arrivals, agreed_hz: float | None, measured_hz: float | None) -> AcceptanceStep:
     if seen.n < 2 or len(seen.stamped_s) < 2:
         said = f"{seen.n} items came in {_WATCH_S:g} s"
         return AcceptanceStep(
@@ -80,7 +80,7 @@ def _rate_step(seen: _Watched, agreed_hz: float | None, measured_hz: float | Non
     )
 
 
-def _age_step(seen: _Watched) -> AcceptanceStep:
+def _age_step(seen: _Arrivals) -> AcceptanceStep:
     ages = seen.arrived_s - seen.stamped_s
     return AcceptanceStep(
         name="latency",
