@@ -42,7 +42,7 @@ from tega.study.coupling import TouchCourse, read_course, write_course
 from tega.study.hand_rows import read_hand
 from tega.study.journal import Journal, read_events
 from tega.study.observe import recorded
-from tega.study.score import boris
+from tega.study.score import boris, boris_file
 from tega.study.silico.assumptions import read_assumptions, read_parameters
 from tega.study.touch_picture import read_touch_picture
 from tega.study.touch_rows import read_touch
@@ -169,7 +169,7 @@ _READERS: dict[str, tuple[str, Callable[[Path], bytes], Callable[[Path], object]
     "BMP": ("a.bmp", lambda _: _encoded(".bmp"), lambda p: read_image(p, driver="images")),
     "picture npy": ("a.npy", lambda _: _npy(pressed(0.5, noise=1)), lambda p: read_image(p, driver="images")),
     "journal": ("events.jsonl", _journal, read_events),
-    "BORIS project": ("a.boris", lambda _: _boris(), boris._project),
+    "BORIS project": ("a.boris", lambda _: _boris(), boris_file.read_boris),
     "BORIS table": ("a.csv", lambda _: _EVENTS, boris._table),
     "study": ("study.toml", _plan("study.toml"), _read_plan),
     "plan": ("plan.csv", _plan("plan.csv"), _read_plan),
