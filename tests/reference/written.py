@@ -99,7 +99,7 @@ def watch_recordings(patch: Any) -> list[str]:
 
 
 # A program of its own: BORIS reads the command line of whoever imports it, and opens a display. Its package is not
-# imported whole, which opens its window: its loader is, without the player's library, which it looks at and never calls.
+# imported whole, which opens its window: its loader is, without the player's library, which it never calls.
 _BORIS = """
 import importlib.util, json, sys, types
 path = sys.stdin.read()

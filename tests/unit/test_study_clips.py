@@ -278,6 +278,11 @@ def test_keys_are_of_the_study_and_of_no_other_file(folder: Path, tmp_path: Path
         key_path(folder, "r1").write_text(text)
         with pytest.raises(RecordingError, match="is damaged"):
             read_key(folder, "r1")
+    make_clips(folder, tmp_path / "second", "r2")
+    stranger = key_path(folder, "r2").read_text().replace('"p01"', '"../../p01"')
+    key_path(folder, "r2").write_text(stranger)
+    with pytest.raises(RecordingError, match="belongs to another plan"):
+        read_key(folder, "r2")
 
 
 def test_whoever_withdrew_is_in_no_clip_and_is_not_taken_in(folder: Path, tmp_path: Path) -> None:

@@ -231,6 +231,18 @@ def _proposed(n: int, one: Proposal, subject: str) -> CodedEvent:
     return CodedEvent(one.t_s, subject, one.kind, ("None", OPEN), comment)
 
 
+def decode_key(path: Path) -> ClipKey:
+    """Read a key's file.
+
+    Raises:
+        RecordingError: It is damaged.
+    """
+    try:
+        return msgspec.json.decode(read_foreign(path, most_mib=64), type=ClipKey)
+    except (OSError, msgspec.DecodeError, RecursionError, ValueError) as error:
+        raise RecordingError(f"{path}: is damaged: {error}") from error
+
+
 def read_key(folder: Path, rater: str) -> ClipKey:
     """Read the key of a rater's clips.
 
@@ -241,10 +253,9 @@ def read_key(folder: Path, rater: str) -> ClipKey:
     path = key_path(folder, rater)
     if not path.exists():
         raise InvalidValueError(f"{rater} has no clips in {folder}", "make them with tega-teleop study clips")
-    try:
-        key = msgspec.json.decode(read_foreign(path, most_mib=64), type=ClipKey)
-    except (OSError, msgspec.DecodeError, RecursionError, ValueError) as error:
-        raise RecordingError(f"{path}: is damaged: {error}") from error
-    if key.plan != read_plan(folder).settings.plan_sha256:
+    key, plan = decode_key(path), read_plan(folder)
+    # A person's id becomes a folder's name: only those of the plan do.
+    strangers = {clip.participant for clip in key.clips} - set(plan.participants)
+    if key.plan != plan.settings.plan_sha256 or strangers:
         raise RecordingError(f"{path}: belongs to another plan")
     return key
