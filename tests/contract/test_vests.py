@@ -25,7 +25,9 @@ from tega.devices.vest_player import PlayerVest
 from tega.devices.vest_stream import StreamedVest
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.haptics import MotorLevels, vest_frame
-from tega.teleop import run_session
+from tega.teleop import LoopView, run_session
+from tega.view.browser.page import _status
+from tega.view.state import ViewState
 from tega.wire import vest_levels
 from tega_campaigns.faults.vests import trouble
 from tega_emulators.hid_port import HidPort
@@ -546,3 +548,22 @@ def test_a_session_in_real_time_is_felt_and_ends_silent(tmp_path: Path) -> None:
     felt = {values[0] for _, values in report.history}
     assert len(felt) > 3
     assert min(felt - {0}) >= 20
+
+
+def test_a_run_shows_what_the_vest_says_of_itself(tmp_path: Path) -> None:
+    shown: list[LoopView] = []
+    with bench("bhaptics-player", **V3) as made:
+        vest: Any = made.vest
+        options = {
+            k: getattr(vest._options, k) for k in ("port", "port_v3", "version", "app_id", "api_key_file")
+        }
+        settings = {
+            "session": {"duration_s": 0.6},
+            "tactile": {"thumb": {"driver": "synthetic-touch", "options": {"seed": 1, "duration_s": 0.6}}},
+            "vest": {"driver": "bhaptics-player", "options": options},
+        }
+        run_session(check_tree(settings, {}, base=tmp_path).config, observer=shown.append)
+    said = "TactSuitX40 connected, Player version 3, battery 98 %"
+    assert said in {view.vest_condition for view in shown}
+    state = ViewState(0, next(view for view in shown if view.vest_condition == said))
+    assert f"<b>{said}</b>" in _status(state)

@@ -64,7 +64,7 @@ class Proposal(msgspec.Struct, frozen=True):
     confidence: float
 
 
-class Clip(msgspec.Struct, frozen=True):
+class RaterClip(msgspec.Struct, frozen=True):
     """Clip, and what it is of.
 
     Attributes:
@@ -102,7 +102,7 @@ class ClipKey(msgspec.Struct, frozen=True, kw_only=True):
     plan: str
     rater: str
     proposed: bool
-    clips: list[Clip]
+    clips: list[RaterClip]
     left_out: list[str] = []
 
 
@@ -157,7 +157,7 @@ def make_clips(
             continue
         note_elsewhere(folder, person, video)
         events = _proposals(folder, person, trial) if proposals else []
-        clips.append(Clip(name, person, trial.trial, trial.attempt, length_s, events))
+        clips.append(RaterClip(name, person, trial.trial, trial.attempt, length_s, events))
         observations[name] = boris_observation(
             [_proposed(k, one, trial.object) for k, one in enumerate(events)],
             length_s=length_s,

@@ -14,7 +14,7 @@ from tega.study.observers import PROPOSED, RECORDED, observer_path
 from tega.study.privacy import withdrawn_ids
 from tega.study.score.boris import CODES, CodedTrial, attempts, write_coded
 from tega.study.score.boris_file import CodedEvent, read_boris
-from tega.study.score.clips import OPEN, VERDICTS, Clip, key_path, read_key
+from tega.study.score.clips import OPEN, VERDICTS, RaterClip, key_path, read_key
 from tega.study.state import events_path
 
 _SAME_S: Final = 0.05
@@ -99,7 +99,7 @@ def take_clips(folder: Path, path: Path, rater: str) -> TakenClips:
 
 
 def _coded(
-    path: Path, clip: Clip, events: list[CodedEvent]
+    path: Path, clip: RaterClip, events: list[CodedEvent]
 ) -> tuple[list[tuple[int | None, float, str]], dict[int, str]]:
     """Return the events that count, with the number of their proposal, and what became of each proposal."""
     found: list[tuple[int | None, float, str]] = []
@@ -127,7 +127,7 @@ def _coded(
     return sorted(found, key=lambda one: one[1]), verdicts
 
 
-def _number(comment: str, clip: Clip) -> int | None:
+def _number(comment: str, clip: RaterClip) -> int | None:
     """Return the number of the proposal that an event is; ``None`` for one that the rater added."""
     first = comment.partition(" ")[0]
     if not first.startswith("#") or not first[1:].isascii() or not first[1:].isdecimal():
