@@ -23,9 +23,11 @@ from tega.contract import check_driver
 from tega.devices import driver_class
 from tega.devices.vest_player import PlayerVest
 from tega.devices.vest_stream import StreamedVest
-from tega.errors import DeviceUnavailableError
+from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.haptics import MotorLevels, vest_frame
-from tega.teleop import run_session
+from tega.teleop import LoopView, run_session
+from tega.view.browser.page import _status
+from tega.view.state import ViewState
 from tega.wire import vest_levels
 from tega_campaigns.faults.vests import trouble
 from tega_emulators.hid_port import HidPort
@@ -81,9 +83,16 @@ def bench(name: str, **options: Any) -> Iterator[Bench]:
         yield Bench(made.vest, made.peer, made.port)
 
 
-@pytest.fixture(params=LIVE_VESTS)
+BENCHES: list[tuple[str, dict[str, Any]]] = [
+    *((name, {}) for name in LIVE_VESTS),
+    ("bhaptics-player", {"version": "3"}),
+]
+
+
+@pytest.fixture(params=BENCHES, ids=["-".join((name, *options.values())) for name, options in BENCHES])
 def any_bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
-    with bench(request.param) as made:
+    name, options = request.param
+    with bench(name, **options) as made:
         yield made
 
 
@@ -305,6 +314,105 @@ def test_a_vest_that_leaves_the_player_is_not_reported_as_felt() -> None:
         made.feed(lambda: vest.write(0, TOUCH) == TOUCH)
 
 
+V3 = {"version": "3", "open_timeout_s": 4.0}
+OPENING_V3 = [
+    ("refuse", "answers HTTP 503 instead of serving /v3/feedback"),
+    ("wrong-version", "answers HTTP 404 instead of serving /v3/feedback.*developer portal"),
+    ("no-vest", "has no vest connected"),
+    ("no-entry", "has not let this program in within 2 s; are app_id and the key"),
+    ("freeze", "cannot be reached: timed out"),
+]
+
+
+@pytest.mark.parametrize(("fault", "said"), OPENING_V3)
+def test_opening_version_3_says_what_is_wrong_and_never_the_key(fault: str, said: str) -> None:
+    with bench("bhaptics-player", **V3) as made:
+        made.peer.say(fault)
+        with pytest.raises(DeviceUnavailableError, match=said) as told:
+            made.vest.open()
+        assert "not-a-real-key" not in str(told.value)
+
+
+def test_version_3_tells_name_link_and_battery_of_the_vest() -> None:
+    with bench("bhaptics-player", **V3) as made, made.vest as vest:
+        assert vest.condition == "TactSuitX40 connected, Player version 3, battery 98 %"
+        assert not vest.info.notes
+        made.peer.say("flat")
+        made.feed(lambda: vest.battery_percent == 9)
+        assert vest.info.notes == ("the vest's battery is at 9 %",)
+        made.peer.say("no-vest")
+        made.feed(lambda: not vest.write(0, TOUCH).intensities.any())
+        assert vest.battery_percent is None
+        assert vest.condition == "TactSuitX40 not connected, Player version 3"
+    assert vest.condition == ""
+
+
+def test_a_frame_of_version_3_takes_the_place_of_the_one_before_and_is_not_mixed_with_it() -> None:
+    with bench("bhaptics-player", **V3) as made, made.vest:
+        made.feed(lambda: made.shows(TOUCH))
+        made.feed(lambda: made.shows(OTHER), OTHER)
+        report = seen_by(made.peer)
+    lit = [values for _, values in report.history if any(values)]
+    # The emulated Player gives a motor the larger value of two requests; that lasts no longer than the second message.
+    assert lit[-1] == OTHER.x40().tolist()
+    assert report.errors == []
+
+
+@pytest.mark.parametrize("fault", ["no-entry", "clear"])
+def test_auto_asks_for_version_3_first_and_takes_what_answers(fault: str) -> None:
+    with bench("bhaptics-player", version="auto") as made:
+        made.peer.say(fault)
+        with made.vest as vest:
+            made.feed(lambda: made.shows(TOUCH))
+            newer = fault == "clear"
+            assert vest.condition.startswith(
+                "TactSuitX40 connected, Player version 3" if newer else "vest connected, Player version 2"
+            )
+            assert [n for n in vest.info.notes if "version 3 did not answer" in n] == (
+                [] if newer else [vest.info.notes[0]]
+            )
+        assert seen_by(made.peer).motors == SILENT
+
+
+def test_auto_without_a_player_says_what_both_versions_said(tmp_path: Path) -> None:
+    (tmp_path / "key").write_text("k")
+    vest = make("bhaptics-player", port=9, port_v3=9, app_id="a", api_key_file=tmp_path / "key")
+    with pytest.raises(
+        DeviceUnavailableError, match=r"cannot be reached: .*; version 3: .*cannot be reached"
+    ):
+        vest.open()
+
+
+KEYS = [
+    ({}, "needs app_id"),
+    ({"app_id": "a"}, "needs api_key_file"),
+    ({"app_id": "a", "api_key_file": Path("/nowhere/key")}, "key in key cannot be read: FileNotFoundError"),
+    ({"app_id": "a", "api_key_file": "two\nlines"}, "does not hold one key"),
+    ({"app_id": "a", "api_key_file": "k" * 600}, "does not hold one key"),
+    ({"app_id": "a", "api_key_file": ""}, "does not hold one key"),
+    ({"app_id": "a", "api_key_file": "schlüssel"}, "cannot be read: UnicodeDecodeError"),
+]
+
+
+@pytest.mark.parametrize(("options", "said"), KEYS)
+def test_version_3_without_id_and_key_asks_nobody(options: dict[str, Any], said: str, tmp_path: Path) -> None:
+    if isinstance(text := options.get("api_key_file"), str):
+        (tmp_path / "key").write_text(text, encoding="utf-8")
+        options = options | {"api_key_file": tmp_path / "key"}
+    with pytest.raises(DeviceUnavailableError, match=said):
+        make("bhaptics-player", version="3", **options).open()
+
+
+def test_thirty_two_values_reach_the_rows_of_a_pro_and_a_fifth_row_is_refused() -> None:
+    four_rows = vest_frame([80, 60, 40, 20], [13, 0, 100, 53], layout="paper32")
+    with bench("bhaptics-player", **V3, motor_values=32) as made, made.vest as vest:
+        made.feed(lambda: made.shows(four_rows), four_rows)
+        with pytest.raises(
+            InvalidValueError, match="motor_values is 32, and the layout 'x40' has a fifth row"
+        ):
+            vest.write(0, TOUCH)
+
+
 def test_a_player_that_answers_no_pings_is_fed_all_the_same() -> None:
     with bench("bhaptics-player") as made:
         made.peer.say("no-pong")
@@ -348,6 +456,9 @@ if name == "hid-vest":
     installed = HidPort(options.pop("path")).installed()
     installed.__enter__()
 driver = driver_class(name, "vest")
+if "api_key_file" in options:
+    from pathlib import Path
+    options["api_key_file"] = Path(options["api_key_file"])
 vest = driver(driver.options_type(**options))
 vest.open()
 print("open", flush=True)
@@ -367,9 +478,14 @@ touch()
 def test_every_way_out_of_a_program_leaves_the_vest_silent(any_bench: Bench, how: str) -> None:
     made = any_bench
     vest: Any = made.vest
-    options = {"bhaptics-player": {"port": getattr(vest._options, "port", 0)}, "bhaptics-ble": {}}.get(
-        vest.name, {"path": made.peer.address.get("path")}
+    options: dict[str, Any] = {"bhaptics-ble": {}, "hid-vest": {"path": made.peer.address.get("path")}}.get(
+        vest.name, {}
     )
+    if vest.name == "bhaptics-player":
+        o = vest._options
+        options = {"version": o.version, "app_id": o.app_id, **made.peer.address}
+        if o.api_key_file is not None:
+            options["api_key_file"] = str(o.api_key_file)
     mode = how if how in {"forgotten", "exception"} else "wait"
     words = [sys.executable, "-c", PROGRAM, vest.name, mode, repr(options)]
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as program:
@@ -432,3 +548,22 @@ def test_a_session_in_real_time_is_felt_and_ends_silent(tmp_path: Path) -> None:
     felt = {values[0] for _, values in report.history}
     assert len(felt) > 3
     assert min(felt - {0}) >= 20
+
+
+def test_a_run_shows_what_the_vest_says_of_itself(tmp_path: Path) -> None:
+    shown: list[LoopView] = []
+    with bench("bhaptics-player", **V3) as made:
+        vest: Any = made.vest
+        options = {
+            k: getattr(vest._options, k) for k in ("port", "port_v3", "version", "app_id", "api_key_file")
+        }
+        settings = {
+            "session": {"duration_s": 0.6},
+            "tactile": {"thumb": {"driver": "synthetic-touch", "options": {"seed": 1, "duration_s": 0.6}}},
+            "vest": {"driver": "bhaptics-player", "options": options},
+        }
+        run_session(check_tree(settings, {}, base=tmp_path).config, observer=shown.append)
+    said = "TactSuitX40 connected, Player version 3, battery 98 %"
+    assert said in {view.vest_condition for view in shown}
+    state = ViewState(0, next(view for view in shown if view.vest_condition == said))
+    assert f"<b>{said}</b>" in _status(state)

@@ -23,7 +23,8 @@ from hazards.test_lost import TIGHT, closed, column, guards
 from hazards.test_stop import start
 from reference.waiting import until
 from tega.devices.allegro import Allegro, AllegroOptions
-from tega.devices.vest_player import PlayerOptions, PlayerVest
+from tega.devices.player_settings import PlayerOptions
+from tega.devices.vest_player import PlayerVest
 from tega.haptics import vest_frame
 from tega_emulators.hid_port import HidBoard, HidPort
 from tega_emulators.process import Emulator

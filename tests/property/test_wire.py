@@ -247,3 +247,35 @@ def test_feeding_keeps_little(chunk_size: int) -> None:
     for _ in range(50):
         decoder.feed(b"\xa0" * chunk_size)
         assert decoder.pending_bytes <= 130
+
+
+_json = st.recursive(
+    st.none() | st.booleans() | st.integers(-2, 200) | st.text(max_size=5),
+    lambda inner: (
+        st.lists(inner, max_size=3)
+        | st.dictionaries(
+            st.sampled_from(["Type", "message", "Message", "position", "deviceName", "connected", "battery"]),
+            inner | st.sampled_from(["ServerDevices", "ServerReady"]),
+            max_size=6,
+        )
+    ),
+    max_leaves=12,
+)
+
+
+@given(
+    _json | st.builds(lambda inner: {"Type": "ServerDevices", "Message": inner}, _json),
+    st.booleans(),
+    st.text(),
+)
+def test_whatever_a_player_of_version_3_says_is_read_or_refused(said, nested, text) -> None:
+    if nested and isinstance(said, dict) and "Message" in said:
+        said = {**said, "Message": json.dumps(said["Message"])}
+    for message in (json.dumps(said), text, json.dumps(said)[: len(text)]):
+        try:
+            read = wire.sdk3_server_message(message)
+        except WireError as error:
+            assert len(str(error)) < 300  # noqa: PT017
+            continue
+        assert all(len(d.name) <= 40 and d.name.isprintable() for d in read.devices)
+        assert all(d.battery_percent is None or 0 <= d.battery_percent <= 100 for d in read.devices)

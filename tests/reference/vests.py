@@ -15,6 +15,8 @@ class KeptLink:
 
     present = True
     notes: tuple[str, ...] = ()
+    condition = ""
+    battery_percent: int | None = None
 
     def __init__(self) -> None:
         self.sent: list[tuple[float, NDArray[np.uint8]]] = []

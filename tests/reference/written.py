@@ -98,30 +98,43 @@ def watch_recordings(patch: Any) -> list[str]:
     return troubles
 
 
-# A program of its own: BORIS reads the command line of whoever imports it, and opens a display.
+# A program of its own: BORIS reads the command line of whoever imports it, and opens a display. Its package is not
+# imported whole, which opens its window: its loader is, without the player's library, which it never calls.
 _BORIS = """
-import json, sys
+import importlib.util, json, sys, types
 path = sys.stdin.read()
+boris = types.ModuleType("boris")
+boris.__path__ = list(importlib.util.find_spec("boris").submodule_search_locations)
+sys.modules["boris"] = boris
+for player in ("mpv", "mpv2"):
+    sys.modules[f"boris.{player}"] = types.SimpleNamespace(sofile="", dll="")
 from boris import project_functions
 name, changed, project, said = project_functions.open_project_json(path)
-fault = project.get("error") or project_functions.check_project_integrity(project, "seconds", name, False)
+fault = project.get("error") or project_functions.check_project_integrity(project, "seconds", name, MEDIA)
 told = {"name": name, "changed": changed, "project": project, "said": said, "fault": fault.replace("<br>", "")}
 print("\\n" + json.dumps(told, default=float))
 """
 
 
-def boris_project(path: Path) -> dict[str, Any] | None:
+def boris_project(path: Path, *, media: bool = False) -> dict[str, Any] | None:
     """Load a project file with BORIS' own loader; ``None`` where BORIS is not installed.
+
+    ``TEGA_BORIS`` names a Python that has it, since it wants packages of other versions; else this one is asked.
+
+    Args:
+        path: The project.
+        media: Whether its videos have to be there, too.
 
     Raises:
         AssertionError: BORIS changes it, warns of it, refuses it, or finds fault with an observation.
     """
-    if find_spec("boris") is None:
+    python = os.environ.get("TEGA_BORIS") or (sys.executable if find_spec("boris") else "")
+    if not python:
         return None
     done = subprocess.run(
-        [sys.executable, "-c", _BORIS],
+        [python, "-c", _BORIS.replace("MEDIA", str(media))],
         input=str(path),
-        env=os.environ | {"QT_QPA_PLATFORM": "offscreen"},
+        env={k: v for k, v in os.environ.items() if k != "PYTHONPATH"} | {"QT_QPA_PLATFORM": "offscreen"},
         check=False,
         text=True,
         capture_output=True,

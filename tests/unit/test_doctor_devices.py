@@ -74,6 +74,24 @@ def test_a_player_without_a_vest(tmp_path: Path) -> None:
     assert "has no vest connected" in finding.finding
 
 
+def test_a_vest_behind_version_3_tells_name_link_and_battery(tmp_path: Path) -> None:
+    (tmp_path / "key.txt").write_text("k")
+    with Emulator("bhaptics_player", "--port", "0", "--port-v3", "0") as player:
+        ports = f"port = {player.address['port']}, port_v3 = {player.address['port_v3']}"
+        more = 'app_id = "lab", api_key_file = "key.txt"'
+        settings = f'[vest]\ndriver = "bhaptics-player"\noptions = {{ {ports}, {more} }}\n'
+        well = only(told(tmp_path, settings))
+        player.say("flat")
+        findings = told(tmp_path, settings).findings
+        assert seen_by(player).errors == []
+    assert well.status == "fine"
+    assert "(TactSuitX40 connected, Player version 3, battery 98 %)" in well.finding
+    assert well.measured == {"battery_percent": 98.0}
+    assert [(f.status, f.finding) for f in findings if f.check == "vest"][1:] == [
+        ("doubt", "the vest's battery is at 9 %")
+    ]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("fault", "status", "said"), [("black", "wrong", "black"), ("cut", "missing", "does not open")]

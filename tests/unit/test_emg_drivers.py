@@ -20,6 +20,7 @@ from tega.devices.cyton import Cyton, CytonOptions
 from tega.devices.live_emg import LiveEmg
 from tega.devices.lsl_emg import LslEmg, LslEmgOptions
 from tega.devices.serial_emg import SerialEmg, SerialEmgOptions
+from tega.devices.spiker import Spiker, SpikerOptions
 from tega.errors import DeviceUnavailableError, MissingExtraError, SampleRateError
 from tega_emulators.process import Emulator
 
@@ -59,6 +60,12 @@ CASES = {
         lambda port, **o: Chords(ChordsOptions(**({"port": port} | QUICK | o))),
         lambda samples: samples - 2048,
     ),
+    "spiker": Case(
+        "spiker",
+        (),
+        lambda port, **o: Spiker(SpikerOptions(**({"port": port} | QUICK | o))),
+        lambda samples: samples - 512,
+    ),
     "lsl-emg": Case(
         "lsl",
         (),
@@ -66,7 +73,7 @@ CASES = {
         lambda samples: samples,
     ),
 }
-SERIAL = ("serial-emg", "cyton", "chords")
+SERIAL = ("serial-emg", "cyton", "chords", "spiker")
 COUNTED = ("cyton", "chords")
 
 
@@ -116,8 +123,9 @@ def phases(name: str, chunks: list[EmgChunk]) -> tuple[NDArray[np.int64], NDArra
 
 @pytest.mark.parametrize("name", sorted(CASES))
 def test_samples_are_exact_and_none_is_lost(name: str) -> None:
+    n_samples = 3000 if name == "spiker" else 250  # about a second of each
     with emulator(name) as device, opened(name, device) as source:
-        chunks = chunks_of(source, 250)
+        chunks = chunks_of(source, n_samples)
         assert source.info.label not in {"", device.port if name != "lsl-emg" else ""}
         assert source.measured_hz == pytest.approx(source.info.rate_hz, rel=0.1)
     phase, exact = phases(name, chunks)
@@ -346,6 +354,45 @@ def test_a_chords_board_left_streaming_by_a_crash_is_asked_again(generation: str
         assert subprocess.run([sys.executable, "-c", crash, device.port], check=False).returncode == 3
         with opened("chords", device) as source:
             chunks_of(source, 50)
+
+
+@pytest.mark.parametrize("columns", [1, 2, 6])
+def test_a_spikershield_sends_as_many_channels_as_it_is_told(columns: int) -> None:
+    with emulator("spiker") as device, opened("spiker", device, columns=columns) as source:
+        chunks = chunks_of(source, 250)
+        rate_hz = source.info.rate_hz
+        heard = bytes.fromhex(device.say("heard")["heard"])
+    phase, exact = phases("spiker", chunks)
+    assert exact.all()
+    assert (phase == phase[0]).all()
+    assert chunks[0].samples.shape[1] == columns
+    assert rate_hz == pytest.approx(2e6 / 199 / columns)
+    assert set(heard.splitlines()) == {f"c:{columns};".encode()}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--deaf",), "sends 1 channels, 3 are asked for"),
+        (("--deaf", "--channels", "2"), "sends 2 channels, 3 are asked for"),
+        (("--fault", "freeze=1"), "sends no frames of a SpikerShield"),
+        (("--fault", "garbage=1"), "sends no frames of a SpikerShield"),
+    ],
+)
+def test_a_board_that_is_no_spikershield_is_refused(arguments: tuple[str, ...], said: str) -> None:
+    with emulator("spiker", *arguments) as device, pytest.raises(DeviceUnavailableError, match=said):
+        opened("spiker", device, start_s=1.0).open()
+
+
+def test_a_spikershield_that_restarts_under_an_open_port_stops_and_is_told_again() -> None:
+    with emulator("spiker") as device, opened("spiker", device, silence_s=1.0) as source:
+        chunks_of(source, 250)
+        device.say("reset")
+        error = error_of(source)
+        assert "sent no valid sample for 1 s" in error.message
+        assert "frames among them" in error.message
+        source.open()
+        assert len(chunks_of(source, 250))
 
 
 def test_lines_of_another_kind_are_quoted() -> None:

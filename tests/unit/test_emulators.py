@@ -27,6 +27,7 @@ MODULES = (
     "bhaptics_player",
     "bluez_vest",
     "chords",
+    "spiker",
     "cyton",
     "digit",
     "hid_bridge",

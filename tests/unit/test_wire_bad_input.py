@@ -74,6 +74,20 @@ Call = Callable[[], Any]
             WireError,
             r"intensities\[16\] = 1 is in row 4",
         ),
+        (lambda: wire.sdk3_auth_message("", "key"), InvalidValueError, "may not be empty"),
+        (lambda: wire.sdk3_server_message("[" * 5000), WireError, "not JSON"),
+        (lambda: wire.sdk3_server_message("[]"), WireError, "without a type"),
+        (lambda: wire.sdk3_server_message('{"Type":7}'), WireError, "without a type"),
+        (
+            lambda: wire.sdk3_server_message('{"Type":"ServerDevices","Message":"{}"}'),
+            WireError,
+            "no list of at most 64 devices",
+        ),
+        (
+            lambda: wire.sdk3_server_message('{"Type":"ServerDevices","Message":[{"position":true}]}'),
+            WireError,
+            "no device of the Player",
+        ),
         (lambda: wire.sdk3_dot_message(FORTY, motors=20), InvalidValueError, "motors = 20"),  # type: ignore[arg-type]
         (lambda: wire.sdk3_dot_message(FORTY, request_id=-1), WireError, "request_id = -1"),
         (lambda: wire.hub_line(FORTY, duration_ms=200_000), WireError, "duration_ms = 200000 ms"),

@@ -127,3 +127,29 @@ def test_hid_reports() -> None:
     unknown = wire.HidStatus(0, 0, None, 0, 0, 0)
     assert wire.hid_status_report(unknown)[5] == 255
     assert wire.hid_status(wire.hid_status_report(unknown)) == unknown
+
+
+def test_what_the_player_of_version_3_says_of_its_devices() -> None:
+    """The vendor's servers and clients write names with a capital or without, and JSON as text or as it is."""
+    vest = {
+        "position": 0,
+        "deviceName": "Tact\x1b[31mSuit" + "X" * 60,
+        "connected": True,
+        "battery": -1,
+        "vsm": 20,
+    }
+    arm = {"position": 1, "connected": False, "battery": 26}
+    for said in (
+        {"Type": "ServerDevices", "Message": json.dumps([vest, arm])},
+        {"type": "ServerDevices", "message": [vest, arm]},
+    ):
+        message = wire.sdk3_server_message(json.dumps(said))
+        assert [d.is_vest for d in message.devices] == [True, False]
+        assert [d.battery_percent for d in message.devices] == [None, 26]
+        assert [d.connected for d in message.devices] == [True, False]
+        assert message.devices[0].name.isprintable()
+        assert len(message.devices[0].name) == 40
+    assert wire.sdk3_server_message('{"Type":"ServerEventList","Message":"["}').devices == ()
+    inner = json.loads(json.loads(wire.sdk3_auth_message("lab", 'k"ey'))["Message"])
+    assert (inner["applicationId"], inner["sdkApiKey"], inner["version"]) == ("lab", 'k"ey', 1)
+    assert wire.sdk3_stop_request(5) == '{"Type":"SdkStopByRequestId","Message":"5"}'

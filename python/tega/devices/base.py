@@ -252,6 +252,8 @@ OPTIONAL: Final[Mapping[str, Any]] = MappingProxyType(
         "reached": True,
         "spared": 0,
         "in_steps": False,
+        "condition": "",
+        "battery_percent": None,
     }
 )
 """What a driver may have beyond its protocol, by name, and what is taken of one that has it not.
@@ -262,7 +264,8 @@ the signal now, one sentence each, which a run shows as an alert. A camera: ``fa
 given, which a run tells where the finger has none. A hand that is steered: ``problem``, what is wrong with it now,
 ``""`` for nothing, which a run shows likewise; ``guard_problem``, why no other process would switch its motors off if
 this program were killed, which holds a run. A vest: ``reached``, whether frames arrive; ``spared``, how
-many it did not send because it showed them already; ``in_steps``, whether it shows 16 steps and nothing between.
+many it did not send because it showed them already; ``in_steps``, whether it shows 16 steps and nothing between;
+``condition``, what it says of itself now, one line for a run to show; ``battery_percent``, its battery.
 """
 
 

@@ -28,7 +28,6 @@ _NAMES: Final = ("TactSuit", "Tactot")
 _SERVICE: Final = "6e400001-b5a3-f393-e0a9-e50e24dcca9e"
 _BATTERY: Final = "6e400008-b5a3-f393-e0a9-e50e24dcca9e"
 _CALL_S = 1.5  # no call to the radio may take longer
-_LOW_BATTERY = 15
 
 
 class BleOptions(VestOptions, frozen=True):
@@ -164,11 +163,16 @@ class _BleLink:
     def present(self) -> bool:
         return not self._gone
 
+    notes: tuple[str, ...] = ()
+
     @property
-    def notes(self) -> tuple[str, ...]:
-        if self._battery is None or self._battery > _LOW_BATTERY:
-            return ()
-        return (f"the vest's battery is at {self._battery} %",)
+    def battery_percent(self) -> int | None:
+        return self._battery
+
+    @property
+    def condition(self) -> str:
+        client = self._client
+        return "" if client is None else f"{client.name or 'vest'} {'not ' if self._gone else ''}connected"
 
     def connect(self) -> None:
         self._bleak = require("bleak", driver=BleVest.name, extra="lab")

@@ -23,7 +23,6 @@ _ANSWER_S = 1.0  # a board sends its status every 100 ms; ten missing ones are t
 _LEAVE_S = 0.2
 _REPORT_BYTES = 64
 _CONNECTED = 2
-_LOW_BATTERY = 15
 
 
 class HidVestOptions(VestOptions, frozen=True):
@@ -109,9 +108,17 @@ class _HidLink:
             notes.append("the board has no vest connected")
         if status is not None and status.faults:
             notes.append(f"the board reports the fault bits {status.faults:#06x}")
-        if status is not None and status.battery is not None and status.battery <= _LOW_BATTERY:
-            notes.append(f"the vest's battery is at {status.battery} %")
         return tuple(notes)
+
+    @property
+    def battery_percent(self) -> int | None:
+        return None if self._status is None else self._status.battery
+
+    @property
+    def condition(self) -> str:
+        return (
+            "" if self._status is None else f"board's vest {'connected' if self.present else 'not connected'}"
+        )
 
     def connect(self) -> None:
         o = self._options

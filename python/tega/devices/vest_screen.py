@@ -59,6 +59,8 @@ class ScreenVest(StreamedVest):
 class _Screen:
     present = True
     notes = ()
+    condition = ""
+    battery_percent = None
 
     def __init__(self, terminal: Path | None) -> None:
         self._terminal = terminal

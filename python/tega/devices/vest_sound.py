@@ -139,6 +139,8 @@ class SoundVest(StreamedVest):
 
 class _Loudspeaker:
     notes = ()
+    condition = ""
+    battery_percent = None
 
     def __init__(self, options: SoundVestOptions) -> None:
         self._output = int(options.output) if options.output.isdecimal() else options.output or None

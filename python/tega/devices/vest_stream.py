@@ -45,6 +45,9 @@ REST_S: Final = 1.0
 HOLD_MS: Final = 200
 """How long a frame lasts by itself where the protocol can say so: two keep-alive periods."""
 
+LOW_BATTERY_PERCENT: Final = 15
+"""At which a note is made of a vest's battery."""
+
 _POLL_S = 0.05
 _STALLED_S = 1.0  # a link that takes no frame for this long counts as lost
 _RETRY_S = (0.5, 5.0)
@@ -80,6 +83,16 @@ class VestLink(Protocol):
     @property
     def present(self) -> bool:
         """Whether a vest is at the other end, as far as the link knows."""
+        ...
+
+    @property
+    def condition(self) -> str:
+        """What the other end says of itself, such as its name and whether a vest is connected; ``""`` for nothing."""
+        ...
+
+    @property
+    def battery_percent(self) -> int | None:
+        """The vest's battery, 0 to 100; ``None`` where it is not known."""
         ...
 
     @property
@@ -179,6 +192,8 @@ class StreamedVest(Opened):
         """Description of the vest, and what went wrong with it since it was opened."""
         link, counters = self._link, self.counters
         notes = () if link is None else link.notes
+        if (battery := self.battery_percent) is not None and battery <= LOW_BATTERY_PERCENT:
+            notes = (*notes, f"the vest's battery is at {battery} %")
         notes = (*notes, *self.budget.words())
         if counters.lost:
             notes = (*notes, f"the link was lost {counters.lost} times, at last: {counters.problem}")
@@ -191,6 +206,22 @@ class StreamedVest(Opened):
         """Whether the link stands and reports a vest at its other end."""
         link = self._link
         return self._up.is_set() and link is not None and link.present
+
+    @property
+    def battery_percent(self) -> int | None:
+        """The vest's battery, 0 to 100; ``None`` where it is not known."""
+        link = self._link
+        return link.battery_percent if self._up.is_set() and link is not None else None
+
+    @property
+    def condition(self) -> str:
+        """What the vest says of itself now, one line; ``""`` while there is no link, or where it says nothing."""
+        link = self._link
+        if not self._up.is_set() or link is None:
+            return ""
+        battery = link.battery_percent
+        said = (link.condition, "" if battery is None else f"battery {battery} %")
+        return ", ".join(filter(None, said))
 
     @property
     def spared(self) -> int:

@@ -43,7 +43,7 @@ _NO_FINGER = """
 
 _NO_EMG = """
 # [emg]                           # no amplifier was found
-# driver = "cyton"                # cyton, chords, serial-emg, lsl-emg: docs/device-emg.md
+# driver = "cyton"                # cyton, chords, spiker, serial-emg, lsl-emg: docs/device-emg.md
 # kind = "raw"                    # what it sends: raw, rectified, envelope
 # options = { port = "/dev/ttyUSB0" }
 """

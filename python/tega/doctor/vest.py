@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from tega.devices import HarmlessDevice, driver_class
+from tega.devices.base import optional
 from tega.devices.bluetooth_state import bluetooth_trouble
 from tega.doctor.case import DriverCase, failed
 from tega.doctor.findings import Finding
@@ -23,11 +24,19 @@ def try_vest(case: DriverCase) -> list[Finding]:
         return [case.told(label, "fine", f"{case.driver} needs no device; it was not opened")]
     try:
         with vest:
-            info = vest.info
+            info, condition, battery = (
+                vest.info,
+                optional(vest, "condition"),
+                optional(vest, "battery_percent"),
+            )
     except TegaError as error:
         why, hint = bluetooth_trouble() if case.driver == "bhaptics-ble" else ("", "")
         if isinstance(error, MissingExtraError):
             why, hint = "", ""
         return [failed(case, error, device=label, why=why, todo=(hint,))]
-    said = f"{case.driver}, {label}: the vest answers; it was sent zeros only"
-    return [case.told(label, "fine", said), *(case.told(label, "doubt", note) for note in info.notes)]
+    said = f"{case.driver}, {label}: the vest answers{f' ({condition})' if condition else ''}; it was sent zeros only"
+    measured = {} if battery is None else {"battery_percent": float(battery)}
+    return [
+        case.told(label, "fine", said, measured=measured),
+        *(case.told(label, "doubt", note) for note in info.notes),
+    ]

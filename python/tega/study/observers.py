@@ -15,6 +15,9 @@ WHOLE, PART = "", "not the whole trial"
 RECORDED = "recorded"
 """Item of the ``session_start`` of a rater who scores recordings."""
 
+PROPOSED = "proposed"
+"""Item of the ``session_start`` of a rater who was shown what rule and detector say."""
+
 
 def observer_path(folder: Path, participant: str, rater: str) -> Path:
     """Return where a rater's events of a session are."""
@@ -33,3 +36,8 @@ def saw_whole(events: Sequence[JournalEvent], trial: int, attempt: int) -> bool:
     return any(
         e.kind == "trial_end" and (e.trial, e.attempt) == (trial, attempt) and e.text == WHOLE for e in events
     )
+
+
+def was_shown_proposals(events: Sequence[JournalEvent]) -> bool:
+    """Tell whether a rater was shown what rule and detector say, and so agrees with them for that reason too."""
+    return any(e.kind == "session_start" and e.item == PROPOSED for e in events)

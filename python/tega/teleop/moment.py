@@ -45,6 +45,7 @@ class LoopView(NamedTuple):
         arm_height_m: Height of the arm's end as measured, metres over its base; ``None`` where that is not known.
         event: The newest event of touch; ``None`` before the first.
         target_rad: The 16 joint angles that the hand steers to; ``None`` where it does not tell them.
+        vest_condition: What the vest says of itself, such as name, link and battery; ``""`` where it says nothing.
     """
 
     t_ns: int
@@ -65,6 +66,7 @@ class LoopView(NamedTuple):
     arm_height_m: float | None = None
     event: Event | None = None
     target_rad: Sequence[float] | None = None
+    vest_condition: str = ""
 
     @property
     def newest_event(self) -> str:

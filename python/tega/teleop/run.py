@@ -159,7 +159,7 @@ def run_loop(
         inputs=rig.inputs,
         guard=guard,
         trace=trace,
-        complete=[part.shown for part in (rig.steering, station) if part is not None],
+        complete=[part.shown for part in (sinks, rig.steering, station) if part is not None],
         endless=rig.steering is not None or station is not None,
         tried=lambda t_ns, frame: tests.frame(
             t_ns, frame, refused=partial(_untried, guard, haptics), bus=rig.bus

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from tega.devices.base import HandDriver, SteeredHand, TellingHand, VestSink
+from tega.devices.base import HandDriver, SteeredHand, TellingHand, VestSink, optional
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError
 from tega.hand import split_level
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from tega.devices.base import DeviceInfo
     from tega.hand_link import Received
     from tega.inbox.prepared import Prepared
+    from tega.teleop.moment import LoopView
     from tega.wire import CanFrame
 
 
@@ -41,6 +42,11 @@ class Sinks(NamedTuple):
     hands: list[HandDriver]
     steered: SteeredHand | None
     tables: tuple[DeviceInfo, ...] = ()
+
+    def shown(self, view: LoopView) -> LoopView:
+        """Add what the real vest says of itself to a view of the loop."""
+        said = [optional(vest, "condition") for vest in self.live_vests]
+        return view._replace(vest_condition="; ".join(filter(None, said)))
 
 
 def open_inputs(stack: ExitStack, config: SessionConfig) -> Inputs:

@@ -77,6 +77,13 @@ from tega.wire.bhaptics import (
     x40_ble_frame,
     x40_ble_levels,
 )
+from tega.wire.bhaptics_v3 import (
+    Sdk3Device,
+    Sdk3Message,
+    sdk3_auth_message,
+    sdk3_server_message,
+    sdk3_stop_request,
+)
 from tega.wire.hid import (
     HidMotor,
     HidStatus,
@@ -123,6 +130,8 @@ __all__ = [
     "HidMotor",
     "HidStatus",
     "PlayerStatus",
+    "Sdk3Device",
+    "Sdk3Message",
     "SpikerDecoder",
     "allegro_angle_counts",
     "allegro_angles_rad",
@@ -153,8 +162,11 @@ __all__ = [
     "player_v2_ping",
     "player_v2_status",
     "player_v2_stop",
+    "sdk3_auth_message",
     "sdk3_dot_message",
+    "sdk3_server_message",
     "sdk3_stop_message",
+    "sdk3_stop_request",
     "vest_levels",
     "x16_levels",
     "x40_ble_frame",

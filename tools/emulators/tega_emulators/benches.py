@@ -247,6 +247,7 @@ BENCHES: dict[str, EmulatedDriver] = {
     "spacemouse": EmulatedDriver(
         f"{_PROCESS}, report bytes over a socket", partial(_input, "spacemouse", (0x046D, 0xC626)), unix=True
     ),
+    "spiker": EmulatedDriver(f"{_PROCESS}, pseudo-terminal", partial(_serial, "spiker", {}), unix=True),
     "synthetic-emg": EmulatedDriver(
         "nothing: it makes its signal up", partial(_with, {"seed": 1, "duration_s": 1.0})
     ),

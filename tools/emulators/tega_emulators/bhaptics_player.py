@@ -1,13 +1,15 @@
-"""An emulated bHaptics Player: version 2 of its websocket, strictly checked, with a vest that remembers.
+"""An emulated bHaptics Player: versions 2 and 3 of its websocket, strictly checked, with a vest that remembers.
 
-Run ``python -m tega_emulators.bhaptics_player [--port 15881]`` and any client of the Player can talk to it.
+Run ``python -m tega_emulators.bhaptics_player [--port 15881] [--port-v3 15882]`` and any client of the Player can talk
+to it; version 3 (:mod:`~tega_emulators.player_v3`) is served only where its port is given, 0 for any free one.
 Written from what the vendor's and others' open clients send. Keys that are not theirs, numbers out of their ranges
 and wrong types are counted as errors, where the real Player says nothing.
 Two keys on one motor: the larger intensity (not known of the real one).
 
 Faults: ``close`` (ends every connection with code 1001), ``drop`` (without a word), ``freeze`` (reads nothing),
 ``slow`` (reads a message in 150 ms), ``garbage`` (its messages are no status), ``wrong-version`` (HTTP 404), ``refuse``
-(HTTP 503), ``no-vest``, ``no-pong`` (answers no pings).
+(HTTP 503), ``no-vest``, ``no-pong`` (answers no pings), ``no-entry`` (version 3 lets nobody in), ``flat`` (the vest's
+battery is at 9 %).
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ import argparse
 import asyncio
 import json
 import logging
+import ssl
 import time
 from http import HTTPStatus
 from typing import Any, ClassVar
@@ -27,6 +30,7 @@ from websockets.frames import Opcode
 from websockets.http11 import Request, Response
 
 from tega_emulators import vest_process
+from tega_emulators.player_v3 import read_v3, server_tls, told_v3
 from tega_emulators.vest_process import Motors
 
 _POSITIONS = (
@@ -59,35 +63,46 @@ class Player:
         "refuse",
         "no-vest",
         "no-pong",
+        "no-entry",
+        "flat",
     )
 
-    def __init__(self, port: int) -> None:
+    def __init__(self, port: int, port_v3: int | None = None) -> None:
         self.motors = Motors()
         self.errors: list[str] = []
         self.received = 0
         self.connections = 0
-        self._port = port
+        self._port, self._port_v3 = port, port_v3
         self._fault = ""
         self._playing: dict[str, tuple[int, dict[int, int], float]] = {}
         self._open: set[ServerConnection] = set()
-        self._server: Server | None = None
+        self._let_in: set[ServerConnection] = set()
+        self._servers: list[Server] = []
         self._tasks: list[asyncio.Task[None]] = []
 
     async def start(self) -> dict[str, Any]:
         """Listen on the loopback interface."""
         # Whoever only looks whether the port is open leaves without a handshake; the library calls that an error.
         logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
-        self._server = await serve(
+        address = {"port": await self._serve(self._port, None)}
+        if self._port_v3 is not None:
+            address["port_v3"] = await self._serve(self._port_v3, server_tls())
+        self._tasks.append(asyncio.create_task(self._expire()))
+        return address
+
+    async def _serve(self, port: int, tls: ssl.SSLContext | None) -> int:
+        server = await serve(
             self._talk,
             "127.0.0.1",
-            self._port,
+            port,
+            ssl=tls,
             process_request=self._greet,
             compression=None,
             ping_interval=None,
             close_timeout=0.2,
         )
-        self._tasks.append(asyncio.create_task(self._expire()))
-        return {"port": next(iter(self._server.sockets)).getsockname()[1]}
+        self._servers.append(server)
+        return int(next(iter(server.sockets)).getsockname()[1])
 
     async def fault(self, name: str) -> None:
         """Switch a fault on."""
@@ -109,9 +124,10 @@ class Player:
         url = urlsplit(request.path)
         if self._fault == "refuse":
             return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, "not now\n")
-        if self._fault == "wrong-version" or url.path != "/v2/feedbacks":
+        served = "/v3/feedback" if connection.transport.get_extra_info("ssl_object") else "/v2/feedbacks"
+        if self._fault == "wrong-version" or url.path != served:
             return connection.respond(HTTPStatus.NOT_FOUND, "no such version\n")
-        for key in ("app_id", "app_name"):
+        for key in ("workspace_id", "api_key", "version") if served[2] == "3" else ("app_id", "app_name"):
             if not parse_qs(url.query).get(key):
                 self.errors.append(f"query without {key}")
         return None
@@ -133,12 +149,40 @@ class Player:
                     await asyncio.sleep(_SLOW_S)
                     if self._fault != "freeze":
                         connection.transport.resume_reading()
-                self._take(message)
-                await self._tell(connection)
+                if _speaks_v3(connection):
+                    await self._take_v3(connection, message)
+                else:
+                    self._take(message)
+                    await self._tell(connection)
         except ConnectionClosed:
             pass
         finally:
             self._open.discard(connection)
+            self._let_in.discard(connection)
+
+    async def _take_v3(self, connection: ServerConnection, message: str | bytes) -> None:
+        self.received += 1
+        try:
+            asked = read_v3(message)
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            self.errors.append(f"version 3: {type(error).__name__} {error} in {message[:200]!r}")
+            return
+        now = time.monotonic()
+        if asked.kind in {"SdkRequestAuth", "SdkRequestAuthInit"}:
+            if self._fault != "no-entry":
+                self._let_in.add(connection)
+                await self._tell(connection)
+        elif connection not in self._let_in:
+            if self._fault != "no-entry":
+                self.errors.append(f"{asked.kind} of a program that was not let in")
+        elif asked.kind == "SdkStopAll":
+            self._playing.clear()
+        elif asked.kind == "SdkStopByRequestId":
+            self._playing.pop(f"request {asked.request}", None)
+        elif asked.values:
+            lit = {index: value for index, value in enumerate(asked.values) if value}
+            self._playing[f"request {asked.request}"] = (0, lit, now + asked.duration_s)
+        self._drive(now)
 
     async def _tell(self, connection: ServerConnection) -> None:
         if self._fault == "garbage":
@@ -146,6 +190,11 @@ class Player:
                 await connection.send(message)
             return
         has_vest = self._fault != "no-vest"
+        if _speaks_v3(connection):
+            if connection in self._let_in:
+                for said in told_v3(has_vest=has_vest, battery=9 if self._fault == "flat" else 98):
+                    await connection.send(said)
+            return
         status = {"VestFront": self.motors.now[:20], "VestBack": self.motors.now[20:], "Head": [0] * 6}
         await connection.send(
             json.dumps(
@@ -190,6 +239,10 @@ class Player:
         while True:
             await asyncio.sleep(0.01)
             self._drive(time.monotonic())
+
+
+def _speaks_v3(connection: ServerConnection) -> bool:
+    return connection.request is not None and connection.request.path.startswith("/v3/")
 
 
 def _submits(message: str | bytes) -> list[dict[str, Any]]:
@@ -252,7 +305,9 @@ def main() -> None:
     """Run it until standard input ends."""
     parser = argparse.ArgumentParser(description="An emulated bHaptics Player.")
     parser.add_argument("--port", type=int, default=15881, help="0 for any free one")
-    asyncio.run(vest_process.serve(Player(parser.parse_args().port)))
+    parser.add_argument("--port-v3", type=int, help="of version 3, which is not served without it")
+    given = parser.parse_args()
+    asyncio.run(vest_process.serve(Player(given.port, given.port_v3)))
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ import os
 import tempfile
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from tega.devices import driver_class
@@ -51,8 +52,16 @@ def vest_bench(driver: str, **options: Any) -> Iterator[VestBench]:
     port = None
     with ExitStack() as stack:
         if driver == "bhaptics-player":
-            peer = stack.enter_context(Emulator("bhaptics_player", "--port", "0"))
-            options = {"port": peer.address["port"], **options}
+            newer = options.get("version", "2") != "2"
+            peer = stack.enter_context(
+                Emulator("bhaptics_player", "--port", "0", *(("--port-v3", "0") if newer else ()))
+            )
+            options = {**peer.address, **options}
+            if newer and "api_key_file" not in options:
+                folder = stack.enter_context(tempfile.TemporaryDirectory())
+                key = Path(folder, "key.txt")
+                key.write_text("not-a-real-key\n", encoding="ascii")
+                options = {"app_id": "tega-bench", "api_key_file": key, **options}
         elif driver == "hid-vest":
             folder = stack.enter_context(tempfile.TemporaryDirectory())
             peer = stack.enter_context(Emulator("hid_bridge", folder))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import click
 
+from tega.cli.study.clips import clips
 from tega.cli.study.detect import detect
 from tega.cli.study.observe import observe
 from tega.cli.study.plan import plan, status
@@ -28,6 +29,7 @@ for _verb in (
     run,
     observe,
     detect,
+    clips,
     status,
     score,
     report,

@@ -5,6 +5,9 @@
     accounts.py   who says what: raters, the experimenter, the truth of a simulated bench
     agree.py      events matched in time, chance, delay, Cohen's kappa, ICC
     boris.py      BORIS projects out, events coded there in
+    boris_file.py  what such a project holds
+    clips.py      blind clips of recordings for BORIS, with proposals; clip_video.py makes them
+    clips_coded.py  what was coded of them
 """
 
 from __future__ import annotations

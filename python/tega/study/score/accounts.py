@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from tega.study.detecting import DETECTOR, read_detected
 from tega.study.journal import JournalEvent, Kind, counting, read_events
-from tega.study.observers import read_observers, saw_whole
+from tega.study.observers import read_observers, saw_whole, was_shown_proposals
 from tega.study.plan import read_plan
 from tega.study.privacy import withdrawn_ids
 from tega.study.score.agree import Agreement, agreement
@@ -86,8 +86,22 @@ def _scored(
     return Scored(key, length_s, {kind: sorted(found) for kind, found in times.items()})
 
 
+def _shown_proposals(folder: Path) -> set[str]:
+    """Return the raters who were shown what rule and detector say."""
+    plan, gone = read_plan(folder), withdrawn_ids(folder)
+    return {
+        rater
+        for person in plan.participants
+        if person not in gone
+        for rater, events in read_observers(folder, person).items()
+        if was_shown_proposals(events)
+    }
+
+
 def agreements(folder: Path, *, tolerance_s: float = TOLERANCE_S) -> list[Agreement]:
     """Compare every two accounts over the trials that both have, for each kind of event that either has.
+
+    A rater who was shown proposals is compared with other people alone.
 
     Args:
         folder: The study's folder.
@@ -97,9 +111,12 @@ def agreements(folder: Path, *, tolerance_s: float = TOLERANCE_S) -> list[Agreem
         RecordingError: The study is damaged.
     """
     accounts = scored_trials(folder)
+    shown = _shown_proposals(folder)
     names = sorted(accounts, key=lambda name: (name != TRUTH, name == DETECTOR, name == EXPERIMENTER, name))
     found = []
     for a, b in combinations(names, 2):
+        if {a, b} & shown and {a, b} & {TRUTH, DETECTOR}:
+            continue  # what rule and detector proposed would be compared with itself
         first = {one.key: one for one in accounts[a]}
         second = {one.key: one for one in accounts[b]}
         both = [key for key in first if key in second]

@@ -10,25 +10,31 @@ import csv
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
-
-import msgspec
+from typing import Any, NamedTuple
 
 from tega.errors import InvalidValueError, RecordingError
-from tega.foreign_file import read_foreign, read_words
+from tega.foreign_file import read_words
 from tega.study.detecting import DETECTOR, read_detected
 from tega.study.journal import Journal, JournalEvent, Kind, counting, read_events
-from tega.study.observers import WHOLE, observer_path, read_observers
+from tega.study.observers import PART, WHOLE, observer_path, read_observers
 from tega.study.plan import read_plan
 from tega.study.privacy import note_elsewhere
+from tega.study.score.boris_file import (
+    BorisBehaviour,
+    CodedEvent,
+    boris_observation,
+    boris_project,
+    read_boris,
+)
 from tega.study.state import events_path
 
-_CODES: dict[str, tuple[Kind, str]] = {
+CODES: dict[str, tuple[Kind, str]] = {
     "slip": ("slip", "s"),
     "deformation": ("deformation", "d"),
     "drop": ("drop", "x"),
     "lift_off": ("lift_off", "l"),
 }
+"""Behaviours of a project: the kind of event each is, and its key."""
 _ID = re.compile(r"(p\d+)_t(\d+)_a([12])(?:_(.+))?")
 
 
@@ -60,64 +66,23 @@ def export_boris(folder: Path, path: Path) -> int:
             stem = f"{person}_t{trial.trial:02d}_a{start.attempt}"
             for rater, events in accounts.items():
                 found = [
-                    [round((e.t_ns - start.t_ns) / 1e9, 3), "", e.kind, "", ""]
-                    for e in sorted(counting(events, trial.trial, start.attempt), key=lambda e: e.t_ns)
-                    if e.kind in _CODES
+                    CodedEvent((e.t_ns - start.t_ns) / 1e9, "", e.kind)
+                    for e in counting(events, trial.trial, start.attempt)
+                    if e.kind in CODES
                 ]
-                observations[f"{stem}_{rater}" if rater else stem] = {
-                    "file": {str(player): [] for player in range(1, 9)},
-                    "type": "LIVE",
-                    "date": "",
-                    "description": f"{(end.t_ns - start.t_ns) / 1e9:.3f} s",
-                    "time offset": 0.0,
-                    "events": found,
-                    "independent_variables": {
-                        "participant": person,
-                        "trial": str(trial.trial),
-                        "object": trial.object,
-                    },
-                    "observation time interval": [0, 0],
-                    "close_behaviors_between_videos": False,
-                }
-    project = {
-        "time_format": "seconds",
-        "project_date": "",
-        "project_name": folder.name,
-        "project_description": "trials of a study; times count from each trial's start",
-        "project_format_version": "7.0",
-        "subjects_conf": {},
-        "behaviors_conf": {
-            str(n): {
-                "type": "Point event",
-                "key": key,
-                "code": code,
-                "description": "",
-                "color": "",
-                "category": "",
-                "modifiers": {},
-                "excluded": "",
-                "coding map": "",
-            }
-            for n, (code, (_kind, key)) in enumerate(_CODES.items())
-        },
-        "observations": observations,
-        "behavioral_categories": [],
-        "behavioral_categories_config": {},
-        "independent_variables": {
-            str(n): {
-                "label": label,
-                "description": "",
-                "type": "text",
-                "default value": "",
-                "possible values": "",
-            }
-            for n, label in enumerate(("participant", "trial", "object"))
-        },
-        "coding_map": {},
-        "behaviors_coding_map": [],
-        "converters": {},
-    }
-    path.write_bytes(msgspec.json.format(msgspec.json.encode(project), indent=1) + b"\n")
+                observations[f"{stem}_{rater}" if rater else stem] = boris_observation(
+                    found,
+                    length_s=(end.t_ns - start.t_ns) / 1e9,
+                    variables={"participant": person, "trial": str(trial.trial), "object": trial.object},
+                )
+    project = boris_project(
+        name=folder.name,
+        description="trials of a study; times count from each trial's start",
+        behaviours=[BorisBehaviour(code, key) for code, (_kind, key) in CODES.items()],
+        variables=("participant", "trial", "object"),
+        observations=observations,
+    )
+    path.write_bytes(project)
     for person in dict.fromkeys(name.partition("_")[0] for name in observations):
         note_elsewhere(folder, person, path)
     return len(observations)
@@ -140,8 +105,14 @@ def import_boris(folder: Path, path: Path, rater: str) -> dict[str, int]:
         RecordingError: The file cannot be read, or an observation or behaviour is not one of the study's.
         InvalidValueError: The rater has a file already.
     """
-    observed = _project(path) if path.suffix == ".boris" else _table(path)
+    if path.suffix == ".boris":
+        observed: dict[str, Sequence[tuple[float, str]]] = {
+            name: [(e.t_s, e.code) for e in events] for name, events in read_boris(path).items()
+        }
+    else:
+        observed = dict(_table(path))
     plan = read_plan(folder)
+    signed = plan.settings.plan_sha256
     by_person: dict[str, dict[tuple[int, int], dict[str, Sequence[tuple[float, str]]]]] = {}
     for name, coded in observed.items():
         found = _ID.fullmatch(name)
@@ -160,25 +131,58 @@ def import_boris(folder: Path, path: Path, rater: str) -> dict[str, int]:
                 raise RecordingError(f"{path.name}: trial {key[0]} of {person} was not run")
             coded = _of_one(path, f"{person}_t{key[0]:02d}_a{key[1]}", accounts, rater)
             for _t_s, code in coded:
-                if code not in _CODES:
+                if code not in CODES:
                     raise RecordingError(
-                        f"{path.name}: behaviour {code!r} is not known", f"use {', '.join(_CODES)}"
+                        f"{path.name}: behaviour {code!r} is not known", f"use {', '.join(CODES)}"
                     )
             ready.setdefault(person, []).append((*ran[key], coded))
     for person, rows in ready.items():
-        with Journal(observer_path(folder, person, rater)) as journal:
-            first_ns = min(start.t_ns for start, _end, _events in rows)
-            journal.add("session_start", t_ns=first_ns, source=rater, text=plan.settings.plan_sha256)
-            for start, end, coded in rows:
-                trial, attempt = start.trial, start.attempt
-                journal.add("trial_start", t_ns=start.t_ns, trial=trial, attempt=attempt, source=rater)
-                for t_s, code in coded:
-                    at_ns = start.t_ns + round(t_s * 1e9)
-                    journal.add(_CODES[code][0], t_ns=at_ns, trial=trial, attempt=attempt, source=rater)
-                journal.add(
-                    "trial_end", t_ns=end.t_ns, trial=trial, attempt=attempt, source=rater, text=WHOLE
-                )
+        write_coded(
+            folder, person, rater, [CodedTrial(start, end, coded) for start, end, coded in rows], signed
+        )
     return {person: len(rows) for person, rows in ready.items()}
+
+
+class CodedTrial(NamedTuple):
+    """Trial as a rater coded it.
+
+    Attributes:
+        start: Of the attempt.
+        end: Likewise.
+        events: Seconds from its start, and behaviours of :data:`CODES`.
+        whole: Whether all of it was coded.
+    """
+
+    start: JournalEvent
+    end: JournalEvent
+    events: Sequence[tuple[float, str]]
+    whole: bool = True
+
+
+def write_coded(
+    folder: Path, person: str, rater: str, trials: Sequence[CodedTrial], signed: str, *, item: str = ""
+) -> None:
+    """Write what a rater coded of a session into a new file of theirs.
+
+    Args:
+        folder: The study's folder.
+        person: Whose session.
+        rater: Who coded; without a file in this session.
+        trials: What was coded.
+        signed: Fingerprint of the plan.
+        item: How it was coded (:mod:`tega.study.observers`).
+    """
+    with Journal(observer_path(folder, person, rater)) as journal:
+        first_ns = min(one.start.t_ns for one in trials)
+        journal.add("session_start", t_ns=first_ns, source=rater, text=signed, item=item)
+        for start, end, coded, whole in trials:
+            trial, attempt = start.trial, start.attempt
+            journal.add("trial_start", t_ns=start.t_ns, trial=trial, attempt=attempt, source=rater)
+            for t_s, code in coded:
+                at_ns = start.t_ns + round(t_s * 1e9)
+                journal.add(CODES[code][0], t_ns=at_ns, trial=trial, attempt=attempt, source=rater)
+            text = WHOLE if whole else PART
+            journal.add("trial_end", t_ns=end.t_ns, trial=trial, attempt=attempt, source=rater, text=text)
 
 
 def attempts(events: Sequence[JournalEvent]) -> list[tuple[JournalEvent, JournalEvent]]:
@@ -205,26 +209,6 @@ def _of_one(
             "name the rater's so, or leave those of one rater in the file",
         )
     return next(iter(people or accounts.values()))
-
-
-def _project(path: Path) -> dict[str, Sequence[tuple[float, str]]]:
-    try:
-        tree = msgspec.json.decode(read_foreign(path, most_mib=64))
-        return {
-            str(name): [(float(event[0]), str(event[2])) for event in observation["events"]]
-            for name, observation in tree["observations"].items()
-        }
-    except (
-        OSError,
-        msgspec.DecodeError,
-        KeyError,
-        IndexError,
-        TypeError,
-        ValueError,
-        AttributeError,
-        RecursionError,
-    ) as error:
-        raise RecordingError(f"{path}: is no BORIS project: {error}", "name a .boris file") from error
 
 
 def _table(path: Path) -> dict[str, list[tuple[float, str]]]:

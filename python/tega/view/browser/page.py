@@ -419,6 +419,8 @@ def _status(state: ViewState) -> str:
         rows["muscles"] = "levels " + " · ".join(str(level) for level in block[1])
     if newest := state.loop.newest_event:
         rows["touch"] = newest
+    if state.loop.vest_condition:
+        rows["vest"] = state.loop.vest_condition
     rows |= {name.replace("_", " "): seen.words(name) for name, seen in state.loop.inputs.items()}
     pairs = [
         f'<td style="color:#868e96;padding-right:8px">{escape(name)}</td>'

@@ -13,6 +13,7 @@ from tega.devices.cyton import Cyton, CytonOptions
 from tega.devices.live_emg import LiveEmg
 from tega.devices.lsl_emg import LslEmg, LslEmgOptions
 from tega.devices.serial_emg import SerialEmg, SerialEmgOptions
+from tega.devices.spiker import Spiker, SpikerOptions
 from tega.errors import TegaError
 from tega_campaigns.faults.trials import DriverOutcome, FaultTrial
 from tega_emulators.process import Emulator
@@ -50,6 +51,12 @@ _DRIVERS: Final = {
         lambda port: Chords(ChordsOptions(port=port)),
         ("--name", "UNKNOWN-BOARD"),
         "says a name that nobody knows",
+    ),
+    "spiker": _Driver(
+        "spiker",
+        lambda port: Spiker(SpikerOptions(port=port)),
+        ("--deaf",),
+        "takes no command and sends one channel",
     ),
     "lsl-emg": _Driver(
         "lsl",

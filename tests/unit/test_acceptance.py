@@ -1,0 +1,212 @@
+"""The first hour of each emulated device: what is measured, what a person's no stops, and what is written."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from reference.command import call
+from tega.acceptance import AcceptanceReport, accept_device, acceptance_case, report_text, write_report
+from tega.acceptance.report import STEPS
+from tega.config import check_tree, load_config
+from tega.errors import ConfigError
+from tega_emulators.emulated_bench import EmulatedBench
+from tega_emulators.lab import emulated_lab
+from tega_emulators.vests import seen_by
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(sys.platform != "linux", reason="the emulators need Linux"),
+]
+
+
+class Person:
+    """Answers as told, and does with the emulated bench what they are asked to do."""
+
+    def __init__(
+        self, answer: str, *, yes: bool = True, act: Callable[[str], object] = lambda _text: None
+    ) -> None:
+        self.answer, self.yes, self.act = answer, yes, act
+        self.told: list[str] = []
+
+    def say(self, text: str) -> None:
+        self.told.append(text)
+        self.act(text)
+
+    def confirm(self, text: str) -> bool:
+        self.told.append(text)
+        return self.yes
+
+    def ask(self, text: str) -> str:
+        self.told.append(text)
+        return self.answer
+
+
+@pytest.fixture(scope="module")
+def bench() -> Iterator[EmulatedBench]:
+    with EmulatedBench() as up:
+        yield up
+
+
+@pytest.fixture
+def settings(bench: EmulatedBench, tmp_path: Path) -> Path:
+    bench.write_settings(tmp_path / "lab.toml")
+    return tmp_path / "lab.toml"
+
+
+def accepted(settings: Path, name: str, person: Person) -> AcceptanceReport:
+    config = load_config(settings, environ={}).config
+    report = accept_device(config, acceptance_case(config, name), person, answered=True)
+    assert tuple(step.name for step in report.steps) == STEPS
+    return report
+
+
+def by_name(report: AcceptanceReport) -> dict[str, Any]:
+    return {step.name: step for step in report.steps}
+
+
+def test_a_fingertip_is_accepted_with_a_touch(bench: EmulatedBench, settings: Path) -> None:
+    def act(text: str) -> None:
+        bench.moves.act("press thumb 0.5" if text.startswith("Touch") else "release")
+
+    steps = by_name(accepted(settings, "thumb", Person("yes", act=act)))
+    bench.moves.act("release")
+    assert {s.status for s in steps.values()} <= {"passed", "look"}
+    assert steps["rate"].measured["rate_hz"] == pytest.approx(30.0, rel=0.1)
+    assert steps["least"].status == "passed"
+    assert steps["least"].measured["rise_ratio"] > 1.3
+    assert steps["identity"].answers == {"Which device is before you?": "yes"}
+    assert steps["stop"].status == "passed"
+
+
+def test_an_amplifier_is_accepted_with_a_fist(bench: EmulatedBench, settings: Path) -> None:
+    def act(text: str) -> None:
+        bench.moves.act("squeeze 1" if "make a fist" in text else "rest")
+
+    steps = by_name(accepted(settings, "emg", Person("yes", act=act)))
+    assert steps["rate"].measured["rate_hz"] == pytest.approx(250.0, rel=0.05)
+    assert steps["limits"].measured["clipped_percent"] == 0
+    assert (steps["least"].status, steps["stop"].status) == ("passed", "passed")
+    # Nobody tenses: it is not called seen.
+    steps = by_name(accepted(settings, "emg", Person("yes", act=lambda _text: bench.moves.act("rest"))))
+    assert steps["least"].status == "look"
+
+
+def test_a_vest_gets_the_least_pulse_after_a_yes_and_falls_silent(
+    bench: EmulatedBench, settings: Path
+) -> None:
+    before = len(seen_by(bench.player).history)
+    report = accepted(settings, "vest", Person("left shoulder"))
+    seen = seen_by(bench.player)
+    felt = [values for _, values in seen.history[before:]]
+    assert max(max(values) for values in felt) == 20
+    assert {tuple(np.flatnonzero(values)) for values in felt} <= {(), (0,), (39,), (35,)}
+    assert not any(seen.motors)
+    steps = by_name(report)
+    assert {s.status for s in steps.values()} == {"passed"}
+    assert steps["limits"].measured["largest_percent"] == 20
+    assert steps["latency"].measured["left_p50_ms"] < 1000
+    assert report.passed
+
+
+def test_a_vest_that_goes_on_fails(settings: Path) -> None:
+    report = accepted(settings, "vest", Person("no"))
+    assert by_name(report)["stop"].status == "failed"
+    assert "switch" in by_name(report)["stop"].todo
+    assert not report.passed
+
+
+def test_without_a_yes_nothing_vibrates_and_no_motor_goes_on(bench: EmulatedBench, settings: Path) -> None:
+    vibrated = len(seen_by(bench.player).history)
+    steps = by_name(accepted(settings, "vest", Person("yes", yes=False)))
+    assert {steps[name].status for name in STEPS[1:]} == {"skipped"}
+    assert not any(any(values) for _, values in seen_by(bench.player).history[vibrated:])
+    steps = by_name(accepted(settings, "hand", Person("yes", yes=False)))
+    assert steps["rate"].status == "passed"
+    assert {steps[name].status for name in STEPS[2:]} == {"skipped"}
+    look = bench.hand.say("look")
+    assert not look["servo_on"]
+    assert not any(look["duties"])
+
+
+def test_a_hand_moves_a_little_and_is_let_go(bench: EmulatedBench, settings: Path) -> None:
+    report = accepted(settings, "hand", Person("yes"))
+    steps = by_name(report)
+    assert {s.status for s in steps.values()} == {"passed"}
+    assert 0.01 < steps["least"].measured["moved_rad"] < 0.5
+    assert steps["limits"].measured["torque_share_ratio"] <= 0.3
+    assert "its motors are off" in steps["stop"].said
+    look = bench.hand.say("look")
+    assert not look["servo_on"]
+    assert not any(look["duties"])
+
+
+def test_a_device_that_is_not_there_fails_at_once(bench: EmulatedBench, settings: Path) -> None:
+    bench.player.say("no-vest")
+    try:
+        config = load_config(settings, environ={}).config
+        report = accept_device(config, acceptance_case(config, "vest"), Person("yes"), answered=True)
+    finally:
+        bench.player.say("clear")
+    (step,) = report.steps
+    assert (step.name, step.status) == ("identity", "failed")
+    assert "has no vest connected" in step.said
+    assert "pair it" in step.todo
+
+
+def test_arm_tracker_and_inputs_are_only_looked_at(tmp_path: Path) -> None:
+    with emulated_lab(tmp_path, vest=False, fingers=(), arm=True) as lab:
+        config = check_tree(lab.tree, {}, base=tmp_path).config
+        for name in ("tracker", "dead_man", "arm"):
+            report = accept_device(config, acceptance_case(config, name), Person(""), answered=True)
+            assert report.steps[0].status in {"passed", "look"}, report.steps[0]
+            assert {s.status for s in report.steps[1:]} == {"skipped"}
+
+
+def test_the_report_is_written_twice_and_tells_no_key(settings: Path, tmp_path: Path) -> None:
+    text = settings.read_text(encoding="utf-8")
+    text = text.replace("require_vest", "# require_vest")
+    config = load_config(settings, sets=('vest.options.app_id="secret"',), environ={}).config
+    report = accept_device(config, acceptance_case(config, "vest"), Person("", yes=False), answered=False)
+    data, words = write_report(report, tmp_path / "reports")
+    again = json.loads(data.read_text(encoding="utf-8"))
+    assert (again["format"], again["version"], again["passed"]) == ("tega-acceptance", 1, report.passed)
+    assert msgspec.convert(again, AcceptanceReport) == report
+    said = words.read_text(encoding="utf-8")
+    assert said == report_text(report)
+    assert "nobody has seen or felt anything" in said
+    assert "To send back:" in said
+    assert "secret" not in said + data.read_text(encoding="utf-8")
+    assert str(tmp_path) not in said
+
+
+def test_the_verb(settings: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ("doctor", settings, "--acceptance", "vest", "--out", tmp_path / "out", "--yes")
+    out, err = call(capsys, *words, "--json", code=0)
+    said = json.loads(out)
+    assert said["passed"] is True
+    assert [s["name"] for s in said["steps"]] == list(STEPS)
+    assert Path(said["report"]).is_file()
+    assert Path(said["text"]).is_file()
+    assert "(not asked)" in err
+    _, err = call(capsys, "doctor", settings, "--acceptance", "vest", code=2)
+    assert "asks a person" in err
+    _, err = call(capsys, "doctor", settings, "--yes", code=2)
+    assert "goes with --acceptance" in err
+    _, err = call(capsys, "doctor", settings, "--acceptance", "foot", "--yes", code=1)
+    assert "the settings name no device 'foot'" in err
+    assert "tactile.thumb" in err
+
+
+def test_a_device_has_to_be_meant(settings: Path) -> None:
+    config = load_config(settings, environ={}).config
+    assert acceptance_case(config, "tactile.index").check == "tactile.index"
+    with pytest.raises(ConfigError, match="no device ''"):
+        acceptance_case(config, "")

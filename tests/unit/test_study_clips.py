@@ -1,0 +1,313 @@
+"""Blind clips of recorded trials, coded in BORIS: what a rater is given, what comes back, what is compared."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("foxglove")
+
+import cv2
+import numpy as np
+
+from reference.command import call
+from reference.sessions import record, rewritten
+from reference.written import boris_project
+from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError
+from tega.study import make_plan, read_plan, write_plan
+from tega.study.detecting import DETECTOR, detected_path
+from tega.study.journal import Journal, read_events
+from tega.study.observers import observer_path, read_observers, saw_whole
+from tega.study.privacy import withdraw
+from tega.study.score.accounts import agreements
+from tega.study.score.boris_file import read_boris
+from tega.study.score.clips import ClipKey, key_path, make_clips, read_key
+from tega.study.score.clips_coded import take_clips
+from tega.study.state import events_path, resume
+
+S, MS = 1_000_000_000, 1_000_000
+FIRST_NS, LEAD_NS, LENGTH_NS = 1000 * S, 100 * MS, 1300 * MS
+PEOPLE = ("p01", "p02")
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Record a second and a half of made-up input: two fingertips, muscles, hand and vest."""
+    return record(tmp_path_factory.mktemp("recorded"), lossless=False)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, recording: Path) -> Path:
+    """Make a study of two people whose trials are over: a rule's slip at 0.5 s, the detector's at 0.5 and at 0.9 s."""
+    where = tmp_path / "study"
+    write_plan(make_plan(participants=2, seed=5, objects=["bag"], trials=1, layout="pairs"), where)
+    plan = read_plan(where)
+    for person in PEOPLE:
+        with (
+            resume(where, plan, person, t_ns=FIRST_NS)[0] as main,
+            Journal(detected_path(where, person)) as found,
+        ):
+            found.add("session_start", t_ns=FIRST_NS, source=DETECTOR, text=plan.settings.plan_sha256)
+            for trial in plan.of(person):
+                start_ns = FIRST_NS + trial.trial * 100 * S
+                n = trial.trial
+                main.add("trial_start", t_ns=start_ns, trial=n, source="auto")
+                main.add("slip", t_ns=start_ns + 500 * MS, trial=n, source="auto")
+                main.add(
+                    "trial_end",
+                    t_ns=start_ns + LENGTH_NS,
+                    trial=n,
+                    status="done",
+                    success=True,
+                    source="auto",
+                )
+                found.add("trial_start", t_ns=start_ns, trial=n, source=DETECTOR)
+                for at_ms in (500, 900):
+                    at_ns = start_ns + at_ms * MS
+                    found.add("slip", t_ns=at_ns, trial=n, source=DETECTOR, value=0.8)
+                found.add("trial_end", t_ns=start_ns + LENGTH_NS, trial=n, source=DETECTOR)
+                kept = where / "recordings" / person / f"{trial.id}-a1"
+                kept.mkdir(parents=True)
+                facts = {
+                    "trial": trial.id,
+                    "attempt": 1,
+                    "zero_ns": start_ns - LEAD_NS,
+                    "started_ns": start_ns,
+                }
+                (kept / "trial.json").write_text(json.dumps(facts))
+                began = {"tega": {"start_ns": str(start_ns - LEAD_NS)}}
+                rewritten(recording, kept / "trial-001.mcap", tables=began)
+    return where
+
+
+def coded(path: Path, change: Any) -> None:
+    """Change a project's events as a rater would, and save it."""
+    tree = json.loads(path.read_text(encoding="utf-8"))
+    for name, observation in tree["observations"].items():
+        observation["events"] = change(name, observation["events"])
+    path.write_text(json.dumps(tree), encoding="utf-8")
+
+
+def test_clips_are_blind_and_in_an_order_of_their_own(folder: Path, tmp_path: Path) -> None:
+    orders = []
+    for rater in ("r1", "r2", "r3"):
+        out = tmp_path / rater
+        key = make_clips(folder, out, rater)
+        orders.append([(clip.participant, clip.trial) for clip in key.clips])
+        assert read_key(folder, rater) == key
+        names = [f"clip-{n:03d}" for n in range(1, len(key.clips) + 1)]
+        assert sorted(p.name for p in out.iterdir()) == sorted(
+            [f"{n}.avi" for n in names] + [f"{rater}.boris"]
+        )
+        text = (out / f"{rater}.boris").read_text(encoding="utf-8")
+        project = json.loads(text)
+        assert list(project["observations"]) == names
+        conditions = {trial.condition for trial in read_plan(folder).trials}
+        assert not [word for word in (*PEOPLE, *conditions, "t0", "condition") if word in text]
+        assert all(o["independent_variables"].keys() == {"object"} for o in project["observations"].values())
+        assert all(not events for events in read_boris(out / f"{rater}.boris").values())
+    assert sorted(orders[0]) == sorted(orders[1]) == sorted(orders[2])
+    assert len({tuple(order) for order in orders}) == 3
+    with pytest.raises(InvalidValueError, match="r1 has clips already"):
+        make_clips(folder, tmp_path / "again", "r1")
+    with pytest.raises(InvalidValueError, match="is not empty"):
+        make_clips(folder, tmp_path / "r1", "r9")
+
+
+def test_a_clip_is_the_trial_picture_by_picture(folder: Path, tmp_path: Path) -> None:
+    key = make_clips(folder, tmp_path / "out", "r1")
+    video = cv2.VideoCapture(str(tmp_path / "out" / "clip-001.avi"))
+    assert video.get(cv2.CAP_PROP_FPS) == pytest.approx(30.0)
+    pictures = []
+    while (got := video.read())[0]:
+        pictures.append(got[1])
+    assert len(pictures) == round(key.clips[0].length_s * 30) == 39
+    assert pictures[0].shape == (268, 640, 3)
+    # Both fingertips are there, and something goes on in them.
+    first, last = (np.asarray(pictures[k], float)[40:] for k in (2, -3))
+    for half in (slice(0, 320), slice(320, 640)):
+        assert first[:, half].mean() > 20
+        assert np.abs(first[:, half] - last[:, half]).mean() > 0.05
+
+
+def test_boris_opens_the_project_and_finds_its_media(folder: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    make_clips(folder, out, "r1", proposals=True)
+    opened = boris_project(out / "r1.boris", media=True)
+    if opened is None:
+        pytest.skip(
+            "BORIS is not installed: pip install boris-behav-obs, or TEGA_BORIS names a Python that has it"
+        )
+    assert len(opened["observations"]) == 4
+    assert {one["code"] for one in opened["behaviors_conf"].values()} == {
+        "slip",
+        "deformation",
+        "drop",
+        "lift_off",
+    }
+
+
+def decide(verdicts: dict[str, Any]) -> Any:
+    """Return a rater who decides by who proposed and when: a verdict, or the time to move to."""
+
+    def change(_name: str, events: list[Any]) -> list[Any]:
+        done = []
+        for t_s, subject, code, _modifiers, comment in events:
+            verdict = verdicts[f"{comment.split()[1]} {t_s}"]
+            if isinstance(verdict, float):
+                done.append([verdict, subject, code, "thumb|proposed", comment])
+            elif verdict != "delete":
+                done.append([t_s, subject, code, f"thumb|{verdict}", comment])
+        return [*done, [1.2, "bag", "drop", "None|None", "seen by eye"]]
+
+    return change
+
+
+def test_proposals_are_confirmed_rejected_moved_and_added_to(folder: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    make_clips(folder, out, "r1", proposals=True)
+    project = out / "r1.boris"
+    before = read_boris(project)
+    assert [(e.t_s, e.code, e.modifiers, e.comment) for e in before["clip-001"]] == [
+        (0.5, "slip", ("None", "proposed"), "#0 rule 1.00"),
+        (0.5, "slip", ("None", "proposed"), "#1 detector 0.80"),
+        (0.9, "slip", ("None", "proposed"), "#2 detector 0.80"),
+    ]
+    coded(project, decide({"rule 0.5": "confirmed", "detector 0.5": "rejected", "detector 0.9": 1.0}))
+    taken = take_clips(folder, project, "r1")
+    assert taken.trials == {"p01": 2, "p02": 2}
+    assert (taken.added, taken.unfinished) == (4, [])
+    assert taken.proposals == {
+        "detector": {"confirmed": 0, "moved": 4, "rejected": 4, "proposed": 0},
+        "rule": {"confirmed": 4, "moved": 0, "rejected": 0, "proposed": 0},
+    }
+    for person in PEOPLE:
+        events = read_observers(folder, person)["r1"]
+        starts = {e.trial: e.t_ns for e in events if e.kind == "trial_start"}
+        assert all(saw_whole(events, trial, 1) for trial in starts)
+        said = [(e.kind, (e.t_ns - starts[e.trial]) / S) for e in events if e.kind in {"slip", "drop"}]
+        assert said == [("slip", 0.5), ("slip", 1.0), ("drop", 1.2)] * 2
+    with pytest.raises(InvalidValueError, match="r1 has scored p01 already"):
+        take_clips(folder, project, "r1")
+    # Whoever was shown what the detector says is not compared with it.
+    second = tmp_path / "second"
+    make_clips(folder, second, "r2")
+    coded(second / "r2.boris", lambda _name, _events: [[0.52, "", "slip", "index", ""]])
+    take_clips(folder, second / "r2.boris", "r2")
+    pairs = {(one.a, one.b) for one in agreements(folder)}
+    assert ("r1", "r2") in pairs
+    assert (DETECTOR, "r2") in pairs or ("r2", DETECTOR) in pairs
+    assert not [pair for pair in pairs if "r1" in pair and DETECTOR in pair]
+    slips = next(
+        one for one in agreements(folder, tolerance_s=0.1) if (one.a, one.b, one.kind) == ("r1", "r2", "slip")
+    )
+    assert (slips.n_a, slips.n_b, slips.matched) == (8, 4, 4)
+    assert slips.f1 == pytest.approx(2 * 4 / 12)
+    assert slips.delay_s == pytest.approx(0.02)
+
+
+def test_a_clip_with_an_open_proposal_counts_in_no_comparison(folder: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    key = make_clips(folder, out, "r1", proposals=True)
+    verdicts = {"rule 0.5": "confirmed", "detector 0.5": "delete", "detector 0.9": "proposed"}
+    coded(out / "r1.boris", decide(verdicts))
+    taken = take_clips(folder, out / "r1.boris", "r1")
+    assert taken.unfinished == [clip.name for clip in key.clips]
+    assert taken.proposals["detector"] == {"confirmed": 0, "moved": 0, "rejected": 4, "proposed": 4}
+    events = read_events(observer_path(folder, "p01", "r1"))
+    assert not any(saw_whole(events, trial, 1) for trial in (1, 2))
+
+
+BAD = {
+    "strange clip": (
+        lambda t: t["observations"].update({"clip-009": {"events": []}}),
+        "'clip-009' is no clip of r1",
+    ),
+    "missing clip": (lambda t: t["observations"].pop("clip-002"), "lacks clip-002"),
+    "strange code": (
+        lambda t: t["observations"]["clip-001"]["events"].append([0.1, "", "sneeze", "", ""]),
+        "behaviour 'sneeze' is not known",
+    ),
+    "beyond its end": (
+        lambda t: t["observations"]["clip-001"]["events"].append([99, "", "slip", "", ""]),
+        "an event at 99 s, outside",
+    ),
+    "no number": (
+        lambda t: t["observations"]["clip-001"]["events"].append(["NaN", "", "slip", "", ""]),
+        "is no BORIS project",
+    ),
+    "short event": (lambda t: t["observations"]["clip-001"]["events"].append([0.1]), "is no BORIS project"),
+}
+
+
+@pytest.mark.parametrize("name", sorted(BAD))
+def test_a_project_that_was_spoilt_is_refused_and_nothing_is_taken(
+    folder: Path, tmp_path: Path, name: str
+) -> None:
+    make_clips(folder, tmp_path / "out", "r1")
+    path = tmp_path / "out" / "r1.boris"
+    tree = json.loads(path.read_text(encoding="utf-8"))
+    change, said = BAD[name]
+    change(tree)
+    path.write_text(json.dumps(tree), encoding="utf-8")
+    with pytest.raises(RecordingError, match=said):
+        take_clips(folder, path, "r1")
+    assert not observer_path(folder, "p01", "r1").exists()
+
+
+def test_numbers_that_name_no_proposal_are_a_rater_s_own_words(folder: Path, tmp_path: Path) -> None:
+    make_clips(folder, tmp_path / "out", "r1", proposals=True)
+    path = tmp_path / "out" / "r1.boris"
+    words = ("#", "#x", "#²", "#99999", "# 0", "")
+    coded(path, lambda _name, _events: [[0.1 * k, "", "slip", "", word] for k, word in enumerate(words)])
+    taken = take_clips(folder, path, "r1")
+    assert taken.added == 4 * len(words)
+    assert taken.proposals["rule"]["rejected"] == 4  # all were deleted
+
+
+def test_keys_are_of_the_study_and_of_no_other_file(folder: Path, tmp_path: Path) -> None:
+    with pytest.raises(InvalidValueError, match="r1 has no clips"):
+        take_clips(folder, tmp_path / "no.boris", "r1")
+    with pytest.raises(InvalidValueError, match="rater"):
+        make_clips(folder, tmp_path / "out", "../r1")
+    make_clips(folder, tmp_path / "out", "r1")
+    for text in ("", "[]", '{"format": "other"}', "[" * 4000):
+        key_path(folder, "r1").write_text(text)
+        with pytest.raises(RecordingError, match="is damaged"):
+            read_key(folder, "r1")
+    make_clips(folder, tmp_path / "second", "r2")
+    stranger = key_path(folder, "r2").read_text().replace('"p01"', '"../../p01"')
+    key_path(folder, "r2").write_text(stranger)
+    with pytest.raises(RecordingError, match="belongs to another plan"):
+        read_key(folder, "r2")
+
+
+def test_whoever_withdrew_is_in_no_clip_and_is_not_taken_in(folder: Path, tmp_path: Path) -> None:
+    early = make_clips(folder, tmp_path / "early", "r1")
+    result = withdraw(folder, "p02")
+    assert any("clip-" in str(path) for path in result.left)
+    late = make_clips(folder, tmp_path / "late", "r2")
+    assert {clip.participant for clip in early.clips} == {"p01", "p02"}
+    assert {clip.participant for clip in late.clips} == {"p01"}
+    assert take_clips(folder, tmp_path / "early" / "r1.boris", "r1").trials == {"p01": 2}
+
+
+def test_without_recordings_there_are_no_clips(folder: Path, tmp_path: Path) -> None:
+    for path in (folder / "recordings").rglob("*.mcap"):
+        path.unlink()
+    with pytest.raises(DeviceUnavailableError, match="no recording"):
+        make_clips(folder, tmp_path / "out", "r1")
+
+
+def test_the_verb(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    said = json.loads(call(capsys, "study", "clips", folder, out, "--rater", "r1", "--json", code=0)[0])
+    assert said == {"project": str(out / "r1.boris"), "clips": 4, "left_out": []}
+    words, _ = call(capsys, "study", "clips", folder, "--rater", "r1", "--take", out / "r1.boris", code=0)
+    assert "p01: 2 trials of rater r1 taken in" in words
+    call(capsys, "study", "clips", folder, "--rater", "r1", code=2)
+    assert isinstance(read_key(folder, "r1"), ClipKey)
+    assert events_path(folder, "p01").exists()

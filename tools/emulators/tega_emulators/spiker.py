@@ -1,0 +1,78 @@
+"""A Muscle SpikerShield with the sketch for six channels: ``python -m tega_emulators.spiker``.
+
+Two bytes a channel, the upper three bits first and the lower seven after them; only the first byte of a frame has its
+uppermost bit set. It starts with ``StartUp!`` and one channel, and takes ``c:3;`` and a line break for three; it reads
+``s:`` and all else and does not mind. ``--deaf`` is a board whose sketch takes no command.
+"""
+
+from __future__ import annotations
+
+import argparse
+import random
+import re
+
+from tega_emulators.faults import Faults, Signal
+from tega_emulators.serial_board import EmulatedBoard, add_options, serve
+
+__all__ = ["SpikerBoard", "main"]
+
+_BASE_HZ = 16e6 / 8 / 199
+
+
+class SpikerBoard(EmulatedBoard):
+    """Sends frames from the moment it has power.
+
+    Args:
+        signal: What it measures.
+        n_channels: Channels it sends before it is told otherwise.
+        deaf: Whether it takes no command.
+    """
+
+    def __init__(self, signal: Signal, *, n_channels: int = 1, deaf: bool = False) -> None:
+        self.baud = 230_400
+        self._signal, self._first, self._deaf = signal, n_channels, deaf
+        self.power_on()
+
+    def power_on(self) -> bytes:
+        """Begin at sample 0, with the banner and the first number of channels."""
+        self._n, self._typed, self._n_channels = 0, b"", self._first
+        self.rate_hz = _BASE_HZ / self._n_channels
+        return b"StartUp!\r\n"
+
+    def hear(self, data: bytes) -> bytes:
+        """Carry out the lines that are whole; it answers none."""
+        *lines, self._typed = (self._typed + data).split(b"\n")
+        for line in lines:
+            for command in line.split(b";"):
+                if not self._deaf and (match := re.search(rb"c:(\d+)", command)):
+                    self._n_channels = int(match[1])
+                    self.rate_hz = _BASE_HZ / self._n_channels
+        return b""
+
+    def packet(self) -> bytes:
+        """Return the next frame."""
+        steps = self._signal.steps(self._n, self._n_channels)
+        self._n += 1
+        frame = bytearray()
+        for step in steps:
+            value = 1023 if step is None else max(0, min(1023, 512 + step))
+            frame += bytes([value >> 7, value & 0x7F])
+        frame[0] |= 0x80
+        return bytes(frame)
+
+
+def main() -> None:
+    """Run the board."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    add_options(parser)
+    parser.add_argument("--channels", type=int, default=1, help="that it sends before it is told otherwise")
+    parser.add_argument("--deaf", action="store_true", help="take no command")
+    options = parser.parse_args()
+    rng = random.Random(options.seed)
+    signal = Signal(_BASE_HZ / 3, rng, options.signal)
+    board = SpikerBoard(signal, n_channels=options.channels, deaf=options.deaf)
+    serve(board, signal, Faults(rng), options)
+
+
+if __name__ == "__main__":
+    main()
