@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import click
 
@@ -273,3 +273,83 @@ def confirm(
         return
     told = ", ".join(one.kind for one in events) or "nothing"
     click.echo(f"{participant} trial {trial}, as {rater} has it: {told}")
+
+
+@scene.command(
+    epilog="Example: tega-teleop scene record session.mcap --camera front=0 --camera side=/dev/video2"
+)
+@click.argument("out", type=_FILE, metavar="OUT.mcap")
+@click.option(
+    "--camera", "cameras", multiple=True, required=True, metavar="NAME=SOURCE", help="Once for each camera."
+)
+@click.option("--size", metavar="WxH", default="1920x1080", show_default=True, help="Of the pictures.")
+@click.option(
+    "--rate-hz", type=click.FloatRange(1, 240), default=30.0, show_default=True, help="Pictures a second."
+)
+@click.option(
+    "--video", type=click.Choice(["h264", "av1"]), default="h264", show_default=True, help="Format."
+)
+@click.option("--seconds", type=click.FloatRange(0.1), help="Stop by itself; else Ctrl-C does.")
+@json_option
+def record(
+    *,
+    out: Path,
+    cameras: tuple[str, ...],
+    size: str,
+    rate_hz: float,
+    video: Literal["h264", "av1"],
+    seconds: float | None,
+    as_json: bool,
+) -> None:
+    """Record cameras (number, /dev/video0, rtsp://, a video file) on the clock that sessions of this machine keep.
+
+    With --json: {"cameras": {name: {"pictures", "missed", "longest_gap_s", "trouble"}}}.
+    """
+    import time
+
+    import msgspec
+
+    from tega.safety.ctrl_c import CtrlC
+    from tega.scene.record import record_cameras
+
+    named = dict(text.partition("=")[::2] for text in cameras)
+    if len(named) < len(cameras) or not all(named.values()):
+        raise click.UsageError("--camera: write each as front=0, with a name of its own")
+    end_s = None if seconds is None else time.monotonic() + seconds
+    with CtrlC() as stop:
+        found = record_cameras(
+            out,
+            named,
+            size=parse_size(size),
+            rate_hz=rate_hz,
+            stop=lambda: stop() or (end_s is not None and time.monotonic() >= end_s),
+            video=video,
+        )
+    if as_json:
+        echo_json({"cameras": msgspec.to_builtins(found)})
+        return
+    for name, tally in found.items():
+        click.echo(
+            f"{name}: {tally.pictures} pictures, {tally.missed} missed, longest gap {1000 * tally.longest_gap_s:.0f} ms"
+            f"{'; ' + tally.trouble if tally.trouble else ''}"
+        )
+
+
+@scene.command(epilog="Example: tega-teleop scene export session.mcap front front.mp4")
+@click.argument("recording", type=_FILE)
+@click.argument("name")
+@click.argument("out", type=_FILE, metavar="OUT.mp4")
+@json_option
+def export(*, recording: Path, name: str, out: Path, as_json: bool) -> None:
+    """Write a recorded camera as MP4 with a time code beside it (OUT.times.csv); nothing is encoded anew.
+
+    With --json: {"pictures": n, "file": ..., "times": ...}.
+    """
+    from tega.scene.pictures import times_path
+    from tega.scene.record import export_camera
+
+    n = export_camera(recording, name, out)
+    if as_json:
+        echo_json({"pictures": n, "file": str(out), "times": str(times_path(out))})
+        return
+    click.echo(f"{out}: {n} pictures; {times_path(out)}: when each was taken, on the session's clock")

@@ -1,8 +1,8 @@
 """Fit the pose of a body to the corners of all its tags at once, with its error.
 
-Least squares of the reprojection error (Gauss-Newton with damping) over position, rotation and, where tags slide with
-the object's width, that width. The covariance is the inverse of the normal matrix times the corners' variance, taken
-from what is left over, though never less than :data:`CORNER_PX` of error.
+Least squares of the reprojection error (Gauss-Newton with damping) over position and rotation; tags that slide with the
+object's width are measured against that pose. The covariance is the inverse of the normal matrix times the corners'
+variance, taken from what is left over, though never less than :data:`CORNER_PX` of error.
 """
 
 from __future__ import annotations
@@ -132,58 +132,43 @@ class BodyFitter:
         position: NDArray[np.float64],
         rotation: NDArray[np.float64],
     ) -> FittedPose | None:
-        """Fit pose and width together, and say how exact they are."""
+        """Say how exact the pose is, and measure the width against it.
+
+        The tags of the width have no say in the pose: how they sit on their stalks would move it whenever one of them
+        is hidden.
+        """
         points = np.concatenate([self.corners_m[number] for number in used])
         rays = self._lens.rays(np.concatenate([seen[number] for number in used]))
-        moving = [number for number in self._sliding if number in seen]
-        if len(moving) >= 2:
-            middles = self._lens.rays(np.array([_middle(seen[number]) for number in moving]))
-            points = np.concatenate([points, [self._sliding[number][0] for number in moving]])
-            rays = np.concatenate([rays, middles])
-            slides = np.concatenate(
-                [np.zeros((len(points) - len(moving), 3)), [self._sliding[n][1] for n in moving]]
-            )
-        else:
-            slides = np.zeros((len(points), 3))
-        width = 0.0
-        for _ in range(_STEPS if len(moving) >= 2 else 1):
-            left, slope = residuals(points + width * slides, rays, position, rotation)
-            columns = slope
-            if len(moving) >= 2:
-                columns = np.column_stack(
-                    [slope, _along(slides @ rotation.T, points + width * slides, position, rotation)]
-                )
-            step, *_ = np.linalg.lstsq(columns, -left, rcond=None)
-            if len(moving) < 2:
-                break
-            position, rotation, width = (
-                position + step[:3],
-                rotation_about(step[3:6]) @ rotation,
-                width + step[6],
-            )
-            if np.abs(step).max() < 1e-9:
-                break
-        left, slope = residuals(points + width * slides, rays, position, rotation)
-        columns = slope
-        if len(moving) >= 2:
-            columns = np.column_stack(
-                [slope, _along(slides @ rotation.T, points + width * slides, position, rotation)]
-            )
-        free = max(1, len(left) - columns.shape[1])
-        rms_px = float(np.sqrt((left**2).sum() / free)) * self._lens.fx
-        normal = columns.T @ columns
+        left, slope = residuals(points, rays, position, rotation)
+        rms_px = float(np.sqrt((left**2).sum() / max(1, len(left) - 6))) * self._lens.fx
+        normal = slope.T @ slope
         if np.linalg.cond(normal) > 1e14:
             return None
-        covariance = np.linalg.inv(normal) * (max(rms_px, CORNER_PX) / self._lens.fx) ** 2
-        return FittedPose(
-            position,
-            rotation,
-            np.asarray(covariance[:6, :6], np.float64),
-            rms_px,
-            len(used),
-            width if len(moving) >= 2 else float("nan"),
-            float(np.sqrt(covariance[6, 6])) if len(moving) >= 2 else float("nan"),
-        )
+        sigma = max(rms_px, CORNER_PX) / self._lens.fx
+        covariance = np.asarray(np.linalg.inv(normal) * sigma**2, np.float64)
+        width, width_error = self._width(seen, position, rotation, covariance, sigma)
+        return FittedPose(position, rotation, covariance, rms_px, len(used), width, width_error)
+
+    def _width(
+        self,
+        seen: dict[int, NDArray[np.float64]],
+        position: NDArray[np.float64],
+        rotation: NDArray[np.float64],
+        covariance: NDArray[np.float64],
+        sigma: float,
+    ) -> tuple[float, float]:
+        """Return how much wider the object is than untouched, and its standard error, metres."""
+        moving = [number for number in self._sliding if number in seen]
+        if len(moving) < 2:
+            return float("nan"), float("nan")
+        rays = self._lens.rays(np.array([_middle(seen[number]) for number in moving]))
+        points = np.array([self._sliding[number][0] for number in moving])
+        left, slope = residuals(points, rays, position, rotation)
+        ways = np.array([self._sliding[number][1] for number in moving]) @ rotation.T
+        along = _along(ways, points, position, rotation)
+        share = -along / (along @ along)
+        spread = (share @ share) * sigma**2 + share @ slope @ covariance @ slope.T @ share
+        return float(share @ left), float(np.sqrt(spread))
 
 
 def _middle(corners: NDArray[np.float64]) -> NDArray[np.float64]:

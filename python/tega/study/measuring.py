@@ -103,7 +103,7 @@ def measure_session(
     if not any(seen.outcome for *_, seen in found):
         why = found[0][2].problem if found else "no trial has been run"
         raise RecordingError(f"{video.name}: no trial of {participant} could be measured: {why}")
-    _write(measured_path(folder, participant), plan.settings.plan_sha256, found)
+    write_measured(measured_path(folder, participant), plan.settings.plan_sha256, found)
     return [seen for *_, seen in found]
 
 
@@ -113,9 +113,16 @@ def _since(video: Path, begin_s: float, end_s: float) -> Iterator[tuple[float, N
         yield t_s - begin_s, image
 
 
-def _write(
+def write_measured(
     path: Path, signed: str, found: Sequence[tuple[JournalEvent, JournalEvent, MeasuredTrial]]
 ) -> None:
+    """Write the camera's events of a session anew.
+
+    Args:
+        path: The file, :func:`~tega.study.measured.measured_path`.
+        signed: Checksum of the plan.
+        found: Start, end and outcome of each attempt.
+    """
     beside = path.with_suffix(".new")
     beside.unlink(missing_ok=True)
     with Journal(beside) as journal:
