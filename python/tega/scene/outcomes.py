@@ -329,12 +329,12 @@ class SceneRule:
         """Tell it all."""
         courses = self._courses
         lifted = dropped = False
-        reference_m = 0.0
+        reference_m = off_s = 0.0
         sustained = round(_SUSTAINED_S / _GRID_S)
         off = courses.lowest.value > OFF_M
         for k, t_s in enumerate(courses.t_s.tolist()):
             if not lifted and off[k] and off[k : k + sustained].all():
-                lifted, reference_m = True, float(courses.slip.value[k])
+                lifted, reference_m, off_s = True, float(courses.slip.value[k]), t_s
             elif lifted and courses.lowest.value[k] < STANDS_M:
                 lifted = False
                 self.stands_s.append(t_s)
@@ -349,7 +349,10 @@ class SceneRule:
                 lift_off=lifted,
                 pad_force_n=(0.0, 0.0, 0.0, 0.0),
                 slip_m=slip_m,
-                slip_m_s=float(np.nan_to_num(courses.slip.slope[k])) if lifted else 0.0,
+                # Until then the fitted line still has what moved before the object left the table.
+                slip_m_s=float(np.nan_to_num(courses.slip.slope[k]))
+                if lifted and t_s > off_s + 2 * _KERNEL_S
+                else 0.0,
                 deformation_m=-narrow if np.isfinite(narrow) else 0.0,
                 damage_m=0.0,
                 dropped=dropped,

@@ -7,13 +7,13 @@ import io
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tega.errors import RecordingError
 from tega.foreign_file import check_file, read_words
-from tega.opencv import load_cv2
+from tega.lifecycle import require
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -75,9 +75,9 @@ def read_pictures(
 
     Raises:
         RecordingError: It is missing, is no video, has fewer pictures than its time code, or its time code is damaged.
-        MissingExtraError: OpenCV is not installed.
+        MissingExtraError: PyAV is not installed.
     """
-    cv2 = load_cv2("scene")
+    av: Any = require("av", driver="scene", extra="lerobot")
     try:
         check_file(video, most_mib=_MOST_MIB)
     except OSError as error:
@@ -86,30 +86,24 @@ def read_pictures(
         ) from error
     code = times_path(video)
     times = read_times(code) if code.exists() else None
-    capture = cv2.VideoCapture(str(video), cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, 1])
+    number = 0
     try:
-        if not capture.isOpened():
-            raise RecordingError(f"{video.name}: cannot be opened as a video", "export it again")
-        capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
-        number = 0
-        while times is None or number < len(times):
-            if not capture.grab():
-                break
-            t_s = capture.get(cv2.CAP_PROP_POS_MSEC) / 1000 if times is None else times[number] / 1e9
-            number += 1
-            if t_s > end_s:
-                return
-            if t_s >= begin_s:
-                ok, image = capture.retrieve()
-                if not ok:
-                    raise RecordingError(
-                        f"{video.name}: picture {number - 1} cannot be decoded", "export it again"
-                    )
-                yield t_s, np.asarray(image, np.uint8)
-        if times is not None and number < len(times):
-            raise RecordingError(
-                f"{video.name}: {number} pictures decode, its time code has {len(times)}",
-                "the video was cut short; export it again",
-            )
-    finally:
-        capture.release()
+        with av.open(str(video)) as container:
+            for frame in container.decode(video=0):
+                if times is not None and number == len(times):
+                    break
+                t_s = float(frame.time or 0.0) if times is None else times[number] / 1e9
+                number += 1
+                if t_s > end_s:
+                    return
+                if t_s >= begin_s:
+                    yield t_s, np.asarray(frame.to_ndarray(format="bgr24"), np.uint8)
+    except (av.FFmpegError, IndexError) as error:
+        raise RecordingError(
+            f"{video.name}: cannot be decoded as a video after {number} pictures: {error}", "export it again"
+        ) from error
+    if times is not None and number < len(times):
+        raise RecordingError(
+            f"{video.name}: {number} pictures decode, its time code has {len(times)}",
+            "the video was cut short; export it again",
+        )

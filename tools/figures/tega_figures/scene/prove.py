@@ -24,7 +24,15 @@ from tega.opencv import load_cv2
 from tega.scene.calibrate import LensCalibration
 from tega.scene.layout import PlacedTag, TagBody, TagLayout
 from tega.scene.lens import Lens, load_lens, save_lens
-from tega.scene.outcomes import SceneEvent, righted, scene_courses, score_scene
+from tega.scene.outcomes import (
+    Course,
+    SceneCourses,
+    SceneEvent,
+    SceneRule,
+    righted,
+    scene_courses,
+    score_scene,
+)
 from tega.scene.track import SceneTrack, track_scene
 from tega.scene.video import SceneDecoder, SceneEncoder
 from tega.sim.plan import TrialPlan
@@ -163,6 +171,37 @@ def ruled(trial: TrueTrial, begin_s: float, end_s: float) -> tuple[TrialScorer, 
     return scorer, stands
 
 
+def true_events(trial: TrueTrial, begin_s: float, end_s: float) -> list[SceneEvent]:
+    """Return what the camera's rule says of the true poses: heights over where the object rested, as a camera has them.
+
+    The simulated table gives by half a millimetre, so that a lift-off by its plane comes some 20 ms later.
+    """
+    grid = np.arange(begin_s, end_s, 0.01)
+
+    def course(values: NDArray[np.float64]) -> Course:
+        value = np.interp(grid, trial.t_s, values)
+        return Course(value, np.gradient(value, grid), np.zeros(len(grid)))
+
+    up = trial.object[:, 2, 2]
+    base = trial.object[:, 2, 3]
+    low = base - trial.spec.diameter_m / 2 * np.sqrt(np.clip(1 - up**2, 0, 1))
+    grip = base + up * trial.spec.height_m / 2
+    rest = int(np.searchsorted(trial.t_s, begin_s))
+    narrow = np.array([truth.deformation_m for truth in trial.truths])
+    rule = SceneRule(
+        SceneCourses(
+            grid,
+            course(grip - grip[rest]),
+            course(low - low[rest]),
+            course(trial.palm[:, 2, 3] - grip),
+            course(-narrow),
+        ),
+        trial.spec.harm_m,
+    )
+    rule.go()
+    return [SceneEvent(one.kind, one.t_s, 0.0, one.size_m) for one in rule.scorer.events]
+
+
 def prove(
     plan: TrialPlan, lens: Lens, *, rate_hz: float, film: str, occluded: bool, placed: bool, number: int
 ) -> ProvenTrial:
@@ -188,7 +227,7 @@ def prove(
     track = track_scene(through_h264(rendered.pictures(), rate_hz), lens, layout)
     outcome = score_scene(track, layout, harm_m=trial.spec.harm_m)
     track = righted(track, layout, begin_s=float(track.t_s[0]))
-    true = [SceneEvent(one.kind, one.t_s, 0.0, one.size_m) for one in scorer.events]
+    true = true_events(trial, begin_s, end_s)
     lifted_s = scorer.time_of("lifted")
     put = [
         t_s for t_s in stands if lifted_s is not None and t_s > lifted_s and scorer.time_of("drop") is None
