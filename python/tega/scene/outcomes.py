@@ -31,6 +31,7 @@ _GRID_S: Final = 0.01
 _KERNEL_S: Final = 0.035
 _REST_S: Final = 0.6
 _GAP_S: Final = 0.25
+_NEAR_S: Final = 0.05
 _SUSTAINED_S: Final = 0.05
 
 OutcomeKind = Literal["lift_off", "lifted", "slip", "deformation", "drop", "put_down"]
@@ -174,6 +175,17 @@ def _joined(
     return Course(value, np.gradient(value, at_s), np.interp(at_s, t_s[good], errors[good]))
 
 
+def _where_seen(seen_s: NDArray[np.float64], at_s: NDArray[np.float64], course: Course) -> Course:
+    """Return a course without what is told of moments that are far from every sight."""
+    if not len(seen_s):
+        return course
+    next_ = np.clip(np.searchsorted(seen_s, at_s), 1, max(1, len(seen_s) - 1))
+    near = np.minimum(
+        np.abs(at_s - seen_s[next_ - 1]), np.abs(at_s - seen_s[np.minimum(next_, len(seen_s) - 1)])
+    )
+    return course._replace(value=np.where(near <= _NEAR_S, course.value, np.nan))
+
+
 def righted(track: SceneTrack, layout: TagLayout, *, begin_s: float) -> SceneTrack:
     """Return poses of an object that stands upright on the table while it rests at the trial's start.
 
@@ -232,7 +244,7 @@ def scene_courses(track: SceneTrack, layout: TagLayout, *, begin_s: float, end_s
         smoothed(t_s, grip[:, 2] - np.median(grip[rest, 2]), np.sqrt(cov[:, 2, 2]), grid),
         _joined(t_s, lowest - np.median(lowest[rest]), np.sqrt(base_cov[:, 2, 2]), grid),
         smoothed(t_s, palm[:, 2] - grip[:, 2], np.sqrt(cov[:, 2, 2] + palm_cov[:, 2, 2]), grid),
-        smoothed(t_s, width, track.object.width_error_m, grid),
+        _where_seen(t_s[np.isfinite(width)], grid, smoothed(t_s, width, track.object.width_error_m, grid)),
     )
 
 
