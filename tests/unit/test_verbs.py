@@ -15,7 +15,7 @@ from tega.cli.main import cli, main
 
 LISTED = (
     "demo run replay verify play init doctor calibrate practice stages devices audit bench soak robot operator "
-    "study recording sim emg vest hand arm net config"
+    "study scene recording sim emg vest hand arm net config"
 )
 
 

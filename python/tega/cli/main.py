@@ -76,6 +76,7 @@ _VERBS = {
         "Run the operator's half of a session on two machines.",
     ),
     "study": _Verb("Groups", "tega.cli.study", "study", "Plan, lead, score and report a user study."),
+    "scene": _Verb("Groups", "tega.cli.scene", "scene", "Score lifts by cameras that see printed tags."),
     "recording": _Verb(
         "Groups", "tega.cli.recording", "recording", "Inspect, export, trim and merge recordings."
     ),

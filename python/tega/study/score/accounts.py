@@ -1,4 +1,4 @@
-"""Gather the accounts of a study's trials: raters, experimenter, detector, and a simulated bench's truth."""
+"""Gather the accounts of a study's trials: raters, experimenter, camera, detector, and a simulated bench's truth."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from tega.study.detecting import DETECTOR, read_detected
 from tega.study.journal import JournalEvent, Kind, counting, read_events
+from tega.study.measured import CAMERA, read_measured
 from tega.study.observers import read_observers, saw_whole, was_shown_proposals
 from tega.study.plan import read_plan
 from tega.study.privacy import withdrawn_ids
@@ -17,6 +18,7 @@ from tega.study.score.boris import attempts
 from tega.study.state import events_path
 
 TRUTH, EXPERIMENTER = "truth", "experimenter"
+_PLACES = {TRUTH: 0, EXPERIMENTER: 2, CAMERA: 3, DETECTOR: 4}
 KINDS: tuple[Kind, ...] = ("lift_off", "slip", "deformation", "drop")
 TOLERANCE_S = 1.0
 """For a live rater: seeing, deciding and pressing take 0.25 to 0.6 s, more for what is rare."""
@@ -53,7 +55,11 @@ def scored_trials(folder: Path) -> dict[str, list[Scored]]:
         if person in gone:
             continue
         main = read_events(events_path(folder, person))
-        raters = {**read_observers(folder, person), DETECTOR: read_detected(folder, person)}
+        raters = {
+            **read_observers(folder, person),
+            CAMERA: read_measured(folder, person),
+            DETECTOR: read_detected(folder, person),
+        }
         simulated = any(e.kind == "lift_off" and e.source == "auto" for e in main)
         pressed = any(e.kind in KINDS and e.source == EXPERIMENTER for e in main)
         for start, end in attempts(main):
@@ -112,7 +118,7 @@ def agreements(folder: Path, *, tolerance_s: float = TOLERANCE_S) -> list[Agreem
     """
     accounts = scored_trials(folder)
     shown = _shown_proposals(folder)
-    names = sorted(accounts, key=lambda name: (name != TRUTH, name == DETECTOR, name == EXPERIMENTER, name))
+    names = sorted(accounts, key=lambda name: (_PLACES.get(name, 1), name))
     found = []
     for a, b in combinations(names, 2):
         if {a, b} & shown and {a, b} & {TRUTH, DETECTOR}:

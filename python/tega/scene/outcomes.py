@@ -1,0 +1,408 @@
+"""Score a lift from the poses that a camera saw: lift-off, 0.2 m, stable, slips, deformations, drop, put down.
+
+The rule is that of a simulated trial's truth (:class:`tega.sim.score.TrialScorer`); what it is told here is measured.
+Heights, slip and width are smoothed by straight lines fitted about each moment (Gaussian weights), which also say speed
+and error, and are looked at a hundred times a second.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final, Literal, NamedTuple
+
+import msgspec
+import numpy as np
+
+from tega.errors import RecordingError
+from tega.scene.layout import TagLayout
+from tega.scene.track import SceneTrack
+from tega.sim.score import LIFT_WINDOW_S, TrialScorer
+from tega.sim.seams import WorldTruth
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+OFF_M, STANDS_M = 1e-3, 0.5e-3
+"""Height of the object's lowest point from which it is off the table, and below which it stands again."""
+
+LOST_M: Final = 0.03
+"""Slip from which an object counts as dropped, metres."""
+
+_GRID_S: Final = 0.01
+_KERNEL_S: Final = 0.035
+_REST_S: Final = 0.6
+_GAP_S: Final = 0.25
+_NEAR_S: Final = 0.05
+_SUSTAINED_S: Final = 0.05
+
+OutcomeKind = Literal["lift_off", "lifted", "slip", "deformation", "drop", "put_down"]
+
+
+class SceneEvent(msgspec.Struct, frozen=True):
+    """One outcome, as measured.
+
+    Attributes:
+        kind: What; ``lifted`` is stable at 0.2 m, ``put_down`` stands on the table again.
+        t_s: When, on the video's clock; ``lifted``: when it was complete.
+        t_error_s: Standard error of that.
+        size_m: Slip: way slid. Deformation: largest narrowing. Put down: distance from the mark. Else 0.
+        size_error_m: Standard error of that.
+    """
+
+    kind: OutcomeKind
+    t_s: float
+    t_error_s: float = 0.0
+    size_m: float = 0.0
+    size_error_m: float = 0.0
+
+
+class SceneOutcome(msgspec.Struct, frozen=True, kw_only=True):
+    """What a camera saw of a trial.
+
+    Attributes:
+        events: In the order of time.
+        success: Whether it was lifted to 0.2 m, was stable there for a second, within the window, and not dropped.
+        slid_m: Way slid in all, metres.
+        slid_error_m: Standard error of that.
+        narrowing_m: Largest narrowing; not there where its tags were not seen.
+        narrowing_error_m: Standard error of that.
+        height_m: Largest height, metres.
+        along_mm: Standard error of the object's place along the view, millimetres, one picture.
+        across_mm: Likewise across it.
+        seen: Share of the pictures in which the object was seen.
+        hand_seen: Share in which the hand was.
+        longest_gap_s: Longest time without the object, between two sights of it.
+        notes: What to look at before these numbers are believed.
+    """
+
+    events: tuple[SceneEvent, ...]
+    success: bool
+    slid_m: float
+    slid_error_m: float
+    narrowing_m: float | None
+    narrowing_error_m: float | None
+    height_m: float
+    along_mm: float
+    across_mm: float
+    seen: float
+    hand_seen: float
+    longest_gap_s: float
+    notes: tuple[str, ...]
+
+
+class Course(NamedTuple):
+    """One measured quantity on a regular grid.
+
+    Attributes:
+        value: float64 (n,).
+        slope: float64 (n,), per second.
+        error: float64 (n,), standard error of the value.
+    """
+
+    value: NDArray[np.float64]
+    slope: NDArray[np.float64]
+    error: NDArray[np.float64]
+
+
+class SceneCourses(NamedTuple):
+    """What the rule is told, n moments.
+
+    Attributes:
+        t_s: float64 (n,), a hundred a second.
+        height: Of the object's grip point over where it stood, metres.
+        lowest: Of the lowest point of its base, likewise; straight from picture to picture, since a fitted line would
+            round the moment of lift-off off.
+        slip: How far its grip point is lower than the palm, against the start, metres.
+        width: How much wider it is than untouched, metres.
+    """
+
+    t_s: NDArray[np.float64]
+    height: Course
+    lowest: Course
+    slip: Course
+    width: Course
+
+
+def smoothed(
+    t_s: NDArray[np.float64],
+    values: NDArray[np.float64],
+    errors: NDArray[np.float64],
+    at_s: NDArray[np.float64],
+) -> Course:
+    """Fit a straight line about each moment, with Gaussian weights of 35 ms and by the values' errors.
+
+    Where fewer than three values are near, the nearest ones to both sides are used.
+
+    Args:
+        t_s: (n,), rising, seconds.
+        values: (n,); what is not a number is passed over.
+        errors: (n,), standard errors.
+        at_s: (m,), moments.
+    """
+    good = np.isfinite(values) & np.isfinite(errors)
+    if good.sum() < 3:
+        return Course(*np.full((3, len(at_s)), np.nan))
+    t, y, sigma = t_s[good], values[good], np.maximum(errors[good], 1e-6)
+    value, slope, error = np.empty((3, len(at_s)))
+    for k, moment in enumerate(at_s):
+        first, last = np.searchsorted(t, (moment - 3 * _KERNEL_S, moment + 3 * _KERNEL_S))
+        kernel = _KERNEL_S
+        if last - first < 4:
+            first, last = max(0, min(first, len(t) - 2) - 2), min(len(t), last + 2)
+            kernel = max(kernel, float(np.abs(t[first:last] - moment).max()) / 2)
+        x = t[first:last] - moment
+        weight = np.exp(-0.5 * (x / kernel) ** 2) / sigma[first:last] ** 2
+        s0, s1, s2 = weight.sum(), weight @ x, weight @ x**2
+        det = s0 * s2 - s1**2
+        if det <= 1e-9 * s0 * s2:
+            value[k], slope[k], error[k] = weight @ y[first:last] / s0, 0.0, sigma[first:last].mean()
+            continue
+        share = weight * (s2 - s1 * x) / det
+        value[k] = share @ y[first:last]
+        slope[k] = (weight * (s0 * x - s1)) @ y[first:last] / det
+        error[k] = np.sqrt((share**2) @ sigma[first:last] ** 2)
+    return Course(value, slope, error)
+
+
+def _joined(
+    t_s: NDArray[np.float64],
+    values: NDArray[np.float64],
+    errors: NDArray[np.float64],
+    at_s: NDArray[np.float64],
+) -> Course:
+    """Join the values by straight lines; arguments as of :func:`smoothed`."""
+    good = np.isfinite(values) & np.isfinite(errors)
+    value = np.interp(at_s, t_s[good], values[good])
+    return Course(value, np.gradient(value, at_s), np.interp(at_s, t_s[good], errors[good]))
+
+
+def _where_seen(seen_s: NDArray[np.float64], at_s: NDArray[np.float64], course: Course) -> Course:
+    """Return a course without what is told of moments that are far from every sight."""
+    if not len(seen_s):
+        return course
+    next_ = np.clip(np.searchsorted(seen_s, at_s), 1, max(1, len(seen_s) - 1))
+    near = np.minimum(
+        np.abs(at_s - seen_s[next_ - 1]), np.abs(at_s - seen_s[np.minimum(next_, len(seen_s) - 1)])
+    )
+    return course._replace(value=np.where(near <= _NEAR_S, course.value, np.nan))
+
+
+def righted(track: SceneTrack, layout: TagLayout, *, begin_s: float) -> SceneTrack:
+    """Return poses of an object that stands upright on the table while it rests at the trial's start.
+
+    A box on its lid is never quite parallel to it: what it leans at rest is taken out, about the middle of its tags.
+
+    Args:
+        track: Poses.
+        layout: Which tags are where.
+        begin_s: Start of the trial on the video's clock.
+
+    Raises:
+        RecordingError: The object is not seen at the start, so that there is nothing to measure against.
+    """
+    body = track.object
+    rest = (track.t_s >= begin_s) & (track.t_s <= begin_s + _REST_S) & np.isfinite(body.position_m[:, 0])
+    if rest.sum() < 3:
+        raise RecordingError(
+            f"the object's tags are seen in {rest.sum()} pictures of the trial's first {_REST_S} s, 3 are needed",
+            "leave the object untouched and in sight when the trial begins",
+        )
+    turn = body.rotation[rest]
+    up = np.median(turn[:, 2], axis=0)  # the table's up in the body's axes
+    up /= np.linalg.norm(up)
+    # The shortest turn that brings the body's axis there (Rodrigues, for the cross product of both).
+    axis = np.cross((0, 0, 1.0), up)
+    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    right = np.eye(3) + cross + cross @ cross / (1 + up[2])
+    middle = np.mean([tag.at_mm for tag in layout.object.all_tags() if not any(tag.slides)], axis=0) / 1000
+    position = body.position_m + body.rotation @ (middle - right @ middle)
+    position[:, 2] -= np.median(position[rest, 2])
+    return track._replace(object=body._replace(position_m=position, rotation=body.rotation @ right))
+
+
+def scene_courses(track: SceneTrack, layout: TagLayout, *, begin_s: float, end_s: float) -> SceneCourses:
+    """Return what the rule is told.
+
+    Args:
+        track: Poses, :func:`righted`.
+        layout: Which tags are where.
+        begin_s: Start of the trial on the video's clock; the object stands untouched for a moment from then on.
+        end_s: Its end.
+    """
+    t_s = track.t_s
+    grip, cov = track.object.point(np.array([0, 0, layout.object.grip_mm / 1000]))
+    base, base_cov = track.object.point(np.zeros(3))
+    palm, palm_cov = track.hand.point(np.zeros(3))
+    up = track.object.rotation[:, 2, 2]
+    lowest = base[:, 2] - layout.object.base_mm / 2000 * np.sqrt(np.clip(1 - up**2, 0, 1))
+    rest = (t_s >= begin_s) & (t_s <= begin_s + _REST_S) & np.isfinite(grip[:, 2])
+    grid = np.arange(begin_s, end_s, _GRID_S)
+    width = track.object.width_m - (
+        np.nanmedian(track.object.width_m[rest]) if np.isfinite(track.object.width_m[rest]).any() else 0.0
+    )
+    return SceneCourses(
+        grid,
+        smoothed(t_s, grip[:, 2] - np.median(grip[rest, 2]), np.sqrt(cov[:, 2, 2]), grid),
+        _joined(t_s, lowest - np.median(lowest[rest]), np.sqrt(base_cov[:, 2, 2]), grid),
+        smoothed(t_s, palm[:, 2] - grip[:, 2], np.sqrt(cov[:, 2, 2] + palm_cov[:, 2, 2]), grid),
+        _where_seen(t_s[np.isfinite(width)], grid, smoothed(t_s, width, track.object.width_error_m, grid)),
+    )
+
+
+def score_scene(
+    track: SceneTrack,
+    layout: TagLayout,
+    *,
+    begin_s: float | None = None,
+    end_s: float | None = None,
+    harm_m: float = 0.006,
+    window_s: float = LIFT_WINDOW_S,
+) -> SceneOutcome:
+    """Score a trial by rule.
+
+    Args:
+        track: Poses.
+        layout: Which tags are where.
+        begin_s: Start of the trial on the video's clock; the first picture where ``None``.
+        end_s: Its end; the last picture where ``None``.
+        harm_m: Narrowing from which the object counts as deformed, metres.
+        window_s: Time within which the second at 0.2 m has to be complete, seconds.
+
+    Raises:
+        RecordingError: See :func:`righted`.
+    """
+    begin_s = float(track.t_s[0]) if begin_s is None else begin_s
+    end_s = float(track.t_s[-1]) if end_s is None else end_s
+    track = righted(track, layout, begin_s=begin_s)
+    courses = scene_courses(track, layout, begin_s=begin_s, end_s=end_s)
+    ruling = SceneRule(courses, harm_m)
+    ruling.go()
+    inside = (track.t_s >= begin_s) & (track.t_s <= end_s)
+    at = track.object.position_m[inside]
+    seen = np.isfinite(at[:, 0])
+    events = [ruling.measured(one.kind, one.t_s, one.size_m) for one in ruling.scorer.events]
+    events += _put_down(ruling, track)
+    events.sort(key=lambda event: event.t_s)
+    _, cov = track.object.point(np.array([0, 0, layout.object.grip_mm / 1000]))
+    cov = cov[inside][seen]
+    along = np.sqrt(np.einsum("i,nij,j->n", track.view, cov, track.view))
+    across = np.sqrt(np.maximum(0, np.trace(cov, axis1=1, axis2=2) - along**2) / 2)
+    times = track.t_s[inside][seen]
+    gap_s = float(np.diff(times).max()) if len(times) > 1 else end_s - begin_s
+    lifted_s = ruling.scorer.time_of("lifted")
+    narrow = -courses.width.value
+    widest = int(np.nanargmax(narrow)) if np.isfinite(narrow).any() else None
+    notes = []
+    if track.n_moved:
+        notes.append(
+            f"the camera was pushed: the table's tags moved in {track.n_moved} pictures that were looked at"
+        )
+    if gap_s > _GAP_S:
+        notes.append(f"the object was out of sight for {gap_s:.2f} s")
+    hand_seen = float(np.isfinite(track.hand.position_m[inside, 0]).mean())
+    if hand_seen < 0.5:
+        notes.append(f"the hand was seen in {hand_seen:.0%} of the pictures: slips and drops may be missing")
+    return SceneOutcome(
+        events=tuple(events),
+        success=lifted_s is not None
+        and lifted_s - begin_s <= window_s
+        and ruling.scorer.time_of("drop") is None,
+        slid_m=ruling.scorer.slid_m,
+        slid_error_m=float(np.nanmedian(courses.slip.error) * np.sqrt(2)),
+        narrowing_m=None if widest is None else max(0.0, float(narrow[widest])),
+        narrowing_error_m=None if widest is None else float(courses.width.error[widest]),
+        height_m=float(np.nanmax(courses.height.value)),
+        along_mm=float(1000 * np.median(along)),
+        across_mm=float(1000 * np.median(across)),
+        seen=float(seen.mean()),
+        hand_seen=hand_seen,
+        longest_gap_s=gap_s,
+        notes=tuple(notes),
+    )
+
+
+class SceneRule:
+    """Tells the rule of a trial what was measured, moment by moment.
+
+    Args:
+        courses: What was measured.
+        harm_m: Narrowing from which the object counts as deformed, metres.
+
+    Attributes:
+        scorer: The rule; its times are those of the video.
+        stands_s: Times at which the object stood again after it had left the table.
+    """
+
+    def __init__(self, courses: SceneCourses, harm_m: float) -> None:
+        self._courses = courses
+        self.scorer = TrialScorer(harm_m)
+        self.stands_s: list[float] = []
+
+    def go(self) -> None:
+        """Tell it all."""
+        courses = self._courses
+        lifted = dropped = False
+        reference_m = off_s = 0.0
+        sustained = round(_SUSTAINED_S / _GRID_S)
+        off = courses.lowest.value > OFF_M
+        for k, t_s in enumerate(courses.t_s.tolist()):
+            if not lifted and off[k] and off[k : k + sustained].all():
+                lifted, reference_m, off_s = True, float(courses.slip.value[k]), t_s
+            elif lifted and courses.lowest.value[k] < STANDS_M:
+                lifted = False
+                self.stands_s.append(t_s)
+            slip_m = float(courses.slip.value[k]) - reference_m if lifted else 0.0
+            if not np.isfinite(slip_m):
+                slip_m = self.scorer.slid_m
+            dropped = dropped or slip_m > LOST_M
+            narrow = float(courses.width.value[k])
+            truth = WorldTruth(
+                t_s=t_s,
+                object_height_m=float(courses.height.value[k]),
+                lift_off=lifted,
+                pad_force_n=(0.0, 0.0, 0.0, 0.0),
+                slip_m=slip_m,
+                # Until then the fitted line still has what moved before the object left the table.
+                slip_m_s=float(np.nan_to_num(courses.slip.slope[k]))
+                if lifted and t_s > off_s + 2 * _KERNEL_S
+                else 0.0,
+                deformation_m=-narrow if np.isfinite(narrow) else 0.0,
+                damage_m=0.0,
+                dropped=dropped,
+                hand_to_object_m=0.0,
+            )
+            self.scorer.take(t_s, truth, placing=False)
+        self.scorer.close()
+
+    def measured(
+        self, kind: Literal["lift_off", "lifted", "slip", "deformation", "drop"], t_s: float, size_m: float
+    ) -> SceneEvent:
+        """Return an event with its errors: that of what crossed a threshold, over the speed at which it did."""
+        courses = self._courses
+        k = int(np.clip(np.searchsorted(courses.t_s, t_s), 0, len(courses.t_s) - 1))
+        course = {
+            "lift_off": courses.lowest,
+            "lifted": courses.height,
+            "slip": courses.slip,
+            "drop": courses.slip,
+            "deformation": courses.width,
+        }[kind]
+        speed = max(abs(float(course.slope[k])), 0.005)
+        error_m = float(course.error[k])
+        size_error_m = {"slip": np.sqrt(2) * error_m, "deformation": error_m}.get(kind, 0.0)
+        return SceneEvent(kind, t_s, float(np.hypot(error_m / speed, _GRID_S)), size_m, float(size_error_m))
+
+
+def _put_down(ruling: SceneRule, track: SceneTrack) -> list[SceneEvent]:
+    """Return where the object stood again at last, after it was lifted."""
+    lifted_s = ruling.scorer.time_of("lifted")
+    after = [t_s for t_s in ruling.stands_s if lifted_s is not None and t_s > lifted_s]
+    if not after or ruling.scorer.time_of("drop") is not None:
+        return []
+    base, cov = track.object.point(np.zeros(3))
+    then = (track.t_s > after[-1] + 0.1) & np.isfinite(base[:, 0])
+    if not then.any():
+        then = (track.t_s > after[-1] - 0.1) & np.isfinite(base[:, 0])
+    at, spread = np.median(base[then], axis=0), np.median(cov[then], axis=0)
+    away = float(np.hypot(at[0], at[1]))
+    way = at[:2] / max(away, 1e-9)
+    return [SceneEvent("put_down", after[-1], _GRID_S, away, float(np.sqrt(way @ spread[:2, :2] @ way)))]

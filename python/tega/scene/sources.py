@@ -1,0 +1,130 @@
+"""Open scene cameras and files of pictures by one name: a number, a device, an address, a video or a folder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from tega.errors import DeviceUnavailableError, RecordingError
+from tega.opencv import IMAGE_SUFFIXES, load_cv2, read_image
+from tega.scene.calibrate import LensCalibration
+from tega.scene.lens import Lens
+from tega.scene.pictures import read_pictures
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+_ADDRESSES: Final = ("rtsp://", "rtsps://", "http://", "https://", "udp://", "tcp://")
+_OPEN_MS, _READ_MS = 5000, 3000
+_MOST_PICTURES: Final = 3000
+
+
+def is_camera(source: str) -> bool:
+    """Tell whether a name is a camera: a number, a device such as /dev/video0, or an address."""
+    return source.isdecimal() or source.startswith(("/dev/", *_ADDRESSES))
+
+
+def open_camera(source: str, size: tuple[int, int], rate_hz: float = 30.0) -> Any:
+    """Open a camera, and return OpenCV's capture.
+
+    Args:
+        source: A number, a device or an address.
+        size: Width and height to ask a local camera for, pixels; an address sends what it sends.
+        rate_hz: Pictures a second to ask for, likewise.
+
+    Raises:
+        DeviceUnavailableError: It does not open, or gives another size.
+        MissingExtraError: OpenCV is not installed.
+    """
+    cv2 = load_cv2("scene")
+    if source.startswith(_ADDRESSES):
+        limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, _OPEN_MS, cv2.CAP_PROP_READ_TIMEOUT_MSEC, _READ_MS]
+        capture = cv2.VideoCapture(source, cv2.CAP_FFMPEG, [*limits, cv2.CAP_PROP_N_THREADS, 1])
+        fix = "is the address right, its sender on, and the network up?"
+    else:
+        capture = cv2.VideoCapture(int(source) if source.isdecimal() else source)
+        fix = "another program may use it, or your user may not read it; tega-teleop doctor lists cameras"
+    if not capture.isOpened():
+        capture.release()
+        raise DeviceUnavailableError(f"scene camera {source} does not open", fix)
+    if not source.startswith(_ADDRESSES):
+        for setting, value in (
+            (cv2.CAP_PROP_FOURCC, cv2.VideoWriter.fourcc(*"MJPG")),
+            (cv2.CAP_PROP_FRAME_WIDTH, size[0]),
+            (cv2.CAP_PROP_FRAME_HEIGHT, size[1]),
+            (cv2.CAP_PROP_FPS, rate_hz),
+            (cv2.CAP_PROP_AUTOFOCUS, 0),  # a lens that focuses anew is another lens than the one calibrated
+        ):
+            capture.set(setting, value)
+        given = (round(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), round(capture.get(cv2.CAP_PROP_FRAME_HEIGHT)))
+        if given != size:
+            capture.release()
+            raise DeviceUnavailableError(
+                f"scene camera {source}: asked for {size[0]}×{size[1]}, it gives {given[0]}×{given[1]}",
+                f"write --size {given[0]}x{given[1]}, or one that it has",
+            )
+    return capture
+
+
+def pictures_of(source: str, size: tuple[int, int]) -> Iterator[NDArray[np.uint8]]:
+    """Return the pictures of a camera, without end, or those of a video or a folder.
+
+    Raises:
+        DeviceUnavailableError: The camera does not open, or stops.
+        RecordingError: There is no such file, or it has no pictures.
+    """
+    if is_camera(source):
+        capture = open_camera(source, size)
+        try:
+            while True:
+                ok, image = capture.read()
+                if not ok:
+                    raise DeviceUnavailableError(f"scene camera {source} stopped", "plug it in again")
+                yield np.asarray(image, np.uint8)
+        finally:
+            capture.release()
+    path = Path(source)
+    if path.is_dir():
+        files = sorted(file for file in path.iterdir() if file.suffix.lower() in IMAGE_SUFFIXES)
+        if not files:
+            raise RecordingError(f"{path.name}: holds no pictures", "name a folder of PNG or JPEG files")
+        for file in files[:_MOST_PICTURES]:
+            yield read_image(file, driver="scene")
+    else:
+        for _, image in read_pictures(path):
+            yield image
+
+
+def calibrate_from(source: str, size: tuple[int, int], *, tell: Callable[[str], None]) -> Lens:
+    """Calibrate a lens from a camera, a video or a folder, and say meanwhile where the board is wanted.
+
+    Args:
+        source: As of :func:`pictures_of`.
+        size: Likewise.
+        tell: Given a line for whoever holds the board.
+
+    Raises:
+        CalibrationError: There are too few views, or they do not fit a flat board.
+        DeviceUnavailableError: The camera does not open, or stops.
+        RecordingError: There is no such file, or it has no pictures.
+    """
+    calibration: LensCalibration | None = None
+    said = ""
+    live = is_camera(source)
+    for image in pictures_of(source, size):
+        calibration = calibration or LensCalibration(image.shape[1], image.shape[0])
+        taken = calibration.take(image)
+        wish = calibration.wish()
+        if live and not wish:
+            break
+        if live and (taken or not said) and wish != said:
+            tell(f"{len(calibration.views)} views; {wish}")
+            said = wish
+    if calibration is None:
+        raise RecordingError(f"{source}: has no pictures")
+    if (wish := calibration.wish()) and not live:
+        tell(f"{len(calibration.views)} views; better would be: {wish}")
+    return calibration.solve()

@@ -1,0 +1,141 @@
+"""Encode and decode scene video picture by picture, as Foxglove's CompressedVideo wants it.
+
+H.264 is an Annex B stream, AV1 a stream of temporal units: every packet is one picture, none waits for a later one, and
+a picture that stands alone comes at least once a second with all that a decoder needs to begin there.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any, Final, Literal
+
+import numpy as np
+
+from tega.errors import InvalidValueError, RecordingError
+from tega.lifecycle import require
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+VideoFormat = Literal["h264", "av1"]
+
+_ENCODERS: Final[dict[VideoFormat, str]] = {"h264": "libx264", "av1": "libsvtav1"}
+_DECODERS: Final[dict[VideoFormat, str]] = {"h264": "h264", "av1": "libdav1d"}
+_TICKS: Final = Fraction(1, 1_000_000)
+
+
+def _options(video: VideoFormat, crf: int, rate_hz: float) -> dict[str, str]:
+    every = str(max(1, round(rate_hz)))
+    if video == "h264":
+        return {
+            "preset": "ultrafast",
+            "tune": "zerolatency",
+            "crf": str(crf),
+            "g": every,
+            "bf": "0",
+            "threads": "1",
+        }
+    # pred-struct 1 is low delay: no picture refers to a later one.
+    return {
+        "preset": "10",
+        "crf": str(crf),
+        "g": every,
+        "svtav1-params": f"pred-struct=1:keyint={every}:lp=1",
+    }
+
+
+class SceneEncoder:
+    """Encodes the pictures of one camera.
+
+    Args:
+        width: Of the pictures, pixels, even.
+        height: Likewise.
+        rate_hz: About how many come a second: one of so many stands alone.
+        video: Format.
+        crf: Quality, smaller is better; 20 loses little.
+
+    Raises:
+        InvalidValueError: A side is odd.
+        MissingExtraError: PyAV is not installed, or its wheel has no such encoder.
+    """
+
+    def __init__(
+        self, width: int, height: int, *, rate_hz: float, video: VideoFormat = "h264", crf: int = 20
+    ) -> None:
+        if width % 2 or height % 2 or width < 64 or height < 64:
+            raise InvalidValueError(
+                f"pictures of {width}×{height} cannot be encoded",
+                "take a resolution with even sides from 64 pixels",
+            )
+        self._av: Any = require("av", driver="scene", extra="lerobot")
+        os.environ.setdefault("SVT_LOG", "1")
+        self.video: VideoFormat = video
+        self._context = self._av.CodecContext.create(_ENCODERS[video], "w")
+        self._context.width, self._context.height = width, height
+        self._context.pix_fmt, self._context.time_base = "yuv420p", _TICKS
+        self._context.framerate = Fraction(round(1000 * rate_hz), 1000)
+        self._context.options = _options(video, crf, rate_hz)
+        self._times: list[int] = []
+        self._last = -1
+
+    def encode(self, image: NDArray[np.uint8], t_ns: int) -> list[tuple[int, bytes]]:
+        """Add a picture, uint8 (H, W, 3) in blue, green, red, or (H, W) grey; return what is ready: time and packet."""
+        order = "gray" if image.ndim == 2 else "bgr24"
+        frame = self._av.VideoFrame.from_ndarray(np.ascontiguousarray(image), format=order)
+        # Rising by at least one tick, whatever the camera's clock says.
+        self._last = max(self._last + 1, t_ns // 1000)
+        frame.pts, frame.time_base = self._last, _TICKS
+        self._times.append(t_ns)
+        return self._ready(self._context.encode(frame))
+
+    def close(self) -> list[tuple[int, bytes]]:
+        """Return the packets that the encoder still has."""
+        return self._ready(self._context.encode(None))
+
+    def _ready(self, packets: list[Any]) -> list[tuple[int, bytes]]:
+        # In the order in which the pictures came: nothing is reordered.
+        return [(self._times.pop(0), bytes(packet)) for packet in packets]
+
+
+class SceneDecoder:
+    """Decodes packets as they come.
+
+    Args:
+        video: Their format.
+
+    Raises:
+        MissingExtraError: PyAV is not installed.
+    """
+
+    def __init__(self, video: VideoFormat = "h264") -> None:
+        self._av: Any = require("av", driver="scene", extra="lerobot")
+        self._context = self._av.CodecContext.create(_DECODERS[video], "r")
+        self._context.thread_count = 1
+        if video == "av1":
+            self._context.options = {"max_frame_delay": "1"}
+        self._times: list[int] = []
+
+    def decode(self, t_ns: int, packet: bytes) -> Iterator[tuple[int, NDArray[np.uint8]]]:
+        """Return the pictures that a packet completes: time and uint8 (H, W, 3) in blue, green, red.
+
+        Raises:
+            RecordingError: The packet is damaged.
+        """
+        self._times.append(t_ns)
+        yield from self._frames(self._av.Packet(packet))
+
+    def close(self) -> Iterator[tuple[int, NDArray[np.uint8]]]:
+        """Return the pictures that the decoder still has."""
+        yield from self._frames(None)
+
+    def _frames(self, packet: Any) -> Iterator[tuple[int, NDArray[np.uint8]]]:
+        try:
+            frames = self._context.decode(packet)
+        except self._av.FFmpegError as error:
+            raise RecordingError(
+                f"a picture of the video cannot be decoded: {error}", "the recording is damaged"
+            ) from error
+        for frame in frames:
+            yield self._times.pop(0), np.asarray(frame.to_ndarray(format="bgr24"), np.uint8)

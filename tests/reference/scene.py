@@ -1,0 +1,80 @@
+"""A lift of known course before a rendered camera of 1280 × 720 pixels: hand and object rise, the object slides."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tega.scene.lens import Lens
+from tega.sim.plan import TrialPlan
+from tega.sim.seams import WorldTruth
+from tega.sim.world.objects import OBJECTS
+from tega.sim.world.scene import PALM_ROTATION
+from tega_figures.scene.bench import LENS, RenderedTrial
+from tega_figures.scene.render import Film
+from tega_figures.scene.trials import TrueTrial
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+SMALL = Lens(1280, 720, 1100.0, 1101.0, 639.0, 360.5, LENS.distortion)
+LIFT_S, SLIP_S, SLIP_M = 0.7, 2.5, 0.006
+EYE_M = (0.52, 0.6, 0.7)
+SPEED_M_S = 0.3
+TOP_M = 0.21
+
+
+def known_lift(*, end_s: float = 3.1, slip_s: float = SLIP_S, dropped: bool = False) -> TrueTrial:
+    """Return a lift at 0.3 m/s that begins after 0.7 s, and slides by 6 mm (or on and on) from a time on."""
+    t_s = np.arange(0, end_s, 0.01)
+    rise = np.clip((t_s - LIFT_S) * SPEED_M_S, 0, TOP_M)
+    slid = np.clip((t_s - slip_s) * 0.03, 0, SLIP_M)
+    if dropped:
+        slid = np.where(t_s > slip_s, 0.3 * (t_s - slip_s), 0.0)
+    narrow = 0.004 * np.clip((t_s - 0.66) / 0.3, 0, 1)
+    palm, thing = np.zeros((len(t_s), 3, 4)), np.zeros((len(t_s), 3, 4))
+    palm[:, :, :3], thing[:, :, :3] = PALM_ROTATION, np.eye(3)
+    palm[:, :, 3] = (0, -0.055, 0.11)
+    palm[:, 2, 3] += rise
+    thing[:, 2, 3] = np.maximum(rise - slid, 0)
+    truths = [
+        WorldTruth(
+            float(t), float(h), bool(h > 1e-3), (0.0, 0.0, 0.0, 0.0), float(s), 0.0, float(n), 0.0, False, 0.0
+        )
+        for t, h, s, n in zip(t_s, thing[:, 2, 3], slid, narrow, strict=True)
+    ]
+    plan = TrialPlan(object="container", condition="haptic", seed=1)
+    return TrueTrial(
+        plan,
+        OBJECTS["container"],
+        t_s,
+        truths,
+        palm,
+        thing,
+        [],
+        np.zeros((len(t_s), 0, 7)),
+        np.zeros(len(t_s), bool),
+        (),
+    )
+
+
+def rendered(trial: TrueTrial, *, rate_hz: float = 30.0) -> RenderedTrial:
+    """Return its pictures."""
+    return RenderedTrial(
+        trial,
+        Film(),
+        rate_hz=rate_hz,
+        begin_s=0.05,
+        end_s=float(trial.t_s[-1]),
+        seed=2,
+        lens=SMALL,
+        lost=0.0,
+        eye_m=EYE_M,
+    )
+
+
+def pictures(trial: TrueTrial) -> Iterator[tuple[float, NDArray[np.uint8]]]:
+    """Return times and pictures of a trial."""
+    yield from rendered(trial).pictures()

@@ -1,0 +1,272 @@
+"""Scene cameras: tags found and printed, poses with their errors, a lens calibrated, a lift scored."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from tega.cli.main import cli
+from tega.errors import CalibrationError, ConfigError, InvalidValueError, RecordingError
+from tega.scene.calibrate import LensCalibration
+from tega.scene.corners import TagFinder
+from tega.scene.layout import PlacedTag, TagBody, TagLayout, example_layout, load_layout, save_layout
+from tega.scene.lens import load_lens, save_lens
+from tega.scene.outcomes import righted, scene_courses, score_scene
+from tega.scene.pictures import read_pictures, times_path
+from tega.scene.pose import BodyFitter
+from tega.scene.sheets import board_page, page_svg, pages_pdf, tag_pages, write_pages
+from tega.scene.track import SceneTrack, track_scene
+
+pytest.importorskip("cv2")
+pytest.importorskip("tega_figures")
+pytest.importorskip("mujoco")
+
+from reference.scene import LIFT_S, SLIP_M, SLIP_S, SMALL, SPEED_M_S, known_lift, pictures, rendered
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+def _all(layout: TagLayout) -> list[PlacedTag]:
+    return [tag for body in layout.bodies().values() for tag in body.all_tags()]
+
+
+def test_a_layout_comes_back_from_its_file(tmp_path: Path) -> None:
+    file = tmp_path / "tags.toml"
+    save_layout(file, example_layout(height_mm=190, base_mm=90))
+    assert load_layout(file) == example_layout(height_mm=190, base_mm=90)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[table]\ntags = [{id = 0, size_mm = 50, at_mm = [0, 0, 0]}]\n", "object"),
+        (
+            "[table]\ntags = [{id = 0, size_mm = 50, at_mm = [0, 0, 0]}]\n"
+            "[object]\ncube = {first = 0, edge_mm = 50, tag_mm = 40}\n",
+            "tag 0 is there twice",
+        ),
+        (
+            "[table]\ntags = [{id = 0, size_mm = 50, at_mm = [0, 0, 0], x = [1, 0, 0], y = [1, 0, 0]}]\n"
+            "[object]\ncube = {first = 10, edge_mm = 50, tag_mm = 40}\n",
+            "right angles",
+        ),
+        ("[table]\ntags = [{id = 0, size_mm = 5000, at_mm = [0, 0, 0]}]\n[object]\n", "size_mm"),
+        ("[table", "cannot be read"),
+    ],
+)
+def test_a_layout_that_no_print_can_be_is_refused(tmp_path: Path, text: str, said: str) -> None:
+    file = tmp_path / "tags.toml"
+    file.write_text(text)
+    with pytest.raises(ConfigError, match=said):
+        load_layout(file)
+
+
+def test_the_claimed_error_of_a_pose_is_its_error() -> None:
+    """Corners with noise of 0.2 px: errors over their claimed standard errors are about one."""
+    body = example_layout().object
+    fitter = BodyFitter(TagBody(cube=body.cube), SMALL)
+    rng = np.random.default_rng(3)
+    turn = np.array([[-0.7, 0.7, 0.1], [0.1, -0.05, -1], [-0.7, -0.7, 0.0]])
+    u, _, v = np.linalg.svd(turn)
+    turn = u @ v
+    turn *= np.sign(np.linalg.det(turn))
+    at = np.array([0.05, 0.1, 1.0])
+    ratios = []
+    for _ in range(300):
+        seen = {}
+        for tag in TagBody(cube=body.cube).all_tags():
+            if tag.id in {11, 13}:
+                pixels = SMALL.pixels(tag.corners_m() @ turn.T + at)
+                seen[tag.id] = pixels + rng.normal(0, 0.2, pixels.shape)
+        pose = fitter.fit(seen)
+        assert pose is not None
+        left = pose.position_m - at
+        ratios.append(left @ np.linalg.solve(pose.covariance[:3, :3], left))
+    # Over a variance that is itself estimated, from ten degrees of freedom: 3 · 10 / 8.
+    assert 3.0 < np.mean(ratios) < 4.5
+
+
+def test_a_tag_that_was_misread_is_left_out() -> None:
+    layout = example_layout()
+    fitter = BodyFitter(layout.table, SMALL)
+    at, turn = np.array([0.0, 0.05, 0.9]), np.diag([1.0, -1.0, -1.0])
+    seen = {tag.id: SMALL.pixels(tag.corners_m() @ turn.T + at) for tag in layout.table.all_tags()}
+    seen[2] = seen[2] + (25.0, -8.0)
+    pose = fitter.fit(seen)
+    assert pose is not None
+    assert pose.n_tags == 3
+    assert np.abs(pose.position_m - at).max() < 1e-6
+
+
+def _drawn(rects: list[tuple[float, ...]], pixels_per_mm: int = 8) -> NDArray[np.uint8]:
+    """Return a page as a printer makes it, from its rectangles in millimetres."""
+    image = np.full((297 * pixels_per_mm, 210 * pixels_per_mm), 255, np.uint8)
+    for x, y, width, height in rects:
+        x0, y0, x1, y1 = (round(pixels_per_mm * value) for value in (x, y, x + width, y + height))
+        image[y0:y1, x0:x1] = 0
+    return image
+
+
+def test_printed_tags_have_their_size_in_both_formats() -> None:
+    layout = example_layout()
+    sizes = {tag.id: tag.size_mm for tag in _all(layout)}
+    finder = TagFinder(layout.family, frozenset(sizes))
+    pages = tag_pages(layout)
+    found: dict[str, dict[int, float]] = {"svg": {}, "pdf": {}}
+    number = r"(-?[\d.]+)"
+    for page in pages:
+        svg = re.findall(rf"M{number} {number}h{number}v{number}h{number}z", page_svg(page))
+        pdf = re.findall(
+            rf"^{number} {number} {number} {number} re$", pages_pdf([page]).decode("latin-1"), re.M
+        )
+        rects: dict[str, list[tuple[float, ...]]] = {
+            "svg": [tuple(map(float, one[:4])) for one in svg],
+            "pdf": [(x, 297 - y - h, w, h) for x, y, w, h in (tuple(map(float, one)) for one in pdf)],
+        }
+        for kind, some in rects.items():
+            for tag, corners in finder.find(_drawn(some)).items():
+                sides = np.hypot(*(corners - np.roll(corners, 1, axis=0)).T) / 8
+                found[kind][tag] = float(sides.mean())
+    for kind, tags in found.items():
+        assert set(tags) == set(sizes), kind
+        assert all(abs(tags[tag] - sizes[tag]) < 0.1 for tag in sizes), kind
+
+
+def test_the_table_sheet_has_its_tags_where_the_layout_says() -> None:
+    layout = example_layout()
+    page = tag_pages(layout)[0]
+    tags = TagFinder(layout.family, frozenset(range(4))).find(_drawn([tuple(rect) for rect in page.ink]))
+    for tag in layout.table.all_tags():
+        x_mm, y_mm, _ = 1000 * tag.corners_m().T
+        # The table's x runs down the page, its y to the right.
+        want = np.column_stack([105 + y_mm, 297 / 2 + 8 + x_mm]) * 8
+        assert np.abs(tags[tag.id] - want).max() < 1.5, tag.id
+
+
+def test_sheets_are_pdf_or_svg(tmp_path: Path) -> None:
+    with pytest.raises(InvalidValueError, match=r"\.pdf or \.svg"):
+        write_pages(tmp_path / "tags.docx", [board_page()])
+
+
+@pytest.fixture(scope="module")
+def lifted() -> SceneTrack:
+    """Return what was seen of the known lift."""
+    trial = known_lift()
+    return track_scene(pictures(trial), SMALL, rendered(trial).layout)
+
+
+def test_a_rendered_lift_is_scored(lifted: SceneTrack) -> None:
+    layout = rendered(known_lift()).layout
+    outcome = score_scene(lifted, layout, harm_m=0.01)
+    kinds = {event.kind: event for event in outcome.events}
+    assert [event.kind for event in outcome.events] == ["lift_off", "lifted", "slip"]
+    assert abs(kinds["lift_off"].t_s - LIFT_S - 0.0033) < 0.05
+    assert abs(kinds["lifted"].t_s - LIFT_S - 0.2 / SPEED_M_S - 1.0) < 0.05
+    assert abs(kinds["slip"].t_s - SLIP_S) < 0.05
+    assert abs(kinds["slip"].size_m - SLIP_M) < 0.001
+    assert outcome.success
+    assert outcome.narrowing_m == pytest.approx(0.004, abs=0.0005)
+    assert outcome.notes == ()
+    assert outcome.along_mm > outcome.across_mm > 0
+
+
+def test_place_and_slip_are_as_exact_as_stated(lifted: SceneTrack) -> None:
+    """At two thirds of the resolution of the page's table: 2 mm of place, 1 mm of slip."""
+    trial = known_lift()
+    scene = rendered(trial)
+    track = righted(lifted, scene.layout, begin_s=0.05)
+    true = np.array([scene.world_pose("object", t_s)[:, 3] for t_s in track.t_s])
+    left = track.object.position_m - true
+    assert np.sqrt((left**2).sum(1).mean()) < 0.002
+    courses = scene_courses(track, scene.layout, begin_s=0.05, end_s=3.05)
+    slid = np.interp(courses.t_s, trial.t_s, trial.palm[:, 2, 3] - trial.object[:, 2, 3])
+    off = courses.slip.value - slid
+    assert (off - off.mean()).std() < 0.001
+
+
+def test_an_object_that_falls_is_dropped() -> None:
+    trial = known_lift(dropped=True, slip_s=1.6, end_s=2.0)
+    layout = rendered(trial).layout
+    outcome = score_scene(track_scene(pictures(trial), SMALL, layout), layout)
+    drop = [event for event in outcome.events if event.kind == "drop"]
+    assert len(drop) == 1
+    assert abs(drop[0].t_s - 1.6 - 0.1) < 0.05  # 30 mm at 0.3 m/s
+    assert not outcome.success
+
+
+def test_a_scene_without_its_table_is_refused() -> None:
+    dark = np.zeros((720, 1280), np.uint8)
+    with pytest.raises(RecordingError, match="table's tags"):
+        track_scene([(0.0, dark), (0.1, dark)], SMALL, example_layout())
+
+
+def test_pictures_of_another_size_are_refused() -> None:
+    with pytest.raises(RecordingError, match="calibrated at 1280×720"):
+        track_scene([(0.0, np.zeros((480, 640), np.uint8))], SMALL, example_layout())
+
+
+def test_a_lens_is_found_from_pictures_of_the_board(tmp_path: Path) -> None:
+    from tega_figures.scene.bench import board_pictures
+    from tega_figures.scene.render import Film
+
+    calibration = LensCalibration(SMALL.width, SMALL.height)
+    assert "middle" in calibration.wish()
+    for image in board_pictures(Film(), lens=SMALL, n=18):
+        calibration.take(image)
+    lens = calibration.solve()
+    save_lens(tmp_path / "cam.json", lens)
+    assert load_lens(tmp_path / "cam.json") == lens
+    assert lens.rms_px < 0.2
+    grid = np.stack(np.meshgrid(np.linspace(60, 1220, 7), np.linspace(60, 660, 5)), -1).reshape(-1, 2)
+    off = lens.pixels(np.column_stack([SMALL.rays(grid), np.ones(len(grid))])) - grid
+    assert np.abs(off - off.mean(0)).max() < 0.5
+
+
+def test_too_few_views_are_no_calibration() -> None:
+    calibration = LensCalibration(SMALL.width, SMALL.height)
+    assert not calibration.take(np.zeros((720, 1280), np.uint8))
+    with pytest.raises(CalibrationError, match="0 views"):
+        calibration.solve()
+
+
+def test_the_verbs_print_and_score(tmp_path: Path) -> None:
+    cv2 = pytest.importorskip("cv2")
+    runner = CliRunner()
+    said = runner.invoke(
+        cli, ["scene", "tags", str(tmp_path / "t.pdf"), "--layout", str(tmp_path / "t.toml"), "--json"]
+    )
+    assert said.exit_code == 0, said.output
+    assert json.loads(said.output)["tags"] == 16
+    assert (tmp_path / "t.pdf").read_bytes().startswith(b"%PDF-1.4")
+    scene = rendered(known_lift(end_s=1.1))
+    save_layout(tmp_path / "bench.toml", scene.layout)
+    save_lens(tmp_path / "cam.json", SMALL)
+    video = tmp_path / "lift.avi"
+    writer = cv2.VideoWriter(str(video), cv2.VideoWriter.fourcc(*"MJPG"), 30, (1280, 720))
+    times = []
+    for t_s, image in scene.pictures():
+        times.append(round(t_s * 1e9) + 7_000_000_000)
+        writer.write(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR))
+    writer.release()
+    lines = [f"{number},{t_ns}\n" for number, t_ns in enumerate(times)]
+    times_path(video).write_text("picture,t_ns\n" + "".join(lines))
+    said = runner.invoke(
+        cli,
+        ["scene", "score", str(video), "--lens", str(tmp_path / "cam.json"), "--layout", str(tmp_path / "bench.toml"),
+         "--json"],
+    )  # fmt: skip
+    assert said.exit_code == 0, said.output
+    outcome = json.loads(said.output)
+    assert outcome["events"][0]["kind"] == "lift_off"
+    assert abs(outcome["events"][0]["t_s"] - 7 - LIFT_S) < 0.06
+    assert outcome["success"] is False
+    times_path(video).write_text("picture,t_ns\n0,5\n1,4\n")
+    with pytest.raises(RecordingError, match="no time code"):
+        next(read_pictures(video))

@@ -1,0 +1,127 @@
+"""What a scene camera measured of a study's trials stands beside the raters' accounts, and a person corrects it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from tega.cli.main import cli
+from tega.errors import InvalidValueError, RecordingError
+from tega.scene.layout import example_layout
+from tega.scene.lens import Lens
+from tega.scene.outcomes import SceneEvent, SceneOutcome
+from tega.study import make_plan, read_plan, write_plan
+from tega.study.journal import Journal, read_events
+from tega.study.measured import CAMERA, measured_path, read_measured
+from tega.study.measuring import MeasuredTrial, confirm_trial, measure_session, write_measured
+from tega.study.observers import read_observers, saw_whole
+from tega.study.score import agreements
+from tega.study.state import events_path
+
+BEGIN_NS = 5_000_000_000
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Return a study with one trial that was run and measured: lift-off, two slips."""
+    folder = tmp_path / "study"
+    plan = make_plan(participants=1, seed=1, objects=["bag"], trials=1, rest_s=0.1, simulated=True)
+    write_plan(plan, folder)
+    signed = read_plan(folder).settings.plan_sha256
+    with Journal(events_path(folder, "p01")) as journal:
+        journal.add("session_start", t_ns=0, source="auto", text=signed)
+        start = journal.add("trial_start", t_ns=BEGIN_NS, trial=1, source="auto")
+        journal.add("slip", t_ns=BEGIN_NS + 3_100_000_000, trial=1, source="experimenter")
+        end = journal.add("trial_end", t_ns=BEGIN_NS + 8_000_000_000, trial=1, status="done", success=True)
+    outcome = SceneOutcome(
+        events=(
+            SceneEvent("lift_off", 2.0, 0.01),
+            SceneEvent("slip", 3.0, 0.012, 0.0052, 0.0001),
+            SceneEvent("slip", 4.0, 0.012, 0.0031, 0.0001),
+            SceneEvent("lifted", 5.0, 0.01),
+        ),
+        success=True,
+        slid_m=0.0083,
+        slid_error_m=0.0001,
+        narrowing_m=None,
+        narrowing_error_m=None,
+        height_m=0.21,
+        along_mm=0.3,
+        across_mm=0.03,
+        seen=1.0,
+        hand_seen=1.0,
+        longest_gap_s=0.03,
+        notes=("the object was out of sight for 0.30 s",),
+    )
+    write_measured(
+        measured_path(folder, "p01"), signed, [(start, end, MeasuredTrial("p01", 1, 1, "bag", outcome))]
+    )
+    return folder
+
+
+def test_the_camera_is_an_account_of_its_own(folder: Path) -> None:
+    slips = [event for event in read_measured(folder, "p01") if event.kind == "slip"]
+    assert [event.value for event in slips] == [5.2, 3.1]
+    assert slips[0].text == "slip: 5.20 ± 0.10 mm, ± 12 ms"
+    found = {(one.a, one.b): one for one in agreements(folder) if one.kind == "slip"}
+    one = found["experimenter", CAMERA]
+    assert (one.n_a, one.n_b) == (1, 2)
+    assert one.f1 == pytest.approx(2 / 3)
+
+
+def test_a_person_corrects_and_both_are_kept(folder: Path) -> None:
+    before = measured_path(folder, "p01").read_bytes()
+    struck = [event.n for event in read_measured(folder, "p01") if event.kind == "slip"][1]
+    said = CliRunner().invoke(
+        cli,
+        [
+            "scene",
+            "confirm",
+            str(folder),
+            "p01",
+            "1",
+            "--rater",
+            "r1",
+            "--strike",
+            str(struck),
+            "--add",
+            "drop=6.5",
+        ],
+    )
+    assert said.exit_code == 0, said.output
+    assert said.output == "p01 trial 1, as r1 has it: lift_off, slip, drop\n"
+    assert measured_path(folder, "p01").read_bytes() == before
+    mine = read_observers(folder, "p01")["camera+r1"]
+    assert saw_whole(mine, 1, 1)
+    assert [(e.kind, (e.t_ns - BEGIN_NS) / 1e9) for e in mine if e.kind in {"slip", "drop"}] == [
+        ("slip", 3.0),
+        ("drop", 6.5),
+    ]
+    with pytest.raises(InvalidValueError, match="confirmed trial 1 before"):
+        confirm_trial(folder, "p01", 1, "r1")
+    assert [event.kind for event in confirm_trial(folder, "p01", 1, "r2")] == ["lift_off", "slip", "slip"]
+
+
+@pytest.mark.parametrize(
+    ("trial", "options", "said"),
+    [
+        (2, {}, "not measured"),
+        (1, {"struck": (999,)}, "event 999 is none of trial 1"),
+        (1, {"added": (("lifted", 1.0),)}, "cannot be added"),
+        (1, {"added": (("slip", 9.0),)}, "the trial lasts 8.00 s"),
+    ],
+)
+def test_a_correction_of_what_is_not_there_is_refused(folder: Path, trial: int, options, said: str) -> None:
+    with pytest.raises(InvalidValueError, match=said):
+        confirm_trial(folder, "p01", trial, "r1", **options)
+    assert read_observers(folder, "p01") == {}
+
+
+def test_a_video_without_a_time_code_says_nothing_of_a_session(folder: Path) -> None:
+    video = folder / "cam.mp4"
+    video.write_bytes(b"")
+    with pytest.raises(RecordingError, match="no time code"):
+        measure_session(folder, "p01", video, Lens(640, 480, 500.0, 500.0, 320.0, 240.0), example_layout())
+    assert len(read_events(measured_path(folder, "p01"))) == 8

@@ -1,0 +1,87 @@
+"""Print the table of the proof: ``python -m tega_figures.scene.accuracy OUT.jsonl``."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from tega.scene.outcomes import SceneEvent
+from tega_figures.scene.prove import TOLERANCE_S, ProvenTrial
+
+
+def matched(
+    true: tuple[SceneEvent, ...], measured: tuple[SceneEvent, ...], *, tolerance_s: float = TOLERANCE_S
+) -> list[tuple[SceneEvent | None, SceneEvent | None]]:
+    """Return pairs of events of one kind within the tolerance, nearest first, and those that are left alone."""
+    near = sorted(
+        (abs(a.t_s - b.t_s), i, j)
+        for i, a in enumerate(true)
+        for j, b in enumerate(measured)
+        if a.kind == b.kind and abs(a.t_s - b.t_s) <= tolerance_s
+    )
+    pairs: dict[int, int] = {}
+    for _, i, j in near:
+        if i not in pairs and j not in pairs.values():
+            pairs[i] = j
+    found: list[tuple[SceneEvent | None, SceneEvent | None]] = [
+        (one, measured[pairs[i]] if i in pairs else None) for i, one in enumerate(true)
+    ]
+    return found + [(None, one) for j, one in enumerate(measured) if j not in pairs.values()]
+
+
+def f1(pairs: list[tuple[SceneEvent | None, SceneEvent | None]]) -> float:
+    """Return F1 of the pairs: twice the matches over all events of both."""
+    both = sum(a is not None and b is not None for a, b in pairs)
+    events = sum((a is not None) + (b is not None) for a, b in pairs)
+    return 2 * both / events if events else float("nan")
+
+
+def main() -> None:
+    """Print the table as Markdown."""
+    trials = [
+        msgspec.json.decode(line, type=ProvenTrial) for line in Path(sys.argv[1]).read_bytes().splitlines()
+    ]
+    sys.stdout.write(
+        "| trial | Hz | film | hidden | place, mm | along | across | hand, mm | slip, mm | width, mm | events |\n"
+        "|---|---|---|---|---|---|---|---|---|---|---|\n"
+    )
+    everything = []
+    for one in trials:
+        pairs = matched(one.true, one.measured)
+        everything += pairs
+        hits = sum(a is not None and b is not None for a, b in pairs)
+        place = " | ".join(f"{value:.2f}" for value in one.object_mm)
+        sys.stdout.write(
+            f"| {one.name} | {one.rate_hz:.0f} | {one.film} | {'yes' if one.occluded else ''} | {place} | "
+            f"{one.hand_mm[0]:.2f} | {one.slip_mm:.2f} | {one.width_mm:.2f} | {hits} of {len(pairs)} |\n"
+        )
+    for name, values in (
+        ("place", [one.object_mm[0] for one in trials]),
+        ("along", [one.object_mm[1] for one in trials]),
+        ("across", [one.object_mm[2] for one in trials]),
+        ("slip", [one.slip_mm for one in trials]),
+        ("width", [one.width_mm for one in trials]),
+    ):
+        square = float(np.sqrt(np.nanmean(np.square(values))))
+        sys.stdout.write(f"\n{name}: {square:.2f} mm over all, {np.nanmax(values):.2f} mm in the worst trial")
+    both = [(a, b) for a, b in everything if a is not None and b is not None]
+    late = np.array([b.t_s - a.t_s for a, b in both])
+    sizes = np.array([1000 * (b.size_m - a.size_m) for a, b in both if a.kind == "slip"])
+    kinds = Counter(a.kind for a, _ in everything if a is not None)
+    sys.stdout.write(
+        f"\n\n{len(trials)} trials, {sum(one.n_pictures for one in trials)} pictures; F1 {f1(everything):.3f} within "
+        f"{1000 * TOLERANCE_S:.0f} ms; times {1000 * np.abs(late).mean():.0f} ms off in the mean, "
+        f"{1000 * np.abs(late).max():.0f} ms at most; sizes of {len(sizes)} slips "
+        f"{np.sqrt(np.mean(sizes**2)) if len(sizes) else np.nan:.2f} mm off; true events: {dict(kinds)}\n"
+    )
+    for a, b in everything:
+        if a is None or b is None:
+            sys.stdout.write(f"unmatched: true {a}, measured {b}\n")
+
+
+if __name__ == "__main__":
+    main()
