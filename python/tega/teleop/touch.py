@@ -149,8 +149,15 @@ class TouchLoop:
         contacts = {finger: contact for finger, (_, _, contact) in self._seen_lately(t_ns)}
         events = tuple(self._events)
         self._events.clear()
-        levels = self.mapping.levels(t_ns, contacts, events)
-        frame = self._made(levels)
+        return self.shown(t_ns, contacts, events)
+
+    def shown(self, t_ns: int, contacts: AnyMapping[str, Contact], events: Sequence[Event]) -> MotorLevels:
+        """Return the vest frame of some contacts and events: what the mapping shows, as its wearer feels it evenly.
+
+        Raises:
+            InvalidValueError: The mapping gave no finite number for every motor.
+        """
+        frame = self._made(self.mapping.levels(t_ns, contacts, events))
         return frame if self._felt is None else self._felt.apply(frame)
 
     def silence(self) -> MotorLevels:
