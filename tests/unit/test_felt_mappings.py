@@ -43,6 +43,16 @@ def test_shuffled_labels_carry_nothing() -> None:
     assert abs(confusion_bits(labels, rng.permutation(labels))) < 0.02
 
 
+def test_a_large_sparse_table_is_hardly_biased() -> None:
+    rng = np.random.default_rng(8)
+    stimuli = np.repeat(np.arange(32), 256)
+    chance = np.mean([confusion_bits(stimuli, rng.permutation(stimuli)) for _ in range(20)])
+    assert chance == pytest.approx(0, abs=0.01)
+    # Named within the right four of 32: three of five bits.
+    blocks = stimuli // 4 * 4 + rng.integers(0, 4, len(stimuli))
+    assert confusion_bits(stimuli, blocks) == pytest.approx(3, abs=0.01)
+
+
 def test_a_vest_that_is_off_carries_nothing_and_a_slip_needs_a_mapping_that_shows_it() -> None:
     rng = np.random.default_rng(6)
     off = np.zeros((50, 40), np.uint8)

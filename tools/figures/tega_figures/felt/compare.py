@@ -1,6 +1,6 @@
 """Compare the vest's mappings on simulated people: the table and the picture of docs/evidence/mappings.md.
 
-``python -m tega_figures.felt.compare --people 8 --picture docs/images/mappings.png``. Everything in it is simulated.
+``python -m tega_figures.felt.compare --people 16 --picture docs/images/mappings.png``. Everything in it is simulated.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 __all__ = ["main"]
 
-_TRIALS = {"all": 128}
+_TRIALS = {"all": 256}
 _PRESENTATION_S = 1.5
 _DIFFERENCES = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4)
 _BASES = (0.2, 0.5, 0.8)
@@ -136,8 +136,8 @@ def _cell(values: list[float], digits: int = 2) -> str:
         return "not told" if not n else f"told by {n} of {len(values)}"
     one: Interval = mean_interval(values)
     if one.low is None or one.high is None:
-        return f"{one.mean:.{digits}f}"
-    return f"{one.mean:.{digits}f} [{one.low:.{digits}f}, {one.high:.{digits}f}]"
+        return f"{one.mean:z.{digits}f}"
+    return f"{one.mean:z.{digits}f} [{one.low:z.{digits}f}, {one.high:z.{digits}f}]"
 
 
 def table(found: dict[str, list[Told]]) -> str:
@@ -208,7 +208,7 @@ def _draw(found: dict[str, list[Told]], file: Path) -> None:
 
 
 @click.command(help=__doc__)
-@click.option("--people", type=click.IntRange(1, 200), default=8, show_default=True, help="How many.")
+@click.option("--people", type=click.IntRange(1, 200), default=16, show_default=True, help="How many.")
 @click.option("--picture", type=click.Path(path_type=Path, dir_okay=False), help="Draw it there.")
 def main(people: int, picture: Path | None) -> None:
     """Print the tables, and draw the picture where one is named."""
@@ -224,7 +224,7 @@ def main(people: int, picture: Path | None) -> None:
         f"{people} simulated people. Two stimuli 2 deviations apart: {estimate:.3f} bits, theory {theory:.3f}; "
     )
     click.echo(
-        f"named by chance: {confusion_bits(labels, np.random.default_rng(3).permutation(labels)):.3f} bits.\n"
+        f"named by chance: {confusion_bits(labels, np.random.default_rng(3).permutation(labels)):z.3f} bits.\n"
     )
     click.echo(table(found))
     if picture is not None:

@@ -102,9 +102,10 @@ class BatchSkin:
         whole = np.pad(self.felt(self.moved(levels)), [(_LATE_LOOKS, _LATE_LOOKS), (0, 0), (0, 0), (0, 0)])
         n = len(whole) - 2 * _LATE_LOOKS
         late = rng.integers(0, 2 * _LATE_LOOKS + 1, n_trials)
-        intensity = whole[late[:, None] + np.arange(n)]
-        log = np.log(np.maximum(intensity, 1e-6))
-        chance = _normal_cdf(np.log(np.maximum(intensity, 1e-6) / p.threshold) / p.threshold_log_sd)
+        at = late[:, None] + np.arange(n)
+        log = np.log(np.maximum(whole, 1e-6))
+        chance = _normal_cdf((log - math.log(p.threshold)) / p.threshold_log_sd)[at]
+        intensity, log = whole[at], log[at]
         missed = rng.random((n_trials, n, 2, 1, 1))
         shape = (n_trials, n, 2, 1, 1)
         lasting = rng.standard_normal((n_trials, 1, 2, 1, 1))
@@ -119,8 +120,8 @@ class BatchSkin:
         some = total > 0
         aside = _aside(rng, n_trials, COLUMN_TAKEN_FOR_NEXT), _aside(rng, n_trials, ROW_TAKEN_FOR_NEXT)
         middle = [
-            np.where(some, at / np.where(some, total, 1) + by[:, None, None], 0.0)
-            for at, by in zip((columns, rows), aside, strict=True)
+            np.where(some, moment / np.where(some, total, 1) + by[:, None, None], 0.0)
+            for moment, by in zip((columns, rows), aside, strict=True)
         ]
         per = round(_WINDOW_S / LOOK_S)
 
