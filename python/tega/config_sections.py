@@ -40,6 +40,7 @@ __all__ = [
     "InputConfig",
     "InputSection",
     "MarkersSection",
+    "MaskingSection",
     "Pace",
     "RecordingSection",
     "SessionConfig",
@@ -406,6 +407,19 @@ class StagesSection(_Section, frozen=True):
     adaptation: AdaptationSection = AdaptationSection()
 
 
+class MaskingSection(_Section, frozen=True):
+    """The sound that masks the vest's motors in a study: pink noise, the same in every condition.
+
+    Attributes:
+        level_dbfs: Its level (RMS), decibels below the sound card's full scale; none plays nothing. Begin low: how loud
+            that is depends on card and headphones.
+        output: Number or part of the name of the loudspeaker; empty for the system's own.
+    """
+
+    level_dbfs: Annotated[float, msgspec.Meta(ge=-80, le=-14)] | None = None
+    output: str = ""
+
+
 class SessionConfig(_Section, frozen=True):
     """All settings of a session, checked, with absolute paths and typed driver options."""
 
@@ -420,5 +434,6 @@ class SessionConfig(_Section, frozen=True):
     arm: ArmConfig | None = None
     recording: RecordingSection = RecordingSection()
     markers: MarkersSection = MarkersSection()
+    masking: MaskingSection = MaskingSection()
     net: NetSection | None = None
     safety: SafetySection = SafetySection()

@@ -2,7 +2,17 @@
 
 from __future__ import annotations
 
-_UNITS = {"hz": "Hz", "s": "s", "ms": "ms", "n": "N", "mm": "mm", "px": "px", "percent": "%", "rad": "rad"}
+_UNITS = {
+    "hz": "Hz",
+    "s": "s",
+    "ms": "ms",
+    "n": "N",
+    "mm": "mm",
+    "px": "px",
+    "percent": "%",
+    "rad": "rad",
+    "dbfs": "dBFS",
+}
 _PERCENT = {"vest.threshold", "vest.step", "vest.options.limit"}
 
 

@@ -239,6 +239,10 @@ class FeltMap:
         threshold: Percent, 0 to 99: one number for all motors, or one for each of 40 in the wearer's order.
         step: Percent, above 0 to 100; likewise.
 
+    Attributes:
+        threshold: Of each motor of 40, float64 (40,), read-only.
+        step: Likewise.
+
     Raises:
         InvalidValueError: A number is out of its range or not finite.
         ShapeError: There are neither 1 nor 40 of them.
@@ -256,6 +260,8 @@ class FeltMap:
         if not steps.all():
             raise InvalidValueError("step = 0 is out of range: above 0 to 100 percent")
         n_steps = float(np.min((100.0 - thresholds) / steps))
+        self.threshold: NDArray[np.float64] = thresholds
+        self.step: NDArray[np.float64] = steps
         shares = np.arange(101)[:, np.newaxis] / 100.0
         table = np.clip(np.rint(thresholds + shares * n_steps * steps), 0, 100).astype(np.uint8)
         table[0] = 0

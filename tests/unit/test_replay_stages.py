@@ -125,3 +125,32 @@ def test_loose_files_are_replayed_through_a_stage(tmp_path: Path, capsys: Any) -
             ]
         )
     assert "did you mean 'tau_s'" in capsys.readouterr().err
+
+
+MAPPINGS = ("slip-row", "equal-steps", "changes", "place")
+
+
+@pytest.mark.parametrize("mapping", MAPPINGS)
+def test_a_session_with_a_mapping_of_felt_steps_changes_or_places_is_computed_again(
+    mapping: str, tmp_path: Path, capsys: Any
+) -> None:
+    pytest.importorskip("foxglove", reason="needs the extra tega[record]")
+    from tega.recording.mcap_reader import McapReader
+    from tega.teleop import run_session
+
+    plain = LAB.partition("[[stages")[0]
+    (tmp_path / "lab.toml").write_text(
+        f"{plain}[vest]\nthreshold = 24.0\nstep = 7.0\n[stages.mapping]\nname = '{mapping}'\n"
+    )
+    summary = run_session(load_config(tmp_path / "lab.toml", environ={}).config)
+    file = tmp_path / "recorded" / str(summary["recording"]["file"])
+    (replay,), code = replayed(file, capsys=capsys)
+    assert code == 0
+    vest = next(stream for stream in replay["streams"] if stream["stream"] == "/vest/frame")
+    assert (vest["recorded"] > 100, vest["differ"]) == (True, 0)
+    # Through the columns it differs: what is compared above was the mapping's own.
+    (other,), code = replayed(file, "--set", "stages.mapping.name=columns", capsys=capsys)
+    differ = {stream["stream"] for stream in other["streams"] if stream["differ"]}
+    assert code == 1
+    assert "/vest/frame" in differ
+    assert list(McapReader(file).messages())

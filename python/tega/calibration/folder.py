@@ -12,6 +12,7 @@
         people/p01/before/                  what those replaced, with their dates
         people/p01/practice/                scores
         people/p01/fitts/                   results of Fitts tests, see tega.skill.kept
+        people/p01/vest-skill/              what was told by the vest, see tega.skill.vest_kept
         people/p01/vest-dose.json           the vest's dose of the last day, see tega.safety.dose_file
         people/p01/unfinished.json          a calibration that was interrupted
 """

@@ -13,6 +13,7 @@ import click
 
 from tega.cli.identify import identify
 from tega.cli.options import json_option
+from tega.cli.vest_learn import learn
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -37,10 +38,11 @@ class _Wanted(NamedTuple):
 
 @click.group(epilog="Example: tega-teleop vest onset lab.toml --motor 0")
 def vest() -> None:
-    """Measure the vest itself."""
+    """Measure the vest itself, and learn to read it."""
 
 
 vest.add_command(identify)
+vest.add_command(learn)
 
 
 @vest.command(epilog="Example: tega-teleop vest onset lab.toml --motor 0 --motor 21")

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from tega.haptics import FeltMap
     from tega.motor_layout import MotorLayout
     from tega.records import Contact, Event, Intent
     from tega.tactile import ContactMetrics
@@ -89,11 +90,13 @@ class VestSetup(NamedTuple):
         layout: Where the motors are, mirrored as the settings say.
         fingers: Fingers that have a sensor, thumb first.
         maxima: What counts as full, by finger and value (``cci``, ``eda``); a value without a maximum is missing.
+        felt: Threshold and step of the wearer, where they were measured.
     """
 
     layout: MotorLayout
     fingers: tuple[str, ...]
     maxima: collections.abc.Mapping[str, collections.abc.Mapping[str, float]]
+    felt: FeltMap | None = None
 
 
 class TouchMap(NamedTuple):
@@ -241,13 +244,16 @@ class Mapping(_Stage, ABC):
     """Turns what the fingertips feel into motor levels: entry-point group ``tega.mappings``.
 
     The class is called with a :class:`VestSetup` and its options, once a run. What is shown stays limited by the
-    wearer's thresholds, the device's limit and the watchdog, whatever a mapping returns.
+    device's limit, the wearer's budget of vibration and the watchdog, whatever a mapping returns.
 
     Attributes:
         wants_events: Whether events are to be looked for.
+        evens_out: Whether its levels already take the wearer's thresholds and steps into account
+            (:attr:`VestSetup.felt`): what it returns is then not evened out once more.
     """
 
-    wants_events: ClassVar[bool] = False
+    wants_events: bool = False
+    evens_out: ClassVar[bool] = False
 
     def columns(self, finger: str, contact: Contact) -> tuple[float, float]:  # noqa: ARG002
         """Return the values of a finger's own columns for a contact, percent (front, back), for display and tables.

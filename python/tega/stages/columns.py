@@ -128,16 +128,32 @@ class ColumnsMapping(Mapping):
 
     def levels(
         self,
-        t_ns: int,  # noqa: ARG002  # what is fresh is shown as it is
+        t_ns: int,
         contacts: AnyMapping[str, Contact],
         events: Sequence[Event],  # noqa: ARG002  # events are not asked for
     ) -> NDArray[np.float64]:
         """Return every motor's level."""
+        return self._spread(self._values(t_ns, contacts), contacts)
+
+    def _values(
+        self,
+        t_ns: int,  # noqa: ARG002  # what is fresh is shown as it is
+        contacts: AnyMapping[str, Contact],
+    ) -> NDArray[np.float64]:
+        """Return percents of the fingers' columns, front and back in turn, and a 0 behind them all."""
         values = np.zeros(2 * len(self._fingers) + 1)
         for column, finger in enumerate(self._fingers):
             contact = contacts.get(finger)
             if contact is not None:
                 values[2 * column], values[2 * column + 1] = self.columns(finger, contact)
+        return values
+
+    def _spread(
+        self,
+        values: NDArray[np.float64],
+        contacts: AnyMapping[str, Contact],  # noqa: ARG002  # for a mapping that shows where they are
+    ) -> NDArray[np.float64]:
+        """Return what every motor shows of the fingers' values."""
         levels = values.take(self._shown)
         if self._options.rows == "bar":
             # A motor is lit by as much of the bar as reaches it.

@@ -62,7 +62,7 @@ class PulsesMapping(Mapping):
 
     summary: ClassVar[str] = "pulses at contact, slip and release, rest in between"
     options_type: ClassVar[type[StageOptions]] = PulsesOptions
-    wants_events: ClassVar[bool] = True
+    wants_events = True
 
     def __init__(self, setup: VestSetup, options: PulsesOptions) -> None:
         self._options = options

@@ -187,7 +187,12 @@ def _literals(kind: Any) -> tuple[Any, ...]:
 
 
 def _attributes(kind: type) -> dict[str, str]:
-    """Return what the ``Attributes`` section of a docstring says of each name, on one line."""
+    """Return what the ``Attributes`` sections of a class and its bases say of each name, on one line."""
+    bases = (base for base in reversed(kind.__mro__) if issubclass(base, StageOptions))
+    return {name: text for base in bases for name, text in _own_attributes(base).items()}
+
+
+def _own_attributes(kind: type) -> dict[str, str]:
     _, _, section = (getdoc(kind) or "").partition("Attributes:\n")
     found: dict[str, str] = {}
     name = ""

@@ -28,7 +28,8 @@ CONDITIONS = {
     "non-haptic": "vest worn and connected, shows nothing",
     "event-gated": "vest worn, shows contact, slip and release only",
 }
-"""What the vest does in each condition. It is worn and masked by the same sound in all of them (reading A36)."""
+"""What the vest does in each condition. It is worn in all of them, and ``masking.level_dbfs`` plays the same sound in
+all of them (reading A36)."""
 
 METRICS = ("duration_s", "slips", "deformations")
 """What can be in the family of tests that Holm's method corrects for."""

@@ -82,7 +82,6 @@ class TouchLoop:
         mapping: Callable[[VestSetup], Mapping] | None = None,
     ) -> None:
         self._layout: Layout = layout
-        self._felt = felt
         self._maxima = {
             finger: {
                 name: full for name, full in (("cci", m.cci_max), ("eda", m.eda_max)) if full is not None
@@ -92,8 +91,10 @@ class TouchLoop:
         table = find_layout(layout)
         self._n_motors = len(table.motors)
         self._silence = self._made(np.zeros(self._n_motors))
-        setup = VestSetup(table.mirrored(mirror), tuple(maxima), self._maxima)
+        setup = VestSetup(table.mirrored(mirror), tuple(maxima), self._maxima, felt)
         self.mapping = ColumnsMapping(setup, ColumnsOptions()) if mapping is None else mapping(setup)
+        # A mapping that knows what the wearer feels has said already what each motor is to do.
+        self._felt = None if self.mapping.evens_out else felt
         self._events: deque[Event] = deque(maxlen=_MOST_EVENTS)
         self._detector: Detector | None = None
         self.found: Sequence[Event] = ()
@@ -148,8 +149,15 @@ class TouchLoop:
         contacts = {finger: contact for finger, (_, _, contact) in self._seen_lately(t_ns)}
         events = tuple(self._events)
         self._events.clear()
-        levels = self.mapping.levels(t_ns, contacts, events)
-        frame = self._made(levels)
+        return self.shown(t_ns, contacts, events)
+
+    def shown(self, t_ns: int, contacts: AnyMapping[str, Contact], events: Sequence[Event]) -> MotorLevels:
+        """Return the vest frame of some contacts and events: what the mapping shows, as its wearer feels it evenly.
+
+        Raises:
+            InvalidValueError: The mapping gave no finite number for every motor.
+        """
+        frame = self._made(self.mapping.levels(t_ns, contacts, events))
         return frame if self._felt is None else self._felt.apply(frame)
 
     def silence(self) -> MotorLevels:

@@ -12,6 +12,7 @@ import click
 from tega.cli.options import echo_json, json_option, loop_sets
 
 if TYPE_CHECKING:
+    from tega.masking_sound import MaskingSound
     from tega.study.lead.benches import TrialBench
     from tega.study.lead.trial import Task
     from tega.study.plan import StudyPlan
@@ -106,6 +107,7 @@ def run(
         ) as bench,
         CtrlC() as stop,
         desk_for(stop, alone=yes) as desk,
+        _masking(bench) as masking,
     ):
         state = lead_session(
             folder,
@@ -117,6 +119,7 @@ def run(
             pedal=pedal,
             auto=yes,
             trials=trials,
+            masking=masking,
             stop=stop,
         )
     if as_json:
@@ -129,6 +132,19 @@ def run(
                 "next": following,
             }
         )
+
+
+@contextmanager
+def _masking(bench: TrialBench) -> Iterator[MaskingSound | None]:
+    """Play what masks the motors of the lab's vest, where its settings set a level."""
+    from tega.masking_sound import MaskingSound
+    from tega.study.lead.benches import LabBench
+
+    if not isinstance(bench, LabBench) or bench.masking.level_dbfs is None:
+        yield None
+        return
+    with MaskingSound(bench.masking) as sound:
+        yield sound
 
 
 @contextmanager

@@ -100,6 +100,7 @@ class LabBench:
                 "set [emg] and [tactile.thumb]",
             )
         self._config = config
+        self.masking = config.masking
         self._settings = settings
         self.where: Where = where
         self.closure: ClosureScale | None = None

@@ -21,6 +21,7 @@ from tega.study.plan import PlannedTrial, StudyPlan, read_plan
 from tega.study.state import SessionState, derive, resume
 
 if TYPE_CHECKING:
+    from tega.masking_sound import MaskingSound
     from tega.study.lead.benches import TrialBench
 
 
@@ -45,6 +46,7 @@ def lead_session(
     pedal: str = "",
     auto: bool = False,
     trials: int | None = None,
+    masking: MaskingSound | None = None,
     stop: Callable[[], bool] = lambda: False,
 ) -> SessionState:
     """Lead a session, new or after a stop at any moment.
@@ -60,6 +62,7 @@ def lead_session(
         pedal: A key that a foot pedal types: goes on, and marks the object's height in a trial.
         auto: Go on by the clock and pass over the questions.
         trials: Stop after so many; ``None`` for all.
+        masking: Sounds already, and goes on from the first trial to the last whatever the condition; the events say so.
         stop: Asked all the time whether to stop; a trial that goes on is then broken off for technical reasons.
 
     Returns:
@@ -69,7 +72,8 @@ def lead_session(
         InvalidValueError: Nobody has that id, a planned condition cannot be run on this bench, or the plan is not for
             sessions on it.
         RecordingError: The study is damaged, or the person has withdrawn.
-        DeviceUnavailableError: Another program has the session open, or a trial cannot begin and nobody is there.
+        DeviceUnavailableError: Another program has the session open, the masking sound has stopped, or a trial cannot
+            begin and nobody is there.
         KeyboardInterrupt: ``stop`` said so, or the desk's person has gone.
     """
     plan = read_plan(folder)
@@ -90,6 +94,7 @@ def lead_session(
             time_scale=time_scale,
             pedal=pedal,
             auto=auto,
+            masking=masking,
             stop=stop,
         )
         try:
@@ -113,13 +118,14 @@ class _Lead:
         time_scale: float,
         pedal: str,
         auto: bool,
+        masking: MaskingSound | None,
         stop: Callable[[], bool],
     ) -> None:
         self._folder, self._plan, self._participant = folder, plan, participant
         self._mine = plan.of(participant)
         self._journal, self._bench, self._desk, self._clock = journal, bench, desk, clock
         self._task, self._scale, self._pedal = task, time_scale, pedal
-        self._auto, self._stop = auto, stop
+        self._auto, self._stop, self._masking = auto, stop, masking
         self._before = TrialBefore(journal, desk, clock)
         self._telling = Telling(desk, board_path(folder, participant))
         self._led: LedTrial | None = None
@@ -131,6 +137,7 @@ class _Lead:
     def run(self, most: int | None) -> SessionState:
         """Go on until all trials are over, or so many of them, or somebody quits."""
         self._before.note(INSTRUCTION)
+        self._before.note(f"masking sound: {'none' if self._masking is None else self._masking.words}")
         if self._scale != 1.0:
             self._before.note(f"rehearsal: waits are {self._scale:g} times as long")
         self._desk.say(f"Read to the participant: {INSTRUCTION}")
@@ -146,7 +153,9 @@ class _Lead:
                 continue  # the trial before is to be done again, and comes first
             if not ready or trial is None:
                 break
+            self._check_masking("")
             n_done += self._trial(trial, attempt)
+            self._check_masking(f" in trial {trial.trial}")
         state = self._state
         if state.next is None:
             self._desk.say("All trials are over. Thank the participant; take off vest and electrodes.")
@@ -160,6 +169,14 @@ class _Lead:
         self._board("over" if self._state.next is None else "stopped", at_once=True)
 
     # The parts of a session.
+
+    def _check_masking(self, when: str) -> None:
+        """Stop where the motors can be heard: that would be another condition."""
+        if self._masking is None or self._masking.playing:
+            return
+        said = f"the masking sound stopped{when}: the loudspeaker went away"
+        self._before.note(said)
+        raise DeviceUnavailableError(said, "plug it in again; the same command goes on")
 
     def _wait(self, trial: PlannedTrial | None, attempt: int) -> bool:
         """Rest, then wait until everybody is ready, or after the last trial until there is no more to be said of it.

@@ -1,0 +1,116 @@
+"""Map contact values to equal steps of sensation, by Weber's law and the wearer's own detection thresholds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping as AnyMapping
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+
+import msgspec
+import numpy as np
+
+from tega.errors import ConfigError
+from tega.stages.base import StageOptions, VestSetup
+from tega.stages.slip_row import SlipRowMapping, SlipRowOptions
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tega.records import Contact, Event
+
+
+THRESHOLD_PERCENT = 20.0
+"""Detection threshold where the wearer's was not measured: 3 of a vest's 15 levels, one wearer; uncertain."""
+
+WEBER = 0.3
+"""Weber fraction where the wearer's step was not measured: the arm's medians are 0.20 to 0.58, the torso is worse."""
+
+
+class EqualStepsOptions(SlipRowOptions, frozen=True):
+    """Options of the mapping ``equal-steps``: those of ``slip-row``, and these.
+
+    Attributes:
+        law: Share of the sensation by the value: ``linear``, in proportion; ``logistic`` and ``power`` as in
+            ``columns``.
+        slip_row: Row of every face that shows slips and nothing else; ``none``: no slip is shown.
+        threshold_percent: The lowest intensity that is felt; none means the wearer's own, motor by motor
+            (vest.threshold), and 20 where that was not measured.
+        weber: Weber fraction: the smallest change that is noticed, as a share of the intensity; none means the
+            wearer's own, motor by motor (vest.step), and 0.3 where that was not measured.
+        offset_percent: Intensity added in Weber's law, for steps that are larger near the threshold; a very large one
+            makes all steps alike, as vest.threshold and vest.step do for other mappings.
+        first_steps: So many noticeable steps above its threshold a motor begins.
+        full_percent: Intensity of a motor at full sensation; where vest.options.limit is lower, give that.
+    """
+
+    law: Literal["logistic", "linear", "power"] = "linear"
+    slip_row: Literal["bottom", "top", "none"] = "none"
+    threshold_percent: Annotated[float, msgspec.Meta(gt=0, lt=100)] | None = None
+    weber: Annotated[float, msgspec.Meta(gt=0, le=5)] | None = None
+    offset_percent: Annotated[float, msgspec.Meta(ge=0, le=1e6)] = 0.0
+    first_steps: Annotated[float, msgspec.Meta(ge=0, le=20)] = 1.0
+    full_percent: Annotated[float, msgspec.Meta(gt=0, le=100)] = 100.0
+
+
+class EqualStepsMapping(SlipRowMapping):
+    """Columns whose intensities rise by equal steps of sensation.
+
+    By Weber's law with an offset, dI = W (I + a) is just noticed (Fechner 1860; the offset is Miller's, 1947), so that
+    n(I) = ln((I + a) / (T + a)) / ln(1 + W) noticeable steps lie between the threshold T and I. A motor m shows the
+    share s of full sensation at
+
+    ``I = (T_m + a) (1 + W_m) ** (n1 + s (N - n1)) - a``, ``N`` the least ``n(F)`` of all motors,
+
+    and 0 at s = 0: wherever it is shown, a share is as many steps above what is just felt, and as many as the
+    weakest motor has. ``n1`` is ``first_steps``, F ``full_percent``. The wearer's W is vest.step over the intensity
+    half way between threshold and F, where the step is measured.
+
+    Raises:
+        ConfigError: As ``slip-row``; or a motor's threshold is not below ``full_percent``.
+    """
+
+    summary: ClassVar[str] = (
+        "columns in equal steps of sensation: Weber's law above the wearer's own thresholds"
+    )
+    options_type: ClassVar[type[StageOptions]] = EqualStepsOptions
+    evens_out: ClassVar[bool] = True
+
+    def __init__(self, setup: VestSetup, options: EqualStepsOptions) -> None:
+        super().__init__(setup, options)
+        numbers = setup.layout.numbers
+        full, self._offset = options.full_percent, options.offset_percent
+        threshold = np.full(len(numbers), options.threshold_percent or THRESHOLD_PERCENT)
+        step = None
+        if setup.felt is not None:
+            measured = setup.felt.threshold[numbers]
+            if options.threshold_percent is None:
+                threshold = np.where(measured > 0, measured, THRESHOLD_PERCENT)
+            step = setup.felt.step[numbers]
+        if (worst := float(threshold.max())) >= full:
+            raise ConfigError(
+                f"stages.mapping.options.full_percent = {full:g} is not above the threshold of every motor: "
+                f"{worst:g} percent is felt at the worst",
+                "raise it, or look at vest.threshold",
+            )
+        weber = np.full(len(numbers), options.weber or WEBER)
+        if options.weber is None and step is not None and bool((step != 1.0).any()):
+            # 1 is the step of nobody in particular.
+            weber = step / ((threshold + full) / 2 + self._offset)
+        self._log_weber = np.log1p(weber)
+        self._lowest = threshold + self._offset
+        self._n_steps = float((np.log((full + self._offset) / self._lowest) / self._log_weber).min())
+        self._first = min(options.first_steps, self._n_steps)
+
+    @property
+    def n_steps(self) -> float:
+        """Noticeable steps between the threshold and full sensation, N: of the motor that has fewest."""
+        return self._n_steps
+
+    def levels(
+        self, t_ns: int, contacts: AnyMapping[str, Contact], events: Sequence[Event]
+    ) -> NDArray[np.float64]:
+        """Return every motor's level."""
+        shares = np.minimum(super().levels(t_ns, contacts, events) / 100, 1)
+        n = self._first + shares * (self._n_steps - self._first)
+        shown = self._lowest * np.exp(n * self._log_weber) - self._offset
+        return np.where(shares > 0, np.clip(shown, 0, 100), 0.0)

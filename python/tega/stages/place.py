@@ -1,0 +1,123 @@
+"""Show where on the fingertip a contact is: its middle moves the motors that vibrate within the finger's columns."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping as AnyMapping
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal
+
+import msgspec
+import numpy as np
+
+from tega.stages.base import StageOptions, VestSetup
+from tega.stages.slip_row import SlipRowMapping, SlipRowOptions
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tega.records import Contact
+
+
+_Pixels = Annotated[int, msgspec.Meta(ge=8, le=8192)]
+
+# Of a picture: the shares right and down, as shares right and down of the finger with its tip up.
+_TURNED: Final = {
+    "up": (lambda x, y: (x, y)),
+    "down": (lambda x, y: (1 - x, 1 - y)),
+    "left": (lambda x, y: (1 - y, x)),
+    "right": (lambda x, y: (y, 1 - x)),
+}
+
+
+class PlaceOptions(SlipRowOptions, frozen=True):
+    """Options of the mapping ``place``: those of ``slip-row``, and these; ``rows`` counts where ``blend`` is ``all``.
+
+    Attributes:
+        slip_row: Row of every face that shows slips and nothing else; ``none``: no slip is shown.
+        blend: Between two motors: ``energy`` shares the power, so that a place between them is felt as strong as one;
+            ``linear`` shares the intensity; ``nearest`` takes one; ``all`` lights every motor, as ``columns`` does.
+        picture_px: Width and height of the fingertips' pictures.
+        tip: Side of the picture at which the fingertip's end is; it is shown at the top.
+    """
+
+    slip_row: Literal["bottom", "top", "none"] = "none"
+    blend: Literal["energy", "linear", "nearest", "all"] = "energy"
+    picture_px: tuple[_Pixels, _Pixels] = (320, 240)
+    tip: Literal["up", "down", "left", "right"] = "up"
+
+
+class PlaceMapping(SlipRowMapping):
+    """Columns in which only the motors at the contact's place vibrate.
+
+    The middle of the contact (Eq 2) is a share of the picture, right and down. Down the finger it moves along the rows.
+    A face's columns are shared out among the fingers in use: with four fingers each has one, with one finger it has
+    all four and the contact moves across them, too. With d the distance from the place to a motor, in motors, and
+    w = max(1 - abs(d), 0) along each axis, a motor shows ``sqrt(w)`` of the intensity (``energy``: Israr and Poupyrev
+    2011, "Tactile brush", doi 10.1145/1978942.1979235) or ``w`` (``linear``). A contact whose middle is not known is
+    shown by all the finger's motors.
+    """
+
+    summary: ClassVar[str] = "the contact's place on the fingertip moves the motors that vibrate"
+    options_type: ClassVar[type[StageOptions]] = PlaceOptions
+
+    def __init__(self, setup: VestSetup, options: PlaceOptions) -> None:
+        super().__init__(setup, options)
+        self._place = options
+        layout = setup.layout
+        in_use = [finger for finger in self._fingers if finger in setup.fingers]
+        width = {face: layout.columns(face) for face in ("front", "back")}
+        self._own_columns: dict[str, dict[str, range]] = {}
+        for n, finger in enumerate(in_use):
+            self._own_columns[finger] = {
+                face: range(n * columns // len(in_use), (n + 1) * columns // len(in_use))
+                for face, columns in width.items()
+            }
+        top = int(options.slip_row == "top")
+        self._motors = [
+            (index, motor.face, motor.row - top, motor.column, int(self._rows[index]))
+            for index, motor in enumerate(layout.motors)
+            if not self._spared[index]
+        ]
+        if options.blend != "all":
+            return
+        self._own_columns = {
+            finger: dict.fromkeys(width, range(column, column + 1))
+            for column, finger in enumerate(self._fingers)
+        }
+
+    def _spread(self, values: NDArray[np.float64], contacts: AnyMapping[str, Contact]) -> NDArray[np.float64]:
+        if self._place.blend == "all":
+            return super()._spread(values, contacts)
+        levels = np.zeros(len(self._shown))
+        for column, finger in enumerate(self._fingers):
+            percent = {"front": values[2 * column], "back": values[2 * column + 1]}
+            if finger not in self._own_columns or not any(percent.values()):
+                continue
+            contact = contacts.get(finger)
+            at = None if contact is None else self._at(contact)
+            for index, face, row, motor_column, n_rows in self._motors:
+                own = self._own_columns[finger][face]
+                if motor_column in own:
+                    weight = (
+                        1.0 if at is None else self._weight(at, row, n_rows, motor_column - own[0], len(own))
+                    )
+                    levels[index] = max(levels[index], percent[face] * weight)
+        return levels
+
+    def _at(self, contact: Contact) -> tuple[float, float] | None:
+        """Return where a contact is, as shares right and down of a finger whose tip is up."""
+        x, y = (at / (n - 1) for at, n in zip(contact.centroid_xy, self._place.picture_px, strict=True))
+        if not (math.isfinite(x) and math.isfinite(y)):
+            return None
+        right, down = _TURNED[self._place.tip](min(max(x, 0.0), 1.0), min(max(y, 0.0), 1.0))
+        return right, down
+
+    def _weight(self, at: tuple[float, float], row: int, n_rows: int, column: int, n_columns: int) -> float:
+        """Return the share of the intensity that a motor shows of a contact at a place."""
+        weight = 1.0
+        for share, place, n in ((at[1], row, n_rows), (at[0], column, n_columns)):
+            wanted = share * (n - 1)
+            if self._place.blend == "nearest":
+                wanted = math.floor(wanted + 0.5)
+            weight *= max(0.0, 1 - abs(wanted - place))
+        return math.sqrt(weight) if self._place.blend == "energy" else weight

@@ -1,0 +1,132 @@
+"""Show a slip as bursts on a row of motors of its own, beside columns that show touch.
+
+A burst that comes on top of a strong column is hard to tell from a firmer touch. Motors that carry nothing else say
+"slip" by place alone, which the torso tells far better than intensity; a discrete cue of slip is what people act on
+fastest (Aboseria and others 2018, "Discrete vibro-tactile feedback prevents object slippage in hand prostheses").
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping as AnyMapping
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, NamedTuple
+
+import msgspec
+import numpy as np
+
+from tega.errors import ConfigError
+from tega.stages.base import StageOptions, VestSetup
+from tega.stages.columns import ColumnsMapping, ColumnsOptions
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tega.records import Contact, Event
+
+
+class SlipRowOptions(ColumnsOptions, frozen=True):
+    """Options of the mapping ``slip-row``: those of ``columns``, and these.
+
+    Attributes:
+        slip_row: Row of every face that shows slips and nothing else; ``none`` leaves it to the columns and shows no
+            slip.
+        slip_percent: Intensity of a burst.
+        slip_bursts: How many bursts tell a slip.
+        slip_burst_s: How long each lasts: a small coin motor needs about 0.18 s to reach its full vibration.
+        slip_rest_s: Rest between two bursts.
+        slip_again_s: So soon after the last burst the same finger's slip is not told again.
+    """
+
+    slip_row: Literal["bottom", "top", "none"] = "bottom"
+    slip_percent: Annotated[float, msgspec.Meta(gt=0, le=100)] = 100.0
+    slip_bursts: Annotated[int, msgspec.Meta(ge=1, le=5)] = 2
+    slip_burst_s: Annotated[float, msgspec.Meta(ge=0.05, le=1)] = 0.15
+    slip_rest_s: Annotated[float, msgspec.Meta(ge=0.05, le=1)] = 0.1
+    slip_again_s: Annotated[float, msgspec.Meta(ge=0, le=5)] = 0.3
+
+
+class _Told(NamedTuple):
+    began_ns: int
+    end_ns: int
+    finger: str
+
+
+class SlipRowMapping(ColumnsMapping):
+    """Columns as in ``columns``, and a row of motors that carries slips alone.
+
+    A slip of one finger is shown in that finger's column of the row, one of the whole hand in those of all fingers that
+    are seen. For a burst's length b and rest r it is on while ``(t - t_event) mod (b + r) < b``, n times.
+
+    Raises:
+        ConfigError: As ``columns``; or a face has one row only, of which none can be spared.
+    """
+
+    summary: ClassVar[str] = "columns, and slips as bursts on a row of their own"
+    options_type: ClassVar[type[StageOptions]] = SlipRowOptions
+
+    def __init__(self, setup: VestSetup, options: SlipRowOptions) -> None:
+        super().__init__(setup, options)
+        self._slip = options
+        self.wants_events = options.slip_row != "none"
+        self._told: list[_Told] = []
+        self._columns_of = {finger: column for column, finger in enumerate(self._fingers)}
+        motors, rows = setup.layout.motors, setup.layout.rows
+        last = {"bottom": 1, "top": 0}.get(options.slip_row)
+        self._spared = np.array(
+            [last is not None and motor.row == last * (rows(motor.face) - 1) for motor in motors]
+        )
+        self._motor_column = np.array([motor.column for motor in motors])
+        if last is None:
+            return
+        for face in ("front", "back"):
+            if rows(face) == 1:
+                raise ConfigError(
+                    f"layout {setup.layout.name!r} has one row at its {face}: none can be kept for slips",
+                    'stages.mapping.options.slip_row = "none"',
+                )
+        # The columns have one row less, and a bar stands on what is left of them.
+        self._shown[self._spared] = 2 * len(self._fingers)
+        self._rows -= 1
+        self._below -= last
+        self._below[self._spared] = 0
+
+    def levels(
+        self, t_ns: int, contacts: AnyMapping[str, Contact], events: Sequence[Event]
+    ) -> NDArray[np.float64]:
+        """Return every motor's level."""
+        levels = super().levels(t_ns, contacts, events)
+        if self.wants_events:
+            self._tell(t_ns, events)
+            for told in self._told:
+                self._show(told, t_ns, contacts, levels)
+        return levels
+
+    def _tell(self, t_ns: int, events: Sequence[Event]) -> None:
+        o = self._slip
+        again_ns, period_s = round(o.slip_again_s * 1e9), o.slip_burst_s + o.slip_rest_s
+        lasts_ns = round((o.slip_bursts * period_s - o.slip_rest_s) * 1e9)
+        for event in events:
+            if event.kind != "slip":
+                continue
+            if any(
+                told.finger == event.finger and event.t_ns < told.end_ns + again_ns for told in self._told
+            ):
+                continue
+            self._told.append(_Told(event.t_ns, event.t_ns + lasts_ns, event.finger))
+        self._told = [told for told in self._told if t_ns < told.end_ns + again_ns]
+
+    def _show(
+        self, told: _Told, t_ns: int, contacts: AnyMapping[str, Contact], levels: NDArray[np.float64]
+    ) -> None:
+        """Light what a slip lights at a time; a finger that is not seen any more shows nothing."""
+        o = self._slip
+        if not told.began_ns <= t_ns < told.end_ns:
+            return
+        if (t_ns - told.began_ns) % round((o.slip_burst_s + o.slip_rest_s) * 1e9) >= round(
+            o.slip_burst_s * 1e9
+        ):
+            return
+        for finger in contacts:
+            if told.finger in {"", finger} and finger in self._columns_of:
+                lit = self._spared & (self._motor_column == self._columns_of[finger])
+                levels[lit] = o.slip_percent

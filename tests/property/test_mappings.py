@@ -1,0 +1,284 @@
+"""Mappings of touch: bounded, monotone, silent without contact, deterministic, and `columns` at neutral options."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tega.errors import ConfigError
+from tega.haptics import FINGERS, FeltMap
+from tega.motor_layout import SHIPPED, Motor, MotorLayout
+from tega.records import Contact, Event
+from tega.stages import Mapping, VestSetup
+from tega.stages.changes import ChangesMapping, ChangesOptions
+from tega.stages.columns import ColumnsMapping, ColumnsOptions
+from tega.stages.equal_steps import EqualStepsMapping, EqualStepsOptions
+from tega.stages.place import PlaceMapping, PlaceOptions
+from tega.stages.slip_row import SlipRowMapping, SlipRowOptions
+
+STEP_NS = 33_333_333
+MAXIMA = {finger: {"cci": 0.1, "eda": 8000.0} for finger in FINGERS}
+KINDS: list[tuple[type[Mapping], type[ColumnsOptions]]] = [
+    (SlipRowMapping, SlipRowOptions),
+    (EqualStepsMapping, EqualStepsOptions),
+    (ChangesMapping, ChangesOptions),
+    (PlaceMapping, PlaceOptions),
+]
+
+shares = st.floats(0, 1.5).map(lambda x: round(x, 6))
+layouts = st.sampled_from(sorted(SHIPPED))
+places = st.tuples(st.floats(0, 319), st.floats(0, 239))
+touches = st.dictionaries(st.sampled_from(FINGERS), st.tuples(shares, shares, places))
+slips = st.lists(st.sampled_from(["", *FINGERS]), max_size=2)
+scripts = st.lists(st.tuples(touches, slips), min_size=1, max_size=12)
+
+
+def contact(finger: str, t_ns: int, cci: float, eda: float, at: tuple[float, float] = (160, 120)) -> Contact:
+    """Return a contact of so much of the maxima."""
+    on = eda > 0
+    return Contact(
+        finger=finger,
+        t_ns=t_ns,
+        in_contact=on,
+        cci=0.1 * cci if on else 0.0,
+        eda=round(8000 * eda),
+        centroid_xy=at if on else (math.nan, math.nan),
+    )
+
+
+def setup(
+    layout: str | MotorLayout = "x40", felt: FeltMap | None = None, fingers: Sequence[str] = FINGERS
+) -> VestSetup:
+    table = SHIPPED[layout] if isinstance(layout, str) else layout
+    return VestSetup(table, tuple(fingers), {f: MAXIMA[f] for f in fingers}, felt)
+
+
+def run(mapping: Any, script: Any) -> list[np.ndarray[Any, Any]]:
+    """Show a script of touches and slips at a vest's refreshes."""
+    shown = []
+    for n, (touched, slipped) in enumerate(script):
+        t_ns = n * STEP_NS
+        contacts = {f: contact(f, t_ns, *how) for f, how in touched.items()}
+        events = tuple(Event(t_ns=t_ns, finger=f, kind="slip") for f in slipped)
+        shown.append(mapping.levels(t_ns, contacts, events if mapping.wants_events else ()))
+    return shown
+
+
+def hold(mapping: Any, share: float, n: int = 1, since_ns: int = 0) -> np.ndarray[Any, Any]:
+    """Return what is shown after `n` refreshes of one evenly touching index finger."""
+    shown = np.zeros(0)
+    for k in range(n):
+        t_ns = since_ns + k * STEP_NS
+        shown = mapping.levels(t_ns, {"index": contact("index", t_ns, share, share)}, ())
+    return shown
+
+
+@pytest.mark.parametrize(("kind", "options"), KINDS)
+@given(script=scripts, layout=layouts)
+def test_levels_are_percents_and_the_same_again(kind: Any, options: Any, script: Any, layout: str) -> None:
+    first, again = (run(kind(setup(layout), options()), script) for _ in range(2))
+    for one, other in zip(first, again, strict=True):
+        assert one.shape == (len(SHIPPED[layout].motors),)
+        assert np.isfinite(one).all()
+        assert (one >= 0).all()
+        assert (one <= 100).all()
+        assert one.tobytes() == other.tobytes()
+
+
+@pytest.mark.parametrize(("kind", "options"), KINDS)
+@given(script=scripts, layout=layouts)
+def test_without_contact_there_is_silence(kind: Any, options: Any, script: Any, layout: str) -> None:
+    mapping = kind(setup(layout), options())
+    run(mapping, script)
+    t_ns = len(script) * STEP_NS
+    assert not mapping.levels(t_ns, {}, ()).any(), "every finger is lost: at once"
+    mapping = kind(setup(layout), options())
+    run(mapping, script)
+    free = {f: contact(f, t_ns + 3_000_000_000, 0, 0) for f in FINGERS}
+    mapping.levels(t_ns, {f: contact(f, t_ns, 0, 0) for f in FINGERS}, ())
+    assert not mapping.levels(t_ns + 3_000_000_000, free, ()).any(), "every finger has let go: after 3 s"
+
+
+@pytest.mark.parametrize(
+    ("kind", "options"),
+    [
+        (SlipRowMapping, SlipRowOptions(slip_row="none")),
+        (ChangesMapping, ChangesOptions(steady=1, onset=0, offset=0)),
+        (PlaceMapping, PlaceOptions(blend="all")),
+    ],
+)
+@given(script=scripts, layout=layouts)
+def test_neutral_options_are_columns(kind: Any, options: Any, script: Any, layout: str) -> None:
+    script = [({f: (min(c, 1), min(e, 1), at) for f, (c, e, at) in t.items()}, s) for t, s in script]
+    neutral, columns = kind(setup(layout), options), ColumnsMapping(setup(layout), ColumnsOptions())
+    for one, other in zip(run(neutral, script), run(columns, script), strict=True):
+        assert one.tobytes() == other.tobytes()
+
+
+@given(
+    share=st.floats(0, 1),
+    threshold=st.lists(st.floats(5, 45), min_size=40, max_size=40),
+    step=st.lists(st.floats(2, 20), min_size=40, max_size=40),
+)
+def test_steps_of_one_size_are_columns_behind_the_wearers_own_map(
+    share: float, threshold: list[float], step: list[float]
+) -> None:
+    felt = FeltMap(threshold=threshold, step=step)
+    options = EqualStepsOptions(law="logistic", offset_percent=1e6, first_steps=0)
+    shown = hold(EqualStepsMapping(setup(felt=felt), options), share)
+    columns = hold(ColumnsMapping(setup(felt=felt), ColumnsOptions()), share)
+    shares = np.minimum(columns, 100) / 100
+    n_steps = ((100 - felt.threshold) / felt.step).min()
+    wanted = np.where(shares > 0, felt.threshold + shares * n_steps * felt.step, 0)
+    assert np.abs(shown - np.minimum(wanted, 100)).max() < 0.1
+
+
+@given(
+    low=st.floats(0.001, 1),
+    high=st.floats(0.001, 1),
+    threshold=st.lists(st.integers(5, 60), min_size=40, max_size=40),
+    step=st.lists(st.integers(2, 20), min_size=40, max_size=40),
+)
+def test_equal_shares_are_equal_steps_above_threshold_on_every_motor(
+    low: float, high: float, threshold: list[int], step: list[int]
+) -> None:
+    low, high = sorted((low, high))
+    felt = FeltMap(threshold=threshold, step=step)
+    mapping = EqualStepsMapping(setup(felt=felt), EqualStepsOptions(first_steps=1))
+    motors = [
+        n for n, motor in enumerate(SHIPPED["x40"].motors) if (motor.face, motor.column) == ("front", 1)
+    ]
+    numbers = SHIPPED["x40"].numbers[motors]
+    weber = felt.step[numbers] / ((felt.threshold[numbers] + 100) / 2)
+
+    def steps(share: float) -> Any:
+        shown = hold(mapping, share)[motors]
+        assert (shown >= felt.threshold[numbers] - 1e-9).all()
+        return np.log(shown / felt.threshold[numbers]) / np.log1p(weber)
+
+    below, above = steps(low), steps(high)
+    assert np.ptp(below) < 1e-6
+    assert (above >= below - 1e-9).all()
+    first = min(1.0, mapping.n_steps)
+    assert above[-1] == pytest.approx(first + high * (mapping.n_steps - first), abs=1e-6)
+
+
+@pytest.mark.parametrize(("kind", "options"), KINDS)
+@given(low=st.floats(0, 1), high=st.floats(0, 1), n=st.sampled_from([1, 60]))
+def test_a_firmer_even_touch_is_never_weaker(
+    kind: Any, options: Any, low: float, high: float, n: int
+) -> None:
+    low, high = sorted((low, high))
+    weak, strong = (hold(kind(setup(), options()), share, n) for share in (low, high))
+    assert (strong >= weak - 1e-9).all()
+
+
+@given(share=st.floats(0.4, 1), more=st.floats(0.4, 1))
+def test_a_firmer_onset_and_a_larger_fall_are_shown_more_strongly(share: float, more: float) -> None:
+    share, more = sorted((share, more))
+
+    def peaks(full: float) -> tuple[float, float, float]:
+        mapping = ChangesMapping(setup(), ChangesOptions())
+        hold(mapping, 0, 2)
+        onset = hold(mapping, full, 1, 2 * STEP_NS).max()
+        steady = hold(mapping, full, 90, 3 * STEP_NS).max()
+        return onset, steady, hold(mapping, 0, 1, 93 * STEP_NS).max()
+
+    weak, strong = peaks(share), peaks(more)
+    assert all(b >= a - 1e-9 for a, b in zip(weak, strong, strict=True))
+    assert strong[0] > strong[1]
+    assert strong[2] > 0
+
+
+def test_what_is_shown_after_a_change_does_not_depend_on_how_often_it_is_refreshed() -> None:
+    def after(refreshes: list[int]) -> Any:
+        mapping = ChangesMapping(setup(), ChangesOptions())
+        mapping.levels(0, {"index": contact("index", 0, 0, 0)}, ())
+        for t_ms in refreshes:
+            shown = mapping.levels(t_ms * 10**6, {"index": contact("index", 0, 1, 1)}, ())
+        return shown
+
+    assert after([10, 400]) == pytest.approx(after([10, 20, 35, 170, 300, 400]), abs=1e-9)
+
+
+def test_a_steady_touch_is_reminded_of_on_schedule() -> None:
+    options = ChangesOptions(remind_every_s=4, remind_s=1)
+    mapping = ChangesMapping(setup(), options)
+    on = [hold(mapping, 1, 1, n * STEP_NS).any() for n in range(12 * 30)]
+    assert on[0]
+    assert np.mean(on) == pytest.approx(0.25, abs=0.01)
+
+
+@given(finger=st.sampled_from(["", *FINGERS]), row=st.sampled_from(["top", "bottom"]), layout=layouts)
+def test_a_slip_lights_its_own_row_alone(finger: str, row: Any, layout: str) -> None:
+    mapping = SlipRowMapping(setup(layout), SlipRowOptions(slip_row=row))
+    plain = SlipRowMapping(setup(layout), SlipRowOptions(slip_row=row))
+    motors = SHIPPED[layout].motors
+    last = {"top": 0, "bottom": SHIPPED[layout].rows("front") - 1}[row]
+    spared = np.array([motor.row == last for motor in motors])
+    column = np.array([motor.column for motor in motors])
+    told = []
+    for n in range(60):
+        t_ns = n * STEP_NS
+        contacts = {f: contact(f, t_ns, 0.7, 0.7) for f in FINGERS}
+        events = (Event(t_ns=t_ns, finger=finger, kind="slip"),) if n == 10 else ()
+        shown, without = mapping.levels(t_ns, contacts, events), plain.levels(t_ns, contacts, ())
+        assert (shown[~spared] == without[~spared]).all()
+        assert (shown[~spared] > 0).all()
+        assert not without[spared].any()
+        lit = shown[spared] > 0
+        told.append(bool(lit.any()))
+        if lit.any():
+            assert (lit == ((column[spared] == FINGERS.index(finger)) if finger else True)).all()
+    # Two bursts with a rest in between.
+    edges = "".join("#" if on else "." for on in told).strip(".")
+    assert sorted(set(edges.replace("#", " ").split())) == [edges.strip("#")]
+    assert 0.28 <= sum(told) / 30 <= 0.36
+
+
+@given(x=st.floats(0, 319), y=st.floats(0, 239), tip=st.sampled_from(["up", "down", "left", "right"]))
+def test_the_contacts_place_is_where_it_is_felt(x: float, y: float, tip: Any) -> None:
+    mapping = PlaceMapping(setup("paper32", fingers=["index"]), PlaceOptions(tip=tip, blend="linear"))
+    shown = mapping.levels(0, {"index": contact("index", 0, 1, 1, (x, y))}, ()).reshape(2, 4, 4)
+    rows, columns = np.mgrid[:4, :4]
+    right, down = {
+        "up": (x / 319, y / 239), "down": (1 - x / 319, 1 - y / 239),
+        "left": (1 - y / 239, x / 319), "right": (y / 239, 1 - x / 319),
+    }[tip]  # fmt: skip
+    for face in shown:
+        # Shared linearly, the middle of what vibrates is the place itself, and all of it the intensity.
+        assert face.sum() == pytest.approx(99, abs=1e-6)
+        assert (face * rows).sum() / face.sum() == pytest.approx(3 * down, abs=1e-6)
+        assert (face * columns).sum() / face.sum() == pytest.approx(3 * right, abs=1e-6)
+    energy = PlaceMapping(setup("paper32", fingers=["index"]), PlaceOptions(tip=tip))
+    shown = energy.levels(0, {"index": contact("index", 0, 1, 1, (x, y))}, ())
+    assert (shown**2).sum() == pytest.approx(2 * 99**2, rel=1e-9)
+
+
+def test_four_fingers_keep_a_column_each_and_an_unknown_place_lights_it() -> None:
+    mapping = PlaceMapping(setup(), PlaceOptions())
+    shown = mapping.levels(0, {"middle": contact("middle", 0, 1, 1, (300, 0))}, ()).reshape(2, 5, 4)
+    assert (shown > 1).nonzero()[1].tolist() == [0, 0]
+    assert (shown > 1).nonzero()[2].tolist() == [2, 2]
+    shown = mapping.levels(0, {"middle": contact("middle", 0, 1, 1, (math.nan, math.nan))}, ())
+    assert (shown.reshape(2, 5, 4) > 90).sum(axis=(0, 1)).tolist() == [0, 0, 10, 0]
+
+
+def test_a_bar_stands_on_the_row_above_the_slips() -> None:
+    mapping = SlipRowMapping(setup("paper32"), SlipRowOptions(rows="bar", law="linear"))
+    shown = hold(mapping, 1 / 3).reshape(2, 4, 4)[:, :, 1]
+    assert shown == pytest.approx(np.array([[0, 0, 100, 0]] * 2), abs=0.1)
+
+
+def test_what_cannot_be_shown_is_refused() -> None:
+    belt = MotorLayout("belt", "four motors", [Motor("front", 0, c, c) for c in range(4)])
+    with pytest.raises(ConfigError, match="one row at its front"):
+        SlipRowMapping(setup(belt), SlipRowOptions())
+    with pytest.raises(ConfigError, match=r"full_percent = 30 .* 40 percent is felt"):
+        EqualStepsMapping(setup(felt=FeltMap(threshold=40)), EqualStepsOptions(full_percent=30))

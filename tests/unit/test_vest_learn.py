@@ -1,0 +1,303 @@
+"""Learning to read the vest: shown, practised, tested; through the budget; scripted and simulated people."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from reference.wizard import Wizard
+from tega.calibration.folder import CalibrationFolder
+from tega.calibration.guide import Bar
+from tega.clock import ManualClock
+from tega.config import SessionConfig, load_config
+from tega.devices.base import DeviceInfo
+from tega.errors import CalibrationError, DeviceUnavailableError, InvalidValueError
+from tega.haptics import MotorLevels
+from tega.safety.motor_budget import MotorBudget
+from tega.sim.operator.person import typical_person
+from tega.sim.operator.sections import VestSection
+from tega.skill.two_down_one_up import LONGEST, TwoDownOneUp
+from tega.skill.vest_course import learn_vest
+from tega.skill.vest_kept import VestSkillRecord, kept_vest_skill
+from tega.skill.vest_lesson import Lesson
+from tega_emulators.process import Emulator
+from tega_emulators.vests import seen_by
+from tega_figures.felt.information import Discriminant
+from tega_figures.felt.skin import BatchSkin
+
+
+class LimitedVest:
+    """A vest with a budget at the edge of a lesson; keeps what it was sent, with the manual clock's times."""
+
+    def __init__(self, clock: ManualClock, *, dead: bool = False) -> None:
+        self.info = DeviceInfo(driver="limited", kind="vest", label="limited", live=True, notes=("off",))
+        self.budget = MotorBudget()
+        self.sent: list[tuple[int, MotorLevels]] = []
+        self._clock, self._dead = clock, dead
+
+    def write(self, t_ns: int, frame: MotorLevels) -> MotorLevels:
+        """Show what the budget allows."""
+        allowed = self.budget.allow(t_ns, frame.x40())[frame.motors]
+        shown = np.zeros_like(allowed) if self._dead else allowed
+        self.sent.append((self._clock.now_ns(), frame))
+        return MotorLevels(frame.layout, shown)
+
+
+class Person:
+    """Somebody who answers by what they are given to know of the vest.
+
+    Args:
+        answer: Given the question, its answers and the frames since the last one; returns a key.
+    """
+
+    def __init__(
+        self, vest: LimitedVest, answer: Callable[[str, Mapping[str, str], list[MotorLevels]], str]
+    ) -> None:
+        self._vest, self._answer = vest, answer
+        self._n_felt = 0
+        self.said: list[str] = []
+        self.questions: list[str] = []
+
+    def part(self, title: str, why: str) -> None:
+        """Hear what comes."""
+        self.said.append(f"{title}: {why}")
+
+    def say(self, text: str, *, tone: str = "plain") -> None:
+        """Hear something."""
+        del tone
+        self.said.append(text)
+
+    def ready(self, prompt: str) -> None:
+        """Be ready."""
+        self.said.append(prompt)
+
+    def show(self, prompt: str, bars: Sequence[Bar], left_s: float | None) -> None:
+        """Look at bars."""
+        del left_s
+        assert all(0 <= bar.share <= 1 for bar in bars), prompt
+
+    def ask(self, question: str, answers: Mapping[str, str]) -> str:
+        """Answer."""
+        felt = [frame for _, frame in self._vest.sent[self._n_felt :]]
+        self._n_felt = len(self._vest.sent)
+        self.questions.append(question)
+        said = self._answer(question, answers, felt)
+        assert said in answers
+        return said
+
+
+def settings(folder: Path, *sets: str) -> SessionConfig:
+    person = ("calibration.person=p01", f'calibration.folder="{folder.as_posix()}"')
+    return load_config(None, environ={}, sets=(*person, *sets)).config
+
+
+def knowing(config: SessionConfig) -> Callable[..., str]:
+    """Return the answers of somebody who knows every pattern by heart."""
+    off: Any = LimitedVest(ManualClock())
+    lesson = Lesson(config, off, ManualClock())
+    known = {
+        (aspect.question, b"".join(frame.levels.tobytes() for _, frame in lesson.frames(one))): one.key
+        for aspect in lesson.aspects
+        for one in aspect.cues
+    }
+
+    def answer(question: str, answers: Mapping[str, str], felt: list[MotorLevels]) -> str:
+        del answers
+        if question == "Once more?":
+            return "n"
+        # After each cue the vest is sent a silent frame.
+        shown = [frame.levels.astype(int) for frame in felt[:-1]]
+        if question == "Which was firmer?":
+            half = len(felt) // 2
+            first, second = (
+                sum(f.levels.astype(int).sum() for f in part) for part in (felt[:half], felt[half:])
+            )
+            return "1" if first > second else "2"
+        return known[question, b"".join(f.astype(np.uint8).tobytes() for f in shown)]
+
+    return answer
+
+
+def test_somebody_who_knows_is_right_and_the_score_is_kept(tmp_path: Path) -> None:
+    config = settings(tmp_path, "stages.mapping.name=slip-row", "stages.mapping.options.law=linear")
+    clock = ManualClock()
+    vest: Any = LimitedVest(clock)
+    person = Person(vest, knowing(config))
+    record, file = learn_vest(config, vest, person, questions=20, seed=3, clock=clock)
+    assert record.right_percent == 100
+    assert {one.aspect for one in record.scores()} == {"finger", "firmness", "kind", "change", "slip"}
+    assert all(one.right == 1 and one.asked >= 4 for one in record.scores())
+    assert record.chance_percent < 51
+    assert record.difference_percent is not None
+    assert record.difference_percent < 15
+    assert 0 < record.dose_s == pytest.approx(float(vest.budget.dose_s.max()), abs=0.01)
+    assert kept_vest_skill(CalibrationFolder(tmp_path), "p01", "slip-row") == [record]
+    assert file.is_relative_to(tmp_path / "people" / "p01")
+    assert kept_vest_skill(CalibrationFolder(tmp_path), "p01", "columns") == []
+    assert not vest.sent[-1][1].intensities.any()
+    # In the test nothing is said about right and wrong.
+    test = next(n for n, said in enumerate(person.said) if said.startswith("Test:"))
+    assert not any(said.startswith(("Right", "No")) for said in person.said[test:])
+
+
+def test_what_a_mapping_does_not_show_is_not_asked(tmp_path: Path) -> None:
+    def aspects(*sets: str) -> set[str]:
+        vest: Any = LimitedVest(ManualClock())
+        return {one.name for one in Lesson(settings(tmp_path, *sets), vest, ManualClock()).aspects}
+
+    assert aspects() == {"finger", "firmness", "kind", "change"}
+    assert aspects("stages.mapping.name=pulses") == {"finger", "slip"}
+    assert aspects("stages.mapping.name=place") == {"finger", "firmness", "kind", "change", "place"}
+    assert "firmness" in aspects(
+        "stages.mapping.options.front_max=0.002", "stages.mapping.options.back_max=50"
+    )
+
+
+def test_somebody_who_guesses_is_at_chance_and_the_staircase_says_so(tmp_path: Path) -> None:
+    config = settings(tmp_path)
+    clock = ManualClock()
+    vest: Any = LimitedVest(clock)
+    rng = np.random.default_rng(1)
+
+    def guess(question: str, answers: Mapping[str, str], _felt: list[MotorLevels]) -> str:
+        keys = [key for key in answers if key != "a"]
+        return "n" if question == "Once more?" else str(rng.choice(keys))
+
+    record, _ = learn_vest(config, vest, Person(vest, guess), questions=160, clock=clock)
+    assert record.right_percent == pytest.approx(record.chance_percent, abs=12)
+    assert record.difference_percent is None or record.difference_percent > 30
+
+
+def simulated(
+    vest_numbers: VestSection, config: SessionConfig, rng: np.random.Generator
+) -> Callable[..., str]:
+    """Return the answers of a simulated person, who has felt each cue often and names what a feeling is most like."""
+    off: Any = LimitedVest(ManualClock())
+    lesson = Lesson(config, off, ManualClock())
+    skin = BatchSkin(vest_numbers)
+    judges = {}
+    for aspect in lesson.aspects:
+        percepts = [
+            skin.percepts(np.array([f.levels for _, f in lesson.frames(one)]), 80, rng) for one in aspect.cues
+        ]
+        stimuli = np.repeat(np.arange(len(aspect.cues)), 80)
+        judges[aspect.question] = Discriminant(np.concatenate(percepts), stimuli), aspect
+
+    def answer(question: str, answers: Mapping[str, str], felt: list[MotorLevels]) -> str:
+        del answers
+        if question == "Once more?":
+            return "n"
+        if question == "Which was firmer?":
+            half = len(felt) // 2
+            parts = [
+                skin.percepts(np.array([f.levels for f in p]), 1, rng) for p in (felt[:half], felt[half:])
+            ]
+            judge = judges["How firm?"][0]
+            n = min(part.shape[1] for part in parts)
+            first, second = (judge.along(part[:, :n])[0] for part in parts)
+            return "1" if first > second else "2"
+        judge, aspect = judges[question]
+        percept = skin.percepts(np.array([f.levels for f in felt[:-1]]), 1, rng)
+        return str(aspect.cues[int(judge.named(percept)[0])].key)
+
+    return answer
+
+
+def test_a_simulated_person_learns_more_than_guessing_and_less_than_everything(tmp_path: Path) -> None:
+    config = settings(tmp_path, "stages.mapping.name=equal-steps", "vest.layout=x40")
+    clock = ManualClock()
+    vest: Any = LimitedVest(clock)
+    answers = simulated(typical_person().vest, config, np.random.default_rng(4))
+    record, _ = learn_vest(config, vest, Person(vest, answers), questions=60, clock=clock)
+    assert record.chance_percent + 20 < record.right_percent
+    assert record.difference_percent is not None
+    assert 1 < record.difference_percent < 45
+    finger = next(one for one in record.scores() if one.aspect == "finger")
+    assert finger.right > 0.8
+
+
+def test_a_lesson_ends_where_the_day_is_used_up_and_where_the_vest_is_dead(tmp_path: Path) -> None:
+    config = settings(tmp_path)
+    clock = ManualClock()
+    vest: Any = LimitedVest(clock)
+    vest.budget.carry(dose_s=np.full(40, 1700.0), heat=np.zeros(40))
+    with pytest.raises(CalibrationError, match="day's vibration is nearly used up"):
+        learn_vest(config, vest, Person(vest, knowing(config)), clock=clock)
+    assert not vest.sent[-1][1].intensities.any()
+    assert kept_vest_skill(CalibrationFolder(tmp_path), "p01", "columns") == []
+    clock = ManualClock()
+    dead: Any = LimitedVest(clock, dead=True)
+    with pytest.raises(DeviceUnavailableError, match=r"did not show .*: off"):
+        learn_vest(config, dead, Person(dead, knowing(config)), clock=clock)
+    assert not dead.sent[-1][1].intensities.any()
+
+
+@given(st.lists(st.booleans(), min_size=LONGEST, max_size=LONGEST))
+def test_the_staircase_ends_and_stays_within_its_limits(answers: list[bool]) -> None:
+    stairs = TwoDownOneUp(start=0.4, least=0.02, most=0.6)
+    for right in answers:
+        if stairs.ended:
+            break
+        assert 0.02 <= stairs.difference <= 0.6
+        before = stairs.difference
+        stairs.answer(right=right)
+        assert stairs.difference >= before or right
+        assert stairs.difference <= before or not right
+    assert stairs.ended
+    assert stairs.threshold is None or 0.02 <= stairs.threshold <= 0.6
+    with pytest.raises(InvalidValueError, match="ended"):
+        stairs.answer(right=True)
+
+
+@pytest.mark.parametrize("limen", [0.05, 0.1, 0.25])
+def test_the_staircase_finds_where_71_percent_are_right(limen: float) -> None:
+    rng = np.random.default_rng(2)
+    found = []
+    for _ in range(300):
+        stairs = TwoDownOneUp(start=0.4, least=0.005, most=0.6)
+        while not stairs.ended:
+            # 70.7 % at the limen.
+            chance_right = 0.5 + 0.5 * (1 - np.exp(-0.534 * (stairs.difference / limen) ** 2))
+            stairs.answer(right=bool(rng.random() < chance_right))
+        assert stairs.threshold is not None
+        found.append(stairs.threshold)
+    assert np.exp(np.mean(np.log(found))) == pytest.approx(limen, rel=0.15)
+
+
+def test_a_record_keeps_its_form(tmp_path: Path) -> None:
+    from tega.calibration.records import read_record, utc_now, write_record
+
+    record = VestSkillRecord(
+        device="d", driver="v", made=utc_now(), person="p01", mapping="columns", seed=1, right_percent=50.0,
+        chance_percent=50.0, dose_s=1.5, answers=(("slip", "y", "n", 2), ("slip", "n", "n", 2)),
+    )  # fmt: skip
+    write_record(record, tmp_path / "one.toml")
+    assert read_record(tmp_path / "one.toml", VestSkillRecord) == record
+    assert record.scores()[0] == ("slip", 2, 0.5, 0.5)
+
+
+def test_the_verb_teaches_on_an_emulated_vest(tmp_path: Path) -> None:
+    with Emulator("bhaptics_player", "--port", "0") as player:
+        options = "\n".join(f"{name} = {json.dumps(value)}" for name, value in player.address.items())
+        (tmp_path / "lab.toml").write_text(
+            f"[vest]\ndriver = 'bhaptics-player'\n[vest.options]\n{options}\n"
+            "[stages.mapping]\nname = 'pulses'\n[tactile.index]\ndriver = 'synthetic-touch'\n"
+        )
+        words = ["vest", "learn", str(tmp_path / "lab.toml"), "--person", "p01", "--questions", "2", "--json"]
+        person = Wizard([*words, "--test-only"], lambda prompt: "n" if "slip" in prompt else "")
+        assert person.run() == 0, person.lines
+        told: Any = json.loads(person.out)
+        history = seen_by(player).history
+    assert told["mapping"] == "pulses"
+    assert told["aspects"] == [{"aspect": "slip", "asked": 4, "right": 0.5, "chance": 0.5}]
+    assert any(any(motors) for _, motors in history)
+    assert not any(history[-1][1])
+    assert Path(told["file"]).is_file()
+    assert any((tmp_path / "calibrations").rglob("vest-dose.json"))

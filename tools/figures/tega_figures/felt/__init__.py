@@ -1,0 +1,1 @@
+"""Measure what a mapping lets a simulated person tell: information, thresholds, dose and habituation."""
