@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from reference.grasp_plant import Grasp, grasp
+from tega_figures.information.plant import Grasp, grasp
 from tega.errors import ConfigError, InvalidValueError
 from tega.sim.operator import (
     Operator,

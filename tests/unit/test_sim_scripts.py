@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reference.grasp_plant import grasp
+from tega_figures.information.plant import grasp
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.haptics import MotorLevels, vest_frame
 from tega.sim.operator import SHAMS, KeyboardOperator, Keys, ScriptedOperator, sham_vest
