@@ -10,6 +10,7 @@ from pathlib import Path
 import click
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from tega_figures.information.compare import (
     OUTCOMES,
@@ -127,7 +128,7 @@ def _read(file: Path) -> list[Run]:
     return msgspec.json.decode(file.read_bytes(), type=list[Run])
 
 
-def _nothing(runs: list[Run], who: str) -> np.ndarray:  # type: ignore[type-arg]
+def _nothing(runs: list[Run], who: str) -> NDArray[np.float64]:
     return np.array(next(one.rows for one in runs if (one.who, one.arm) == (who, _NOTHING[who])))
 
 

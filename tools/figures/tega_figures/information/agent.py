@@ -126,7 +126,9 @@ class IdealAgent(Operator):
                 continue
             if event.kind == "slip":
                 slid = (
-                    cloud.slip_rate(began.closure) if began.held else 1.0 * (cloud.need - began.closure > 0.5)
+                    cloud.slip_rate(began.closure)
+                    if began.held
+                    else (cloud.need - began.closure > 0.5).astype(np.float64)
                 )
                 cloud.weigh(slid + _OTHERWISE)
             elif event.kind == "deformation":

@@ -148,10 +148,12 @@ class GraspCloud:
     def _aim(self, level: int, errors: Floats) -> Floats:
         motor = self._p.motor
         share = level_effort(motor, level) * (1 + motor.aim_sd * errors[0]) + motor.aim_floor * errors[1]
-        return np.clip(self._full * share, 0.0, 1.15)
+        aimed: Floats = np.clip(self._full * share, 0.0, 1.15)
+        return aimed
 
     def _asked(self, excitation: Floats) -> Floats:
-        return np.clip(4 * excitation / self._full + 0.5, 1.0, 5.0)
+        asked: Floats = np.clip(4 * excitation / self._full + 0.5, 1.0, 5.0)
+        return asked
 
     def _resample(self) -> None:
         n = N_PARTICLES

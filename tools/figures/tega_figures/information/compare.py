@@ -63,9 +63,10 @@ def person_outcomes(
     """Return the mean outcomes of each person under an arm.
 
     Args:
-        arm: ``off``: no vest. ``vest``: tells the grip, felt through the person's skin. ``truth``: tells
-            the closure in equal steps, through a skin that misses nothing. The others are shams of :func:`tega.sim.operator.sham_vest`; ``replayed`` is the
-            vest of the same person's trial with the other object.
+        arm: ``off``: no vest. ``vest``: tells the grip by the real vest's law, felt through the person's skin.
+            ``truth``: tells the closure in equal steps, through a skin that misses nothing. The others are shams of
+            :func:`tega.sim.operator.sham_vest`; ``replayed`` is the vest of the same person's trial with the other
+            object.
         seeds: Who.
         version: Of the rules.
         n_trials: With each object.
@@ -86,7 +87,7 @@ def person_outcomes(
             which = number % N_OBJECTS
             worn = _worn(arm, seed, number, recorded)
             if number < N_OBJECTS and worn is not None:
-                operator.practise(str(which), lambda t_s, x, worn=worn: worn(t_s, told(x)))
+                operator.practise(str(which), _shown(worn, told))
                 worn = _worn(arm, seed, number, recorded)
             trials.append(
                 grasp(
@@ -130,6 +131,11 @@ def paired(arm: NDArray[np.float64], off: NDArray[np.float64]) -> dict[str, Pair
 def null(found: dict[str, Paired]) -> bool:
     """Whether every outcome's interval lies within its margin."""
     return all(-MARGIN[name] <= one.low and one.high <= MARGIN[name] for name, one in found.items())
+
+
+def _shown(worn: _Vest, told: Callable[[float], MotorLevels]) -> Callable[[float, float], MotorLevels | None]:
+    """Return what the vest shows in practice, by time and closure."""
+    return lambda t_s, closure: worn(t_s, told(closure))
 
 
 def _row(person: PersonNumbers, trials: list[tuple[int, bool, float]]) -> list[float]:

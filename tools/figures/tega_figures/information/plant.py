@@ -65,9 +65,13 @@ def plant_objects(rng: np.random.Generator, n: int) -> list[Grasp]:
 class GraspActor(Protocol):
     """Operator of the plant."""
 
-    def begin(self, name: str, *, width_m: float, trial: int = 0, rest_s: float = 60.0) -> None: ...
+    def begin(self, name: str, *, width_m: float, trial: int = 0, rest_s: float = 60.0) -> None:
+        """Start a trial."""
+        ...
 
-    def act(self, percept: Percept) -> Act: ...
+    def act(self, percept: Percept) -> Act:
+        """Take in a percept and return what is done."""
+        ...
 
 
 def told_frame(closure: float) -> MotorLevels:
