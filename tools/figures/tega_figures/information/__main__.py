@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+import hashlib
+from importlib.resources import files
 from pathlib import Path
 
 import click
@@ -13,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega_figures.information.compare import (
+    N_OBJECTS,
+    N_TRIALS,
     OUTCOMES,
     agent_outcomes,
     null,
@@ -110,7 +114,13 @@ def picture(file: Path, png: Path) -> None:
 def table_text(file: Path) -> str:
     """Return the outcomes told nothing, and every arm's differences from that, as Markdown."""
     runs = _read(file)
-    lines = [f"| who | told | {' | '.join(OUTCOMES)} | null |", "|---" * (len(OUTCOMES) + 3) + "|"]
+    lines = [
+        f"Version 2 of the rules: SHA-256 `{rules_digest()}`. {len(runs[0].rows)} people, "
+        f"seeds from {runs[0].first_seed}, {N_OBJECTS} objects each, {N_TRIALS} lifts of each.",
+        "",
+        f"| who | told | {' | '.join(OUTCOMES)} | null |",
+        "|---" * (len(OUTCOMES) + 3) + "|",
+    ]
     for one in sorted(runs, key=lambda r: (r.who, r.arm != _NOTHING[r.who])):
         rows, nothing = np.array(one.rows), _nothing(runs, one.who)
         if one.arm == _NOTHING[one.who]:
@@ -122,6 +132,13 @@ def table_text(file: Path) -> str:
             verdict = "yes" if null(found) else "no"
         lines.append(f"| {one.who} | {one.arm} | {' | '.join(cells)} | {verdict} |")
     return "\n".join(lines)
+
+
+def rules_digest() -> str:
+    """Return the SHA-256 of the two modules that hold the second version of the rules, one after the other."""
+    folder = files("tega.sim.operator")
+    source = b"".join((folder / name).read_bytes() for name in ("panels.py", "renewing.py"))
+    return hashlib.sha256(source.replace(b"\r\n", b"\n")).hexdigest()
 
 
 def _read(file: Path) -> list[Run]:
