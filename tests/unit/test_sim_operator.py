@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from reference.grasp_plant import Grasp, grasp
 from tega.errors import ConfigError, InvalidValueError
 from tega.sim.operator import (
     Operator,
@@ -26,6 +25,7 @@ from tega.sim.operator import (
 from tega.sim.operator.belief import Closure, ObjectBelief, above, below
 from tega.sim.operator.person import stream
 from tega.sim.seams import Percept, WorldTruth
+from tega_figures.information.plant import Grasp, grasp
 
 STILL = WorldTruth(0.0, 0.0, False, (0.0,) * 4, 0.0, 0.0, 0.0, 0.0, False, 0.1)
 FILE = Path(__file__).parents[2] / "python/tega/sim/operator/parameters.toml"

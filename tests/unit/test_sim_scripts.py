@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reference.grasp_plant import grasp
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.haptics import MotorLevels, vest_frame
 from tega.sim.operator import SHAMS, KeyboardOperator, Keys, ScriptedOperator, sham_vest
 from tega.sim.operator.keys import split_keys
 from tega.sim.operator.scripted import Step
 from tega.sim.seams import Percept, WorldTruth
+from tega_figures.information.plant import grasp
 
 STILL = WorldTruth(0.0, 0.0, False, (0.0,) * 4, 0.0, 0.0, 0.0, 0.0, False, 0.1)
 MADE = vest_frame([80, 60, 40, 20], [10, 0, 100, 55], layout="x40")

@@ -6,7 +6,7 @@ All in levels, all Gaussian. The pure functions are the moment updates; :class:`
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -127,21 +127,20 @@ class ObjectBelief:
 
     Attributes:
         grip: The person's numbers.
+        closure: How closed the hand is on it, and what the vest tells about that.
         need: Closure it needs, and the standard deviation of that.
         harm: Closure that harms it, likewise.
-        closure: How closed the hand is on it, and what the vest tells about that.
     """
 
     grip: GripSection
+    closure: Closure
     need: tuple[float, float] = (0.0, 0.0)
     harm: tuple[float, float] = (0.0, 0.0)
-    closure: Closure = field(init=False)
 
     def __post_init__(self) -> None:
         """Start from the person's first guesses."""
         self.need = (self.grip.need, self.grip.need_sd)
         self.harm = (self.grip.harm, self.grip.harm_sd)
-        self.closure = Closure(self.grip)
 
     def fade(self, felt_var: float) -> None:
         """Forget a little, as between two trials.

@@ -18,10 +18,10 @@ from tega.sim.seams import WorldTruth
 
 _CARRYING = frozenset({"lift", "place"})
 _CONTACT = frozenset({"contact", "onset", "slip", "deformation"})
-_HELD = frozenset({"lift", "hold", "place"})
+HELD = frozenset({"lift", "hold", "place"})
 _LIFTED_M = 0.005
 # Level 1 is the open hand: who holds something does not go there.
-_LOOSEST = 2
+LOOSEST = 2
 
 
 class Decision(NamedTuple):
@@ -31,11 +31,14 @@ class Decision(NamedTuple):
         t_s: When.
         level: The level aimed at.
         why: The rule: ``close``, ``slip``, ``weaker``, ``deformation``, ``cost``, ``open``.
+        change: By how many levels the present closure is corrected to get there; ``None`` where the level is aimed at
+            anew.
     """
 
     t_s: float
     level: int
     why: str
+    change: float | None = None
 
 
 class GripDecisions:
@@ -74,16 +77,20 @@ class GripDecisions:
     @property
     def touching(self) -> bool:
         """Whether the person takes the hand to be on the object."""
-        return self.phase in _HELD or self._contact_s is not None
+        return self.phase in HELD or self._contact_s is not None
 
     @property
     def held(self) -> bool:
         """Whether the person takes the object to be in the hand."""
-        return self.phase in _HELD
+        return self.phase in HELD
 
     def steady(self, t_s: float) -> bool:
         """Whether a change of what is felt has to come from the object: held, command unchanged for a second."""
         return self.phase in {"lift", "hold"} and t_s - self._commanded_s >= 1.0
+
+    def settled(self, t_s: float, window_s: float) -> bool:
+        """Whether the hand had followed the last command before the last ``window_s`` began."""
+        return t_s - self._commanded_s >= self._grip.closing_step_s + window_s
 
     def age_s(self, t_s: float) -> float:
         """Return how long the last command has stood."""
@@ -129,7 +136,7 @@ class GripDecisions:
             # The hand needs a moment to follow a command: what was seen before belongs to the closure before it.
             late = event.began_s < self._commanded_s + self._grip.closing_step_s
             x, var = self._before if late else (self.closure.x, self.closure.var)
-            if event.kind == "slip" and self.phase in _HELD:
+            if event.kind == "slip" and self.phase in HELD:
                 self.belief.slipped(x, var)
                 self._need_told = True
             elif event.kind == "deformation":
@@ -146,18 +153,18 @@ class GripDecisions:
             self._harm_told = True
 
     def _adjust(self, kinds: set[Kind]) -> tuple[int | None, str]:
-        if self.phase in _HELD and kinds & {"slip", "weaker"}:
+        if self.phase in HELD and kinds & {"slip", "weaker"}:
             self._barred = -1
             return (self.level + 1, "slip" if "slip" in kinds else "weaker") if self.level < 5 else (None, "")
         if "deformation" in kinds:
             self._barred = 1
-            return (self.level - 1, "deformation") if self.level > _LOOSEST else (None, "")
+            return (self.level - 1, "deformation") if self.level > LOOSEST else (None, "")
         closure = self.closure
         here = cost(self.belief, closure.x, closure.var)
         options = {
             step: cost(self.belief, closure.x + step, closure.var + (self._aim_sd * closure.x) ** 2)
             for step in (-1, 1)
-            if max(self._least, _LOOSEST) <= self.level + step <= 5 and step != self._barred
+            if max(self._least, LOOSEST) <= self.level + step <= 5 and step != self._barred
         }
         step = min(options, key=lambda s: options[s], default=0)
         return (
@@ -183,7 +190,7 @@ class GripDecisions:
     def _task(self, t_s: float, scene: WorldTruth) -> tuple[int | None, str]:
         """Go through the phases; return a level where the phase itself asks for one."""
         arm, forearm = self._arm, self.forearm
-        if self.phase in _HELD and scene.dropped:
+        if self.phase in HELD and scene.dropped:
             # Seeing it lie there and giving up takes a moment.
             self._give_up_s = t_s + self._arm.settle_s if self._give_up_s is None else self._give_up_s
             if t_s >= self._give_up_s:
@@ -213,8 +220,8 @@ class GripDecisions:
         grip, waited = self._grip, t_s - self._commanded_s
         direct = self.belief.need[1] < grip.direct_sd or self._attempts > 1
         if self.level == 1:
-            best = best_level(self.belief, self._aim_sd) if direct else 2
-            return max(best, self._least, _LOOSEST), "close"
+            best = self._first_level() if direct else LOOSEST
+            return max(best, self._least, LOOSEST), "close"
         if self._contact_s is not None:
             if t_s - self._contact_s >= grip.contact_wait_s:
                 self._lift(t_s)
@@ -225,6 +232,9 @@ class GripDecisions:
             self._lift(t_s)
             return None, ""
         return self.level + 1, "close"
+
+    def _first_level(self) -> int:
+        return best_level(self.belief, self._aim_sd)
 
     def _lift(self, t_s: float) -> None:
         self._enter("lift", t_s)

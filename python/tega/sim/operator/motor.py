@@ -57,6 +57,10 @@ class MuscleMotor:
         change = effort - self.excitation / self._full
         self._set_out(effort + change * self._p.aim_sd * error + self._p.aim_floor * floor)
 
+    def shift(self, levels: float) -> None:
+        """Change the aim by so many levels from the effort that is made now; the error goes with the change."""
+        self.correct(self.excitation / self._full + levels / 4)
+
     def _set_out(self, share: float) -> None:
         self._target = min(max(self._full * float(share), 0.0), _MOST)
         self._share = 1.0

@@ -129,12 +129,13 @@ class Skin:
         )
         return None if both else self._noticed(t_s, "slip")
 
-    def weaker(self, t_s: float, falls: tuple[bool, bool]) -> SeenEvent | None:
+    def weaker(self, t_s: float, falls: tuple[bool | None, bool | None]) -> SeenEvent | None:
         """Compare the last half second with the one before, a few times a second.
 
         Args:
             t_s: Now, seconds.
-            falls: For front and back, whether weaker means looser; the person may have learned the contrary.
+            falls: For front and back, whether weaker means looser; the person may have learned the contrary, or
+                may not heed the panel (``None``).
         """
         if t_s < self._next_compare_s or len(self.looks) < (self.looks.maxlen or 0):
             return None
@@ -142,6 +143,8 @@ class Skin:
         half = len(self.looks) // 2
         looks = list(self.looks)
         for panel, sign in zip(("front", "back"), falls, strict=True):
+            if sign is None:
+                continue
             before = [y for look in looks[:half] if (y := getattr(look, panel)) is not None]
             after = [y for look in looks[half:] if (y := getattr(look, panel)) is not None]
             if self._fell(before, after, half) if sign else self._fell(after, before, half):

@@ -1,0 +1,30 @@
+"""The page on the value of information shows the table of the kept run, and the rules as they are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+import tega_figures.information
+from tega_figures.information.__main__ import main
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = ROOT / "docs" / "evidence" / "value-of-information.md"
+RESULTS = Path(tega_figures.information.__file__).with_name("fresh.json")
+
+pytestmark = pytest.mark.skipif(not PAGE.is_file(), reason="not a checkout")
+
+
+def test_the_page_shows_the_table_of_the_kept_run_and_the_digest_of_the_rules() -> None:
+    printed = CliRunner().invoke(main, ["table", str(RESULTS)])
+    assert printed.exit_code == 0
+    assert printed.output.strip() in PAGE.read_text(encoding="utf-8")
+
+
+def test_the_picture_is_drawn(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib", reason="needs the extra pictures")
+    drawn = CliRunner().invoke(main, ["picture", str(RESULTS), str(tmp_path / "value.png")])
+    assert drawn.exit_code == 0
+    assert (tmp_path / "value.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"

@@ -1,0 +1,120 @@
+"""The second version of the simulated person's rules: heeds a panel that follows the closure, and no other."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tega.sim.operator import Operator, Rules, draw_person, sham_vest, typical_person
+from tega.sim.operator.panels import ConfirmedClosure
+from tega_figures.information.agent import IdealAgent
+from tega_figures.information.compare import MARGIN, OUTCOMES, null, paired, person_outcomes
+from tega_figures.information.plant import Grasp, grasp, told_frame
+
+SECOND = Rules(version=2)
+
+
+def closure() -> ConfirmedClosure:
+    person = typical_person()
+    return ConfirmedClosure(person.grip, person.vest.threshold)
+
+
+def practised(slope: float, *, noise: float = 0.1) -> ConfirmedClosure:
+    """Return what is believed after a panel was felt at known closures."""
+    rng, belief = np.random.default_rng(4), closure()
+    for _ in range(4):
+        for level in (2.0, 3.0, 4.0, 5.0):
+            belief.set(level, 0.04)
+            belief.feel("front", -0.8 + slope * (level - 3) + noise * float(rng.standard_normal()), 0.04)
+    return belief
+
+
+@pytest.mark.parametrize("slope", [0.8, -0.8])
+def test_a_panel_that_follows_the_closure_is_trusted_and_then_moves_the_belief(slope: float) -> None:
+    belief = practised(slope)
+    assert belief.trust("front") > 0.8
+    assert belief.trust("back") < 0.06
+    assert belief.slope("front") * slope > 0
+    belief.set(3.0, 0.15)
+    belief.feel("front", -0.8 + slope * 0.5, 0.04, fresh=False)
+    assert 3.15 < belief.x < 3.6
+    assert belief.var < 0.15
+
+
+def test_a_panel_that_goes_its_own_way_is_not_trusted_and_moves_nothing() -> None:
+    belief = practised(0.0, noise=0.8)
+    assert belief.trust("front") < 0.05
+    belief.set(3.0, 0.15)
+    belief.feel("front", -1.5, 0.04, fresh=False)
+    assert belief.x == pytest.approx(3.0, abs=0.03)
+
+
+def test_what_is_felt_long_after_a_command_changes_the_closure_and_not_the_curve() -> None:
+    belief = practised(0.8)
+    before = belief._mean[1:].copy()
+    belief.set(3.0, 0.15)
+    belief.feel("front", -1.2, 0.04, fresh=False)
+    assert np.array_equal(belief._mean[1:], before)
+    assert belief.x < 2.9
+
+
+def test_without_and_with_a_silent_vest_the_acts_are_the_same() -> None:
+    """A check of plumbing: nothing but what is felt may differ."""
+
+    def acts(name: str | None) -> object:
+        vest = None if name is None else sham_vest(name)  # type: ignore[arg-type]
+        return grasp(Operator(draw_person(4), seed=5, rules=SECOND), vest).acts
+
+    assert acts(None) == acts("silent")
+    assert acts("informative") == acts("permuted")
+
+
+def test_practice_teaches_what_the_vest_shows_and_a_sham_teaches_distrust() -> None:
+    def trust(name: str) -> float:
+        operator, vest = Operator(draw_person(1), seed=1, rules=SECOND), sham_vest(name, seed=3)  # type: ignore[arg-type]
+        operator.practise("object", lambda t_s, level: vest(t_s, told_frame(level)))
+        belief = operator.beliefs["object"].closure
+        assert isinstance(belief, ConfirmedClosure)
+        return max(belief.trust("front"), belief.trust("back"))
+
+    assert trust("informative") > 0.5
+    assert trust("unrelated") < 0.05
+
+
+def test_the_first_version_is_the_default() -> None:
+    assert Rules().version == 1
+    assert not isinstance(Operator(typical_person(), seed=1)._closure(), ConfirmedClosure)
+
+
+def test_who_is_told_the_closure_lifts_what_the_agent_can_lift() -> None:
+    agent = IdealAgent(draw_person(2), seed=2, told="closure")
+    outcomes = [grasp(agent, None, item=Grasp(2.4, 3.6), trial=trial) for trial in range(3)]
+    assert all(outcome.highest_m > 0.2 for outcome in outcomes)
+    assert sum(outcome.slips for outcome in outcomes) <= 3
+    assert not any(outcome.dropped for outcome in outcomes)
+
+
+def test_a_null_needs_the_whole_interval_within_the_margin() -> None:
+    rng = np.random.default_rng(1)
+    off = rng.random((40, len(OUTCOMES)))
+    assert null(paired(off, off))
+    assert not null(paired(off + 2 * max(MARGIN.values()), off))
+    assert not null(paired(off + rng.standard_normal(off.shape), off))
+    shifted = paired(off + 0.5, off)["cost"]
+    assert math.isclose(shifted.mean, 0.5)
+
+
+@pytest.mark.deep
+def test_the_truth_does_no_harm_by_the_second_version_and_does_by_the_first() -> None:
+    """The first version is the control that shows that the test can say no. Development seeds, not fresh people."""
+    seeds = range(20)
+    cost = {
+        version: paired(
+            person_outcomes("truth", seeds, version=version), person_outcomes("off", seeds, version=version)
+        )["cost"]
+        for version in (1, 2)
+    }
+    assert cost[2].high < MARGIN["cost"]
+    assert cost[1].low > MARGIN["cost"]

@@ -1,0 +1,177 @@
+"""Let simulated people and the reasoning agent grasp under each arm, and compare each with being told nothing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Literal, NamedTuple, get_args
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from tega.haptics import MotorLevels
+from tega.sim.operator import Operator, PersonNumbers, Rules, draw_person, sham_vest
+from tega.sim.operator.person import stream
+from tega_figures.information.agent import IdealAgent, Told
+from tega_figures.information.plant import graded_frame, grasp, plant_objects, told_frame
+
+Arm = Literal["off", "vest", "truth", "constant", "unrelated", "inverted", "replayed", "permuted"]
+ARMS: tuple[Arm, ...] = get_args(Arm)
+OUTCOMES = ("slips", "harm", "effort", "cost")
+"""Slips a trial; share of trials with deformation; mean closure held, share of full; their sum as the person weighs."""
+
+N_OBJECTS, N_TRIALS = 2, 4
+MARGIN: dict[str, float] = {"slips": 0.1, "harm": 0.05, "effort": 0.02, "cost": 0.1}
+"""A sham is null where the 95 % interval of its difference lies within this; the truth must not cost more than this."""
+
+_Vest = Callable[[float, MotorLevels], MotorLevels | None]
+
+
+class Paired(NamedTuple):
+    """Difference of an arm from being told nothing, over people, with its 95 % interval."""
+
+    mean: float
+    low: float
+    high: float
+
+
+def clear_skin(person: PersonNumbers) -> PersonNumbers:
+    """Return the person with a skin that misses nothing: no noise, no delay, no threshold to speak of."""
+    vest = msgspec.structs.replace(
+        person.vest,
+        weber=0.01,
+        lapse=0.0,
+        adapt_gain=0.0,
+        link_ms=0.0,
+        link_sd_ms=0.0,
+        dead_ms=0.0,
+        lag_up_ms=1.0,
+        lag_down_ms=1.0,
+        start_level=1.0,
+        spread=0.0,
+        threshold=0.03,
+        threshold_log_sd=0.05,
+        panel_swap=0.0,
+    )
+    return msgspec.structs.replace(person, vest=vest)
+
+
+def person_outcomes(
+    arm: Arm, seeds: Sequence[int], *, version: Literal[1, 2], n_trials: int = N_TRIALS
+) -> NDArray[np.float64]:
+    """Return the mean outcomes of each person under an arm.
+
+    Args:
+        arm: ``off``: no vest. ``vest``: tells the grip by the real vest's law, felt through the person's skin.
+            ``truth``: tells the closure in equal steps, through a skin that misses nothing. The others are shams of
+            :func:`tega.sim.operator.sham_vest`; ``replayed`` is the vest of the same person's trial with the other
+            object.
+        seeds: Who.
+        version: Of the rules.
+        n_trials: With each object.
+
+    Returns:
+        float64 (n people, 4), in the order of :data:`OUTCOMES`.
+    """
+    rows = []
+    for seed in seeds:
+        drawn = draw_person(seed)
+        person = clear_skin(drawn) if arm == "truth" else drawn
+        recorded = _recorded(seed, version, n_trials) if arm == "replayed" else []
+        operator = Operator(person, seed=seed, rules=Rules(version=version))
+        told = graded_frame if arm == "truth" else told_frame
+        trials = []
+        items = plant_objects(stream(seed, "plant objects"), N_OBJECTS)
+        for number in range(N_OBJECTS * n_trials):
+            which = number % N_OBJECTS
+            worn = _worn(arm, seed, number, recorded)
+            if number < N_OBJECTS and worn is not None:
+                operator.practise(str(which), _shown(worn, told))
+                worn = _worn(arm, seed, number, recorded)
+            trials.append(
+                grasp(
+                    operator, worn, item=items[which], trial=number // N_OBJECTS, name=str(which), told=told
+                )
+            )
+        rows.append(_row(drawn, [(o.slips, o.deformed, o.effort) for o in trials]))
+    return np.array(rows)
+
+
+def agent_outcomes(told: Told, seeds: Sequence[int], *, n_trials: int = N_TRIALS) -> NDArray[np.float64]:
+    """Return the mean outcomes of the reasoning agent in each person's body; as :func:`person_outcomes`."""
+    rows = []
+    for seed in seeds:
+        person = draw_person(seed)
+        agent = IdealAgent(person, seed=seed, told=told)
+        items = plant_objects(stream(seed, "plant objects"), N_OBJECTS)
+        vest = sham_vest("informative") if told == "vest" else None
+        trials = [
+            grasp(agent, vest, item=items[n % N_OBJECTS], trial=n // N_OBJECTS, name=str(n % N_OBJECTS))
+            for n in range(N_OBJECTS * n_trials)
+        ]
+        rows.append(_row(person, [(o.slips, o.deformed, o.effort) for o in trials]))
+    return np.array(rows)
+
+
+def paired(arm: NDArray[np.float64], off: NDArray[np.float64]) -> dict[str, Paired]:
+    """Return the mean difference of each outcome over people, with the 95 % interval of Student's t."""
+    from scipy.stats import t as student
+
+    difference = arm - off
+    n = len(difference)
+    half = float(student.ppf(0.975, n - 1)) * difference.std(axis=0, ddof=1) / math.sqrt(n)
+    mean = difference.mean(axis=0)
+    return {
+        name: Paired(float(mean[k]), float(mean[k] - half[k]), float(mean[k] + half[k]))
+        for k, name in enumerate(OUTCOMES)
+    }
+
+
+def null(found: dict[str, Paired]) -> bool:
+    """Whether every outcome's interval lies within its margin."""
+    return all(-MARGIN[name] <= one.low and one.high <= MARGIN[name] for name, one in found.items())
+
+
+def _shown(worn: _Vest, told: Callable[[float], MotorLevels]) -> Callable[[float, float], MotorLevels | None]:
+    """Return what the vest shows in practice, by time and closure."""
+    return lambda t_s, closure: worn(t_s, told(closure))
+
+
+def _row(person: PersonNumbers, trials: list[tuple[int, bool, float]]) -> list[float]:
+    slips, harm, effort = np.mean(trials, axis=0).tolist()
+    return [
+        slips,
+        harm,
+        effort,
+        slips + person.grip.harm_cost * harm + person.grip.effort_cost * effort,
+    ]
+
+
+def _worn(arm: Arm, seed: int, number: int, recorded: list[list[tuple[float, MotorLevels]]]) -> _Vest | None:
+    if arm == "off":
+        return None
+    if arm in {"vest", "truth"}:
+        return sham_vest("informative")
+    if arm == "replayed":
+        return sham_vest("replayed", recorded=recorded[(number + 1) % len(recorded)])
+    return sham_vest(arm, seed=seed * 1000 + number)  # type: ignore[arg-type]
+
+
+def _recorded(seed: int, version: Literal[1, 2], n_trials: int) -> list[list[tuple[float, MotorLevels]]]:
+    """Return what the vest showed in each of the person's trials with the vest on."""
+    operator = Operator(draw_person(seed), seed=seed, rules=Rules(version=version))
+    items = plant_objects(stream(seed, "plant objects"), N_OBJECTS)
+    shown: list[list[tuple[float, MotorLevels]]] = []
+    for number in range(N_OBJECTS * n_trials):
+        which, frames = number % N_OBJECTS, list[tuple[float, MotorLevels]]()
+
+        def keep(
+            t_s: float, frame: MotorLevels, frames: list[tuple[float, MotorLevels]] = frames
+        ) -> MotorLevels:
+            frames.append((t_s, frame))
+            return frame
+
+        grasp(operator, keep, item=items[which], trial=number // N_OBJECTS, name=str(which))
+        shown.append(frames)
+    return shown

@@ -1,0 +1,154 @@
+"""Simulate a grasp in one dimension, to close the loop around a simulated operator in some milliseconds.
+
+Closure follows excitation; an object needs one closure and is harmed above another. Sizes mean nothing: it has no hand,
+no EMG and no fingers.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from tega.haptics import MotorLevels, intensity, vest_frame
+from tega.sim.seams import Act, Percept, WorldTruth
+
+HAND_S = 0.25
+"""Lag of the closure behind the muscles, seconds."""
+SLIP_M_S_PER_LEVEL = 0.06
+"""Speed of the slide through the grasp for each level that is missing."""
+SLIP_LEVELS = 0.005 / SLIP_M_S_PER_LEVEL
+"""Levels that are missing where a slide counts as a slip."""
+DEFORMED_LEVELS = 0.4
+"""Levels over the closure that harms, where narrowing counts as a deformation: 4 % of the width."""
+
+HELD = frozenset({"lift", "hold", "place"})
+
+
+class GraspOutcome(NamedTuple):
+    """Outcome of one trial.
+
+    Attributes:
+        slips: Times it began to slide through the grasp faster than 5 mm/s.
+        deformed: Whether it was narrowed by more than 4 % of its width.
+        dropped: Whether it was lifted and fell.
+        highest_m: How high it got, metres.
+        effort: Mean closure while it was held, as a share of full closure; 0 where it never was.
+        acts: Everything that was done.
+    """
+
+    slips: int
+    deformed: bool
+    dropped: bool
+    highest_m: float
+    effort: float
+    acts: list[Act]
+
+
+class Grasp(NamedTuple):
+    """Object of a grasp: closure it needs and closure that harms it, levels; width, metres."""
+
+    need: float = 2.4
+    harm: float = 3.6
+    width_m: float = 0.07
+
+
+def plant_objects(rng: np.random.Generator, n: int) -> list[Grasp]:
+    """Draw objects: a need of 1.8 to 4 levels, harm 0.8 to 2 levels above it."""
+    need = rng.uniform(1.8, 4.0, n)
+    harm = need + rng.uniform(0.8, 2.0, n)
+    return [Grasp(float(a), float(b)) for a, b in zip(need, harm, strict=True)]
+
+
+class GraspActor(Protocol):
+    """Operator of the plant."""
+
+    def begin(self, name: str, *, width_m: float, trial: int = 0, rest_s: float = 60.0) -> None:
+        """Start a trial."""
+        ...
+
+    def act(self, percept: Percept) -> Act:
+        """Take in a percept and return what is done."""
+        ...
+
+
+def told_frame(closure: float) -> MotorLevels:
+    """Return the frame that tells a closure, by the law of the real vest."""
+    percent = intensity(max(closure - 1.5, 0.0) / 3, 1.0)
+    return vest_frame([percent] * 4, [percent] * 4)
+
+
+def graded_frame(closure: float) -> MotorLevels:
+    """Return the frame that tells a closure in equal steps, still at the open hand and full at the closed one."""
+    percent = min(max(25.0 * (closure - 1.0), 0.0), 100.0)
+    return vest_frame([percent] * 4, [percent] * 4)
+
+
+def grasp(
+    actor: GraspActor,
+    vest: Callable[[float, MotorLevels], MotorLevels | None] | None,
+    *,
+    item: Grasp | None = None,
+    trial: int = 0,
+    seconds: float = 20.0,
+    full_effort: float = 0.7,
+    name: str = "object",
+    told: Callable[[float], MotorLevels] = told_frame,
+) -> GraspOutcome:
+    """Let an operator try once.
+
+    Args:
+        actor: Who tries.
+        vest: Turns the time and the frame that tells the grip into the one that is worn; ``None`` without a vest.
+        item: What is lifted.
+        trial: Number of the trial.
+        seconds: When it ends at the latest.
+        full_effort: Excitation that closes the hand fully.
+        name: Of the object, by which the operator remembers it.
+        told: Makes the frame that tells a closure.
+    """
+    item = item or Grasp()
+    actor.begin(name, width_m=item.width_m, trial=trial)
+    closure, height_m, slip_m, slip_m_s, left_behind_m = 1.0, 0.0, 0.0, 0.0, 0.1
+    lifted = dropped = slipping = deformed = False
+    slips, highest_m, held_closure, n_held = 0, 0.0, 0.0, 0
+    made, acts = told(closure), list[Act]()
+    for tick in range(round(100 * seconds)):
+        t_s = tick / 100
+        grip = max(closure - 1.5, 0.0)
+        narrower_m = item.width_m * 0.1 * max(closure - item.harm, 0.0)
+        if tick % 3 == 0:
+            made = told(closure)
+        force = (grip,) * 4
+        scene = WorldTruth(
+            t_s, height_m, lifted, force, slip_m, slip_m_s, narrower_m, 0.0, dropped, left_behind_m
+        )
+        act = actor.act(Percept(t_s, scene, None if vest is None else vest(t_s, made), closure))
+        acts.append(act)
+        if act.phase == "done":
+            break
+        asked = min(max(4 * act.excitation / full_effort + 0.5, 1.0), 5.0)
+        closure += (asked - closure) * -math.expm1(-0.01 / HAND_S)
+        missing, hand_m, slip_m_s = item.need - closure, act.forearm_m[0], 0.0
+        if act.phase not in HELD or dropped or grip == 0:
+            dropped = dropped or (lifted and height_m > 0.02)
+            lifted, height_m = False, 0.0
+        elif not lifted:
+            left_behind_m = hand_m
+            if missing < 0.5 and 0.001 < hand_m < 0.02:
+                lifted, left_behind_m, slip_m = True, 0.0, 0.0
+        else:
+            slip_m_s = SLIP_M_S_PER_LEVEL * max(missing, 0.0)
+            slip_m += 0.01 * slip_m_s
+            height_m = max(hand_m - slip_m, 0.0)
+            if slip_m > 0.05:
+                dropped, lifted, height_m = True, False, 0.0
+        slips += slip_m_s > 0.005 and not slipping
+        slipping = slip_m_s > 0.005
+        deformed = deformed or narrower_m > 0.04 * item.width_m
+        highest_m = max(highest_m, height_m)
+        if act.phase in HELD:
+            held_closure, n_held = held_closure + closure, n_held + 1
+    return GraspOutcome(slips, deformed, dropped, highest_m, held_closure / (5 * max(n_held, 1)), acts)
