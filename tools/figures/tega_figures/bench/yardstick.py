@@ -59,7 +59,7 @@ def noted_steps() -> Iterator[list[NotedSteps]]:
             told[:7] = data.ctrl[:7]
             of[id(world)].steps.append((told, np.array(data.qfrc_applied), world.t_s - before_s))
 
-    World.advance_to = advance  # type: ignore[method-assign]
+    World.advance_to = advance  # type: ignore[method-assign, assignment]
     try:
         yield noted
     finally:
@@ -79,7 +79,9 @@ def alone_s(lift: NotedSteps) -> float:
     text = files(__package__).joinpath("frozen", f"{lift.object}.xml").read_text(encoding="utf-8")
     model = mujoco.MjModel.from_xml_string(text)
     data = mujoco.MjData(model)
-    shapes = [(len(now), len(then)) for now, then in zip((data.qpos, data.qvel, data.act), lift.began, strict=True)]
+    shapes = [
+        (len(now), len(then)) for now, then in zip((data.qpos, data.qvel, data.act), lift.began, strict=True)
+    ]
     if any(now != then for now, then in shapes):
         raise RuntimeError(f"the frozen scene of {lift.object!r} has other joints than the lift: {shapes}")
     data.qpos[:], data.qvel[:], data.act[:] = lift.began
