@@ -1,4 +1,4 @@
-"""Smooth what was measured in single pictures: straight lines fitted about each moment, with their errors."""
+"""Fit straight lines to what was measured in single pictures: smoothed courses with their errors."""
 
 from __future__ import annotations
 
