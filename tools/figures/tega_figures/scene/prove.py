@@ -25,7 +25,6 @@ from tega.scene.calibrate import LensCalibration
 from tega.scene.layout import PlacedTag, TagBody, TagLayout
 from tega.scene.lens import Lens, load_lens, save_lens
 from tega.scene.outcomes import (
-    Course,
     SceneCourses,
     SceneEvent,
     SceneRule,
@@ -33,6 +32,7 @@ from tega.scene.outcomes import (
     scene_courses,
     score_scene,
 )
+from tega.scene.smoothing import Course
 from tega.scene.track import SceneTrack, track_scene
 from tega.scene.video import SceneDecoder, SceneEncoder
 from tega.sim.plan import TrialPlan
