@@ -43,7 +43,10 @@ def measure() -> None:
     python = place / ("Scripts" if os.name == "nt" else "bin") / "python"
     if not python.exists():
         project = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-        packages = [*project["dependencies"], *project["optional-dependencies"]["bench"], "numba"]
+        extras = project["optional-dependencies"]
+        # The package itself is taken from here, so the extra that names another one is spelt out.
+        packages = [*project["dependencies"], *extras["bench"], *extras["pictures"], "numba"]
+        packages = [package for package in packages if not package.startswith("tega[")]
         venv.create(place, with_pip=True)
         subprocess.run([python, "-m", "pip", "install", "--quiet", *packages], check=True)
     command = [python, "-m", "tega.cli", "bench", "--json", "--picture", str(PICTURE)]
