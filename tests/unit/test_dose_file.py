@@ -144,5 +144,5 @@ def test_a_vest_is_made_in_one_place_and_opened_by_who_names_its_wearer() -> Non
                 worn.append(ast.unparse(call.args[1]))
     # The doctor sends zeros alone; the bench of the tests has no wearer.
     assert made == {"tega/worn_vest.py", "tega/doctor/vest.py", "tega_emulators/vest_bench.py"}
-    assert len(worn) == 4
+    assert len(worn) == 6
     assert all("dose" in file for file in worn)

@@ -104,6 +104,13 @@ def test_a_person_corrects_and_both_are_kept(folder: Path) -> None:
     assert [event.kind for event in confirm_trial(folder, "p01", 1, "r2")] == ["lift_off", "slip", "slip"]
 
 
+def test_who_watched_comes_before_who_confirmed_the_camera(folder: Path) -> None:
+    confirm_trial(folder, "p01", 1, "a")
+    watched = events_path(folder, "p01").parent / "observers" / "rater.jsonl"
+    watched.write_bytes(watched.with_name("camera+a.jsonl").read_bytes())
+    assert list(read_observers(folder, "p01")) == ["rater", "camera+a"]
+
+
 @pytest.mark.parametrize(
     ("trial", "options", "said"),
     [

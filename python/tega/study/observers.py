@@ -26,8 +26,12 @@ def observer_path(folder: Path, participant: str, rater: str) -> Path:
 
 
 def read_observers(folder: Path, participant: str) -> dict[str, list[JournalEvent]]:
-    """Read every rater's events of a session, by rater in the order of their names."""
-    found = sorted((events_path(folder, participant).parent / "observers").glob("*.jsonl"))
+    """Read every rater's events of a session, by rater in the order of their names.
+
+    Who confirmed what a camera measured (``camera+ID``) comes after those who watched for themselves.
+    """
+    folder_of = events_path(folder, participant).parent / "observers"
+    found = sorted(folder_of.glob("*.jsonl"), key=lambda path: ("+" in path.stem, path.name))
     return {path.stem: read_events(path) for path in found}
 
 
