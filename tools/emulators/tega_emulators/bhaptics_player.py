@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import contextlib
 import json
 import logging
 import ssl
@@ -116,7 +117,8 @@ class Player:
                 connection.transport.pause_reading()
             else:
                 connection.transport.resume_reading()
-                await self._tell(connection)
+                with contextlib.suppress(ConnectionClosed):  # a client that is just leaving is not told
+                    await self._tell(connection)
 
     async def _greet(self, connection: ServerConnection, request: Request) -> Response | None:
         while self._fault == "freeze":
