@@ -288,15 +288,15 @@ def _row(name: str, part: Part, timed: Sequence[_StageSeconds], plain: Sequence[
     )
 
 
-def _beside_alone(name: str, plain: Sequence[_StageSeconds], alone_s: Sequence[float]) -> YardstickRow:
+def _beside_alone(name: str, plain: Sequence[_StageSeconds], alone: Sequence[float]) -> YardstickRow:
     """Hold each whole lift to MuJoCo alone, measured right after it."""
     simulated_s = sum(plain[0].simulated.values())
     whole_s = [sum(watch.busy.values()) for watch in plain]
     return YardstickRow(
         object=name,
-        alone_ms=1e3 * statistics.median(alone_s) / simulated_s,
+        alone_ms=1e3 * statistics.median(alone) / simulated_s,
         whole_ms=1e3 * statistics.median(whole_s) / simulated_s,
-        ratio=statistics.median(whole / one for whole, one in zip(whole_s, alone_s, strict=True)),
+        ratio=statistics.median(whole / one for whole, one in zip(whole_s, alone, strict=True)),
     )
 
 

@@ -43,21 +43,21 @@ def noted_steps() -> Iterator[list[NotedSteps]]:
     from tega.sim.world import World
 
     noted: list[NotedSteps] = []
-    of: dict[int, NotedSteps] = {}
+    of: dict[World, NotedSteps] = {}
     advance_to = World.advance_to
 
     def advance(world: World, t_s: float) -> None:
         data = world.data
-        if id(world) not in of:
+        if world not in of:
             began = (np.array(data.qpos), np.array(data.qvel), np.array(data.act))
             noted.append(NotedSteps(world.spec.name, began, []))
-            of[id(world)] = noted[-1]
+            of[world] = noted[-1]
         before_s, told = world.t_s, np.array(data.ctrl)
         advance_to(world, t_s)
         if world.t_s > before_s:
             # The hand's torques change between calls, the arm's speed within them too, by next to nothing.
             told[:7] = data.ctrl[:7]
-            of[id(world)].steps.append((told, np.array(data.qfrc_applied), world.t_s - before_s))
+            of[world].steps.append((told, np.array(data.qfrc_applied), world.t_s - before_s))
 
     World.advance_to = advance  # type: ignore[method-assign, assignment]
     try:
