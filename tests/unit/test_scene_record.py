@@ -14,8 +14,11 @@ cv2 = pytest.importorskip("cv2")
 pytest.importorskip("av")
 pytest.importorskip("foxglove")
 
+from foxglove import channels, messages  # noqa: E402
+
 from tega.cli.main import cli  # noqa: E402
 from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError  # noqa: E402
+from tega.recording.mcap_file import McapFile  # noqa: E402
 from tega.recording.mcap_reader import McapReader  # noqa: E402
 from tega.scene.pictures import read_pictures, read_times, times_path  # noqa: E402
 from tega.scene.record import export_camera, record_cameras  # noqa: E402
@@ -90,6 +93,28 @@ def test_two_cameras_are_recorded_and_exported(tmp_path: Path, video: VideoForma
     assert all(abs(image.mean() - _shade(number)) < 4 for number, (_, image) in enumerate(pictures))
     with pytest.raises(RecordingError, match="no camera 'back'"):
         export_camera(out, "back", tmp_path / "back.mp4")
+
+
+def test_a_foreign_recording_is_refused_in_words(tmp_path: Path) -> None:
+    """A clock that is no number, and packets that are no video."""
+    for name, epoch, match in (
+        ("a", "1e9", "has no epoch_ns"),
+        ("b", "-5", "has no epoch_ns"),
+        ("c", "5", "no whole h264"),
+    ):
+        file = McapFile(tmp_path / f"{name}.mcap", lossless=True)
+        file.metadata("tega.scene", {"epoch_ns": epoch})
+        channel = channels.CompressedVideoChannel("/scene/front/video", context=file.context)
+        for k in range(3):
+            at = messages.Timestamp(0, 1000 + k)
+            channel.log(
+                messages.CompressedVideo(timestamp=at, frame_id="front", data=b"no video", format="h264"),
+                log_time=1000 + k,
+            )
+        file.close()
+        with pytest.raises(RecordingError, match=match):
+            export_camera(tmp_path / f"{name}.mcap", "front", tmp_path / "front.mp4")
+        assert not list(tmp_path.glob("front*"))
 
 
 def test_a_camera_that_is_not_there_records_nothing(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
@@ -15,7 +16,7 @@ from tega.scene.outcomes import SceneEvent, SceneOutcome
 from tega.study import make_plan, read_plan, write_plan
 from tega.study.journal import Journal, read_events
 from tega.study.measured import CAMERA, measured_path, read_measured
-from tega.study.measuring import MeasuredTrial, confirm_trial, measure_session, write_measured
+from tega.study.measuring import MeasuredTrial, between, confirm_trial, measure_session, write_measured
 from tega.study.observers import read_observers, saw_whole
 from tega.study.score import agreements
 from tega.study.state import events_path
@@ -132,3 +133,15 @@ def test_a_video_without_a_time_code_says_nothing_of_a_session(folder: Path) -> 
     with pytest.raises(RecordingError, match="no time code"):
         measure_session(folder, "p01", video, Lens(640, 480, 500.0, 500.0, 320.0, 240.0), example_layout())
     assert len(read_events(measured_path(folder, "p01"))) == 8
+
+
+def test_each_trial_takes_its_pictures_from_one_pass_over_the_film() -> None:
+    film = iter([(0.1 * k, np.full((2, 2), k, np.uint8)) for k in range(100)])
+    first = [(t_s, int(image[0, 0])) for t_s, image in between(film, 1.05, 1.35)]
+    assert [number for _, number in first] == [11, 12, 13]
+    assert [t_s for t_s, _ in first] == pytest.approx([0.05, 0.15, 0.25])
+    cut = between(film, 2.0, 3.0)
+    next(cut)  # a trial that cannot be measured leaves the film in its middle
+    second = [int(image[0, 0]) for _, image in between(film, 5.0, 5.25)]
+    assert second == [50, 51, 52]
+    assert list(between(film, 4.0, 4.5)) == []

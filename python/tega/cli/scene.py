@@ -250,15 +250,22 @@ def confirm(
 ) -> None:
     """Confirm what the camera measured of a trial, or correct it; the camera's own account stays as it is.
 
-    With --json: {"events": [{"n", "kind", "t_ns"}]}, those that count now.
+    With --json: {"events": [{"n", "kind", "t_ns"}]}, those that count now; with --list those that were measured.
     """
     from tega.study.measured import read_measured
     from tega.study.measuring import CORRECTED, confirm_trial
 
     if only_list:
-        for event in read_measured(folder, participant):
-            if (event.trial, event.attempt) == (trial, attempt) and event.kind in CORRECTED:
-                click.echo(f"{event.n}: {event.text}")
+        events = [
+            event
+            for event in read_measured(folder, participant)
+            if (event.trial, event.attempt) == (trial, attempt) and event.kind in CORRECTED
+        ]
+        if as_json:
+            echo_json({"events": [{"n": one.n, "kind": one.kind, "t_ns": one.t_ns} for one in events]})
+            return
+        for event in events:
+            click.echo(f"{event.n}: {event.text}")
         return
     wanted = []
     for text in added:

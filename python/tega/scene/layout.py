@@ -119,14 +119,12 @@ class TagBody(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         base_mm: Diameter of its flat base about the origin, millimetres; 0 where it does not stand.
         grip_mm: Height over the base at which the hand holds it, millimetres: what moves there against the palm
             is slip.
-        width_mm: Distance between the tags with ``slides`` when nothing presses, millimetres.
     """
 
     tags: tuple[PlacedTag, ...] = ()
     cube: TagCube | None = None
     base_mm: Annotated[float, msgspec.Meta(ge=0, le=2000)] = 0.0
     grip_mm: Annotated[float, msgspec.Meta(ge=0, le=2000)] = 0.0
-    width_mm: Annotated[float, msgspec.Meta(ge=0, le=2000)] = 0.0
 
     def all_tags(self) -> list[PlacedTag]:
         """Return the single tags and those of the cube."""
@@ -237,7 +235,7 @@ def example_layout(*, height_mm: float = 260.0, base_mm: float = 82.0) -> TagLay
     sides of each box.
 
     Args:
-        height_mm: Of the object.
+        height_mm: Of the object, which is held half way up.
         base_mm: Diameter of the object's base.
     """
     corners = [(-105.0, 65.0, 0.0), (105.0, 65.0, 0.0), (-105.0, -65.0, 0.0), (105.0, -65.0, 0.0)]
@@ -260,7 +258,7 @@ def example_layout(*, height_mm: float = 260.0, base_mm: float = 82.0) -> TagLay
             tags=tuple(wall),
             cube=TagCube(10, 50.0, 38.0, (0.0, 0.0, height_mm + 40)),
             base_mm=base_mm,
-            width_mm=width_mm,
+            grip_mm=height_mm / 2,
         ),
         hand=TagBody(cube=TagCube(20, 50.0, 38.0)),
     )

@@ -7,10 +7,11 @@ keep, so that a trial of a study is found in it without more.
 
 from __future__ import annotations
 
+import tempfile
 import threading
 import time
-from collections.abc import Callable, Mapping
-from contextlib import ExitStack
+from collections.abc import Callable, Generator, Mapping
+from contextlib import closing
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -23,7 +24,7 @@ from tega.plain_name import plain_name
 from tega.recording.mcap_file import McapFile
 from tega.recording.mcap_reader import McapReader
 from tega.scene.pictures import times_path
-from tega.scene.sources import is_camera, open_camera, pictures_of
+from tega.scene.sources import is_camera, open_pictures
 from tega.scene.video import SceneEncoder, VideoFormat
 from tega.whole_file import write_whole
 
@@ -80,31 +81,28 @@ def record_cameras(
         RecordingError: The file cannot be made.
         MissingExtraError: A package of the extras ``record`` and ``lerobot`` is not installed.
     """
-    with ExitStack() as stack:
-        threads = []
-        for name, source in cameras.items():
-            plain_name(name, what="camera", source="--camera")
-            encoder = SceneEncoder(*size, rate_hz=rate_hz, video=video, crf=crf)
-            capture = open_camera(source, size, rate_hz) if is_camera(source) else None
-            if capture is not None:
-                stack.callback(capture.release)
-            threads.append(_CameraThread(name, source, capture, encoder, size=size, rate_hz=rate_hz))
-        file = McapFile(out, lossless=True)
-        file.epoch_ns = time.time_ns() - time.monotonic_ns()
-        file.metadata(TABLE, {"clock": "monotonic", "epoch_ns": str(file.epoch_ns)})
-        try:
-            for thread in threads:
-                thread.begin(file)
-            while not stop() and any(thread.is_alive() for thread in threads):
-                time.sleep(0.05)
-        finally:
-            for thread in threads:
-                thread.leave()
-            tallies = {thread.name: thread.tally for thread in threads}
-            for name, tally in tallies.items():
-                told = {key: str(value) for key, value in msgspec.to_builtins(tally).items()}
-                file.metadata(f"{TABLE}.{name}", told)
-            file.close()
+    threads = []
+    for name, source in cameras.items():
+        plain_name(name, what="camera", source="--camera")
+        encoder = SceneEncoder(*size, rate_hz=rate_hz, video=video, crf=crf)
+        pictures = open_pictures(source, size, rate_hz)
+        threads.append(_CameraThread(name, source, pictures, encoder, size=size, rate_hz=rate_hz))
+    file = McapFile(out, lossless=True)
+    file.epoch_ns = time.time_ns() - time.monotonic_ns()
+    file.metadata(TABLE, {"clock": "monotonic", "epoch_ns": str(file.epoch_ns)})
+    try:
+        for thread in threads:
+            thread.begin(file)
+        while not stop() and any(thread.is_alive() for thread in threads):
+            time.sleep(0.05)
+    finally:
+        for thread in threads:
+            thread.leave()
+        tallies = {thread.name: thread.tally for thread in threads}
+        for name, tally in tallies.items():
+            told = {key: str(value) for key, value in msgspec.to_builtins(tally).items()}
+            file.metadata(f"{TABLE}.{name}", told)
+        file.close()
     return tallies
 
 
@@ -115,14 +113,14 @@ class _CameraThread(threading.Thread):
         self,
         name: str,
         source: str,
-        capture: Any,
+        pictures: Generator[NDArray[np.uint8]],
         encoder: SceneEncoder,
         *,
         size: tuple[int, int],
         rate_hz: float,
     ) -> None:
         super().__init__(name=name, daemon=True)
-        self._source, self._capture, self._encoder = source, capture, encoder
+        self._source, self._pictures, self._encoder = source, pictures, encoder
         self._size, self._rate_hz = size, rate_hz
         self._leaving = threading.Event()
         self.tally = CameraTally()
@@ -150,45 +148,45 @@ class _CameraThread(threading.Thread):
     def leave(self) -> None:
         """End, and wait for that."""
         self._leaving.set()
-        if self.ident is not None:
-            self.join(_LEAVE_S)
+        if self.ident is None:
+            return
+        self.join(_LEAVE_S)
+        if self.is_alive():
+            self.tally.trouble = f"did not answer for {_LEAVE_S:g} s: its last pictures may be missing"
 
     def run(self) -> None:
         """Read until told to leave, or until the camera stops."""
         last_ns = 0
         try:
-            while not self._leaving.is_set() and (image := self._next()) is not None:
-                t_ns = time.monotonic_ns()
-                if last_ns:
-                    gap_s = (t_ns - last_ns) / 1e9
-                    self.tally.longest_gap_s = max(self.tally.longest_gap_s, gap_s)
-                    if gap_s * self._rate_hz > _LATE:
-                        self.tally.missed += round(gap_s * self._rate_hz) - 1
-                last_ns = t_ns
-                self._write(self._encoder.encode(image, t_ns))
-                self.tally.pictures += 1
+            with closing(self._pictures):
+                for image in self._pictures:
+                    if not is_camera(self._source):
+                        self._leaving.wait(1 / self._rate_hz)
+                    if self._leaving.is_set():
+                        break
+                    self._check(image)
+                    t_ns = time.monotonic_ns()
+                    if last_ns:
+                        self._count_gap((t_ns - last_ns) / 1e9)
+                    last_ns = t_ns
+                    self._write(self._encoder.encode(image, t_ns))
+                    self.tally.pictures += 1
             self._write(self._encoder.close())
         except (DeviceUnavailableError, RecordingError) as error:
             self.tally.trouble = str(error)
 
-    def _next(self) -> NDArray[np.uint8] | None:
-        """Return the next picture; ``None`` at the end of a file."""
-        if self._capture is None:
-            if not hasattr(self, "_pictures"):
-                self._pictures = pictures_of(self._source, self._size)
-            self._leaving.wait(1 / self._rate_hz)
-            image = next(self._pictures, None)
-        else:
-            ok, image = self._capture.read()
-            if not ok:
-                raise DeviceUnavailableError(f"scene camera {self._source} stopped", "plug it in again")
-        if image is not None and image.shape[1::-1] != self._size:
+    def _count_gap(self, gap_s: float) -> None:
+        self.tally.longest_gap_s = max(self.tally.longest_gap_s, gap_s)
+        if gap_s * self._rate_hz > _LATE:
+            self.tally.missed += round(gap_s * self._rate_hz) - 1
+
+    def _check(self, image: NDArray[np.uint8]) -> None:
+        if image.shape[1::-1] != self._size:
             raise RecordingError(
                 f"scene camera {self._source}: a picture of {image.shape[1]}×{image.shape[0]}, not "
                 f"{self._size[0]}×{self._size[1]}",
                 "write --size as the camera sends",
             )
-        return image
 
 
 def export_camera(recording: Path, name: str, out: Path) -> int:
@@ -210,14 +208,14 @@ def export_camera(recording: Path, name: str, out: Path) -> int:
     plain_name(name, what="camera", source=recording.name)
     topic = f"/scene/{name}/video"
     reader = McapReader(recording)
-    stream = out.with_suffix(".stream")
     times: list[int] = []
     others: set[str] = set()
     kind = ""
-    try:
+    with tempfile.TemporaryDirectory() as folder:
+        stream = Path(folder, "stream")
         with stream.open("wb") as raw:
             for message in reader.messages(lambda one: one == topic):
-                if message.topic != topic:
+                if message.topic != topic or message.schema != "foxglove.CompressedVideo":
                     others.add(message.topic)
                     continue
                 kind = message.value.format
@@ -226,25 +224,38 @@ def export_camera(recording: Path, name: str, out: Path) -> int:
         if not times or kind not in {"h264", "av1"}:
             there = ", ".join(sorted(others)) or "none"
             raise RecordingError(f"{recording.name}: no camera {name!r}", f"its topics: {there}")
-        epoch_ns = int(reader.metadata.get(TABLE, {}).get("epoch_ns", "0"))
-        with (
-            av.open(str(stream), format="h264" if kind == "h264" else "obu") as source,
-            av.open(str(out), "w", format="mp4") as target,
-        ):
-            track = target.add_stream_from_template(source.streams.video[0], opaque=True)
-            number = 0
-            for packet in source.demux(video=0):
-                if packet.size == 0 or number == len(times):
-                    continue
-                packet.stream = track
-                packet.pts = packet.dts = (times[number] - times[0]) * _TICKS // 1_000_000_000
-                packet.time_base = Fraction(1, _TICKS)
-                target.mux(packet)
-                number += 1
-    finally:
-        stream.unlink(missing_ok=True)
+        told = reader.metadata.get(TABLE, {}).get("epoch_ns", "")
+        if not (told.isascii() and told.isdecimal() and len(told) < 20):
+            raise RecordingError(
+                f"{recording.name}: {TABLE} has no epoch_ns, so its times have no clock: {told[:40]!r}"
+            )
+        epoch_ns = int(told)
+        try:
+            number = _mux(av, stream, kind, times, out)
+        except (av.FFmpegError, IndexError) as error:
+            out.unlink(missing_ok=True)
+            raise RecordingError(f"{recording.name}: {name} is no whole {kind} video: {error}") from error
     if number != len(times):
         raise RecordingError(f"{recording.name}: {number} of {len(times)} pictures of {name} are whole")
     lines = [f"{k},{t_ns - epoch_ns}\n" for k, t_ns in enumerate(times)]
     write_whole(times_path(out), "picture,t_ns\n" + "".join(lines))
     return len(times)
+
+
+def _mux(av: Any, stream: Path, kind: str, times: list[int], out: Path) -> int:
+    """Put a stream of packets into an MP4 file at their times; return how many there were."""
+    number = 0
+    with (
+        av.open(str(stream), format="h264" if kind == "h264" else "obu") as source,
+        av.open(str(out), "w", format="mp4") as target,
+    ):
+        track = target.add_stream_from_template(source.streams.video[0], opaque=True)
+        for packet in source.demux(video=0):
+            if packet.size == 0 or number == len(times):
+                continue
+            packet.stream = track
+            packet.pts = packet.dts = (times[number] - times[0]) * _TICKS // 1_000_000_000
+            packet.time_base = Fraction(1, _TICKS)
+            target.mux(packet)
+            number += 1
+    return number

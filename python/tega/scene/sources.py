@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -69,40 +69,45 @@ def open_camera(source: str, size: tuple[int, int], rate_hz: float = 30.0) -> An
     return capture
 
 
-def pictures_of(source: str, size: tuple[int, int]) -> Iterator[NDArray[np.uint8]]:
-    """Return the pictures of a camera, without end, or those of a video or a folder.
+def open_pictures(source: str, size: tuple[int, int], rate_hz: float = 30.0) -> Generator[NDArray[np.uint8]]:
+    """Open a camera, a video or a folder, and return its pictures; those of a camera have no end.
+
+    Args:
+        source: A number, a device, an address, a video file or a folder of pictures.
+        size: Width and height to ask a camera for, pixels.
+        rate_hz: Pictures a second to ask it for.
 
     Raises:
-        DeviceUnavailableError: The camera does not open, or stops.
-        RecordingError: There is no such file, or it has no pictures.
+        DeviceUnavailableError: The camera does not open; later: it stopped.
+        RecordingError: The folder has no pictures; later: there is no such video, or it is damaged.
     """
     if is_camera(source):
-        capture = open_camera(source, size)
-        try:
-            while True:
-                ok, image = capture.read()
-                if not ok:
-                    raise DeviceUnavailableError(f"scene camera {source} stopped", "plug it in again")
-                yield np.asarray(image, np.uint8)
-        finally:
-            capture.release()
+        return _filmed(open_camera(source, size, rate_hz), source)
     path = Path(source)
-    if path.is_dir():
-        files = sorted(file for file in path.iterdir() if file.suffix.lower() in IMAGE_SUFFIXES)
-        if not files:
-            raise RecordingError(f"{path.name}: holds no pictures", "name a folder of PNG or JPEG files")
-        for file in files[:_MOST_PICTURES]:
-            yield read_image(file, driver="scene")
-    else:
-        for _, image in read_pictures(path):
-            yield image
+    if not path.is_dir():
+        return (image for _, image in read_pictures(path))
+    files = sorted(file for file in path.iterdir() if file.suffix.lower() in IMAGE_SUFFIXES)
+    if not files:
+        raise RecordingError(f"{path.name}: holds no pictures", "name a folder of PNG or JPEG files")
+    return (read_image(file, driver="scene") for file in files[:_MOST_PICTURES])
+
+
+def _filmed(capture: Any, source: str) -> Generator[NDArray[np.uint8]]:
+    try:
+        while True:
+            ok, image = capture.read()
+            if not ok:
+                raise DeviceUnavailableError(f"scene camera {source} stopped", "plug it in again")
+            yield np.asarray(image, np.uint8)
+    finally:
+        capture.release()
 
 
 def calibrate_from(source: str, size: tuple[int, int], *, tell: Callable[[str], None]) -> Lens:
     """Calibrate a lens from a camera, a video or a folder, and say meanwhile where the board is wanted.
 
     Args:
-        source: As of :func:`pictures_of`.
+        source: As of :func:`open_pictures`.
         size: Likewise.
         tell: Given a line for whoever holds the board.
 
@@ -114,7 +119,7 @@ def calibrate_from(source: str, size: tuple[int, int], *, tell: Callable[[str], 
     calibration: LensCalibration | None = None
     said = ""
     live = is_camera(source)
-    for image in pictures_of(source, size):
+    for image in open_pictures(source, size):
         calibration = calibration or LensCalibration(image.shape[1], image.shape[0])
         taken = calibration.take(image)
         wish = calibration.wish()

@@ -81,20 +81,28 @@ class SceneEncoder:
         self._last = -1
 
     def encode(self, image: NDArray[np.uint8], t_ns: int) -> list[tuple[int, bytes]]:
-        """Add a picture, uint8 (H, W, 3) in blue, green, red, or (H, W) grey; return what is ready: time and packet."""
+        """Add a picture, uint8 (H, W, 3) in blue, green, red, or (H, W) grey; return what is ready: time and packet.
+
+        Raises:
+            RecordingError: The encoder refuses it.
+        """
         order = "gray" if image.ndim == 2 else "bgr24"
         frame = self._av.VideoFrame.from_ndarray(np.ascontiguousarray(image), format=order)
         # Rising by at least one tick, whatever the camera's clock says.
         self._last = max(self._last + 1, t_ns // 1000)
         frame.pts, frame.time_base = self._last, _TICKS
         self._times.append(t_ns)
-        return self._ready(self._context.encode(frame))
+        return self._ready(frame)
 
     def close(self) -> list[tuple[int, bytes]]:
         """Return the packets that the encoder still has."""
-        return self._ready(self._context.encode(None))
+        return self._ready(None)
 
-    def _ready(self, packets: list[Any]) -> list[tuple[int, bytes]]:
+    def _ready(self, frame: Any) -> list[tuple[int, bytes]]:
+        try:
+            packets = self._context.encode(frame)
+        except self._av.FFmpegError as error:
+            raise RecordingError(f"a picture cannot be encoded as {self.video}: {error}") from error
         # In the order in which the pictures came: nothing is reordered.
         return [(self._times.pop(0), bytes(packet)) for packet in packets]
 

@@ -87,12 +87,17 @@ def measure_session(
             "record with tega-teleop scene record, and export",
         )
     found: list[tuple[JournalEvent, JournalEvent, MeasuredTrial]] = []
-    for start, end in attempts(read_events(events_path(folder, participant))):
-        if end.status not in {"done", "failed_task"}:
-            continue
+    ended = [
+        (start, end)
+        for start, end in attempts(read_events(events_path(folder, participant)))
+        if end.status in {"done", "failed_task"}
+    ]
+    # The video is decoded once: each trial goes on where the one before left off.
+    filmed = read_pictures(video, begin_s=min((start.t_ns for start, _ in ended), default=0) / 1e9)
+    for start, end in ended:
         outcome, problem = None, ""
         try:
-            pictures = _since(video, start.t_ns / 1e9, end.t_ns / 1e9)
+            pictures = between(filmed, start.t_ns / 1e9, end.t_ns / 1e9)
             outcome = score_scene(track_scene(pictures, lens, layout), layout, begin_s=0.0, harm_m=harm_m)
         except RecordingError as error:
             problem = str(error)
@@ -107,10 +112,15 @@ def measure_session(
     return [seen for *_, seen in found]
 
 
-def _since(video: Path, begin_s: float, end_s: float) -> Iterator[tuple[float, NDArray[np.uint8]]]:
-    """Return a trial's pictures, times from its start."""
-    for t_s, image in read_pictures(video, begin_s=begin_s, end_s=end_s):
-        yield t_s - begin_s, image
+def between(
+    filmed: Iterator[tuple[float, NDArray[np.uint8]]], begin_s: float, end_s: float
+) -> Iterator[tuple[float, NDArray[np.uint8]]]:
+    """Return the next trial's pictures of a film, times from the trial's start; the film stands after its end then."""
+    for t_s, image in filmed:
+        if t_s > end_s:
+            return
+        if t_s >= begin_s:
+            yield t_s - begin_s, image
 
 
 def write_measured(

@@ -64,7 +64,6 @@ def bench_layout(trial: TrueTrial) -> TagLayout:
     whole = example_layout(height_mm=1000 * spec.height_m, base_mm=1000 * spec.diameter_m)
     return msgspec.structs.replace(
         whole,
-        object=msgspec.structs.replace(whole.object, grip_mm=500 * spec.height_m),
         hand=TagBody(cube=TagCube(20, 50.0, 38.0, WRIST_MM)),
     )
 
