@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import threading
 import time
-from functools import partial
 from typing import Final, NamedTuple
 
 from tega.devices.vest_stream import StreamedVest
@@ -23,21 +23,25 @@ FAULT_S: Final = 3.0
 """How long a fault lasts that is not over at once."""
 
 _RECOVERY_S: Final = 15.0
+_VERSION_3: Final = "bhaptics-player (version = 3)"
 _AT_ONCE: Final = {("bhaptics-player", "drop"), ("bhaptics-ble", "drop")}
 _TOUCH: Final = vest_frame([80, 60, 40, 20], [13, 0, 100, 53], layout="x40")
 _AFTERWARDS: Final = vest_frame([20, 40, 60, 80], [53, 100, 0, 13], layout="x40")
 
+_PLAYER: Final = (
+    ("unplug", "the connection breaks once", "drop"),
+    ("freeze", "it takes nothing and says nothing", "freeze"),
+    ("garbage", "its messages are no messages", "garbage"),
+    ("slow", "takes a message in 150 ms", "slow"),
+    ("power cycle", "the Player is closed and is back after 3 s", "refuse"),
+    ("no vest", "the vest has left the Player", "no-vest"),
+    ("no frames", "nobody writes a frame", "no writes"),
+)
+
 # By driver: the fault's name in the table, what the emulator does, and what it is told.
 _FAULTS: Final = {
-    "bhaptics-player": (
-        ("unplug", "the connection breaks once", "drop"),
-        ("freeze", "it takes nothing and says nothing", "freeze"),
-        ("garbage", "its messages are no messages", "garbage"),
-        ("slow", "takes a message in 150 ms", "slow"),
-        ("power cycle", "the Player is closed and is back after 3 s", "refuse"),
-        ("no vest", "the vest has left the Player", "no-vest"),
-        ("no frames", "nobody writes a frame", "no writes"),
-    ),
+    "bhaptics-player": _PLAYER,
+    _VERSION_3: _PLAYER,
     "bhaptics-ble": (
         ("unplug", "the radio link breaks once", "drop"),
         ("freeze", "takes no frame and answers none", "freeze"),
@@ -87,21 +91,29 @@ def trials() -> list[FaultTrial]:
     tried = []
     for driver, faults in _FAULTS.items():
         tried += [
-            FaultTrial(driver, name, what, partial(_met, driver, fault)) for name, what, fault in faults
+            FaultTrial(driver, name, what, functools.partial(_met, driver, fault))
+            for name, what, fault in faults
         ]
-        tried.append(FaultTrial(driver, "wrong version", _WRONG[driver], partial(_refused, driver)))
+        tried.append(FaultTrial(driver, "wrong version", _WRONG[driver], functools.partial(_refused, driver)))
     return tried
 
 
 _WRONG: Final = {
     "bhaptics-player": "serves no version 2",
+    _VERSION_3: "serves no version 3",
     "bhaptics-ble": "has no motor characteristic",
     "hid-vest": "speaks version 2 of the reports",
 }
 
 
-def _refused(driver: str) -> DriverOutcome:
-    with vest_bench(driver, open_timeout_s=2.0) as bench:
+def _options(label: str) -> tuple[str, dict[str, str]]:
+    """Return the driver's name of a row, and the option that the row sets."""
+    return ("bhaptics-player", {"version": "3"}) if label == _VERSION_3 else (label, {})
+
+
+def _refused(label: str) -> DriverOutcome:
+    driver, options = _options(label)
+    with vest_bench(driver, open_timeout_s=2.0, **options) as bench:
         bench.peer.say("wrong-version")
         start_s = time.monotonic()
         try:
@@ -109,12 +121,14 @@ def _refused(driver: str) -> DriverOutcome:
                 return DriverOutcome(effect="goes on", said="opens, unnoticed")
         except DeviceUnavailableError as error:
             # The emulated Player's port is another one each time.
-            said = error.message.replace(f":{bench.peer.address.get('port')} ", " ")
+            ports = (bench.peer.address.get(name) for name in ("port", "port_v3"))
+            said = functools.reduce(lambda text, port: text.replace(f":{port} ", " "), ports, error.message)
             return DriverOutcome(effect="refused", said=said, seen_s=time.monotonic() - start_s)
 
 
-def _met(driver: str, fault: str) -> DriverOutcome:
-    with vest_bench(driver) as bench, bench.vest:
+def _met(label: str, fault: str) -> DriverOutcome:
+    driver, options = _options(label)
+    with vest_bench(driver, **options) as bench, bench.vest:
         met = trouble(driver, fault, bench.vest, bench.peer)
     said = []
     if fault == "no writes":
