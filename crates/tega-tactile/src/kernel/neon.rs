@@ -76,8 +76,9 @@ fn rows_of<const DIFFERENCE: u8, const SQUARES: bool>(
     for (frame, baseline) in frame.chunks_exact(bytes).zip(baseline.chunks_exact(bytes)) {
         let (steps, rest) = frame.as_chunks::<BYTES>();
         let (baseline_steps, baseline_rest) = baseline.as_chunks::<BYTES>();
+        let tail = kernel.row(rest, baseline_rest, columns_rest);
         // SAFETY: loads and stores stay within the sixteen columns of a step; the rest computes on registers.
-        let mut row = unsafe {
+        rows.push(unsafe {
             let mut sums = [vdupq_n_s32(0); 4];
             let mut squares = vdupq_n_s64(0);
             let (mut min, mut max) = (vdupq_n_s32(i32::MAX), vdupq_n_s32(i32::MIN));
@@ -99,14 +100,12 @@ fn rows_of<const DIFFERENCE: u8, const SQUARES: bool>(
             let least = if DIFFERENCE == SIGNED { vminvq_s32(min) } else { kernel.least() };
             Row {
                 // The lanes' total may pass `i32`; the lanes themselves do not.
-                sum: sums.into_iter().map(|lanes| vaddlvq_s32(lanes)).sum(),
-                squares: vaddvq_s64(squares),
-                min: least,
-                max: vmaxvq_s32(max),
+                sum: tail.sum + sums.into_iter().map(|lanes| vaddlvq_s32(lanes)).sum::<i64>(),
+                squares: tail.squares + vaddvq_s64(squares),
+                min: least.min(tail.min),
+                max: vmaxvq_s32(max).max(tail.max),
             }
-        };
-        row.merge(kernel.row(rest, baseline_rest, columns_rest));
-        rows.push(row);
+        });
     }
 }
 

@@ -10,7 +10,7 @@ use super::depth::Solver;
 use super::light::{GelLight, Slopes};
 use super::middle::Middle;
 use super::peak::{half_share, peak};
-use super::shape::{Moments, outline};
+use super::shape::{Moments, Outliner, outline};
 use crate::frame::Order;
 
 /// The outline's level: the mean of energy and depth, as shares of their peaks, that an eye marks as the rim.
@@ -73,6 +73,7 @@ pub(super) struct DentReader {
     slopes: Slopes,
     solver: Solver,
     middle: Middle,
+    outliner: Outliner,
     mm_per_cell: f64,
     /// Height in millimetres for a change of one noise unit over the width that heights are given over.
     pub mm_per_unit: f64,
@@ -96,6 +97,7 @@ impl DentReader {
         Self {
             mm_per_unit: HEIGHT_SHARE * 400.0 * light.mm_per_px / slopes.strength,
             middle: Middle::of(std::mem::take(&mut slopes.even), grid),
+            outliner: Outliner::of(grid),
             slopes,
             solver: Solver::of(grid),
             mm_per_cell: grid.side as f64 * nominal_px * light.mm_per_px,
@@ -108,15 +110,9 @@ impl DentReader {
     }
 
     /// Finds the dent in a change of colour in noise units, the light's own change taken out.
-    pub fn read(
-        &mut self,
-        white: &Field,
-        grid: &Grid,
-        level: Outline,
-        paint: impl FnMut(usize, usize, usize),
-    ) -> Dent {
+    pub fn read(&mut self, white: &Field, grid: &Grid, level: Outline) -> Dent {
         let [strongest, deepest] = maps(self, white, grid);
-        let moments = self.outline(level, grid, paint);
+        let moments = outline(&self.outliner, &self.dent, level.level());
         let maps = [&self.change[..], &self.depth_mm];
         let middle = self.middle.find(maps, [strongest, deepest], level.level());
         let inside =
@@ -158,9 +154,9 @@ impl DentReader {
         [strongest, deepest]
     }
 
-    /// Outlines the last dent.
-    pub fn outline(&self, level: Outline, grid: &Grid, paint: impl FnMut(usize, usize, usize)) -> Moments {
-        outline(&self.dent, level.level(), grid, paint)
+    /// Tells every run of pixels of the last dent: (row, first column, last column excluded).
+    pub fn paint(&self, level: Outline, paint: impl FnMut(usize, usize, usize)) {
+        self.outliner.paint(&self.dent, level.level(), paint);
     }
 }
 

@@ -95,7 +95,7 @@ mod tests {
     use super::*;
     use crate::live::dent::DENT_LEVEL;
     use crate::live::light::{GelLight, Slopes};
-    use crate::live::shape::outline;
+    use crate::live::shape::{Outliner, outline};
 
     fn middle_of(grid: &Grid) -> (Middle, Vec<f32>) {
         let even = Slopes::of(&GelLight::default(), [1.32, 0.65, 1.17], [0, 1, 2], grid).even;
@@ -116,7 +116,7 @@ mod tests {
         assert!((x - 215.5).abs() < 1e-3 && (y - 159.5).abs() < 1e-3, "{x} {y}");
         // At this side the light answers most strongly at the bottom: the outline in the picture's own colours lies lower.
         let seen: Vec<f32> = change.iter().map(|e| 0.5 * e / strongest).collect();
-        let (_, y) = outline(&seen, DENT_LEVEL, &grid, |_, _, _| {}).centroid();
+        let (_, y) = outline(&Outliner::of(&grid), &seen, DENT_LEVEL).centroid();
         assert!(y > 159.5 + 18.0, "{y}");
     }
 

@@ -2,7 +2,10 @@
 //!
 //! The number of pixels changes smoothly with the field: no search, no switch between one piece and two.
 
+use std::ops::Range;
+
 use super::cells::Grid;
+use super::colour::LANES;
 
 /// Sums over the pixels of a mask.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -13,17 +16,26 @@ pub(super) struct Moments {
     pub square: u64,
 }
 
+/// Sum and sum of squares of `n` whole numbers from `first` on.
+#[inline(always)]
+fn powers(first: usize, n: usize) -> [u64; 2] {
+    let (first, n) = (first as u64, n as u64);
+    let pairs = n * n.saturating_sub(1);
+    [n * first + pairs / 2, n * first * first + pairs * first + pairs * (2 * n).saturating_sub(1) / 6]
+}
+
 impl Moments {
-    /// Adds `n` pixels from column `x` on in a row.
-    fn add_run(&mut self, x: usize, y: usize, n: usize) {
-        let (x, y, n) = (x as u64, y as u64, n as u64);
-        let last = n.saturating_sub(1);
-        let run = n * x + n * last / 2;
-        self.area += n;
-        self.x += run;
-        self.y += n * y;
-        // Σ (x + k)² for k from 0 to n - 1, and y² each.
-        self.square += n * x * x + x * n * last + n * last * (2 * last + 1) / 6 + n * y * y;
+    /// Adds a rectangle of pixels, given by its columns and rows.
+    #[inline(always)]
+    fn add(&mut self, columns: Range<usize>, rows: Range<usize>) {
+        let (width, height) = (columns.len(), rows.len());
+        let [x, x_square] = powers(columns.start, width);
+        let [y, y_square] = powers(rows.start, height);
+        let (width, height) = (width as u64, height as u64);
+        self.area += width * height;
+        self.x += height * x;
+        self.y += width * y;
+        self.square += height * x_square + width * y_square;
     }
 
     /// Mean place (x, y).
@@ -39,83 +51,136 @@ impl Moments {
     }
 }
 
-/// Pixels between the middles of two neighbouring cells along one side of the picture: the cells, the first pixel, the last one excluded.
-#[derive(Debug, Clone, Copy)]
+/// Pixels between the middles of two neighbouring cells along one side of the picture.
+#[derive(Debug, Clone)]
 struct Span {
     cells: [usize; 2],
-    first: usize,
-    end: usize,
+    pixels: Range<usize>,
 }
 
-fn spans(cells: usize, side: usize, length: usize) -> impl Iterator<Item = Span> {
-    let edge = move |k: usize| {
-        if k == 0 {
-            0
-        } else if k > cells {
-            length
-        } else {
-            ((k - 1) * side + side / 2).min(length)
+/// One side of the picture, cut at the middles of its cells.
+#[derive(Debug, Clone, Default)]
+struct Side {
+    spans: Vec<Span>,
+    /// Share of the way from the middle of a pixel's first cell to that of its second.
+    shares: Vec<f32>,
+}
+
+impl Side {
+    fn of(cells: usize, side: usize, length: usize) -> Self {
+        let edge = |k: usize| match k {
+            0 => 0,
+            k if k > cells => length,
+            k => ((k - 1) * side + side / 2).min(length),
+        };
+        let spans = (0..=cells).map(|k| Span {
+            cells: [k.saturating_sub(1), k.min(cells.saturating_sub(1))],
+            pixels: edge(k)..edge(k + 1),
+        });
+        let spans: Vec<Span> = spans.collect();
+        let share = |pixel: usize, [first, second]: [usize; 2]| {
+            if first == second { 0.0 } else { (pixel as f32 + 0.5) / side as f32 - 0.5 - first as f32 }
+        };
+        let shares =
+            spans.iter().flat_map(|span| span.pixels.clone().map(move |pixel| share(pixel, span.cells)));
+        Self { shares: shares.collect(), spans }
+    }
+}
+
+/// Outlines fields of one value a cell; made once for a grid.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Outliner {
+    cols: usize,
+    down: Side,
+    across: Side,
+}
+
+impl Outliner {
+    /// An outliner of fields over this grid.
+    pub fn of(grid: &Grid) -> Self {
+        let Grid { height, width, side, rows, cols } = *grid;
+        if grid.cells() == 0 {
+            return Self::default();
         }
-    };
-    (0..=cells).map(move |k| Span {
-        cells: [k.saturating_sub(1), k.min(cells - 1)],
-        first: edge(k),
-        end: edge(k + 1),
-    })
-}
-
-/// Share of the way from the first cell's middle to the second's.
-fn share(pixel: usize, span: &Span, side: usize) -> f32 {
-    if span.cells[0] == span.cells[1] {
-        return 0.0;
+        Self { cols, down: Side::of(rows, side, height), across: Side::of(cols, side, width) }
     }
-    (pixel as f32 + 0.5) / side as f32 - 0.5 - span.cells[0] as f32
-}
 
-/// Counts the pixels above a level; `paint` is told every run of them: (row, first column, last column excluded).
-pub(super) fn outline(
-    field: &[f32],
-    level: f32,
-    grid: &Grid,
-    mut paint: impl FnMut(usize, usize, usize),
-) -> Moments {
-    let mut moments = Moments::default();
-    if grid.cells() == 0 {
-        return moments;
+    /// Sums over the pixels above a level.
+    #[inline(always)]
+    fn measure(&self, field: &[f32], level: f32) -> Moments {
+        self.paint(field, level, |_, _, _| {})
     }
-    let row_of = |r: usize| field.get(r * grid.cols..(r + 1) * grid.cols).unwrap_or_default();
-    for down in spans(grid.rows, grid.side, grid.height) {
-        let (upper, lower) = (row_of(down.cells[0]), row_of(down.cells[1]));
-        for across in spans(grid.cols, grid.side, grid.width) {
-            let [l, r] = across.cells;
-            let corners = [upper[l], upper[r], lower[l], lower[r]];
-            let above = corners.iter().filter(|v| **v > level).count();
-            if above == 0 {
-                continue;
-            }
-            for y in down.first..down.end {
-                if above == 4 {
-                    moments.add_run(across.first, y, across.end - across.first);
-                    paint(y, across.first, across.end);
+
+    /// The same, and `paint` is told every run of pixels: (row, first column, last column excluded).
+    #[inline(always)]
+    pub fn paint(&self, field: &[f32], level: f32, mut paint: impl FnMut(usize, usize, usize)) -> Moments {
+        let mut moments = Moments::default();
+        let row_of = |r: usize| field.get(r * self.cols..(r + 1) * self.cols).unwrap_or_default();
+        for Span { cells: [upper, lower], pixels: rows } in &self.down.spans {
+            let (upper, lower) = (row_of(*upper), row_of(*lower));
+            // A corner of every span is one of the next span too.
+            let above = |k: usize| [upper[k], lower[k]].map(|v| u8::from(v > level)).iter().sum::<u8>();
+            let mut left_above = above(0);
+            // Spans that are above the level at every corner are taken together.
+            let mut whole: Option<Range<usize>> = None;
+            for Span { cells: [l, r], pixels: columns } in &self.across.spans {
+                let right_above = above(*r);
+                let corners = left_above + right_above;
+                left_above = right_above;
+                if corners == 4 {
+                    whole.get_or_insert_with(|| columns.clone()).end = columns.end;
                     continue;
                 }
-                let fy = share(y, &down, grid.side);
-                let (left, right) = (
-                    corners[0] + fy * (corners[2] - corners[0]),
-                    corners[1] + fy * (corners[3] - corners[1]),
-                );
-                // Along a row the field is a straight line: above the level on one side of it.
-                let over = |x: usize| left + share(x, &across, grid.side) * (right - left) > level;
-                let n = (across.first..across.end).filter(|x| over(*x)).count();
-                if n > 0 {
-                    let first = if right > left { across.end - n } else { across.first };
-                    moments.add_run(first, y, n);
-                    paint(y, first, first + n);
+                add_whole(&mut moments, whole.take(), rows, &mut paint);
+                if corners == 0 {
+                    continue;
+                }
+                let shares = self.across.shares.get(columns.clone()).unwrap_or_default();
+                let down = self.down.shares.get(rows.clone()).unwrap_or_default();
+                for (y, share) in rows.clone().zip(down) {
+                    let left = upper[*l] + share * (lower[*l] - upper[*l]);
+                    let right = upper[*r] + share * (lower[*r] - upper[*r]);
+                    // Along a row the field is a straight line: above the level on one side of it.
+                    let n = count_above(shares, left, right - left, level);
+                    if n > 0 {
+                        let first = if right > left { columns.end - n } else { columns.start };
+                        moments.add(first..first + n, y..y + 1);
+                        paint(y, first, first + n);
+                    }
                 }
             }
+            add_whole(&mut moments, whole, rows, &mut paint);
         }
+        moments
     }
-    moments
+}
+
+tega_simd::dispatched! {
+    /// See [`Outliner::measure`].
+    outline = Outliner::measure, (outliner: &Outliner, field: &[f32], level: f32) -> Moments
+}
+
+/// Adds columns that are above the level in all of these rows, where there are any.
+#[inline(always)]
+fn add_whole(
+    moments: &mut Moments,
+    columns: Option<Range<usize>>,
+    rows: &Range<usize>,
+    paint: &mut impl FnMut(usize, usize, usize),
+) {
+    if let Some(columns) = columns {
+        rows.clone().for_each(|y| paint(y, columns.start, columns.end));
+        moments.add(columns, rows.clone());
+    }
+}
+
+/// Number of shares at which a straight line is above a level.
+#[inline(always)]
+fn count_above(shares: &[f32], start: f32, rise: f32, level: f32) -> usize {
+    let (chunks, rest) = shares.as_chunks::<LANES>();
+    let above = |share: &f32| u32::from(start + share * rise > level);
+    let whole: u32 = chunks.iter().map(|chunk| chunk.iter().map(above).sum::<u32>()).sum();
+    (whole + rest.iter().map(above).sum::<u32>()) as usize
 }
 
 #[cfg(test)]
@@ -137,7 +202,7 @@ mod tests {
                 let inside = line(r0) * (1.0 - fy) + line(r1) * fy > level;
                 mask.push(inside);
                 if inside {
-                    moments.add_run(x, y, 1);
+                    moments.add(x..x + 1, y..y + 1);
                 }
             }
         }
@@ -157,10 +222,12 @@ mod tests {
                 (state >> 60) as f32
             }).collect();
             let mut mask = vec![false; height * width];
-            let got = outline(&field, 7.013, &grid, |y, a, b| mask[y * width..][a..b].fill(true));
+            let got =
+                Outliner::of(&grid).paint(&field, 7.013, |y, a, b| mask[y * width..][a..b].fill(true));
             let (wanted, slow_mask) = slow(&field, 7.013, &grid);
             prop_assert_eq!(mask, slow_mask);
             prop_assert_eq!(got, wanted);
+            prop_assert_eq!(outline(&Outliner::of(&grid), &field, 7.013), wanted);
         }
     }
 }

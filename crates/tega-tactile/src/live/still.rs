@@ -81,13 +81,13 @@ impl Cells {
     }
 
     /// The dent of the last image; call [`Self::judge`] before.
-    pub fn dent(&mut self, outline: Outline, paint: impl FnMut(usize, usize, usize)) -> Dent {
-        self.reader.read(&self.white, &self.grid, outline, paint)
+    pub fn dent(&mut self, outline: Outline) -> Dent {
+        self.reader.read(&self.white, &self.grid, outline)
     }
 
-    /// The outline of the last dent again.
-    pub fn outline(&self, outline: Outline, paint: impl FnMut(usize, usize, usize)) {
-        self.reader.outline(outline, &self.grid, paint);
+    /// Tells every run of pixels of the last dent: (row, first column, last column excluded).
+    pub fn paint(&self, outline: Outline, paint: impl FnMut(usize, usize, usize)) {
+        self.reader.paint(outline, paint);
     }
 
     /// Counts that one noise unit is, root mean square over the colours.
@@ -206,11 +206,14 @@ impl LiveReader {
             return Ok(none);
         }
         let (width, mask) = (self.cells.grid.width, &mut self.mask);
-        let dent = self.cells.dent(self.outline, |y, first, end| {
-            if let Some(run) = mask.get_mut(y * width + first..y * width + end).filter(|_| mark) {
-                run.fill(1);
-            }
-        });
+        let dent = self.cells.dent(self.outline);
+        if mark {
+            self.cells.paint(self.outline, |y, first, end| {
+                if let Some(run) = mask.get_mut(y * width + first..y * width + end) {
+                    run.fill(1);
+                }
+            });
+        }
         self.touched = dent.moments.area > 0;
         Ok(self.cells.metrics(&dent))
     }

@@ -373,7 +373,7 @@ impl TouchTracker {
         if !matches!(self.state, State::Contact { .. }) {
             return touch;
         }
-        let dent = self.cells.dent(self.options.outline, |_, _, _| {});
+        let dent = self.cells.dent(self.options.outline);
         let grid = &self.cells.grid;
         let area = dent.moments.area as f64;
         self.dent = Some(dent);
@@ -416,7 +416,7 @@ impl TouchTracker {
         let Grid { height, width, .. } = self.cells.grid;
         let mut mask = vec![false; height * width];
         if self.touches() {
-            self.cells.outline(self.options.outline, |y, first, end| {
+            self.cells.paint(self.options.outline, |y, first, end| {
                 if let Some(run) = mask.get_mut(y * width + first..y * width + end) {
                     run.fill(true);
                 }
