@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from tega.arm.robot.words import Health
+from tega.arm.robot.messages import Health
 from tega.cli.main import main
 from tega.config import check_tree, load_config
 from tega.doctor import Finding, examine, lab_settings

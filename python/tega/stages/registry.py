@@ -17,7 +17,7 @@ from typing import Any, Final, Literal, get_args, get_type_hints
 
 import msgspec
 
-from tega.errors import ConfigError, DeviceUnavailableError, TegaError
+from tega.errors import DeviceUnavailableError, TegaError
 from tega.motor_layout import MotorLayout, find_layout
 from tega.plugins import find_plugin, load_plugin, plugin_package, plugins
 from tega.stages.base import Decoder, Mapping, Metric, StageOptions
