@@ -10,7 +10,6 @@ use crate::bytes::{Target, crc32, head};
 pub const TARGETS: &[Target] = &[
     ("allegro_decode_then_encode_is_identity", allegro_decode_then_encode_is_identity),
     ("x40_levels_survive_the_frame", x40_levels_survive_the_frame),
-    ("player_status_survives_any_text", player_status_survives_any_text),
     ("hid_decode_then_encode_is_identity", hid_decode_then_encode_is_identity),
     ("cyton_any_chunking_is_the_same", cyton_any_chunking_is_the_same),
     ("cyton_finds_a_clean_run_behind_garbage", cyton_finds_a_clean_run_behind_garbage),
@@ -81,21 +80,6 @@ pub fn x40_levels_survive_the_frame(data: &[u8]) {
         let rows = if motor / 4 % 2 == 0 { 0..2 } else { 2..5 };
         let column = |row: usize| levels[motor / 8 * 20 + 4 * row + motor % 4];
         assert_eq!(Some(level), rows.map(column).max());
-    }
-    for message in [
-        bhaptics::player_v2_message(&intensities, 150, Some("a"), Some("b")).unwrap(),
-        bhaptics::sdk3_dot_message(&intensities, 1, 150, bhaptics::Motors::Forty).unwrap(),
-        bhaptics::hub_line(&intensities, 1, 150).unwrap(),
-    ] {
-        assert!(message.is_ascii() && message.len() < 2048);
-    }
-}
-
-/// Any text: no panic, and no more out than in.
-pub fn player_status_survives_any_text(data: &[u8]) {
-    let text = String::from_utf8_lossy(data);
-    if let Ok(status) = bhaptics::player_v2_status(&text) {
-        assert!(status.front.len() + status.back.len() + status.active_keys.len() <= text.len());
     }
 }
 

@@ -26,7 +26,7 @@ from tega.devices.vest_stream import StreamedVest
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.haptics import MotorLevels, vest_frame
 from tega.teleop import LoopView, run_session
-from tega.view.browser.page import _status
+from tega.view.browser.state_html import status_html
 from tega.view.state import ViewState
 from tega.wire import vest_levels
 from tega_campaigns.faults.vests import trouble
@@ -566,4 +566,4 @@ def test_a_run_shows_what_the_vest_says_of_itself(tmp_path: Path) -> None:
     said = "TactSuitX40 connected, Player version 3, battery 98 %"
     assert said in {view.vest_condition for view in shown}
     state = ViewState(0, next(view for view in shown if view.vest_condition == said))
-    assert f"<b>{said}</b>" in _status(state)
+    assert f"<b>{said}</b>" in status_html(state)

@@ -13,14 +13,14 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from tega.arm.robot.words import Health
+from tega.arm.robot.messages import Health
 from tega.cli.main import main
 from tega.config import check_tree, load_config
 from tega.doctor import Finding, examine, lab_settings
 from tega.teleop.arm_view import ArmView
 from tega.teleop.moment import LoopView
 from tega.teleop.touch import TouchMoment
-from tega.view.browser.page import _arm
+from tega.view.browser.state_html import arm_html
 from tega.view.terminal import render
 from tega_emulators.emulated_bench import EmulatedBench
 from tega_emulators.lab import emulated_lab
@@ -168,16 +168,16 @@ def test_page_and_terminal_say_what_the_arm_does_and_where_the_hand_is() -> None
         12.4,
         health,
     )
-    page, screen = _arm(_moment(seen)), _shown(_moment(seen))
+    page, screen = arm_html(_moment(seen)), _shown(_moment(seen))
     assert "ARM HOLDING</b> no pose for &lt;0.1 s" in page
     assert "200 Hz, worst 6 ms, 2 commands refused · robot took 99 %" in page
     for shown in (page, screen):
         assert "clutch pressed, dead-man let go" in shown
         assert "hand at +0.500 -0.010 +0.300 m, 12 mm from its target" in shown
     assert "arm holding: no pose for <0.1 s (following, 200 Hz" in screen
-    assert _arm(_moment(None)).endswith("<b>arm</b> idle: &lt;who&gt; knows</div>")
-    assert _arm(_moment(None)._replace(arm="")) == ""
+    assert arm_html(_moment(None)).endswith("<b>arm</b> idle: &lt;who&gt; knows</div>")
+    assert arm_html(_moment(None)._replace(arm="")) == ""
     # The page stays open when nobody serves it any more: it must not go on saying that the arm follows.
-    ended = _arm(_moment(seen)._replace(state="stopped"))
+    ended = arm_html(_moment(seen)._replace(state="stopped"))
     assert "led no more" in ended
     assert "HOLDING" not in ended

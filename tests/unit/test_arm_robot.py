@@ -20,8 +20,8 @@ from hypothesis import strategies as st
 from tega.arm import ArmChain, ArmCommand, ArmSettings, MappingSettings, Pose, StampedPose
 from tega.arm.robot import fci
 from tega.arm.robot.leash import Leash
+from tega.arm.robot.messages import ArmTargetWords, decode, encode
 from tega.arm.robot.slew import Slew
-from tega.arm.robot.words import ArmTargetWords, decode, encode
 from tega.arm.rotation import between
 from tega.devices.franky_arm import FrankyArm, FrankyArmOptions
 from tega.devices.simulated_arm import SimulatedArm, SimulatedArmOptions

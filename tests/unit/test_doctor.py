@@ -18,7 +18,7 @@ from tega.config import load_config
 from tega.doctor import look_for
 from tega.doctor.bench import LOOK_S, ROLES, TRY_S, look_around, try_all
 from tega.doctor.case import DriverCase, holders
-from tega.doctor.in_time import in_time
+from tega.doctor.timeouts import in_time
 from tega_emulators.emulated_bench import EmulatedBench
 from tega_emulators.vests import seen_by
 

@@ -17,7 +17,7 @@ from tega.safety.dose_file import KeptDose
 from tega.safety.motor_budget import MotorBudget
 from tega.study.coupling import read_course
 from tega.study.hand_rows import read_hand
-from tega.study.lead.board import read_board
+from tega.study.lead.status_file import read_board
 from tega.study.privacy import withdrawn_ids
 from tega.study.touch_picture import read_touch_picture
 from tega.study.touch_rows import read_touch

@@ -84,9 +84,9 @@ def test_a_run_shows_and_counts_what_the_operator_holds(tmp_path: Path) -> None:
     assert "held" in drawn
     assert "held, 1 press" in drawn
     pytest.importorskip("viser", reason="needs the extra tega[view]")
-    from tega.view.browser.page import _status
+    from tega.view.browser.state_html import status_html
 
-    page = _status(ViewState(seen[-1].t_ns, seen[-1]))
+    page = status_html(ViewState(seen[-1].t_ns, seen[-1]))
     assert "dead man" in page
     assert "held, 1 press" in page
 

@@ -19,7 +19,7 @@ from tega.study.detecting import detect_study, detected_path, events_of, read_de
 from tega.study.hand_rows import HandRow, hand_path, read_hand, write_hand
 from tega.study.lead import lead_session
 from tega.study.lead.benches import SimulatedBench
-from tega.study.lead.desk import Screen
+from tega.study.lead.experimenter import Screen
 from tega.study.observers import read_observers
 from tega.study.score import agreements, export_boris, import_boris
 from tega.study.touch_rows import touch_path

@@ -26,14 +26,14 @@ from tega.study.finger_rows import finger_rows
 from tega.study.journal import Journal, JournalEvent, read_events
 from tega.study.lead import lead_session
 from tega.study.lead.benches import LabBench, SimulatedBench
-from tega.study.lead.board import board_path, read_board
-from tega.study.lead.desk import ENTER, LineDesk, Screen
-from tega.study.lead.going import Going
+from tega.study.lead.experimenter import ENTER, LineDesk, Screen
 from tega.study.lead.lift_rule import LiftRule
 from tega.study.lead.questions import QUESTIONS, answer_of, raw_tlx
+from tega.study.lead.running_trial import Going
+from tega.study.lead.status_file import board_path, read_board
 from tega.study.lead.trial import LedTrial
 from tega.study.observe.recorded import recorded_trials
-from tega.study.observe.reel import read_reel
+from tega.study.observe.trial_pictures import read_reel
 from tega.study.page import report_html
 from tega.study.plan import PlannedTrial
 from tega.study.state import Where, derive, events_path, rehearsed, resume
@@ -347,7 +347,7 @@ from pathlib import Path
 from tega.study import read_plan
 from tega.study.lead import lead_session
 from tega.study.lead.benches import SimulatedBench
-from tega.study.lead.desk import LineDesk
+from tega.study.lead.experimenter import LineDesk
 folder = Path(sys.argv[1])
 with LineDesk() as desk:
     bench = SimulatedBench(read_plan(folder), "p01", real_time=False)

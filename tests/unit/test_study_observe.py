@@ -16,7 +16,7 @@ import pytest
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.study import make_plan, read_plan, write_plan
 from tega.study.journal import Journal, read_events
-from tega.study.lead.board import SessionBoard, board_path, write_board
+from tega.study.lead.status_file import SessionBoard, board_path, write_board
 from tega.study.observe import Observing
 from tega.study.observers import observer_path, read_observers, saw_whole
 from tega.study.privacy import export, withdraw

@@ -30,8 +30,8 @@ from tega.study.observe import Observing
 from tega.study.observe.play_head import PlayHead
 from tega.study.observe.playback_console import PlaybackConsole
 from tega.study.observe.recorded import RecordedTrial, recorded_trials
-from tega.study.observe.reel import read_reel
 from tega.study.observe.scoring import Scoring
+from tega.study.observe.trial_pictures import read_reel
 from tega.study.observers import observer_path, read_observers, saw_whole
 from tega.study.plan import StudyPlan
 from tega.study.score.accounts import scored_trials

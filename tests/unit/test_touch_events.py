@@ -22,7 +22,7 @@ from tega.tactile import ContactMetrics
 from tega.teleop import run_session
 from tega.teleop.moment import LoopView
 from tega.teleop.touch import TouchLoop
-from tega.view.browser.page import _status
+from tega.view.browser.state_html import status_html
 from tega.view.state import ViewState
 
 TREE: dict[str, Any] = {
@@ -76,7 +76,7 @@ def test_a_display_says_the_newest_event_while_it_is_new(session: Session) -> No
     assert set(before) <= {""}
     after = next(view for view in seen if view.t_ns >= first.taken_ns)
     assert after.newest_event.startswith("contact: index, 0.")
-    assert "contact: index" in _status(ViewState(after.t_ns, after))
+    assert "contact: index" in status_html(ViewState(after.t_ns, after))
     late = after._replace(t_ns=first.t_ns + 3_000_000_001)
     assert late.newest_event == ""
 

@@ -18,19 +18,19 @@ from tega.cli.page import browser_observer, view_options
 from tega.haptics import vest_frame
 from tega.view.browser import BrowserView, Controls
 from tega.view.browser.delays import BUDGET_MS, Delays
-from tega.view.browser.page import _lights, _run_state
+from tega.view.browser.state_html import lights_html, run_state_html
 from tega.view.browser.vest import vest_svg
 
 
 def test_a_paused_run_is_not_called_active_and_haptics_off_is_said() -> None:
     loop = Moments().at(2.0).loop._replace(state="active", reason="all is there")
-    assert ">ACTIVE<" in _run_state(loop)
-    paused = _run_state(loop, paused=True)
+    assert ">ACTIVE<" in run_state_html(loop)
+    paused = run_state_html(loop, paused=True)
     assert ">PAUSED<" in paused
     assert "ACTIVE" not in paused
-    assert ">HAPTICS OFF<" in _run_state(loop, haptics=False)
+    assert ">HAPTICS OFF<" in run_state_html(loop, haptics=False)
     stopped = loop._replace(state="stopped", reason="the page's button")
-    said = _run_state(stopped, paused=True, haptics=False)
+    said = run_state_html(stopped, paused=True, haptics=False)
     assert ">STOPPED<" in said
     assert "the page&#x27;s button" in said
     assert "PAUSED" not in said
@@ -55,7 +55,7 @@ def test_a_light_tells_a_silent_finger_from_an_absent_one() -> None:
     time_ns, metrics = moment.loop.contacts["thumb"]
     contacts = dict(moment.loop.contacts) | {"thumb": (time_ns - 10**9, metrics)}
     del contacts["ring"]
-    lights = _lights(moment._replace(loop=moment.loop._replace(contacts=contacts)))
+    lights = lights_html(moment._replace(loop=moment.loop._replace(contacts=contacts)))
     assert 'title="thumb: silent"' in lights
     assert 'title="index: well"' in lights
     assert 'title="ring: absent"' in lights

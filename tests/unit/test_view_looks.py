@@ -7,7 +7,7 @@ import pytest
 pytest.importorskip("viser", reason="needs the extra view")
 
 from tega.sim.world.objects import OBJECTS
-from tega.view.browser.looks import LOOKS
+from tega.view.browser.object_shapes import LOOKS
 from tega.view.browser.solids import _parts
 from tega.view.state import Shape
 

@@ -67,8 +67,15 @@ Call = Callable[[], Any]
             "name at least one panel",
         ),
         (lambda: wire.player_v2_stop(""), WireError, "key is empty"),
-        (lambda: wire.player_v2_status("{"), WireError, "player status: EOF"),
-        (lambda: wire.player_v2_status('{"Status":{"VestFront":"x"}}'), WireError, "invalid type: string"),
+        (lambda: wire.player_v2_status("{"), WireError, "not JSON: Input data was truncated"),
+        (lambda: wire.player_v2_status("[1,[],[],null]"), WireError, "player status: not a JSON object"),
+        (lambda: wire.player_v2_status("[" * 10_000), WireError, "not JSON"),
+        (lambda: wire.player_v2_status('{"Status":7}'), WireError, "player status: Expected `object`"),
+        (
+            lambda: wire.player_v2_status('{"Status":{"VestFront":"x"}}'),
+            WireError,
+            "player status: Expected `array`, got `str`",
+        ),
         (
             lambda: wire.sdk3_dot_message(FORTY + 1, motors=32),
             WireError,

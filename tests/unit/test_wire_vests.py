@@ -76,6 +76,7 @@ def test_player_version_two() -> None:
     assert [dot["Index"] for dot in front["Frame"]["DotPoints"]] == list(range(16))
     assert [dot["Index"] for dot in back["Frame"]["DotPoints"]] == [0, 2, 3, 4, 6, 7, 8, 10, 11, 12, 14, 15]
     assert wire.player_v2_stop("tega_front") == '{"Submit":[{"Type":"turnOff","Key":"tega_front"}]}'
+    assert wire.player_v2_stop('a"b') == '{"Submit":[{"Type":"turnOff","Key":"a\\"b"}]}'
     assert wire.player_v2_stop() == '{"Submit":[{"Type":"turnOffAll"}]}'
     assert wire.player_v2_ping() == (
         '{"Submit":[{"Type":"frame","Key":"ping","Frame":{"Position":"FootL","DurationMillis":100,'
@@ -89,6 +90,12 @@ def test_player_status() -> None:
         '"Status":{"VestFront":[80,60],"VestBack":[0],"Head":[0]},"Later":{}}'
     )
     assert status == wire.PlayerStatus(1, ("Vest",), ("tega_front",), (80, 60), (0,))
+    nothing = wire.PlayerStatus(0, (), (), (), ())
+    assert (
+        wire.player_v2_status('{"Status":null,"ActiveKeys":null}') == wire.player_v2_status("{}") == nothing
+    )
+    small = '{"connectedDeviceCount":2,"activeKeys":["k"],"status":{"vestBack":[7]}}'
+    assert wire.player_v2_status(small) == wire.PlayerStatus(2, (), ("k",), (), (7,))
 
 
 def test_newer_sockets() -> None:

@@ -124,11 +124,9 @@ impl From<CoreWireError> for BindError {
             CoreWireError::Length { .. } => ShapeError::new_err(args),
             CoreWireError::OutOfRange(_)
             | CoreWireError::PacketLength { .. }
-            | CoreWireError::NoSuchRow { .. }
             | CoreWireError::Empty { .. }
             | CoreWireError::Field { .. }
-            | CoreWireError::Checksum { .. }
-            | CoreWireError::Json { .. } => WireError::new_err(args),
+            | CoreWireError::Checksum { .. } => WireError::new_err(args),
         })
     }
 }

@@ -65,9 +65,8 @@ mod _native {
     use crate::wire::streams::{AsciiStream, ChordsStream, CytonStream, SpikerStream, chords_channels};
     #[pymodule_export]
     use crate::wire::vest::{
-        hid_motor, hid_motor_report, hid_status, hid_status_report, hid_stop_report, hub_line, motor_steps,
-        player_v2_message, player_v2_ping, player_v2_status, player_v2_stop, sdk3_dot_message,
-        sdk3_stop_message, x16_steps, x40_ble_frame, x40_ble_steps,
+        hid_motor, hid_motor_report, hid_status, hid_status_report, hid_stop_report, motor_steps, x16_steps,
+        x40_ble_frame, x40_ble_steps,
     };
 
     #[pymodule_export]

@@ -32,15 +32,7 @@ pub enum WireError {
         /// What would be accepted.
         wanted: &'static str,
     },
-    /// Row 4 of a panel carries a level, and the 32-motor form has rows 0 to 3 only.
-    #[error("intensities[{index}] = {value} is in row 4, which the 32-motor form does not have")]
-    NoSuchRow {
-        /// Which element, from 0.
-        index: usize,
-        /// Its intensity.
-        value: u8,
-    },
-    /// A Player message would address nothing, or nothing that can be named.
+    /// A name is empty, or none that is known.
     #[error("{name} is empty")]
     Empty {
         /// The argument.
@@ -68,14 +60,6 @@ pub enum WireError {
         /// The checksum computed.
         computed: u32,
     },
-    /// A text is not the JSON it should be.
-    #[error("{packet}: {reason}")]
-    Json {
-        /// The kind of message.
-        packet: &'static str,
-        /// What the parser met, and where.
-        reason: String,
-    },
 }
 
 impl WireError {
@@ -85,16 +69,10 @@ impl WireError {
             Self::OutOfRange(OutOfRange { unit: "tau", .. }) => {
                 "stop the controller and look for the NaN or overflow in its inputs; no torque is sent from it"
             }
-            Self::NoSuchRow { .. } => "fill rows 0 to 3 only, or send the 40-motor form",
-            Self::Empty { name: "front_key and back_key" } => "name at least one panel",
             Self::Checksum { .. } | Self::Field { .. } | Self::PacketLength { .. } => {
                 "drop the packet and count it; if it repeats, the two ends speak different versions"
             }
-            Self::OutOfRange(_)
-            | Self::Setting { .. }
-            | Self::Length { .. }
-            | Self::Empty { .. }
-            | Self::Json { .. } => "",
+            Self::OutOfRange(_) | Self::Setting { .. } | Self::Length { .. } | Self::Empty { .. } => "",
         }
     }
 }

@@ -61,11 +61,6 @@ proptest! {
     }
 
     #[test]
-    fn player(text in r#"(\{("Status"|"ActiveKeys"|"x"):(\[[0-9,"]{0,9}\]|null|\{\})\}|.{0,40})"#) {
-        fuzz::player_status_survives_any_text(text.as_bytes());
-    }
-
-    #[test]
     fn cyton_any_bytes(data in bytes_with(&[0xA0, 0xC0, 0xC4], 600)) {
         fuzz::cyton_any_chunking_is_the_same(&data);
     }

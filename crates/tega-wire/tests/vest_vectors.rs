@@ -1,11 +1,7 @@
-//! Vest frames and messages, byte for byte.
+//! Vest frames and HID reports, byte for byte.
 #![allow(clippy::unwrap_used, clippy::panic)] // a test's helpers may fail like the test
 
-use tega_wire::bhaptics::{
-    BleFrame, Intensities, Motors, ble_frame, ble_steps, hub_line, motor_step, player_v2_message,
-    player_v2_ping, player_v2_status, player_v2_stop, player_v2_stop_all, sdk3_dot_message, sdk3_stop_all,
-    x16_steps,
-};
+use tega_wire::bhaptics::{BleFrame, Intensities, ble_frame, ble_steps, motor_step, x16_steps};
 use tega_wire::hid::{Motor, Status, decode_motor, decode_status, motor_report, status_report};
 
 const CCI: [u8; 4] = [80, 60, 40, 20];
@@ -101,85 +97,6 @@ fn what_an_x16_makes_of_it() {
         let frame = ble_frame(&columns(rows), false);
         assert_eq!(x16_steps(&frame, false)[..], [half([12, 9, 6, 3]), half([2, 0, 15, 8])].concat());
     }
-}
-
-#[test]
-fn player_version_two() {
-    let one = of(|motor| if motor == 0 { 100 } else { 0 });
-    let message = player_v2_message(&one, 150, Some("tega_front"), None).unwrap();
-    let wanted = concat!(
-        r#"{"Register":[],"Submit":[{"Type":"frame","Key":"tega_front","Frame":{"Position":"VestFront","#,
-        r#""DurationMillis":150,"DotPoints":[{"Index":0,"Intensity":100}],"PathPoints":[]}}]}"#
-    );
-    assert_eq!((message.as_str(), message.len()), (wanted, 174));
-    let message = player_v2_message(&columns(4), 150, Some("tega_front"), Some("tega_back")).unwrap();
-    assert_eq!((message.len(), message.matches("Index").count()), (1035, 28));
-    assert_eq!(
-        player_v2_stop("tega_front").unwrap(),
-        r#"{"Submit":[{"Type":"turnOff","Key":"tega_front"}]}"#
-    );
-    assert_eq!(player_v2_stop_all().unwrap(), r#"{"Submit":[{"Type":"turnOffAll"}]}"#);
-    let ping = concat!(
-        r#"{"Submit":[{"Type":"frame","Key":"ping","Frame":{"Position":"FootL","DurationMillis":100,"#,
-        r#""DotPoints":[],"PathPoints":[]}}]}"#
-    );
-    assert_eq!(player_v2_ping().unwrap(), ping);
-}
-
-#[test]
-fn player_messages_that_would_do_nothing_are_refused() {
-    let off = of(|_| 0);
-    assert!(player_v2_message(&off, 150, None, None).is_err());
-    assert!(player_v2_message(&off, 150, Some(""), None).is_err());
-    assert!(player_v2_message(&off, 19, Some("k"), None).is_err());
-    assert!(player_v2_stop("").is_err());
-    let quoted = player_v2_stop("a\"b").unwrap();
-    assert!(quoted.contains(r#""a\"b""#));
-}
-
-#[test]
-fn player_status_is_read_whatever_else_it_holds() {
-    let status = player_v2_status(
-        r#"{"RegisteredKeys":[],"ActiveKeys":["tega_front"],"ConnectedDeviceCount":1,"ConnectedPositions":["Vest"],
-        "Status":{"VestFront":[80,60],"VestBack":[0,0],"Head":[0,0,0,0,0,0]},"New":{"a":[1]}}"#,
-    )
-    .unwrap();
-    assert_eq!((status.connected_devices, status.front, status.back), (1, vec![80, 60], vec![0, 0]));
-    assert_eq!(
-        (status.connected_positions, status.active_keys),
-        (vec!["Vest".into()], vec!["tega_front".into()])
-    );
-    let empty = player_v2_status(r#"{"Status":null,"ActiveKeys":null}"#).unwrap();
-    assert_eq!(empty, player_v2_status("{}").unwrap());
-    for bad in ["", "[", "7", "[1,[],[],null]", "{\"Status\":7}", &"[".repeat(10_000)] {
-        assert!(player_v2_status(bad).is_err(), "{bad}");
-    }
-}
-
-#[test]
-fn player_version_three_and_the_hub() {
-    let values = columns(4).values().map(|value| value.to_string()).join(",");
-    let message = sdk3_dot_message(&columns(4), 1, 150, Motors::Forty).unwrap();
-    let wanted = format!(
-        r#"{{"Type":"SdkPlayDotMode","Message":"{{\"requestId\":1,\"position\":0,\"motorValues\":[{values}],\"durationMillis\":150,\"deviceIndex\":-1}}"}}"#
-    );
-    assert_eq!((message.as_str(), message.len()), (wanted.as_str(), 242));
-    let message = sdk3_dot_message(&columns(4), 1, 150, Motors::ThirtyTwo).unwrap();
-    let values = [[CCI; 4].as_flattened(), [EDA; 4].as_flattened()]
-        .concat()
-        .iter()
-        .map(u8::to_string)
-        .collect::<Vec<_>>();
-    assert!(message.contains(&format!("[{}]", values.join(","))), "{message}");
-    assert!(sdk3_dot_message(&columns(5), 1, 150, Motors::ThirtyTwo).is_err());
-    assert_eq!(sdk3_stop_all().unwrap(), r#"{"Type":"SdkStopAll"}"#);
-    let line = hub_line(&columns(4), 1, 150).unwrap();
-    assert!(line.starts_with(r#"{"message":"{\"requestId\":1,\"pos\":0,\"motors\":[80,60,40,20,"#), "{line}");
-    assert!(
-        line.ends_with("0,0,0,0],\\\"durationMillis\\\":150}\",\"type\":\"SdkPlayDotMode\"}\n"),
-        "{line}"
-    );
-    assert_eq!(line.len(), 214);
 }
 
 #[test]

@@ -177,7 +177,7 @@ def _shown(
 ) -> Iterator[tuple[Callable[[ViewState], None] | None, dict[str, Callable[[], Any]]]]:
     """Open what shows the run; yield what takes moments, and the wishes of whoever looks at them."""
     if not view:
-        from tega.cli.stage import stage
+        from tega.cli.run_view import stage
 
         with stage(TITLE, enabled=terminal) as (progress, watch):
             if watch is None:

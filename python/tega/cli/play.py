@@ -79,7 +79,7 @@ def play(
     from tega.cli.options import echo_json, stop_keys, worn_by
     from tega.cli.page import run_viewed
     from tega.cli.report import print_summary
-    from tega.cli.stage import stage
+    from tega.cli.run_view import stage
     from tega.errors import ConfigError
     from tega.recording.mcap_folder import session_files
     from tega.replay.play import play_file, playing_to

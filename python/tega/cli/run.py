@@ -97,7 +97,7 @@ def run_settings(
     from tega.cli.options import stop_keys
     from tega.cli.page import run_viewed
     from tega.cli.report import tell_summary
-    from tega.cli.stage import stage
+    from tega.cli.run_view import stage
     from tega.cli.streams import streamed
     from tega.config import load_config
     from tega.safety.ctrl_c import CtrlC

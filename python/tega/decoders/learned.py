@@ -205,7 +205,7 @@ class LearnedDecoder:
         Raises:
             CalibrationError: The data is too short or lacks rest or effort, or the model is a kernel.
         """
-        from tega.decoders.anew import fitted_anew
+        from tega.decoders.refit import fitted_anew
 
         return LearnedDecoder(fitted_anew(self.model, as_samples(emg, len(self.model.channels)), target))
 

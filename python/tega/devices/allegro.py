@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 import msgspec
 import numpy as np
 
+from tega.devices.at_exit import closes_on_exit, last_words, release
 from tega.devices.base import DeviceInfo, Found, Kind, Options
 from tega.devices.can_links import can_links, link_trouble
 from tega.devices.guard_process import GuardProcess
 from tega.devices.hand_bus import HandBus
 from tega.devices.hand_guard import LONGEST_S, guard_hand
-from tega.devices.ways_out import closes_on_exit, last_words, release
 from tega.errors import DeviceUnavailableError, InvalidValueError, WrongDeviceError
 from tega.lifecycle import Opened
 from tega.safety.hand_alert import HandAlert

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tega.arm.pose import ArmCommand, StampedPose
-    from tega.arm.robot.words import Health
+    from tega.arm.robot.messages import Health
     from tega.devices.picture_check import CameraCounts
     from tega.hand_link import HandState, Received
     from tega.haptics import MotorLevels

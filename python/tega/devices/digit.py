@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 import msgspec
 import numpy as np
 
+from tega.devices.at_exit import closes_on_exit, release
 from tega.devices.base import DeviceInfo, Found, Kind, Options, TactileFrame
 from tega.devices.digit_search import find_digits
 from tega.devices.picture_check import WORDS, CameraCounts, PictureCheck
 from tega.devices.picture_origin import PictureOrigin
 from tega.devices.video_nodes import camera_place, find_node
-from tega.devices.ways_out import closes_on_exit, release
 from tega.errors import ConfigError, DeviceUnavailableError
 from tega.lifecycle import Opened
 from tega.opencv import load_cv2

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple
 
 import msgspec
 
+from tega.devices.at_exit import closes_on_exit, release
 from tega.devices.base import DeviceInfo, EmgChunk, Kind, Options
 from tega.devices.emg_health import EmgHealth
 from tega.devices.packet_order import PacketOrder, believed_losses
 from tega.devices.sample_clock import SampleClock
 from tega.devices.sample_rate import LEAST_RATE_HZ, LOST_TOLERANCE, RATE_TOLERANCE, too_slow, wrong_rate
 from tega.devices.serial_port import POLL_S
-from tega.devices.ways_out import closes_on_exit, release
 from tega.errors import DeviceUnavailableError
 from tega.lifecycle import Opened
 

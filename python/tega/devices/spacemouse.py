@@ -38,7 +38,6 @@ NOT_SIX_AXES: Final = frozenset(
 )
 """The maker's mice and keyboards, which are no SpaceMouse."""
 
-_VENDORS: Final = frozenset({0x256F, 0x046D})
 _MULTI_AXIS: Final = (1, 8)  # usage page and usage of the interface with the axes
 _FULL_SCALE: Final = 350
 # No hand pushes the cap to twice its full scale: such a value is no motion.

@@ -10,12 +10,12 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from tega.devices.at_exit import last_words
 from tega.devices.base import Found, Options
 from tega.devices.bluetooth_state import bluetooth_trouble
 from tega.devices.guard_process import GuardProcess
 from tega.devices.vest_ble_guard import LONGEST_S, MOTORS, guard_vest
 from tega.devices.vest_stream import StreamedVest, VestLink, VestOptions
-from tega.devices.ways_out import last_words
 from tega.errors import DeviceUnavailableError
 from tega.lifecycle import require
 from tega.wire import x40_ble_frame

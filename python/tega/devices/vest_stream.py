@@ -26,8 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega import _native
+from tega.devices.at_exit import closes_on_exit, release
 from tega.devices.base import DeviceInfo, Kind, Options
-from tega.devices.ways_out import closes_on_exit, release
 from tega.errors import DeviceUnavailableError
 from tega.haptics import MotorLevels
 from tega.lifecycle import Opened

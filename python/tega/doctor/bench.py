@@ -8,17 +8,17 @@ from typing import Final, NamedTuple
 import msgspec
 
 from tega.devices import DiscoveringDevice, Found, driver_class, list_drivers
+from tega.devices.at_exit import closes_on_exit, release
 from tega.devices.base import Kind
 from tega.devices.video_nodes import video_nodes
-from tega.devices.ways_out import closes_on_exit, release
 from tega.doctor.arm import try_arm, try_tracker
 from tega.doctor.case import DriverCase, late
 from tega.doctor.emg import try_amplifier
 from tega.doctor.findings import Examination, Finding
 from tega.doctor.hand import try_hand
-from tega.doctor.in_time import in_time
 from tega.doctor.inputs import try_input
 from tega.doctor.tactile import FoundCamera, crowded, try_camera
+from tega.doctor.timeouts import in_time
 from tega.doctor.vest import try_vest
 from tega.errors import DeviceUnavailableError, MissingExtraError
 

@@ -10,7 +10,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from tega.calibration.look import CalibrationLook, look_at, people_with_calibrations
+from tega.calibration.check import CalibrationLook, look_at, people_with_calibrations
 from tega.calibration.person import calibrate_command, closed_info
 from tega.calibration.records import utc_now
 from tega.calibration.store import load_calibration, refused_law

@@ -14,7 +14,7 @@ from tega.errors import ConfigError
 from tega.net.forearm import ForearmReader
 from tega.net.gate import StampGate
 from tega.net.intent import IntentSender
-from tega.net.lead import Lead
+from tega.net.lead_request import Lead
 from tega.net.link import Channel
 from tega.net.messages import Change, Join, State, Welcome, decode
 from tega.net.samples import SampleSender

@@ -23,9 +23,9 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from tega.errors import RecordingError, UnsafeNameError
+from tega.file_lock import lock_file
 from tega.foreign_file import read_words
 from tega.plain_name import plain_name
-from tega.recording.lock import lock
 from tega.whole_file import write_whole
 
 _TAIL = ".tail"
@@ -115,7 +115,7 @@ class SpooledFile:
         self._note = path.with_name(path.name + _TAIL)
         try:
             self._owner = (self._folder / _OWNER).open("xb")
-            lock(self._owner)
+            lock_file(self._owner, self._folder / _OWNER)
             owner = {"path": str(path.absolute()), "file": [own.st_dev, own.st_ino]}
             self._owner.write(json.dumps(owner).encode())
             self._owner.flush()
@@ -233,7 +233,7 @@ def rescue_tails() -> None:
             part = Path(str(_owner(folder).get("path", "")))
             if part.is_file():
                 with part.open("rb") as file:
-                    if lock(file):
+                    if lock_file(file, part):
                         _bring(folder, part)
             elif time.time() - folder.stat().st_mtime > _KEPT_S and _abandoned(folder):
                 shutil.rmtree(folder, ignore_errors=True)
@@ -263,7 +263,7 @@ def _owner(folder: Path) -> dict[str, Any]:
 def _abandoned(folder: Path) -> bool:
     """Whether the program that filled a folder is gone."""
     with (folder / _OWNER).open("rb") as file:
-        return lock(file)
+        return lock_file(file, folder / _OWNER)
 
 
 def _write(raw: BinaryIO, data: bytes) -> None:

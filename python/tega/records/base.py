@@ -38,7 +38,6 @@ Newtons = Annotated[float, quantity("N")]
 Share = Annotated[float, quantity("1")]
 Percent = Annotated[float, quantity("%")]
 Milliseconds = Annotated[float, quantity("ms")]
-Degrees = Annotated[float, quantity("°")]
 
 
 class Record(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):

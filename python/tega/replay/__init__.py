@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tega.replay.again import Replay, replay_file
 from tega.replay.compare import Comparison, Difference
+from tega.replay.recompute import Replay, replay_file
 
 __all__ = ["Comparison", "Difference", "Replay", "replay_file"]

@@ -1,4 +1,4 @@
-"""Encode and decode scene video picture by picture, as Foxglove's CompressedVideo wants it.
+"""Encode scene video picture by picture, as Foxglove's CompressedVideo wants it.
 
 H.264 is an Annex B stream, AV1 a stream of temporal units: every packet is one picture, none waits for a later one, and
 a picture that stands alone comes at least once a second with all that a decoder needs to begin there.
@@ -7,7 +7,6 @@ a picture that stands alone comes at least once a second with all that a decoder
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, Final, Literal
 
@@ -22,7 +21,6 @@ if TYPE_CHECKING:
 VideoFormat = Literal["h264", "av1"]
 
 _ENCODERS: Final[dict[VideoFormat, str]] = {"h264": "libx264", "av1": "libsvtav1"}
-_DECODERS: Final[dict[VideoFormat, str]] = {"h264": "h264", "av1": "libdav1d"}
 _TICKS: Final = Fraction(1, 1_000_000)
 
 
@@ -105,45 +103,3 @@ class SceneEncoder:
             raise RecordingError(f"a picture cannot be encoded as {self.video}: {error}") from error
         # In the order in which the pictures came: nothing is reordered.
         return [(self._times.pop(0), bytes(packet)) for packet in packets]
-
-
-class SceneDecoder:
-    """Decodes packets as they come.
-
-    Args:
-        video: Their format.
-
-    Raises:
-        MissingExtraError: PyAV is not installed.
-    """
-
-    def __init__(self, video: VideoFormat = "h264") -> None:
-        self._av: Any = require("av", driver="scene", extra="lerobot")
-        self._context = self._av.CodecContext.create(_DECODERS[video], "r")
-        self._context.thread_count = 1
-        if video == "av1":
-            self._context.options = {"max_frame_delay": "1"}
-        self._times: list[int] = []
-
-    def decode(self, t_ns: int, packet: bytes) -> Iterator[tuple[int, NDArray[np.uint8]]]:
-        """Return the pictures that a packet completes: time and uint8 (H, W, 3) in blue, green, red.
-
-        Raises:
-            RecordingError: The packet is damaged.
-        """
-        self._times.append(t_ns)
-        yield from self._frames(self._av.Packet(packet))
-
-    def close(self) -> Iterator[tuple[int, NDArray[np.uint8]]]:
-        """Return the pictures that the decoder still has."""
-        yield from self._frames(None)
-
-    def _frames(self, packet: Any) -> Iterator[tuple[int, NDArray[np.uint8]]]:
-        try:
-            frames = self._context.decode(packet)
-        except self._av.FFmpegError as error:
-            raise RecordingError(
-                f"a picture of the video cannot be decoded: {error}", "the recording is damaged"
-            ) from error
-        for frame in frames:
-            yield self._times.pop(0), np.asarray(frame.to_ndarray(format="bgr24"), np.uint8)

@@ -17,7 +17,7 @@ from typing import Any, Final, Literal, get_args, get_type_hints
 
 import msgspec
 
-from tega.errors import ConfigError, DeviceUnavailableError, TegaError
+from tega.errors import DeviceUnavailableError, TegaError
 from tega.motor_layout import MotorLayout, find_layout
 from tega.plugins import find_plugin, load_plugin, plugin_package, plugins
 from tega.stages.base import Decoder, Mapping, Metric, StageOptions
@@ -205,18 +205,3 @@ def _own_attributes(kind: type) -> dict[str, str]:
         else:
             break
     return {name: re.sub(r":\w+:`|`", "", text) for name, text in found.items()}
-
-
-def checked_name(group: Group, name: str) -> None:
-    """Refuse a name that no installed stage of a group has.
-
-    Raises:
-        ConfigError: There is none; the hint is the nearest one.
-    """
-    if group == "layout":
-        try:
-            find_layout(name)
-        except ValueError as error:
-            raise ConfigError(str(getattr(error, "message", error)), getattr(error, "hint", "")) from None
-    else:
-        stage_class(group, name)

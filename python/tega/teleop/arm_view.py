@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     from tega.arm.pose import ArmCommand, ArmState
-    from tega.arm.robot.words import Health
+    from tega.arm.robot.messages import Health
     from tega.arm.turn import Turn
     from tega.devices.base import ArmDriver
 

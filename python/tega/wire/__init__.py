@@ -63,25 +63,20 @@ from tega.wire.allegro_messages import (
     AllegroTorque,
     CanFrame,
 )
-from tega.wire.bhaptics import (
+from tega.wire.bhaptics import vest_levels, x16_levels, x40_ble_frame, x40_ble_levels
+from tega.wire.bhaptics_player import (
     PlayerStatus,
+    Sdk3Device,
+    Sdk3Message,
     hub_line,
     player_v2_message,
     player_v2_ping,
     player_v2_status,
     player_v2_stop,
-    sdk3_dot_message,
-    sdk3_stop_message,
-    vest_levels,
-    x16_levels,
-    x40_ble_frame,
-    x40_ble_levels,
-)
-from tega.wire.bhaptics_v3 import (
-    Sdk3Device,
-    Sdk3Message,
     sdk3_auth_message,
+    sdk3_dot_message,
     sdk3_server_message,
+    sdk3_stop_message,
     sdk3_stop_request,
 )
 from tega.wire.hid import (

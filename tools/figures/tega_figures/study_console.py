@@ -20,7 +20,7 @@ import click
 import msgspec
 
 from tega.errors import MissingExtraError
-from tega.study.lead.board import SessionBoard, board_path, write_board
+from tega.study.lead.status_file import SessionBoard, board_path, write_board
 from tega.study.plan import make_plan, read_plan, write_plan
 from tega.study.state import resume
 

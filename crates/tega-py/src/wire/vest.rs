@@ -1,4 +1,4 @@
-//! Vest frames and messages, and the HID reports.
+//! Vest frames and the HID reports.
 
 // PyO3 hands arguments over by value.
 #![allow(clippy::needless_pass_by_value)]
@@ -6,8 +6,7 @@
 use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
-use tega_error::OutOfRange;
-use tega_wire::bhaptics::{self, BleFrame, Intensities, Motors};
+use tega_wire::bhaptics::{self, BleFrame, Intensities};
 use tega_wire::{WireError, hid};
 
 use super::narrow;
@@ -62,73 +61,6 @@ pub(crate) fn x16_steps<'py>(
     front_mirror: bool,
 ) -> Result<Column<'py, u8>, BindError> {
     Ok(PyArray1::from_slice(py, &bhaptics::x16_steps(&ble(frame)?, front_mirror)))
-}
-
-#[pyfunction]
-#[pyo3(signature = (intensities, /, *, duration_ms, front_key, back_key))]
-pub(crate) fn player_v2_message(
-    intensities: PyReadonlyArray1<'_, u8>,
-    duration_ms: i64,
-    front_key: Option<&str>,
-    back_key: Option<&str>,
-) -> Result<String, BindError> {
-    let duration_ms = narrow("duration_ms", duration_ms, "20 to 100000")?;
-    Ok(bhaptics::player_v2_message(&self::intensities(&intensities)?, duration_ms, front_key, back_key)?)
-}
-
-#[pyfunction]
-#[pyo3(signature = (key, /))]
-pub(crate) fn player_v2_stop(key: Option<&str>) -> Result<String, BindError> {
-    Ok(key.map_or_else(bhaptics::player_v2_stop_all, bhaptics::player_v2_stop)?)
-}
-
-#[pyfunction]
-pub(crate) fn player_v2_ping() -> Result<String, BindError> {
-    Ok(bhaptics::player_v2_ping()?)
-}
-
-type PlayerParts = (i64, Vec<String>, Vec<String>, Vec<i64>, Vec<i64>);
-
-#[pyfunction]
-#[pyo3(signature = (message, /))]
-pub(crate) fn player_v2_status(message: &str) -> Result<PlayerParts, BindError> {
-    let status = bhaptics::player_v2_status(message)?;
-    Ok((status.connected_devices, status.connected_positions, status.active_keys, status.front, status.back))
-}
-
-#[pyfunction]
-#[pyo3(signature = (intensities, /, *, request_id, duration_ms, motors))]
-pub(crate) fn sdk3_dot_message(
-    intensities: PyReadonlyArray1<'_, u8>,
-    request_id: i64,
-    duration_ms: i64,
-    motors: i64,
-) -> Result<String, BindError> {
-    let motors = match motors {
-        40 => Motors::Forty,
-        32 => Motors::ThirtyTwo,
-        _ => Err(WireError::Setting(OutOfRange::new("motors", motors as f64, "", "40 or 32")))?,
-    };
-    let request_id = narrow("request_id", request_id, "0 to 4294967295")?;
-    let duration_ms = narrow("duration_ms", duration_ms, "20 to 100000")?;
-    Ok(bhaptics::sdk3_dot_message(&self::intensities(&intensities)?, request_id, duration_ms, motors)?)
-}
-
-#[pyfunction]
-pub(crate) fn sdk3_stop_message() -> Result<String, BindError> {
-    Ok(bhaptics::sdk3_stop_all()?)
-}
-
-#[pyfunction]
-#[pyo3(signature = (intensities, /, *, request_id, duration_ms))]
-pub(crate) fn hub_line(
-    intensities: PyReadonlyArray1<'_, u8>,
-    request_id: i64,
-    duration_ms: i64,
-) -> Result<String, BindError> {
-    let request_id = narrow("request_id", request_id, "0 to 4294967295")?;
-    let duration_ms = narrow("duration_ms", duration_ms, "20 to 100000")?;
-    Ok(bhaptics::hub_line(&self::intensities(&intensities)?, request_id, duration_ms)?)
 }
 
 #[pyfunction]

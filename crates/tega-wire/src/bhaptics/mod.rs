@@ -1,24 +1,14 @@
-//! bHaptics vests: one order of forty motors, and the forms in which it travels.
+//! bHaptics vests: one order of forty motors, and the frame in which it travels.
 //!
 //! Forty intensities are always given in the wearer's order: front then back, each panel row by row from the top,
 //! four columns from the wearer's left to the wearer's right on both panels. Motor `4 * row + column` of a panel.
 //!
-//! | form | function |
-//! |---|---|
-//! | Bluetooth LE, 20 bytes, 16 steps | [`ble_frame`] |
-//! | Player websocket, version 2 | [`player_v2_message`] |
-//! | Player websocket, version 3 | [`sdk3_dot_message`] |
-//! | Hub on the network, TCP lines | [`hub_line`] |
+//! Over Bluetooth LE they are 20 bytes of 16 steps: [`ble_frame`]. The Player's and the Hub's JSON is Python's
+//! (`tega.wire.bhaptics_player`).
 
 mod ble;
-mod player;
-mod sdk;
 
 pub use ble::{BleFrame, ble_frame, ble_steps, x16_steps};
-pub use player::{
-    PlayerStatus, player_v2_message, player_v2_ping, player_v2_status, player_v2_stop, player_v2_stop_all,
-};
-pub use sdk::{Motors, hub_line, sdk3_dot_message, sdk3_stop_all};
 
 use tega_error::OutOfRange;
 
@@ -57,11 +47,6 @@ impl Intensities {
     /// All forty.
     pub fn values(&self) -> &[u8; MOTORS] {
         &self.0
-    }
-
-    /// The front panel's twenty, then the back panel's.
-    pub fn panels(&self) -> (&[u8], &[u8]) {
-        self.0.split_at(MOTORS / 2)
     }
 }
 

@@ -16,8 +16,7 @@ import msgspec
 
 import tega.errors
 from tega.arm.pose import ArmCommand, StampedPose
-from tega.arm.robot.process import ProcessSettings
-from tega.arm.robot.words import (
+from tega.arm.robot.messages import (
     ArmShutdown,
     ArmStatusWords,
     ArmTargetWords,
@@ -29,6 +28,7 @@ from tega.arm.robot.words import (
     decode,
     encode,
 )
+from tega.arm.robot.process import ProcessSettings
 from tega.child_process import end_child, python_command, python_environment
 from tega.device_items import DeviceInfo, Kind, Options
 from tega.errors import DeviceUnavailableError

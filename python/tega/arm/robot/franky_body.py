@@ -10,7 +10,7 @@ import numpy as np
 
 from tega.arm.robot.body import HandSeen
 from tega.arm.robot.fci import Library, installed_library, server_version, the_fix
-from tega.arm.robot.words import Quaternion, Triple
+from tega.arm.robot.messages import Quaternion, Triple
 from tega.errors import DeviceUnavailableError, WrongDeviceError
 from tega.lifecycle import require
 

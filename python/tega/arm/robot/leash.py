@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal, NamedTuple
 
-from tega.arm.robot.words import ArmTargetWords
+from tega.arm.robot.messages import ArmTargetWords
 from tega.arm.settings import WatchdogSettings
 
 # The clocks are one on one machine; more than this is no delay of a thread.

@@ -13,7 +13,7 @@ from tega.arm.pose import Pose
 from tega.arm.robot.body import HandSeen
 from tega.arm.robot.fci import server_version
 from tega.arm.robot.franky_body import JOINT_LIMITS_RAD, MODE_WORDS
-from tega.arm.robot.words import Quaternion, Triple
+from tega.arm.robot.messages import Quaternion, Triple
 from tega.arm.rotation import from_matrix
 from tega.arm.settings import LimitSettings
 from tega.errors import DeviceUnavailableError, WrongDeviceError

@@ -21,8 +21,7 @@ import msgspec
 
 from tega.arm.robot.body import HandSeen, RobotBody
 from tega.arm.robot.leash import Leash
-from tega.arm.robot.slew import Slew
-from tega.arm.robot.words import (
+from tega.arm.robot.messages import (
     AppliedTarget,
     ArmShutdown,
     ArmStatusWords,
@@ -36,6 +35,7 @@ from tega.arm.robot.words import (
     decode,
     encode,
 )
+from tega.arm.robot.slew import Slew
 from tega.errors import TegaError
 
 _MOST_BYTES = 4096

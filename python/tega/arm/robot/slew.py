@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from tega.arm.robot.words import Quaternion, Triple
+from tega.arm.robot.messages import Quaternion, Triple
 from tega.arm.rotation import between, exp, multiply, unit
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from tega.arm.robot.body import HandSeen
-from tega.arm.robot.words import Quaternion, Triple
+from tega.arm.robot.messages import Quaternion, Triple
 from tega.arm.rotation import between, exp, multiply, unit
 
 # Critically damped with 1 kg: 800 N/m as on the robot; turning likewise.

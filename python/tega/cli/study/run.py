@@ -89,7 +89,7 @@ def run(
     from tega.safety.ctrl_c import CtrlC
     from tega.study import read_plan
     from tega.study.lead import lead_session
-    from tega.study.lead.desk import desk_for
+    from tega.study.lead.experimenter import desk_for
 
     if (lab is not None) + emulated + simulated != 1:
         raise click.UsageError("give one of --lab LAB.toml, --emulated and --simulated")

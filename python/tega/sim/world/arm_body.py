@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from tega.arm.robot.body import HandSeen
-from tega.arm.robot.words import Quaternion, Triple
+from tega.arm.robot.messages import Quaternion, Triple
 from tega.arm.rotation import from_matrix, to_matrix
 from tega.errors import TegaError
 

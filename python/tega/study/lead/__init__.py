@@ -2,16 +2,16 @@
 
 ::
 
-    lift_rule.py   when an object counts as lifted: 0.2 m, held for a second, begun within the window
-    going.py       one trial between the bench's thread and the lead
-    benches.py     what a trial runs on: the lab's devices, or the simulated bench
-    questions.py   raw NASA-TLX and comfort, asked after each block
-    desk.py        what the experimenter sees and presses: a terminal, or lines
-    screens.py     what there is to see while a trial is waited for, and while it goes on
-    before.py      the trial before: how it went, corrections, notes
-    board.py       what the observers' consoles are told, in a file beside the events
-    telling.py     screen and board, no more often than is of use
-    session.py     the session: rest, countdown, trial, questions, from the first trial to the last
+    lift_rule.py           when an object counts as lifted: 0.2 m, held for a second, begun within the window
+    running_trial.py       one trial between the bench's thread and the session's
+    benches.py             the lab's devices, or the simulated bench: a trial runs on them
+    questions.py           raw NASA-TLX and comfort, asked after each block
+    experimenter.py        the experimenter's screen and keys: a terminal, or lines
+    screens.py             the screens while a trial is waited for, and while it goes on
+    between_trials.py      the trial before: how it went, corrections, notes
+    status_file.py         the session's status for the observers' consoles, in a file beside the events
+    session_progress.py    screen and status file, brought up to date no more often than is of use
+    session.py             the session: rest, countdown, trial, questions, from the first trial to the last
 
 All that is decided is an event in the session's journal; a stop at any moment loses nothing that was acknowledged.
 """

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.safety.states import Transition
     from tega.sim.seams import Act, Percept
-    from tega.study.lead.going import Going
+    from tega.study.lead.running_trial import Going
     from tega.study.plan import PlannedTrial, StudyPlan
 from tega.study.state import Where
 from tega.whole_file import write_whole

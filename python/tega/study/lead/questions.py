@@ -13,7 +13,7 @@ from tega.study.journal import JournalEvent
 from tega.study.plan import PlannedTrial
 
 if TYPE_CHECKING:
-    from tega.study.lead.desk import Desk
+    from tega.study.lead.experimenter import Desk
 
 
 STEP = 5

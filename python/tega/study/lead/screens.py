@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from tega.study.lead.desk import Screen
+from tega.study.lead.experimenter import Screen
 from tega.study.lead.trial import keys_of
 
 if TYPE_CHECKING:

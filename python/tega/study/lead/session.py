@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 from tega.clock import Clock, SystemClock
 from tega.errors import DeviceUnavailableError
 from tega.study.journal import Journal
-from tega.study.lead.before import TrialBefore
-from tega.study.lead.board import SessionBoard, board_path
-from tega.study.lead.desk import ENTER, Desk
+from tega.study.lead.between_trials import TrialBefore
+from tega.study.lead.experimenter import ENTER, Desk
 from tega.study.lead.questions import QUESTIONS, ask, blocks_to_ask
 from tega.study.lead.screens import running, waiting
-from tega.study.lead.telling import Telling
+from tega.study.lead.session_progress import Telling
+from tega.study.lead.status_file import SessionBoard, board_path
 from tega.study.lead.trial import LedTrial, Task
 from tega.study.plan import PlannedTrial, StudyPlan, read_plan
 from tega.study.state import SessionState, derive, resume

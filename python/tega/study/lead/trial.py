@@ -11,8 +11,8 @@ from tega.errors import TegaError
 from tega.study.coupling import TouchCourse, write_course
 from tega.study.hand_rows import write_hand
 from tega.study.journal import Journal, JournalEvent, Kind, Status, counting
-from tega.study.lead.going import Going, in_thread
 from tega.study.lead.lift_rule import LIFT_M, OFF_TABLE_M, LiftRule
+from tega.study.lead.running_trial import Going, in_thread
 from tega.study.touch_rows import touch_path, write_touch
 from tega.study.trials import course_path
 from tega.whole_file import write_whole

@@ -4,7 +4,7 @@
 
     observing.py         live: what a rater adds, and which trials the rater saw from start to end; no display
     recorded.py          recordings: the trials that count, in the rater's own order
-    reel.py              what of a recording is shown, at any moment of its trial
+    trial_pictures.py    what of a recording is shown, at any moment of its trial
     play_head.py         where in it the rater is, and what was played
     scoring.py           what a rater of recordings adds, and which trials are over; no display
     rater_console.py     what both consoles have in common, programs of their own in a terminal

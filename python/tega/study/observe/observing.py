@@ -8,7 +8,7 @@ from typing import NamedTuple, Self
 
 from tega.errors import InvalidValueError, RecordingError
 from tega.study.journal import Journal, JournalEvent, Kind, counting, read_events
-from tega.study.lead.board import SessionBoard, board_path, read_board
+from tega.study.lead.status_file import SessionBoard, board_path, read_board
 from tega.study.observers import PART, RECORDED, WHOLE, observer_path
 from tega.study.plan import PlannedTrial, read_plan
 from tega.study.state import events_path

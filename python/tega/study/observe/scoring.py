@@ -10,7 +10,7 @@ from tega.study.journal import Journal, JournalEvent, Kind, counting
 from tega.study.observe.observing import OBSERVED, checked_rater
 from tega.study.observe.play_head import PlayHead
 from tega.study.observe.recorded import RecordedTrial, Unseen, recorded_trials
-from tega.study.observe.reel import Reel, read_reel
+from tega.study.observe.trial_pictures import Reel, read_reel
 from tega.study.observers import PART, RECORDED, WHOLE, observer_path, saw_whole
 from tega.study.plan import read_plan
 

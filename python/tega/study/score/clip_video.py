@@ -16,7 +16,7 @@ from tega.config import FINGERS
 from tega.errors import RecordingError
 from tega.lifecycle import require
 from tega.study.observe.recorded import RecordedTrial
-from tega.study.observe.reel import Reel, read_reel
+from tega.study.observe.trial_pictures import Reel, read_reel
 from tega.view.state import ViewState
 
 RATE_HZ: Final = 30.0

@@ -1,29 +1,39 @@
-"""Lay out the page, and put one moment on it."""
+"""Lay out the browser's page, and put one moment of a run on it."""
 
 from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Sequence
-from html import escape
-from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tega.errors import InvalidValueError
 from tega.haptics import FINGERS
-from tega.teleop.touch import STALE_NS
 from tega.view.browser.charts import CourseChart, MuscleCharts
 from tega.view.browser.delays import Delays
-from tega.view.browser.ghost import GHOST_COLOUR
 from tega.view.browser.scene import Point, Scene
 from tega.view.browser.seek import SeekSlider
+from tega.view.browser.state_html import (
+    AGEING,
+    BEATS_PER_S,
+    COMMANDED,
+    FONT,
+    LEGEND,
+    PAUSED,
+    arm_html,
+    badge_html,
+    captions_html,
+    fingers_html,
+    lights_html,
+    rates_html,
+    run_state_html,
+    status_html,
+)
 from tega.view.browser.timeline import KEPT_S, Timeline
 from tega.view.browser.touch import GAP, TILE_HEIGHT, TILE_WIDTH, SmallSheet, TouchSheet
 from tega.view.browser.vest import TRIED, vest_svg
 from tega.view.labels import ContactLabels
-from tega.view.run_state import MEANINGS, NO_NEWS, NO_NEWS_S, lines_beside
 
 if TYPE_CHECKING:
     import viser
@@ -35,20 +45,6 @@ if TYPE_CHECKING:
 __all__ = ["Page"]
 
 _TOUCH_WIDTH, _CHART_WIDTH = 420, 400
-_POSES = ("open", "pre-shape", "half", "wrap", "tight")
-_TYPE_COLOURS = {"none": "#868e96", "focal": "#e67700", "broad": "#0b7285", "mixed": "#495057"}
-_STATE_COLOURS = {
-    "idle": "#e8b500",
-    "armed": "#1098ad",
-    "active": "#2b8a3e",
-    "hold": "#e8590c",
-    "stopped": "#c92a2a",
-}
-_ARM_COLOURS = {"idle": "#868e96", "following": "#2b8a3e", "holding": "#e8590c", "stopped": "#c92a2a"}
-_PAUSED = "#495057"
-# Twice the time after which a block of muscles is late.
-_SILENT_NS = 400_000_000
-_FONT = "font-family:system-ui,sans-serif;font-size:12px;color:#343a40"
 
 
 class Page:
@@ -96,7 +92,7 @@ class Page:
         self.inputs: dict[str, Any] = {}
         gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(31, 95, 191))
         gui.set_panel_label(title)
-        gui.add_html(_AGEING)
+        gui.add_html(AGEING)
         gui.main_panel.dock_right()
         gui.main_panel.set_width(_CHART_WIDTH)
         self.run_state = gui.add_html("")
@@ -114,18 +110,18 @@ class Page:
         self._muscles = MuscleCharts(gui)
         panel = gui.add_panel()
         with panel.add_tab("Fingertips" if self._blind else "Fingertips and vest"):
-            self._captions = gui.add_html(_table([""] * len(FINGERS)) if self._blind else "")
+            self._captions = gui.add_html(fingers_html([""] * len(FINGERS)) if self._blind else "")
             n = len(FINGERS)
             blank = np.full((2 * TILE_HEIGHT + GAP, n * TILE_WIDTH + (n - 1) * GAP, 3), 236, np.uint8)
             self._images = gui.add_image(blank, jpeg_quality=85)
-            gui.add_html(_LEGEND)
+            gui.add_html(LEGEND)
             if not self._blind:
-                gui.add_html(_COMMANDED)
+                gui.add_html(COMMANDED)
                 self._vest = gui.add_html(vest_svg(None))
                 if controls is not None and controls.try_motor is not None:
                     hint = "while the run is armed, a click on a motor has it vibrate for half a second"
                     gui.add_html(
-                        f'<div class="{TRIED}" style="{_FONT};font-size:11px;padding:0 10px">{hint}</div>'
+                        f'<div class="{TRIED}" style="{FONT};font-size:11px;padding:0 10px">{hint}</div>'
                     )
                 self._course = CourseChart(gui, kept_s)
         panel.dock_left()
@@ -194,15 +190,15 @@ class Page:
                     self._images.image = sheet
                     self._small.take(sheet)
             elif self._blind:
-                self.status.content = _status(state)
+                self.status.content = status_html(state)
             elif turn == 1:
                 self.paint_text(state)
                 if self.seek is not None:
                     self.seek.follow()
                 if not past:
-                    self._paint_touch(_captions(state, self._labels), self._torso(state))
+                    self._paint_touch(captions_html(state, self._labels), self._torso(state))
                 self._delays.note(latency_ms)
-                self._rates.content = _rates(rates_hz) + self._delays.svg()
+                self._rates.content = rates_html(rates_hz) + self._delays.svg()
             elif not past:
                 self._course.draw()
                 if state.emg is not None:
@@ -246,12 +242,12 @@ class Page:
                 self._images.image = imageio.v3.imread(sheet)
                 self._past_sheet = sheet
             # Labels of its own: those of now remember what came before.
-            self._paint_touch(_captions(state, ContactLabels()), self._torso(state))
+            self._paint_touch(captions_html(state, ContactLabels()), self._torso(state))
             self._course.draw(state.t_ns / 1e9)
             if emg is not None:
                 self._muscles.draw(*emg)
             self._looking.content = (
-                f'<div style="{_FONT};margin:2px 10px">{_badge("LOOKING BACK", _PAUSED)} pictures, scene, vest and '
+                f'<div style="{FONT};margin:2px 10px">{badge_html("LOOKING BACK", PAUSED)} pictures, scene, vest and '
                 f"charts are of <b>{state.t_ns / 1e9:.1f} s</b>; the run goes on</div>"
             )
         return True
@@ -268,9 +264,9 @@ class Page:
             paused: Whether the page's button has the run stand still, so that no news is no bad news.
         """
         if not self._blind:
-            beat = int(time.monotonic() * _BEATS_PER_S)
+            beat = int(time.monotonic() * BEATS_PER_S)
             controls = self._controls
-            self.run_state.content = _run_state(
+            self.run_state.content = run_state_html(
                 loop,
                 beat,
                 age_s=age_s,
@@ -283,187 +279,6 @@ class Page:
         """Put the run's state and the lines of text on the page."""
         self.paint_state(state.loop)
         if not self._blind:
-            self.arm.content = _arm(state.loop)
-            self.lights.content = _lights(state)
-        self.status.content = _status(state)
-
-
-_LEGEND = (
-    f'<div style="{_FONT};font-size:11px;padding:0 10px 6px;color:#6c757d">above: cameras · below: touch map, '
-    '<b style="color:#27a045">○</b> peak, <b style="color:#3b8cff">○</b> area that EDA counts</div>'
-)
-
-_COMMANDED = (
-    f'<div style="{_FONT};font-size:11px;padding:0 10px 6px;color:#6c757d">scene: '
-    f'<b style="color:{GHOST_COLOUR}">blue, translucent</b> the hand as commanded · red arrows: forces</div>'
-)
-
-# What the browser does by itself: unless the run's state is painted afresh in time, it greys the state and says for how
-# long nothing was heard. A frozen or killed program, a painter that failed and a run that stands still look the same.
-_BEATS_PER_S = 2
-_AGEING = f"""<style class="tega-style">
-@property --tega-age {{ syntax: "<integer>"; inherits: true; initial-value: 0 }}
-@keyframes tega-age {{ to {{ --tega-age: 86400 }} }}
-@keyframes tega-late {{ to {{ visibility: visible; max-height: 3em }} }}
-@keyframes tega-grey {{ to {{ background: #868e96 }} }}
-@keyframes tega-dim {{ to {{ filter: grayscale(1); opacity: 0.6 }} }}
-.tega-lights {{ animation: tega-dim 1ms linear {NO_NEWS_S}s forwards }}
-.tega-phone {{ display: none }}
-@media (max-width: 640px) {{
-  .tega-phone {{ display: block }}
-  /* viser's sheet for phones is narrower than the screen, and what is beside it shows no object. */
-  .mantine-Paper-root:has(.tega-style), .mantine-Paper-root:has(.tega-style) [style*="width: 20em"] {{
-    width: 100% !important; }}
-}}
-.tega-late {{ display: block; visibility: hidden; max-height: 0; overflow: hidden; color: #c92a2a; font-weight: bold;
-  animation: tega-late 1ms linear calc({NO_NEWS_S}s - var(--tega-since)) forwards }}
-.tega-late span {{ animation: tega-age 86400s linear calc(0s - var(--tega-since)) forwards }}
-.tega-late span::after {{ counter-reset: age var(--tega-age); content: counter(age) " s" }}
-.tega-badge {{ animation: tega-grey 1ms linear calc({NO_NEWS_S}s - var(--tega-since)) forwards }}
-</style>"""
-
-
-def _run_state(
-    view: LoopView,
-    beat: int = 0,
-    *,
-    age_s: float = 0.0,
-    problem: str = "",
-    paused: bool = False,
-    haptics: bool = True,
-) -> str:
-    """Say the run's state first, as the terminal does, where there is a guard; and that nothing was heard."""
-    ended = view.state == "stopped"
-    late, lines = "", []
-    paused = paused and not ended
-    if paused:
-        lines.append(_badge("PAUSED", _PAUSED) + " <b>paused by the page's button</b>")
-    elif not ended:
-        words = f"{NO_NEWS} " + (f"{age_s:.0f} s" if age_s >= NO_NEWS_S else "<span></span>")
-        shown = ' style="visibility:visible;max-height:3em"' if age_s >= NO_NEWS_S else ""
-        late = f'<b class="tega-late"{shown}>{words}: what stands here may no longer be so</b>'
-    if problem:
-        lines.append(f'<span style="color:#e8590c">! {escape(problem)}</span>')
-    if view.state:
-        reason, alerts = lines_beside(view)
-        if not paused:
-            ageing = "" if ended else ' class="tega-badge"'
-            badge = _badge(view.state.upper(), _STATE_COLOURS[view.state], ageing)
-            lines.append(f"{badge} {escape(MEANINGS[view.state])}")
-        if not haptics and not ended:
-            lines.append(_badge("HAPTICS OFF", _PAUSED) + " switched off on this page: every motor rests")
-        if reason:
-            lines.append(f"<b>{escape(reason)}</b>")
-        lines += [f'<span style="color:#e8590c">! {escape(alert)}</span>' for alert in alerts]
-    style = f"--tega-since:{age_s:.1f}s;{_FONT};margin:4px 10px;line-height:1.6"
-    return f'<div data-beat="{beat}" style="{style}">{late}{"<br>".join(lines)}</div>'
-
-
-def _badge(text: str, colour: str, more: str = "") -> str:
-    return f'<b{more} style="background:{colour};color:#fff;padding:1px 8px;border-radius:3px">{text}</b>'
-
-
-def _lights(state: ViewState) -> str:
-    """Show a light for each part of the run: green where something fresh came, orange where not, grey without one."""
-    loop = state.loop
-    seen: dict[str, bool | None] = {}
-    for finger in FINGERS:
-        contact = loop.contacts.get(finger)
-        seen[finger] = None if contact is None else state.t_ns - contact[0] <= STALE_NS
-    seen["muscles"] = None if loop.block is None else state.t_ns - loop.block[0] <= _SILENT_NS
-    seen["vest"] = None if loop.vest is None else True
-    seen["hand"] = None if loop.angles_rad is None and state.poses is None else True
-    if loop.arm or loop.seen_arm is not None:
-        seen["arm"] = loop.seen_arm is not None and loop.seen_arm.state != "stopped"
-    if loop.link:
-        seen["link"] = True
-    words = {True: ("#2b8a3e", "well"), False: ("#e8590c", "silent"), None: ("#ced4da", "absent")}
-    cells = " ".join(
-        f'<span style="white-space:nowrap" title="{name}: {words[well][1]}">'
-        f'<b style="color:{words[well][0]}" aria-label="{words[well][1]}">●</b> {name}</span>'
-        for name, well in seen.items()
-    )
-    # A new element each time, so that the browser counts anew from when it last heard something.
-    return (
-        f'<div class="tega-lights" data-t="{state.t_ns}" '
-        f'style="{_FONT};font-size:11px;margin:2px 10px;line-height:1.6">'
-        f"{cells}</div>"
-    )
-
-
-def _arm(view: LoopView) -> str:
-    """Say what the arm does as the run's state is said; nothing without an arm."""
-    style = f"{_FONT};margin:4px 10px;line-height:1.6"
-    if view.state == "stopped" and view.arm:
-        # The last moment is from before the arm was let go, and the page stays open.
-        return f'<div style="{style}"><b>arm</b> led no more: the run has ended</div>'
-    if (arm := view.seen_arm) is None:
-        return f'<div style="{style}"><b>arm</b> {escape(view.arm)}</div>' if view.arm else ""
-    health = arm.health
-    took = "" if health.success_rate is None else f" · robot took {100 * health.success_rate:.0f} %"
-    lines = (
-        f'<b style="background:{_ARM_COLOURS[arm.state]};color:#fff;padding:1px 8px;border-radius:3px">'
-        f"ARM {arm.state.upper()}</b> {escape(arm.reason)}",
-        f"{arm.switches} · hand at {arm.place}",
-        f'<span style="color:#868e96">the arm\'s loop: {escape(arm.phase)}, {health.rate_hz:.0f} Hz, worst '
-        f"{health.worst_ms:.0f} ms, {health.refused} commands refused{took}</span>",
-    )
-    return f'<div style="{style}">{"<br>".join(lines)}</div>'
-
-
-def _status(state: ViewState) -> str:
-    block = state.loop.block
-    rows = {"time": f"{state.t_ns / 1e9:.1f} s", **state.rows}
-    if block is not None:
-        rows["hand"] = f"level {block[2]}: {_POSES[block[2] - 1]}"
-        rows["muscles"] = "levels " + " · ".join(str(level) for level in block[1])
-    if newest := state.loop.newest_event:
-        rows["touch"] = newest
-    if state.loop.vest_condition:
-        rows["vest"] = state.loop.vest_condition
-    rows |= {name.replace("_", " "): seen.words(name) for name, seen in state.loop.inputs.items()}
-    pairs = [
-        f'<td style="color:#868e96;padding-right:8px">{escape(name)}</td>'
-        f'<td style="padding-right:14px"><b>{escape(text)}</b></td>'
-        for name, text in rows.items()
-    ]
-    # Two pairs a line, in columns: the first half on the left.
-    half = (len(pairs) + 1) // 2
-    lines = "".join(
-        f"<tr>{left}{right}</tr>" for left, right in zip_longest(pairs[:half], pairs[half:], fillvalue="")
-    )
-    return f'<table style="{_FONT};margin:2px 8px;line-height:1.5">{lines}</table>'
-
-
-def _captions(state: ViewState, labels: ContactLabels) -> str:
-    cells = []
-    for finger, felt in zip(FINGERS, state.loop.felt, strict=True):
-        contact = state.loop.contacts.get(finger)
-        if contact is None:
-            text = '<span style="color:#adb5bd">no sensor</span>'
-        elif state.t_ns - contact[0] > STALE_NS:
-            text = '<b style="color:#e67700">silent:</b><br>no fresh<br>picture'
-        else:
-            kind = labels.name(finger, felt, in_contact=contact[1].in_contact)
-            word = "no contact" if kind == "none" else kind
-            text = (
-                f"CCI {felt.cci_norm:.2f}<br>EDA {felt.eda_norm:.2f}<br>"
-                f'<b style="color:{_TYPE_COLOURS[kind]}">{word}</b>'
-            )
-        cells.append(text)
-    return _table(cells)
-
-
-def _table(texts: Sequence[str]) -> str:
-    """Put a text under each finger's name."""
-    cells = [
-        f'<td style="width:25%;text-align:center;line-height:1.35"><b>{finger}</b><br>{text}</td>'
-        for finger, text in zip(FINGERS, texts, strict=True)
-    ]
-    style = f"{_FONT};width:100%;table-layout:fixed;margin-top:-10px;padding:0 8px"
-    return f'<table style="{style}"><tr>{"".join(cells)}</tr></table>'
-
-
-def _rates(rates_hz: dict[str, float]) -> str:
-    rates = " · ".join(f"{escape(name)} {rate:.0f} Hz" for name, rate in rates_hz.items())
-    return f'<div style="{_FONT};font-size:11px;color:#6c757d;padding:2px 10px">{rates}</div>'
+            self.arm.content = arm_html(state.loop)
+            self.lights.content = lights_html(state)
+        self.status.content = status_html(state)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, get_args
 import numpy as np
 
 from tega.errors import InvalidValueError
-from tega.view.browser.looks import LOOKS
+from tega.view.browser.object_shapes import LOOKS
 from tega.view.state import ShapeKind
 
 if TYPE_CHECKING:
@@ -100,7 +100,7 @@ class Solids:
 def _parts(shapes: Sequence[Shape]) -> dict[str, list[_ShapePart]]:
     """Say which unit primitives make up the shapes; a capsule is a tube with a ball at either end.
 
-    A cylinder of the name of one of :data:`~tega.view.browser.looks.LOOKS` is drawn as that.
+    A cylinder of the name of one of :data:`~tega.view.browser.object_shapes.LOOKS` is drawn as that.
     """
     parts: dict[str, list[_ShapePart]] = {"box": [], "ball": [], "tube": []}
     for number, (name, kind, (a, b, c), _) in enumerate(shapes):

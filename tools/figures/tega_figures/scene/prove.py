@@ -34,10 +34,11 @@ from tega.scene.outcomes import (
 )
 from tega.scene.smoothing import Course
 from tega.scene.track import SceneTrack, track_scene
-from tega.scene.video import SceneDecoder, SceneEncoder
+from tega.scene.video import SceneEncoder
 from tega.sim.plan import TrialPlan
 from tega.sim.score import TrialScorer
 from tega_figures.scene.bench import LENS, WRIST_MM, Occluder, RenderedTrial, bench_layout, board_pictures
+from tega_figures.scene.decoder import SceneDecoder
 from tega_figures.scene.render import Film
 from tega_figures.scene.trials import TrueTrial, true_trial
 

@@ -1,4 +1,4 @@
-"""Fit a model to the day: ten seconds of rest and effort after the electrodes were put on again."""
+"""Fit a learned decoder to the day by ten seconds of rest and effort, after the electrodes were put on again."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Show a run on the terminal: a bar for the preparation, then the live view."""
+"""Show a run on the terminal: a progress bar while it is prepared, then the live view."""
 
 from __future__ import annotations
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
-from tega.study.lead.board import SessionBoard, write_board
-from tega.study.lead.desk import Desk, Screen
+from tega.study.lead.experimenter import Desk, Screen
+from tega.study.lead.status_file import SessionBoard, write_board
 
 _REDRAW_S = 0.1
 _BOARD_S = 0.5

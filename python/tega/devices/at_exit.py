@@ -1,4 +1,4 @@
-"""Close what must not be left as it is when the program ends: on exit, and on a request to terminate.
+"""Close devices when the program ends: on exit, and on a request to terminate.
 
 A ``with`` block closes its devices when it is left, by an exception too. Two ways out pass it by: a program that
 forgets it, and SIGTERM, which ends Python at once unless somebody handles it. While a device is registered here,

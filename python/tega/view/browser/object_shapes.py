@@ -1,4 +1,4 @@
-"""Draw the bench's objects as what they stand for: a bottle, a box, a soft bag.
+"""Draw the simulated objects in 3-D as a bottle, a box and a soft bag.
 
 Fingers touch the upright cylinder that an object is in the simulated world, whatever is drawn: a look stays within a
 quarter of its radius around it where the hand grasps.

@@ -10,7 +10,7 @@ from tega.study.state import MAX_ATTEMPTS, REPEATABLE
 
 if TYPE_CHECKING:
     from tega.clock import Clock
-    from tega.study.lead.desk import Desk
+    from tega.study.lead.experimenter import Desk
 
 
 class TrialBefore:

@@ -1,4 +1,4 @@
-"""Ask for the robot's lead from an operator's station, and ask again whenever it was lost."""
+"""Ask to lead the robot from an operator's station, and ask again whenever the lead was lost."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pass signals and data of a running trial between the bench's thread and who leads the session."""
+"""Exchange signals and samples of a running trial between the bench's thread and the session's."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tell the observers' consoles how a session stands: one small file, replaced whole at every change.
+"""Write a session's status for the observers' consoles: one small file, replaced whole at every change.
 
 It never says the condition: who observes must not know it.
 """

@@ -1,4 +1,4 @@
-"""Run jobs side by side, each in a thread, and wait for none longer than its time."""
+"""Run jobs side by side, each in a thread and under a time limit."""
 
 from __future__ import annotations
 

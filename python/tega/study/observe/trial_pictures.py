@@ -1,4 +1,4 @@
-"""Read what a rater is shown of a trial's recording: fingertip pictures, their contacts, and the hand.
+"""Read a trial's recording for a rater: fingertip pictures, their contacts, and the hand.
 
 Nothing else of the recording is read: not what the vest was told nor whether it was on, not the settings, and no muscle
 signal, in which motors that turn could be seen.

@@ -1,4 +1,4 @@
-"""Run the loop again on what a recording holds, tick by tick as it ran, and compare what comes out.
+"""Compute a recording again: run the loop on it tick by tick as it ran, and compare what comes out.
 
 The loop takes in at each tick what it took in then, so that the replay of a live run does not depend on how the threads
 happened to be scheduled. Of a lossless recording everything is computed from the raw pictures and samples; of one with
