@@ -29,7 +29,7 @@ from tega.whole_file import write_whole
 _LOG = logging.getLogger(__name__)
 
 _LIST = "withdrawn.txt"
-_ELSEWHERE = "elsewhere.txt"
+ELSEWHERE = "elsewhere.txt"
 REPORTS = ("report", "report.html")
 COURSES = "courses"
 ROLES = ("auto", "experimenter", "participant")
@@ -80,7 +80,7 @@ def note_elsewhere(folder: Path, participant: str, path: Path) -> None:
         participant: Whose.
         path: A file or a folder.
     """
-    path, notes = path.absolute(), events_path(folder, participant).parent / _ELSEWHERE
+    path, notes = path.absolute(), events_path(folder, participant).parent / ELSEWHERE
     if path.is_relative_to(folder.absolute()) or str(path) in _noted(notes):
         return
     notes.parent.mkdir(parents=True, exist_ok=True)
@@ -124,11 +124,7 @@ def withdraw(folder: Path, participant: str) -> Withdrawal:
     """
     read_plan(folder).of(participant)
     if participant not in withdrawn_ids(folder):
-        own = [events_path(folder, participant)]
-        raters = [observer_path(folder, participant, rater) for rater in read_observers(folder, participant)]
-        for path in (*own, *raters):
-            if path.exists():
-                Journal(path).close()  # refuses while a console has it open
+        check_not_led(folder, participant)
         with (folder / _LIST).open("a", encoding="utf-8") as file:  # first: a crash cannot undo it
             file.write(f"\n{participant}\n")
             file.flush()
@@ -136,10 +132,28 @@ def withdraw(folder: Path, participant: str) -> Withdrawal:
     return _delete(folder, participant)
 
 
+def own_name(participant: str) -> re.Pattern[str]:
+    """Return what the names of a person's own files and folders match, such as ``p03`` and ``p03-t07-a1``."""
+    return re.compile(rf"{re.escape(participant)}([-_.].*)?")
+
+
+def check_not_led(folder: Path, participant: str) -> None:
+    """Refuse while a program has the person's events, or a rater's of that person, open.
+
+    Raises:
+        DeviceUnavailableError: One has.
+    """
+    own = [events_path(folder, participant)]
+    raters = [observer_path(folder, participant, rater) for rater in read_observers(folder, participant)]
+    for path in (*own, *raters):
+        if path.exists():
+            Journal(path).close()
+
+
 def _delete(folder: Path, participant: str) -> Withdrawal:
-    own = re.compile(rf"{participant}([-_.].*)?")
-    mentioned = re.compile(rf"(?<![A-Za-z0-9]){participant}(?![A-Za-z0-9])")
-    notes = events_path(folder, participant).parent / _ELSEWHERE
+    own = own_name(participant)
+    mentioned = re.compile(rf"(?<![A-Za-z0-9]){re.escape(participant)}(?![A-Za-z0-9])")
+    notes = events_path(folder, participant).parent / ELSEWHERE
     left = (
         [] if notes.parent.is_symlink() else [Path(line) for line in _noted(notes) if os.path.lexists(line)]
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import click
 
+from tega.cli.study.bundle import bundle, open_
 from tega.cli.study.clips import clips
 from tega.cli.study.detect import detect
 from tega.cli.study.observe import observe
@@ -35,6 +36,8 @@ for _verb in (
     report,
     withdraw,
     export,
+    bundle,
+    open_,
     power,
     simulate,
     sensitivity,
