@@ -217,8 +217,9 @@ def test_no_pipe_is_waited_for(tmp_path: Path) -> None:
         open_bundle(tmp_path / "p01.zip", tmp_path / "there")
 
 
+@pytest.mark.usefixtures("study")
 def test_the_verbs(
-    study: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def call(*words: str, code: int = 0) -> str:
         with pytest.raises(SystemExit) as ended:

@@ -21,6 +21,7 @@ from tega.study.journal import read_events
 from tega.study.plan import default_family
 from tega.study.power import SPREADS, count_power, people_for
 from tega.study.privacy import withdrawn_ids
+from tega.study.probe import ProbeUse, probe_uses
 from tega.study.ratings import RatingUse, ratings
 from tega.study.score.accounts import agreements
 from tega.study.score.agree import Agreement
@@ -103,6 +104,7 @@ class Analysis(msgspec.Struct, frozen=True, kw_only=True):
         planner: What the next study needs.
         agreements: Of raters, experimenter and, in simulation, the truth.
         ratings: What participants answered after blocks.
+        probes: The second task, where the plan has one.
         directions: The paper's differences and the study's, where its people are simulated.
         assumptions: What a study in silico takes for granted.
         parameters: Of the simulated people, by section and name.
@@ -134,6 +136,7 @@ class Analysis(msgspec.Struct, frozen=True, kw_only=True):
     planner: tuple[Planner, ...]
     agreements: tuple[Agreement, ...] = ()
     ratings: tuple[RatingUse, ...] = ()
+    probes: tuple[ProbeUse, ...] = ()
     directions: tuple[Direction, ...] = ()
     assumptions: Assumptions | None = None
     parameters: dict[str, dict[str, Parameter]] = {}
@@ -216,6 +219,7 @@ def analyse_study(folder: Path, *, interim: bool = False) -> tuple[Analysis, Fig
         result,
         agreements=tuple(agreements(folder)),
         ratings=ratings(folder),
+        probes=probe_uses(trials, settings.conditions),
         assumptions=read_assumptions(folder),
         parameters=read_parameters(folder),
         sensitivity=read_sensitivity(folder),

@@ -31,6 +31,8 @@ Kind = Literal[
     "override",
     "redo",
     "rating",
+    "beep",
+    "answer",
     "undo",
 ]
 

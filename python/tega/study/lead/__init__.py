@@ -5,6 +5,7 @@
     lift_rule.py   when an object counts as lifted: 0.2 m, held for a second, begun within the window
     going.py       one trial between the bench's thread and the lead
     benches.py     what a trial runs on: the lab's devices, or the simulated bench
+    beeps.py       the second task's beeps, where the plan has one
     questions.py   raw NASA-TLX and comfort, asked after each block
     desk.py        what the experimenter sees and presses: a terminal, or lines
     screens.py     what there is to see while a trial is waited for, and while it goes on
