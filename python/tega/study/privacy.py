@@ -268,8 +268,13 @@ def _copy_events(
         text = signed if event.kind == "session_start" else ""
         if event.kind == "trial_end" and event.text == PART:  # decides whose counts are used
             text = PART
+        value = None if event.kind == "muscles" else event.value
         return msgspec.structs.replace(
-            event, t_ns=event.t_ns - begin_ns, source=raters.get(event.source, event.source), text=text
+            event,
+            value=value,
+            t_ns=event.t_ns - begin_ns,
+            source=raters.get(event.source, event.source),
+            text=text,
         )
 
     target.parent.mkdir(parents=True, exist_ok=True)

@@ -9,6 +9,7 @@
     questions.py   raw NASA-TLX and comfort, asked after each block
     desk.py        what the experimenter sees and presses: a terminal, or lines
     screens.py     what there is to see while a trial is waited for, and while it goes on
+    fatigue.py     whether the arm tires, shown in a rest
     before.py      the trial before: how it went, corrections, notes
     board.py       what the observers' consoles are told, in a file beside the events
     telling.py     screen and board, no more often than is of use

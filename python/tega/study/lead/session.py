@@ -15,6 +15,7 @@ from tega.study.lead.beeps import Beeps, check_answer_key
 from tega.study.lead.before import TrialBefore
 from tega.study.lead.board import SessionBoard, board_path
 from tega.study.lead.desk import ENTER, Desk
+from tega.study.lead.fatigue import said_of_muscles
 from tega.study.lead.questions import QUESTIONS, ask, blocks_to_ask
 from tega.study.lead.screens import running, waiting
 from tega.study.lead.telling import Telling
@@ -231,7 +232,8 @@ class _Lead:
             if self._auto and not resting:
                 return True
             thing = "" if trial is None else trial.object
-            screen = waiting(heading, thing, left_s, self._before.lines(), self._before.keys)
+            told = [*self._before.lines(), *said_of_muscles(self._journal.events)]
+            screen = waiting(heading, thing, left_s, told, self._before.keys)
             self._telling.show(
                 screen, self._as_board(screen.phase, trial, attempt, until_ns=until_ns if resting else None)
             )

@@ -11,6 +11,7 @@ from tega.errors import TegaError
 from tega.study.coupling import TouchCourse, write_course
 from tega.study.hand_rows import write_hand
 from tega.study.journal import Journal, JournalEvent, Kind, Status, counting
+from tega.study.lead.fatigue import trial_medians
 from tega.study.lead.going import Going, in_thread
 from tega.study.lead.lift_rule import LIFT_M, OFF_TABLE_M, LiftRule
 from tega.study.touch_rows import touch_path, write_touch
@@ -279,6 +280,16 @@ class LedTrial:
         for seen in self.going.seen():  # what the bench says once it has ended
             if seen.kind in {"slip", "deformation"} and seen.t_s <= end.t_s:
                 self._add(seen.kind, seen.t_s, "auto")
+        for channel, median_hz in trial_medians(self.going.condition()).items():
+            self._journal.add(
+                "muscles",
+                t_ns=self._at(end.t_s),
+                trial=self.trial.trial,
+                attempt=self.attempt,
+                source="auto",
+                item=channel,
+                value=round(median_hz, 2),
+            )
         course = self.going.course()
         before = course.t_s <= end.t_s
         path = course_path(self._folder, self.trial)
