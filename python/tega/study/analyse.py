@@ -18,6 +18,7 @@ from tega.study.difference import OutcomeDifference, outcomes
 from tega.study.directions import Direction, directions
 from tega.study.finger_rows import FingerRow, finger_rows
 from tega.study.journal import read_events
+from tega.study.objects import ObjectFacts, read_objects
 from tega.study.plan import default_family
 from tega.study.power import SPREADS, count_power, people_for
 from tega.study.privacy import withdrawn_ids
@@ -111,6 +112,7 @@ class Analysis(msgspec.Struct, frozen=True, kw_only=True):
         sensitivity: Which directions hold when that is changed.
         fingers: The contacts that Fig 3 shows.
         outcomes: Each outcome's difference between the first two conditions, over people.
+        object_facts: What is known of the objects.
         rehearsed: In a plan of people, those whose session did not run in the lab.
         format: Always ``tega-study-analysis``.
         version: Of the format.
@@ -143,6 +145,7 @@ class Analysis(msgspec.Struct, frozen=True, kw_only=True):
     sensitivity: tuple[SensitivityRow, ...] = ()
     fingers: tuple[FingerRow, ...] = ()
     outcomes: tuple[OutcomeDifference, ...] = ()
+    object_facts: dict[str, ObjectFacts] = {}
     rehearsed: tuple[str, ...] = ()
     format: str = FORMAT
     version: int = 1
@@ -223,6 +226,7 @@ def analyse_study(folder: Path, *, interim: bool = False) -> tuple[Analysis, Fig
         assumptions=read_assumptions(folder),
         parameters=read_parameters(folder),
         sensitivity=read_sensitivity(folder),
+        object_facts=read_objects(folder),
         fingers=finger_rows(pictures, trials),
         rehearsed=()
         if settings.simulated

@@ -26,6 +26,7 @@ from tega.plain_name import path_below
 from tega.recording.versions import versions
 from tega.study.journal import read_events
 from tega.study.lead.board import board_path
+from tega.study.objects import OBJECTS, read_objects
 from tega.study.plan import read_plan
 from tega.study.privacy import (
     ELSEWHERE,
@@ -41,7 +42,7 @@ from tega.study.trials import Trial, study_trials
 from tega.whole_file import new_file
 
 MANIFEST: Final = "manifest.json"
-_OF_THE_STUDY = ("study.toml", "plan.csv", SIMULATION, PARAMETERS)
+_OF_THE_STUDY = ("study.toml", "plan.csv", OBJECTS, SIMULATION, PARAMETERS)
 _PACKED = {".mcap", ".avi", ".mp4", ".png", ".jpg", ".jpeg", ".xz"}
 _MOST_MIB: Final = 1024 * 1024
 _MOST_MANIFEST_MIB: Final = 64
@@ -171,6 +172,8 @@ def _files_of(folder: Path, participant: str, left_out: list[Path]) -> Iterator[
     own, source = own_name(participant), folder.name
     board = board_path(folder, participant)
     yield from (folder / name for name in _OF_THE_STUDY if (folder / name).is_file())
+    photos = {folder / facts.photo for facts in read_objects(folder).values() if facts.photo}
+    yield from sorted(path for path in photos if path.is_file() and not path.is_symlink())
     for where, folders, names in os.walk(folder):  # which follows no links
         here = Path(where)
         folders[:] = sorted(name for name in folders if here != folder or name not in REPORTS)

@@ -21,6 +21,7 @@ import msgspec
 from tega.errors import InvalidValueError, RecordingError
 from tega.foreign_file import read_foreign, read_words
 from tega.study.journal import Journal, JournalEvent, read_events
+from tega.study.objects import OBJECTS, objects_text, read_objects
 from tega.study.observers import PART, observer_path, read_observers
 from tega.study.plan import StudyPlan, person_id, read_plan, write_plan
 from tega.study.state import events_path
@@ -199,9 +200,9 @@ def forget_person(path: Path, participant: str) -> bool:
 def export(folder: Path, out: Path, *, key: str) -> dict[str, str]:
     """Write an anonymised copy of a study, fit to be published and to make the report from.
 
-    It has plan, events and courses of touch and level under new ids in a new order; no muscle signals, pictures, texts
-    or raters' names; times count from each session's first event; the seed, from which the old ids could be worked
-    out, is left out.
+    It has plan, what is known of the objects, events and courses of touch and level under new ids in a new order; no
+    muscle signals, pictures, photos, texts or raters' names; times count from each session's first event; the seed,
+    from which the old ids could be worked out, is left out.
 
     Args:
         folder: The study's folder.
@@ -234,9 +235,13 @@ def export(folder: Path, out: Path, *, key: str) -> dict[str, str]:
         for trial in plan.of(person)
     )
     settings = msgspec.structs.replace(plan.settings, seed=None)
+    known = {name: msgspec.structs.replace(facts, photo="") for name, facts in read_objects(folder).items()}
+    registry = {OBJECTS: objects_text(known).encode()} if known else {}
     assumed = [folder / name for name in (SIMULATION, PARAMETERS)]
     write_plan(
-        StudyPlan(settings, trials), out, {path.name: path.read_bytes() for path in assumed if path.exists()}
+        StudyPlan(settings, trials),
+        out,
+        {path.name: path.read_bytes() for path in assumed if path.exists()} | registry,
     )
     signed = read_plan(out).settings.plan_sha256
     observers = {old: read_observers(folder, old) for old in new}

@@ -7,6 +7,7 @@ import click
 from tega.cli.study.bundle import bundle, open_
 from tega.cli.study.clips import clips
 from tega.cli.study.detect import detect
+from tega.cli.study.object import object_
 from tega.cli.study.observe import observe
 from tega.cli.study.plan import plan, status
 from tega.cli.study.power import power
@@ -27,6 +28,7 @@ def study() -> None:
 
 for _verb in (
     plan,
+    object_,
     run,
     observe,
     detect,
