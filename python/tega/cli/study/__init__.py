@@ -17,6 +17,7 @@ from tega.cli.study.run import run
 from tega.cli.study.score import score
 from tega.cli.study.sensitivity import sensitivity
 from tega.cli.study.simulate import simulate
+from tega.cli.study.tell import tell
 
 __all__ = ["study"]
 
@@ -30,6 +31,7 @@ for _verb in (
     plan,
     object_,
     run,
+    tell,
     observe,
     detect,
     clips,

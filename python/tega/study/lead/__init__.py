@@ -12,6 +12,7 @@
     fatigue.py     whether the arm tires, shown in a rest
     before.py      the trial before: how it went, corrections, notes
     board.py       what the observers' consoles are told, in a file beside the events
+    tell.py        commands of other programs
     telling.py     screen and board, no more often than is of use
     session.py     the session: rest, countdown, trial, questions, from the first trial to the last
 

@@ -18,6 +18,7 @@ from tega.study.lead.desk import ENTER, Desk
 from tega.study.lead.fatigue import said_of_muscles
 from tega.study.lead.questions import QUESTIONS, ask, blocks_to_ask
 from tega.study.lead.screens import running, waiting
+from tega.study.lead.tell import CommandFile, told_path
 from tega.study.lead.telling import Telling
 from tega.study.lead.trial import LedTrial, Task
 from tega.study.plan import PlannedTrial, StudyPlan, read_plan
@@ -144,6 +145,7 @@ class _Lead:
         self._auto, self._stop, self._masking = auto, stop, masking
         self._before = TrialBefore(journal, desk, clock)
         self._telling = Telling(desk, board_path(folder, participant))
+        self._told = CommandFile(told_path(folder, participant), clock)
         self._led: LedTrial | None = None
 
     @property
@@ -323,7 +325,7 @@ class _Lead:
     def _heard(self) -> list[str]:
         if self._stop():
             raise KeyboardInterrupt
-        return self._desk.keys()
+        return [*self._desk.keys(), *self._told.take()]
 
     def _as_board(
         self,
@@ -348,6 +350,7 @@ class _Lead:
             until_ns=until_ns,
             window_s=self._plan.settings.window_s,
             says=says,
+            n_told=self._told.n_taken,
             health=health,
         )
 
