@@ -55,9 +55,9 @@ def test_what_is_given_is_kept_and_the_rest_stays(study: Path, tmp_path: Path) -
 def test_what_cannot_be_is_refused_and_changes_nothing(study: Path, tmp_path: Path) -> None:
     note_object(study, "bag", mass_g=32.0)
     kept = (study / OBJECTS).read_bytes()
-    for changes in ({"mass_g": -1.0}, {"friction": 11.0}, {"stiffness_n_per_mm": 0.0}):
+    for name, value in (("mass_g", -1.0), ("friction", 11.0), ("stiffness_n_per_mm", 0.0)):
         with pytest.raises(InvalidValueError, match="object bag"):
-            note_object(study, "bag", **changes)
+            note_object(study, "bag", photo=None, **{name: value})
     with pytest.raises(InvalidValueError, match="'vase' is not in the plan"):
         note_object(study, "vase", mass_g=1.0)
     (tmp_path / "photo.jpg").write_text("#!/bin/sh")
