@@ -7,6 +7,7 @@ import click
 from tega.cli.study.bundle import bundle, open_
 from tega.cli.study.clips import clips
 from tega.cli.study.detect import detect
+from tega.cli.study.forms import forms
 from tega.cli.study.object import object_
 from tega.cli.study.observe import observe
 from tega.cli.study.plan import plan, status
@@ -30,6 +31,7 @@ def study() -> None:
 for _verb in (
     plan,
     object_,
+    forms,
     run,
     tell,
     observe,
