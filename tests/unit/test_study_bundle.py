@@ -209,6 +209,21 @@ def test_a_bundle_that_was_cut_short_is_told(cut: int, study: Path, tmp_path: Pa
     assert not (tmp_path / "there").exists()
 
 
+@pytest.mark.parametrize("name", [RECORDING, "sessions/p01/events.jsonl"])
+def test_a_bit_that_has_tipped_is_told_with_the_name_of_its_file(
+    name: str, study: Path, tmp_path: Path
+) -> None:
+    write_bundle(study, "p01", tmp_path / "p01.zip")
+    with zipfile.ZipFile(tmp_path / "p01.zip") as packed:
+        entry = packed.getinfo(name)
+    whole = bytearray((tmp_path / "p01.zip").read_bytes())
+    whole[entry.header_offset + 80 + entry.compress_size // 2] ^= 1
+    (tmp_path / "p01.zip").write_bytes(whole)
+    with pytest.raises(RecordingError, match=f"{name} is not as it was written"):
+        open_bundle(tmp_path / "p01.zip", tmp_path / "there")
+    assert not (tmp_path / "there").exists()
+
+
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no such pipe")
 @pytest.mark.timeout(30)
 def test_no_pipe_is_waited_for(tmp_path: Path) -> None:

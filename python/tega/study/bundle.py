@@ -13,6 +13,7 @@ import os
 import shutil
 import tempfile
 import zipfile
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO, Final, Literal, NamedTuple
@@ -230,7 +231,7 @@ def open_bundle(bundle: Path, out: Path) -> OpenedBundle:
         raise InvalidValueError(f"{out}: is there already", "name a new folder")
     check_file(bundle, most_mib=_MOST_MIB)
     out.parent.mkdir(parents=True, exist_ok=True)
-    with zipfile.ZipFile(bundle) as packed:
+    with _zip_of(bundle) as packed:
         manifest = _read_manifest(packed, bundle)
         _check_names(packed, manifest, bundle.name)
         room, n_bytes = shutil.disk_usage(out.parent).free, sum(one.n_bytes for one in manifest.files)
@@ -252,6 +253,15 @@ def open_bundle(bundle: Path, out: Path) -> OpenedBundle:
             shutil.rmtree(beside, ignore_errors=True)
             raise
     return OpenedBundle(manifest, trials)
+
+
+def _zip_of(bundle: Path) -> zipfile.ZipFile:
+    try:
+        return zipfile.ZipFile(bundle)
+    except zipfile.BadZipFile as error:
+        raise RecordingError(
+            f"{bundle.name}: no ZIP file, or cut short: {error}", "ask for the bundle again"
+        ) from error
 
 
 def _read_manifest(packed: zipfile.ZipFile, bundle: Path) -> BundleManifest:
@@ -295,11 +305,14 @@ def _check_names(packed: zipfile.ZipFile, manifest: BundleManifest, source: str)
 def _unpack(packed: zipfile.ZipFile, one: BundledFile, path: Path, bundle: Path) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     seen, n_bytes = hashlib.sha256(), 0
-    with packed.open(one.path) as source, path.open("xb") as target:
-        while n_bytes <= one.n_bytes and (chunk := source.read(_CHUNK)):
-            seen.update(chunk)
-            n_bytes += len(chunk)
-            target.write(chunk)
+    try:
+        with packed.open(one.path) as source, path.open("xb") as target:
+            while n_bytes <= one.n_bytes and (chunk := source.read(_CHUNK)):
+                seen.update(chunk)
+                n_bytes += len(chunk)
+                target.write(chunk)
+    except (zipfile.BadZipFile, zlib.error):  # a bit has tipped: the sum of the ZIP file itself is another
+        n_bytes = -1
     if n_bytes != one.n_bytes or seen.hexdigest() != one.sha256:
         raise RecordingError(
             f"{bundle.name}: {one.path} is not as it was written: another length or SHA-256",
