@@ -1,8 +1,12 @@
-"""Play pink noise that masks the sound of a vest's motors, so that a person cannot hear what they are to feel."""
+"""Play what a study's participant hears: pink noise that masks a vest's motors, and the beeps of a second task.
+
+Who could hear the motors would know by ear what they are to feel.
+"""
 
 from __future__ import annotations
 
 import time
+from collections import deque
 from typing import TYPE_CHECKING, Any, Final, Self
 
 import numpy as np
@@ -24,6 +28,13 @@ BAND_HZ: Final = (40.0, 16_000.0)
 _LOOP: Final = 2**19  # 10.9 s: nobody hears it come back
 _RAMP_S = 0.5
 
+BEEP_HZ: Final = 1000.0
+BEEP_S: Final = 0.1
+"""Length of a beep, seconds; it rises and falls for 5 ms, so that it does not click."""
+BEEP_DBFS: Final = -30.0
+"""Its level (RMS) at its height, or the noise's level where that is higher."""
+_BEEP_RAMP_S = 0.005
+
 
 def pink_loop(seed: int = 0) -> NDArray[np.float32]:
     """Make a loop of pink noise: power falls as 1/f within :data:`BAND_HZ`, phases are random, its end fits its start.
@@ -43,18 +54,40 @@ def pink_loop(seed: int = 0) -> NDArray[np.float32]:
     return made
 
 
-class MaskingSound:
-    """Pink noise on the headphones from :meth:`open` to :meth:`close`, the same in both ears.
+def beep_tone(level_dbfs: float) -> NDArray[np.float32]:
+    """Make a beep.
 
     Args:
-        settings: Level and loudspeaker; a level is set.
+        level_dbfs: Its level at its height, decibels of full scale (RMS).
+
+    Returns:
+        float32 (4800,), -1 to 1.
+    """
+    at_s = np.arange(round(BEEP_S * RATE_HZ)) / RATE_HZ
+    edge = np.clip(np.minimum(at_s, BEEP_S - at_s) / _BEEP_RAMP_S, 0, 1)
+    tone: NDArray[np.float32] = (
+        10 ** (level_dbfs / 20) * np.sqrt(2) * edge * np.sin(2 * np.pi * BEEP_HZ * at_s)
+    ).astype(np.float32)
+    return tone
+
+
+class MaskingSound:
+    """Pink noise on the headphones from :meth:`open` to :meth:`close`, the same in both ears, and beeps.
+
+    Args:
+        settings: Level and loudspeaker; a level is set, unless there are beeps.
+        beeps: Whether beeps are played as well.
     """
 
-    def __init__(self, settings: MaskingSection) -> None:
-        if settings.level_dbfs is None:
+    def __init__(self, settings: MaskingSection, *, beeps: bool = False) -> None:
+        if settings.level_dbfs is None and not beeps:
             raise DeviceUnavailableError("no masking sound: masking.level_dbfs is not set", "for example -30")
         self._level_dbfs = settings.level_dbfs
-        self._gain = 10 ** (settings.level_dbfs / 20)
+        self._gain = 0.0 if settings.level_dbfs is None else 10 ** (settings.level_dbfs / 20)
+        self._tone = beep_tone(max(BEEP_DBFS, settings.level_dbfs or -np.inf))
+        self._left = self._tone[:0]  # of the beep that sounds
+        self._asked: deque[None] = deque()
+        self._sounded_ns: deque[int] = deque()
         self._output = int(settings.output) if settings.output.isdecimal() else settings.output or None
         self._loop = pink_loop()
         self._at = 0
@@ -74,7 +107,9 @@ class MaskingSound:
 
     @property
     def words(self) -> str:
-        """What is played, for a journal."""
+        """What masks, for a journal."""
+        if self._level_dbfs is None:
+            return "none"
         return f"pink noise at {self._level_dbfs:g} dB of full scale (RMS) on {self._output or 'the system output'}"
 
     @property
@@ -135,6 +170,28 @@ class MaskingSound:
         made: NDArray[np.float32] = np.repeat(mono[:, None], 2, axis=1).astype(np.float32)
         return made
 
-    def _give(self, data: Any, n: int, _times: Any, _status: Any) -> None:
+    def beep(self) -> None:
+        """Have a beep played with the next block; when it leaves the loudspeaker, :meth:`sounded_ns` tells."""
+        self._asked.append(None)
+
+    def sounded_ns(self) -> list[int]:
+        """Return when beeps left the loudspeaker since the last call, on the machine's monotonic clock, nanoseconds.
+
+        It is the sound card's own word: what a wireless headphone takes beyond it is not known.
+        """
+        found = []
+        while self._sounded_ns:
+            found.append(self._sounded_ns.popleft())
+        return found
+
+    def _give(self, data: Any, n: int, times: Any, _status: Any) -> None:
         """Fill a block; called by the sound system's own thread."""
         data[:] = self.render(n)
+        if self._asked:
+            self._asked.popleft()
+            self._left = self._tone
+            late_s = max(0.0, times.outputBufferDacTime - times.currentTime)
+            self._sounded_ns.append(time.monotonic_ns() + round(late_s * 1e9))
+        if len(self._left):
+            part, self._left = np.split(self._left, [n])
+            data[: len(part)] = np.clip(data[: len(part)] + part[:, None], -1, 1)

@@ -17,6 +17,7 @@ from tega.calibration.store import TouchMaxima
 from tega.calibration.times import Times
 from tega.calibration.wizard import Calibrating, parts_of
 from tega.cli.guide import LineGuide
+from tega.cli.main import main
 from tega.config import load_config
 from tega.devices.base import DeviceInfo, EmgChunk
 from tega.errors import CalibrationError, ConfigError, DeviceUnavailableError, InvalidValueError
@@ -219,3 +220,45 @@ def test_a_weak_press_and_an_accident_do_not_count() -> None:
         "much weaker than the others; it does not count",
     ]
     assert meter.problems() == ("2 of 3 firm presses; 2 were too weak",)
+
+
+def test_a_person_s_hand_is_set_once_and_forearm_and_columns_follow_it(tmp_path: Path) -> None:
+    folder = CalibrationFolder(tmp_path)
+    sets = ["vest.driver=bhaptics-player", f"calibration.folder={tmp_path}", "arm.driver=simulated-arm"]
+    sets += [
+        "input.motion.driver=spacemouse",
+        "input.dead_man.driver=spacemouse",
+        "input.dead_man.options.silent_after_ms=1000",
+    ]
+
+    def follows(person: str, *more: str) -> tuple[str, str]:
+        config = load_config(None, environ={}, sets=[*sets, f"calibration.person={person}", *more]).config
+        assert config.arm is not None
+        return config.vest.mirror, config.arm.mapping.forearm
+
+    assert follows("p01") == ("none", "right")
+    assert folder.hand("p01") is None
+    folder.keep_hand("p01", "left")
+    folder.keep_hand("p02", "right")
+    assert follows("p01") == ("all", "left")
+    assert follows("p02") == ("none", "right")
+    assert follows("p01", 'vest.mirror="back"') == ("back", "left"), "what is given wins"
+    loaded = load_config(None, environ={}, sets=[*sets, "calibration.person=p01"])
+    assert loaded.values["vest.mirror"].origin == "people/p01/person.toml"
+    assert loaded.values["arm.mapping.forearm"].origin == "people/p01/person.toml"
+    folder.keep_hand("p01", "left")
+    with pytest.raises(CalibrationError, match="hand is kept as the left one"):
+        folder.keep_hand("p01", "right")
+    for damaged in ("hand = 'both'", "[", "hand = 'left'\nversion = 2"):
+        (tmp_path / "people/p01/person.toml").write_text(damaged)
+        with pytest.raises(CalibrationError, match="set the hand anew"):
+            folder.hand("p01")
+
+
+def test_the_wizard_keeps_the_hand_before_anything_is_opened(tmp_path: Path) -> None:
+    lab = tmp_path / "lab.toml"
+    lab.write_text('[vest]\ndriver = "bhaptics-player"\noptions = {port = 9, open_timeout_s = 0.2}\n')
+    with pytest.raises(SystemExit) as ended:
+        main(["calibrate", str(lab), "--person", "p01", "--hand", "left", "--yes", "--time-scale", "0.05"])
+    assert ended.value.code != 0
+    assert load_config(lab, environ={}, sets=["calibration.person=p01"]).config.vest.mirror == "all"

@@ -6,6 +6,7 @@
         gels/D20641/20261121-150405.png     every baseline taken of this sensor,
         gels/D20641/20261121-150405.toml    and what it was like
         vests/127.0.0.1_15881/20261121-150405-motor07.toml   how long that motor takes to start
+        people/p01/person.toml              which hand is the person's own: set once
         people/p01/touch-D20641.toml        one file per person and device, the newest
         people/p01/emg-ttyUSB0.toml
         people/p01/vest-127.0.0.1_15881.toml
@@ -38,8 +39,9 @@ from tega.calibration.records import (
     write_record,
 )
 from tega.errors import CalibrationError, RecordingError
-from tega.foreign_file import read_foreign
+from tega.foreign_file import parse_toml, read_foreign, read_words
 from tega.plain_name import plain_name
+from tega.toml_text import tree_text
 from tega.whole_file import write_whole
 
 if TYPE_CHECKING:
@@ -51,6 +53,8 @@ if TYPE_CHECKING:
 
 Part = Literal["touch", "emg", "vest"]
 
+OwnHand = Literal["left", "right"]
+
 RESUME_H = 4.0
 """An interrupted calibration is gone on with for so long; later the electrodes sit elsewhere."""
 
@@ -59,6 +63,7 @@ _TYPES: dict[Part, type[TouchRecord | EmgRecord | VestCalibration]] = {
     "emg": EmgRecord,
     "vest": VestCalibration,
 }
+_FACTS = "person.toml"
 _STAMP = "%Y%m%d-%H%M%S"
 _Any = TypeVar("_Any", bound=CalibrationRecord)
 
@@ -96,6 +101,20 @@ class Unfinished(msgspec.Struct, kw_only=True):
     started: datetime
     devices: dict[str, str] = msgspec.field(default_factory=dict)
     steps: dict[str, Any] = msgspec.field(default_factory=dict)
+
+
+class PersonFacts(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """What holds for a person on every device, ``person.toml``.
+
+    Attributes:
+        hand: The hand that steers and is felt: arm and vest follow it.
+        format: Always ``tega-person``.
+        version: Of the format.
+    """
+
+    hand: OwnHand
+    format: Literal["tega-person"] = "tega-person"
+    version: Literal[1] = 1
 
 
 class CalibrationFolder:
@@ -162,6 +181,38 @@ class CalibrationFolder:
     def person(self, person: str) -> Path:
         """Return a person's folder."""
         return self.path / "people" / checked_person(person)
+
+    def hand(self, person: str) -> OwnHand | None:
+        """Return the hand of a person; ``None`` where nobody has set it.
+
+        Raises:
+            CalibrationError: The file holds something else.
+        """
+        path = self.person(person) / _FACTS
+        if not path.is_file():
+            return None
+        try:
+            return msgspec.convert(parse_toml(read_words(path)), PersonFacts).hand
+        except (ValueError, RecordingError) as error:
+            raise CalibrationError(
+                f"{self.named(path)}: {error}", "delete it, and set the hand anew with calibrate --hand"
+            ) from error
+
+    def keep_hand(self, person: str, hand: OwnHand) -> Path:
+        """Keep the hand of a person, which is set once.
+
+        Raises:
+            CalibrationError: The other hand is kept already: what was calibrated was calibrated with that one.
+        """
+        path, kept = self.person(person) / _FACTS, self.hand(person)
+        if kept not in {None, hand}:
+            raise CalibrationError(
+                f"{person}'s hand is kept as the {kept} one",
+                f"was that wrong? delete {path}, set it anew and calibrate again",
+            )
+        if kept is None:
+            write_whole(path, tree_text(msgspec.to_builtins(PersonFacts(hand=hand))), sync=True)
+        return path
 
     def file(self, person: str, part: Part, device: str) -> Path:
         """Return where a record is kept."""

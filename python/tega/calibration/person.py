@@ -298,6 +298,7 @@ def with_person(loaded: LoadedConfig, *, given: set[str]) -> LoadedConfig:
         threshold, step = felt_by(vest)
         name = folder.named(folder.file(person, "vest", vest.device))
         found["vest.threshold"], found["vest.step"] = (threshold, name), (step, name)
+    found |= _of_the_hand(config, folder, person)
     changes: dict[str, Any] = {}
     for key, (value, name) in found.items():
         if key in given:
@@ -314,8 +315,25 @@ def with_person(loaded: LoadedConfig, *, given: set[str]) -> LoadedConfig:
         config.vest,
         threshold=changes.get("vest.threshold", config.vest.threshold),
         step=changes.get("vest.step", config.vest.step),
+        mirror=changes.get("vest.mirror", config.vest.mirror),
     )
-    return LoadedConfig(msgspec.structs.replace(config, tactile=tactile, vest=vest_section), values)
+    arm = config.arm
+    if arm is not None:
+        forearm = changes.get("arm.mapping.forearm", arm.mapping.forearm)
+        arm = msgspec.structs.replace(arm, mapping=msgspec.structs.replace(arm.mapping, forearm=forearm))
+    return LoadedConfig(msgspec.structs.replace(config, tactile=tactile, vest=vest_section, arm=arm), values)
+
+
+def _of_the_hand(config: SessionConfig, folder: CalibrationFolder, person: str) -> dict[str, tuple[Any, str]]:
+    """Return what follows from a person's hand: the forearm that leads the arm, and the side of the thumb's column."""
+    hand = folder.hand(person)
+    if hand is None:
+        return {}
+    name = folder.named(folder.person(person) / "person.toml")
+    found: dict[str, tuple[Any, str]] = {"vest.mirror": ("all" if hand == "left" else "none", name)}
+    if config.arm is not None:
+        found["arm.mapping.forearm"] = (hand, name)
+    return found
 
 
 def live_vest(config: SessionConfig) -> DeviceInfo | None:

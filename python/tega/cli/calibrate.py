@@ -12,6 +12,7 @@ import click
 from tega.cli.options import json_option
 
 if TYPE_CHECKING:
+    from tega.calibration.folder import OwnHand
     from tega.config import SessionConfig
 
 
@@ -23,6 +24,11 @@ if TYPE_CHECKING:
     type=click.Choice(["tactile", "emg", "vest"]),
     multiple=True,
     help="Only this part; repeatable.",
+)
+@click.option(
+    "--hand",
+    type=click.Choice(["left", "right"]),
+    help="The hand that steers, set once: forearm of the arm and columns of the vest follow it in every run.",
 )
 @click.option("--refresh", is_flag=True, help="Twenty seconds after putting things on again.")
 @click.option("--restart", is_flag=True, help="Do not go on with an interrupted calibration.")
@@ -57,6 +63,7 @@ def calibrate(
     settings: Path,
     person: str,
     only: tuple[Any, ...],
+    hand: OwnHand | None,
     refresh: bool,
     restart: bool,
     folder: Path | None,
@@ -88,6 +95,10 @@ def calibrate(
     from tega.cli.options import echo_json
 
     config, kept = _settings(settings, person, folder, sets)
+    if hand is not None:
+        CalibrationFolder(kept).keep_hand(person, hand)
+        there = f"calibration.folder={json.dumps(str(kept))}"
+        config, _ = _settings(settings, person, folder, (*sets, there))
     parts = parts_of(config, only)
     times = Times(pause_s=pause_s).scaled(time_scale)
     guide = guide_for(yes=yes, get_ready_s=times.get_ready_s)

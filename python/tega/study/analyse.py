@@ -18,9 +18,11 @@ from tega.study.difference import OutcomeDifference, outcomes
 from tega.study.directions import Direction, directions
 from tega.study.finger_rows import FingerRow, finger_rows
 from tega.study.journal import read_events
+from tega.study.objects import ObjectFacts, read_objects
 from tega.study.plan import default_family
 from tega.study.power import SPREADS, count_power, people_for
 from tega.study.privacy import withdrawn_ids
+from tega.study.probe import ProbeUse, probe_uses
 from tega.study.ratings import RatingUse, ratings
 from tega.study.score.accounts import agreements
 from tega.study.score.agree import Agreement
@@ -103,12 +105,14 @@ class Analysis(msgspec.Struct, frozen=True, kw_only=True):
         planner: What the next study needs.
         agreements: Of raters, experimenter and, in simulation, the truth.
         ratings: What participants answered after blocks.
+        probes: The second task, where the plan has one.
         directions: The paper's differences and the study's, where its people are simulated.
         assumptions: What a study in silico takes for granted.
         parameters: Of the simulated people, by section and name.
         sensitivity: Which directions hold when that is changed.
         fingers: The contacts that Fig 3 shows.
         outcomes: Each outcome's difference between the first two conditions, over people.
+        object_facts: What is known of the objects.
         rehearsed: In a plan of people, those whose session did not run in the lab.
         format: Always ``tega-study-analysis``.
         version: Of the format.
@@ -134,12 +138,14 @@ class Analysis(msgspec.Struct, frozen=True, kw_only=True):
     planner: tuple[Planner, ...]
     agreements: tuple[Agreement, ...] = ()
     ratings: tuple[RatingUse, ...] = ()
+    probes: tuple[ProbeUse, ...] = ()
     directions: tuple[Direction, ...] = ()
     assumptions: Assumptions | None = None
     parameters: dict[str, dict[str, Parameter]] = {}
     sensitivity: tuple[SensitivityRow, ...] = ()
     fingers: tuple[FingerRow, ...] = ()
     outcomes: tuple[OutcomeDifference, ...] = ()
+    object_facts: dict[str, ObjectFacts] = {}
     rehearsed: tuple[str, ...] = ()
     format: str = FORMAT
     version: int = 1
@@ -216,9 +222,11 @@ def analyse_study(folder: Path, *, interim: bool = False) -> tuple[Analysis, Fig
         result,
         agreements=tuple(agreements(folder)),
         ratings=ratings(folder),
+        probes=probe_uses(trials, settings.conditions),
         assumptions=read_assumptions(folder),
         parameters=read_parameters(folder),
         sensitivity=read_sensitivity(folder),
+        object_facts=read_objects(folder),
         fingers=finger_rows(pictures, trials),
         rehearsed=()
         if settings.simulated

@@ -31,6 +31,9 @@ Kind = Literal[
     "override",
     "redo",
     "rating",
+    "beep",
+    "answer",
+    "muscles",
     "undo",
 ]
 
@@ -51,8 +54,9 @@ class JournalEvent(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unkno
         undone: ``undo``: number of the event that does not count.
         source: Who says so: ``auto``, or a rater's id.
         text: A note, or the reason of an end, a correction or a repetition (``redo``). Left out of anonymised copies.
-        item: ``rating``: what was asked, such as ``tlx.effort``.
-        value: ``rating``: the answer, 0 to 100; ``None`` where it was passed over.
+        item: ``rating``: what was asked, such as ``tlx.effort``. ``muscles``: the channel, such as ``ch1``.
+        value: ``rating``: the answer, 0 to 100; ``None`` where it was passed over. ``muscles``: the channel's median
+            frequency in the trial, Hz; left out of anonymised copies.
     """
 
     n: Annotated[int, msgspec.Meta(ge=1)]

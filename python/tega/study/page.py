@@ -51,7 +51,7 @@ def report_html(analysis: Analysis, figures: Mapping[str, str]) -> str:
     """
     sizes = sorted({(row.people, row.trials) for row in analysis.sensitivity})
     return (
-        _templates()
+        report_templates()
         .get_template("report.html")
         .render(
             analysis=analysis,
@@ -77,7 +77,12 @@ def report_html(analysis: Analysis, figures: Mapping[str, str]) -> str:
     )
 
 
-def _templates() -> Environment:
+def report_templates() -> Environment:
+    """Return the environment of the templates beside this file.
+
+    Raises:
+        MissingExtraError: Jinja2 is not installed.
+    """
     try:
         from jinja2 import Environment, PackageLoader, StrictUndefined
     except ImportError as error:

@@ -55,6 +55,7 @@ class StudySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
         window_s: Time in which the object has to be lifted, seconds.
         alpha: Two-sided level of the tests.
         family: The tests that are corrected together, ``metric:object``.
+        probe: Whether a beep now and then is to be answered in every trial (dual task).
         seed: Of all orders; absent in an anonymised copy.
         simulated: Whether the people are simulated.
         plan_sha256: Of ``plan.csv``.
@@ -72,6 +73,7 @@ class StudySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
     window_s: Annotated[float, msgspec.Meta(gt=0, le=600)]
     alpha: Annotated[float, msgspec.Meta(gt=0, lt=1)]
     family: tuple[str, ...]
+    probe: bool = False
     seed: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] | None = None
     simulated: bool = False
     plan_sha256: str = ""
@@ -167,6 +169,7 @@ def make_plan(
     window_s: float = 15.0,
     alpha: float = 0.05,
     family: Sequence[str] | None = None,
+    probe: bool = False,
     simulated: bool = False,
 ) -> StudyPlan:
     """Make a counterbalanced plan; equal arguments give equal plans.
@@ -185,6 +188,7 @@ def make_plan(
         window_s: Seconds.
         alpha: Level of the tests.
         family: ``metric:object``; the paper's seven where ``None``.
+        probe: Whether beeps are to be answered in every trial.
         simulated: Whether the people are simulated.
 
     Raises:
@@ -215,6 +219,7 @@ def make_plan(
                 "window_s": window_s,
                 "alpha": alpha,
                 "family": list(tests),
+                "probe": probe,
                 "seed": seed,
                 "simulated": simulated,
             },
@@ -268,7 +273,10 @@ def _plain(value: object) -> str:
 
 
 def _toml(settings: StudySettings) -> str:
-    return tree_text({"format": FORMAT, "version": VERSION, **msgspec.to_builtins(settings)})
+    fields = msgspec.to_builtins(settings)
+    if not settings.probe:  # then an earlier version reads the plan too
+        del fields["probe"]
+    return tree_text({"format": FORMAT, "version": VERSION, **fields})
 
 
 def write_plan(plan: StudyPlan, folder: Path, files: Mapping[str, bytes] = {}) -> None:

@@ -21,6 +21,7 @@ import msgspec
 from tega.errors import InvalidValueError, RecordingError
 from tega.foreign_file import read_foreign, read_words
 from tega.study.journal import Journal, JournalEvent, read_events
+from tega.study.objects import OBJECTS, objects_text, read_objects
 from tega.study.observers import PART, observer_path, read_observers
 from tega.study.plan import StudyPlan, person_id, read_plan, write_plan
 from tega.study.state import events_path
@@ -29,7 +30,7 @@ from tega.whole_file import write_whole
 _LOG = logging.getLogger(__name__)
 
 _LIST = "withdrawn.txt"
-_ELSEWHERE = "elsewhere.txt"
+ELSEWHERE = "elsewhere.txt"
 REPORTS = ("report", "report.html")
 COURSES = "courses"
 ROLES = ("auto", "experimenter", "participant")
@@ -80,7 +81,7 @@ def note_elsewhere(folder: Path, participant: str, path: Path) -> None:
         participant: Whose.
         path: A file or a folder.
     """
-    path, notes = path.absolute(), events_path(folder, participant).parent / _ELSEWHERE
+    path, notes = path.absolute(), events_path(folder, participant).parent / ELSEWHERE
     if path.is_relative_to(folder.absolute()) or str(path) in _noted(notes):
         return
     notes.parent.mkdir(parents=True, exist_ok=True)
@@ -124,11 +125,7 @@ def withdraw(folder: Path, participant: str) -> Withdrawal:
     """
     read_plan(folder).of(participant)
     if participant not in withdrawn_ids(folder):
-        own = [events_path(folder, participant)]
-        raters = [observer_path(folder, participant, rater) for rater in read_observers(folder, participant)]
-        for path in (*own, *raters):
-            if path.exists():
-                Journal(path).close()  # refuses while a console has it open
+        check_not_led(folder, participant)
         with (folder / _LIST).open("a", encoding="utf-8") as file:  # first: a crash cannot undo it
             file.write(f"\n{participant}\n")
             file.flush()
@@ -136,10 +133,28 @@ def withdraw(folder: Path, participant: str) -> Withdrawal:
     return _delete(folder, participant)
 
 
+def own_name(participant: str) -> re.Pattern[str]:
+    """Return what the names of a person's own files and folders match, such as ``p03`` and ``p03-t07-a1``."""
+    return re.compile(rf"{re.escape(participant)}([-_.].*)?")
+
+
+def check_not_led(folder: Path, participant: str) -> None:
+    """Refuse while a program has the person's events, or a rater's of that person, open.
+
+    Raises:
+        DeviceUnavailableError: One has.
+    """
+    own = [events_path(folder, participant)]
+    raters = [observer_path(folder, participant, rater) for rater in read_observers(folder, participant)]
+    for path in (*own, *raters):
+        if path.exists():
+            Journal(path).close()
+
+
 def _delete(folder: Path, participant: str) -> Withdrawal:
-    own = re.compile(rf"{participant}([-_.].*)?")
-    mentioned = re.compile(rf"(?<![A-Za-z0-9]){participant}(?![A-Za-z0-9])")
-    notes = events_path(folder, participant).parent / _ELSEWHERE
+    own = own_name(participant)
+    mentioned = re.compile(rf"(?<![A-Za-z0-9]){re.escape(participant)}(?![A-Za-z0-9])")
+    notes = events_path(folder, participant).parent / ELSEWHERE
     left = (
         [] if notes.parent.is_symlink() else [Path(line) for line in _noted(notes) if os.path.lexists(line)]
     )
@@ -185,9 +200,9 @@ def forget_person(path: Path, participant: str) -> bool:
 def export(folder: Path, out: Path, *, key: str) -> dict[str, str]:
     """Write an anonymised copy of a study, fit to be published and to make the report from.
 
-    It has plan, events and courses of touch and level under new ids in a new order; no muscle signals, pictures, texts
-    or raters' names; times count from each session's first event; the seed, from which the old ids could be worked
-    out, is left out.
+    It has plan, what is known of the objects, events and courses of touch and level under new ids in a new order; no
+    muscle signals, pictures, photos, texts or raters' names; times count from each session's first event; the seed,
+    from which the old ids could be worked out, is left out.
 
     Args:
         folder: The study's folder.
@@ -220,9 +235,13 @@ def export(folder: Path, out: Path, *, key: str) -> dict[str, str]:
         for trial in plan.of(person)
     )
     settings = msgspec.structs.replace(plan.settings, seed=None)
+    known = {name: msgspec.structs.replace(facts, photo="") for name, facts in read_objects(folder).items()}
+    registry = {OBJECTS: objects_text(known).encode()} if known else {}
     assumed = [folder / name for name in (SIMULATION, PARAMETERS)]
     write_plan(
-        StudyPlan(settings, trials), out, {path.name: path.read_bytes() for path in assumed if path.exists()}
+        StudyPlan(settings, trials),
+        out,
+        {path.name: path.read_bytes() for path in assumed if path.exists()} | registry,
     )
     signed = read_plan(out).settings.plan_sha256
     observers = {old: read_observers(folder, old) for old in new}
@@ -254,8 +273,13 @@ def _copy_events(
         text = signed if event.kind == "session_start" else ""
         if event.kind == "trial_end" and event.text == PART:  # decides whose counts are used
             text = PART
+        value = None if event.kind == "muscles" else event.value
         return msgspec.structs.replace(
-            event, t_ns=event.t_ns - begin_ns, source=raters.get(event.source, event.source), text=text
+            event,
+            value=value,
+            t_ns=event.t_ns - begin_ns,
+            source=raters.get(event.source, event.source),
+            text=text,
         )
 
     target.parent.mkdir(parents=True, exist_ok=True)

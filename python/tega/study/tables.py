@@ -58,6 +58,7 @@ def csv_files(analysis: Analysis, courses: Mapping[str, TouchCourse]) -> dict[st
         ("planner", analysis.planner),
         ("agreement", analysis.agreements),
         ("ratings", analysis.ratings),
+        ("probes", analysis.probes),
         ("outcomes", analysis.outcomes),
         ("directions", analysis.directions),
         ("fig3", analysis.fingers),

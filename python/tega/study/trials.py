@@ -8,6 +8,7 @@ from pathlib import Path
 import msgspec
 
 from tega.errors import RecordingError
+from tega.study.beep_score import score_beeps
 from tega.study.journal import JournalEvent, Status, counting, read_events
 from tega.study.observers import read_observers, saw_whole
 from tega.study.plan import PlannedTrial, StudyPlan, read_plan
@@ -38,6 +39,10 @@ class Trial(msgspec.Struct, frozen=True, kw_only=True):
         rater: Who counted slips, deformations and drops at a console of their own; empty where the session's own
             events are counted.
         redone: Why an attempt that had taken place does not count, as the experimenter said; ``""`` where none.
+        beeps: Of the second task, those that count.
+        beeps_answered: Of them, in time.
+        false_answers: Presses that answered no beep.
+        reaction_s: Median from beep to press, seconds; ``None`` where none was answered.
         first: Whether the condition was the person's first with this object.
         events: Where the row comes from, such as ``sessions/p01/events.jsonl:12``, one for every event used.
     """
@@ -58,6 +63,10 @@ class Trial(msgspec.Struct, frozen=True, kw_only=True):
     lift_off_s: float | None = None
     rater: str = ""
     redone: str = ""
+    beeps: int = 0
+    beeps_answered: int = 0
+    false_answers: int = 0
+    reaction_s: float | None = None
     first: bool = False
     events: tuple[str, ...] = ()
 
@@ -189,6 +198,7 @@ def _trial(
             success = event.success
     slips = [event for event in used if event.kind == "slip"]
     before = sum(lift is None or event.t_ns < lift.t_ns for event in slips)
+    beeps = score_beeps(used, end.t_ns)
     return Trial(
         id=plan.id,
         participant=plan.participant,
@@ -204,6 +214,10 @@ def _trial(
         drops=sum(event.kind == "drop" for event in used),
         duration_s=None if begin is None else (end.t_ns - begin.t_ns) / 1e9,
         lift_off_s=None if begin is None or lift is None else (lift.t_ns - begin.t_ns) / 1e9,
+        beeps=beeps.beeps,
+        beeps_answered=beeps.answered,
+        false_answers=beeps.false_answers,
+        reaction_s=beeps.reaction_s,
         first=first,
         events=tuple(f"{where}:{event.n}" for event in events if event.kind != "note"),
     )

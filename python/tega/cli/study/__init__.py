@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import click
 
+from tega.cli.study.bundle import bundle, open_
 from tega.cli.study.clips import clips
 from tega.cli.study.detect import detect
+from tega.cli.study.forms import forms
+from tega.cli.study.object import object_
 from tega.cli.study.observe import observe
 from tega.cli.study.plan import plan, status
 from tega.cli.study.power import power
@@ -15,6 +18,7 @@ from tega.cli.study.run import run
 from tega.cli.study.score import score
 from tega.cli.study.sensitivity import sensitivity
 from tega.cli.study.simulate import simulate
+from tega.cli.study.tell import tell
 
 __all__ = ["study"]
 
@@ -26,7 +30,10 @@ def study() -> None:
 
 for _verb in (
     plan,
+    object_,
+    forms,
     run,
+    tell,
     observe,
     detect,
     clips,
@@ -35,6 +42,8 @@ for _verb in (
     report,
     withdraw,
     export,
+    bundle,
+    open_,
     power,
     simulate,
     sensitivity,

@@ -46,6 +46,9 @@ _FOLDER = click.Path(path_type=Path, file_okay=False)
     "--rest-s", type=click.FloatRange(0, 3600), default=60.0, show_default=True, help="Between two trials."
 )
 @click.option(
+    "--probe", is_flag=True, help="A second task in every trial: beeps to be answered with a pedal."
+)
+@click.option(
     "--simulated", is_flag=True, help="For rehearsals on simulated and emulated devices, not for people."
 )
 @json_option
@@ -59,6 +62,7 @@ def plan(
     trials: int,
     layout: Layout,
     rest_s: float,
+    probe: bool,
     simulated: bool,
     as_json: bool,
 ) -> None:
@@ -79,6 +83,7 @@ def plan(
         trials=trials,
         layout=layout,
         rest_s=rest_s,
+        probe=probe,
     )
     write_plan(made, out)
     first = made.of(made.participants[0])

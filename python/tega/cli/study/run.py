@@ -54,6 +54,10 @@ if TYPE_CHECKING:
     help="lift: over when held up; place: over when put down as well (Enter).",
 )
 @click.option("--pedal", default="", metavar="KEY", help="The key that a foot pedal types, such as b.")
+@click.option(
+    "--answer", default="p", show_default=True, metavar="KEY",
+    help="The key that the participant's pedal types at a beep, in a plan made with --probe.",
+)  # fmt: skip
 @click.option("--trials", type=click.IntRange(1), help="Stop after so many.")
 @click.option("--yes", is_flag=True, help="Go on by the clock and pass over the questions; to rehearse.")
 @click.option(
@@ -73,6 +77,7 @@ def run(
     preset: Literal["paper", "live"],
     task: Task,
     pedal: str,
+    answer: str,
     trials: int | None,
     yes: bool,
     time_scale: float,
@@ -107,7 +112,7 @@ def run(
         ) as bench,
         CtrlC() as stop,
         desk_for(stop, alone=yes) as desk,
-        _masking(bench) as masking,
+        _masking(bench, plan) as masking,
     ):
         state = lead_session(
             folder,
@@ -117,6 +122,7 @@ def run(
             task=task,
             time_scale=time_scale,
             pedal=pedal,
+            answer_key=answer,
             auto=yes,
             trials=trials,
             masking=masking,
@@ -135,15 +141,17 @@ def run(
 
 
 @contextmanager
-def _masking(bench: TrialBench) -> Iterator[MaskingSound | None]:
-    """Play what masks the motors of the lab's vest, where its settings set a level."""
+def _masking(bench: TrialBench, plan: StudyPlan) -> Iterator[MaskingSound | None]:
+    """Play what masks the motors of the lab's vest, where its settings set a level, and the plan's beeps."""
+    from tega.config_sections import MaskingSection
     from tega.masking_sound import MaskingSound
     from tega.study.lead.benches import LabBench
 
-    if not isinstance(bench, LabBench) or bench.masking.level_dbfs is None:
+    settings = bench.masking if isinstance(bench, LabBench) else MaskingSection()
+    if settings.level_dbfs is None and not plan.settings.probe:
         yield None
         return
-    with MaskingSound(bench.masking) as sound:
+    with MaskingSound(settings, beeps=plan.settings.probe) as sound:
         yield sound
 
 

@@ -5,11 +5,14 @@
     lift_rule.py           when an object counts as lifted: 0.2 m, held for a second, begun within the window
     running_trial.py       one trial between the bench's thread and the session's
     benches.py             the lab's devices, or the simulated bench: a trial runs on them
+    beeps.py               the second task's beeps, where the plan has one
     questions.py           raw NASA-TLX and comfort, asked after each block
     experimenter.py        the experimenter's screen and keys: a terminal, or lines
     screens.py             the screens while a trial is waited for, and while it goes on
+    fatigue.py             whether the arm tires, shown in a rest
     between_trials.py      the trial before: how it went, corrections, notes
     status_file.py         the session's status for the observers' consoles, in a file beside the events
+    tell.py                commands of other programs
     session_progress.py    screen and status file, brought up to date no more often than is of use
     session.py             the session: rest, countdown, trial, questions, from the first trial to the last
 

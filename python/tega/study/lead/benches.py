@@ -118,8 +118,12 @@ class LabBench:
 
     def run(self, trial: PlannedTrial, going: Going, folder: Path) -> None:
         """Run a session of the devices for as long as the trial lasts."""
+        from tega.bus import Bus
+        from tega.records import MuscleCondition
         from tega.teleop import run_session
 
+        bus = Bus()
+        bus.subscribe(MuscleCondition, going.muscles)
         replace = msgspec.structs.replace
         # The devices do not know what is lifted; without touch to be felt they are sent zeros, see Going.feel.
         stages = self._config.stages
@@ -138,6 +142,7 @@ class LabBench:
 
         run_session(
             config,
+            bus=bus,
             observer=going.view,
             progress=going.preparing,
             stop=going.over,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from tega.study.beep_score import said_of_beeps
 from tega.study.journal import Journal, counting
 from tega.study.lead.trial import EXPERIMENTER, undo_last
 from tega.study.state import MAX_ATTEMPTS, REPEATABLE
@@ -128,4 +129,7 @@ class TrialBefore:
         how = "success" if success else "failure"
         if any(event.kind == "redo" for event in events):
             how = "to be done again"
-        return [f"trial {trial}: {how}; slips {n['slip']}, deformations {n['deformation']}; {end.text}"]
+        return [
+            f"trial {trial}: {how}; slips {n['slip']}, deformations {n['deformation']}; {end.text}"
+            + said_of_beeps(events, end.t_ns)
+        ]

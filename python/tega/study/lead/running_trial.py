@@ -17,6 +17,7 @@ from tega.study.touch_rows import TouchRow
 if TYPE_CHECKING:
     from tega.clock import Clock
     from tega.hand_poses import ClosureScale
+    from tega.records import MuscleCondition
     from tega.teleop.moment import LoopView
 
 
@@ -69,6 +70,7 @@ class Going:
         self._touch: list[TouchRow] = []
         self._newest_touch: dict[str, int] = {}
         self._presses = 0
+        self._muscles: list[MuscleCondition] = []
         self.state, self.reason = "preparing", ""
         self.alerts: tuple[str, ...] = ()
         self.started_ns: int | None = None
@@ -148,6 +150,11 @@ class Going:
         if self.started_ns is not None:
             self._seen.append(TrialSeen(kind, (t_ns - self._view_zero_ns) / 1e9, value))
 
+    def muscles(self, condition: MuscleCondition) -> None:
+        """Take in the condition of the muscles, once a second of effort."""
+        if self.started_ns is not None and not self._over.is_set():
+            self._muscles.append(condition)
+
     def over(self) -> bool:
         """Tell whether the trial is over."""
         return self._over.is_set()
@@ -196,6 +203,10 @@ class Going:
     def hand(self) -> list[HandRow]:
         """Return the state of hand and arm at each look at the loop since the trial's start."""
         return list(self._hand)
+
+    def condition(self) -> list[MuscleCondition]:
+        """Return the condition of the muscles at each second of effort since the trial's start."""
+        return list(self._muscles)
 
 
 def in_thread(work: Callable[[], None]) -> tuple[threading.Thread, list[BaseException]]:

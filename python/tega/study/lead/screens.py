@@ -51,6 +51,8 @@ def running(heading: str, led: LedTrial, window_s: float, *, sees_height: bool) 
     if going.state == "hold":
         lines.append(f"hold: {going.reason}")
     keys = keys_of(sees_height=sees_height) if led.phase == "trial" else [("a", "break off")]
+    if led.phase == "trial" and led.beeps is not None:
+        keys.append((led.beeps.key, "participant heard a beep"))
     return Screen(led.phase, heading, big, lines, keys, going.alerts)
 
 

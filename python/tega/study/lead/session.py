@@ -9,15 +9,20 @@ from typing import TYPE_CHECKING
 
 from tega.clock import Clock, SystemClock
 from tega.errors import DeviceUnavailableError
+from tega.study.beep_score import said_of_beeps
 from tega.study.journal import Journal
+from tega.study.lead.beeps import Beeps, check_answer_key
 from tega.study.lead.between_trials import TrialBefore
 from tega.study.lead.experimenter import ENTER, Desk
+from tega.study.lead.fatigue import said_of_muscles
 from tega.study.lead.questions import QUESTIONS, ask, blocks_to_ask
 from tega.study.lead.screens import running, waiting
 from tega.study.lead.session_progress import Telling
 from tega.study.lead.status_file import SessionBoard, board_path
+from tega.study.lead.tell import CommandFile, told_path
 from tega.study.lead.trial import LedTrial, Task
 from tega.study.plan import PlannedTrial, StudyPlan, read_plan
+from tega.study.probe import beep_times
 from tega.study.state import SessionState, derive, resume
 
 if TYPE_CHECKING:
@@ -44,6 +49,7 @@ def lead_session(
     task: Task = "lift",
     time_scale: float = 1.0,
     pedal: str = "",
+    answer_key: str = "p",
     auto: bool = False,
     trials: int | None = None,
     masking: MaskingSound | None = None,
@@ -60,25 +66,33 @@ def lead_session(
         task: When a trial is over, see :class:`tega.study.lead.trial.LedTrial`.
         time_scale: Of all waits; below 1 for rehearsals, which the events then say.
         pedal: A key that a foot pedal types: goes on, and marks the object's height in a trial.
+        answer_key: The key that the participant's pedal types at a beep, where the plan has a second task.
         auto: Go on by the clock and pass over the questions.
         trials: Stop after so many; ``None`` for all.
         masking: Sounds already, and goes on from the first trial to the last whatever the condition; the events say so.
+            It plays the beeps of a second task too.
         stop: Asked all the time whether to stop; a trial that goes on is then broken off for technical reasons.
 
     Returns:
         How the session stands.
 
     Raises:
-        InvalidValueError: Nobody has that id, a planned condition cannot be run on this bench, or the plan is not for
-            sessions on it.
+        InvalidValueError: Nobody has that id, the answer key means something else, a planned condition cannot be run on
+            this bench, or the plan is not for sessions on it.
         RecordingError: The study is damaged, or the person has withdrawn.
-        DeviceUnavailableError: Another program has the session open, the masking sound has stopped, or a trial cannot
-            begin and nobody is there.
+        DeviceUnavailableError: Another program has the session open, nothing can play the plan's beeps, the masking
+            sound has stopped, or a trial cannot begin and nobody is there.
         KeyboardInterrupt: ``stop`` said so, or the desk's person has gone.
     """
     plan = read_plan(folder)
     for condition in plan.settings.conditions:
         bench.felt(condition)
+    if plan.settings.probe:
+        check_answer_key(answer_key, pedal)
+        if masking is None:
+            raise DeviceUnavailableError(
+                "the plan has a second task, and nothing plays its beeps", "give lead_session a MaskingSound"
+            )
     clock = SystemClock() if clock is None else clock
     journal, _state = resume(folder, plan, participant, t_ns=clock.now_ns(), where=bench.where)
     with journal:
@@ -93,6 +107,7 @@ def lead_session(
             task=task,
             time_scale=time_scale,
             pedal=pedal,
+            answer_key=answer_key,
             auto=auto,
             masking=masking,
             stop=stop,
@@ -117,6 +132,7 @@ class _Lead:
         task: Task,
         time_scale: float,
         pedal: str,
+        answer_key: str,
         auto: bool,
         masking: MaskingSound | None,
         stop: Callable[[], bool],
@@ -125,9 +141,11 @@ class _Lead:
         self._mine = plan.of(participant)
         self._journal, self._bench, self._desk, self._clock = journal, bench, desk, clock
         self._task, self._scale, self._pedal = task, time_scale, pedal
+        self._answer_key = answer_key
         self._auto, self._stop, self._masking = auto, stop, masking
         self._before = TrialBefore(journal, desk, clock)
         self._telling = Telling(desk, board_path(folder, participant))
+        self._told = CommandFile(told_path(folder, participant), clock)
         self._led: LedTrial | None = None
 
     @property
@@ -138,6 +156,8 @@ class _Lead:
         """Go on until all trials are over, or so many of them, or somebody quits."""
         self._before.note(INSTRUCTION)
         self._before.note(f"masking sound: {'none' if self._masking is None else self._masking.words}")
+        if self._plan.settings.probe:
+            self._before.note(f"second task: beeps, answered with the key {self._answer_key}")
         if self._scale != 1.0:
             self._before.note(f"rehearsal: waits are {self._scale:g} times as long")
         self._desk.say(f"Read to the participant: {INSTRUCTION}")
@@ -214,7 +234,8 @@ class _Lead:
             if self._auto and not resting:
                 return True
             thing = "" if trial is None else trial.object
-            screen = waiting(heading, thing, left_s, self._before.lines(), self._before.keys)
+            told = [*self._before.lines(), *said_of_muscles(self._journal.events)]
+            screen = waiting(heading, thing, left_s, told, self._before.keys)
             self._telling.show(
                 screen, self._as_board(screen.phase, trial, attempt, until_ns=until_ns if resting else None)
             )
@@ -234,6 +255,7 @@ class _Lead:
             window_s=window_s,
             time_scale=self._scale,
             pedal=self._pedal,
+            beeps=self._beeps(trial, attempt),
         )
         heading = f"{self._participant} · trial {trial.trial} of {len(self._mine)} · {trial.object}"
         while not led.step(self._heard()):
@@ -260,11 +282,20 @@ class _Lead:
             return False
         end = next(e for e in reversed(self._journal.events) if e.kind == "trial_end")
         self._desk.say(
-            f"trial {trial.trial}: {end.text}" + ("" if end.status == "done" else f" ({end.status})")
+            f"trial {trial.trial}: {end.text}"
+            + ("" if end.status == "done" else f" ({end.status})")
+            + said_of_beeps(led.events(), end.t_ns)
         )
         if led.rule.lift_off_s is None and any(e.kind == "slip" for e in led.events()):
             self._desk.say("No lift-off was marked, so the slips of this trial count as before lift-off.")
         return True
+
+    def _beeps(self, trial: PlannedTrial, attempt: int) -> Beeps | None:
+        settings = self._plan.settings
+        if self._masking is None or not settings.probe:
+            return None
+        at_s = beep_times(trial, attempt, seed=settings.seed or 0, until_s=settings.window_s)
+        return Beeps(self._masking, at_s, key=self._answer_key)
 
     def _questions(self) -> bool:
         """Ask what is to be asked after a block that is over; True always, for the loop."""
@@ -294,7 +325,7 @@ class _Lead:
     def _heard(self) -> list[str]:
         if self._stop():
             raise KeyboardInterrupt
-        return self._desk.keys()
+        return [*self._desk.keys(), *self._told.take()]
 
     def _as_board(
         self,
@@ -319,6 +350,7 @@ class _Lead:
             until_ns=until_ns,
             window_s=self._plan.settings.window_s,
             says=says,
+            n_told=self._told.n_taken,
             health=health,
         )
 

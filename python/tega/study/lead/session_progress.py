@@ -36,11 +36,12 @@ class Telling:
     def put(self, board: SessionBoard, *, at_once: bool = False) -> None:
         """Write the board when something changes, and often enough to show that somebody is there."""
         now_s, told = time.monotonic(), self._told
-        same = told is not None and (told.phase, told.trial, told.started_ns, told.health) == (
+        same = told is not None and (told.phase, told.trial, told.started_ns, told.health, told.n_told) == (
             board.phase,
             board.trial,
             board.started_ns,
             board.health,
+            board.n_told,
         )
         if same and not at_once and now_s - self._put_s < _BOARD_S:
             return

@@ -29,6 +29,7 @@ class SessionBoard(msgspec.Struct, frozen=True, kw_only=True):
         until_ns: When the rest or the window is over; ``None`` where nothing ends by itself.
         window_s: Time in which the object has to be lifted, seconds.
         says: What is prepared or waited for.
+        n_told: How many commands of other programs were taken.
         health: What is wrong with the devices, one sentence each; empty when all is well.
     """
 
@@ -43,6 +44,7 @@ class SessionBoard(msgspec.Struct, frozen=True, kw_only=True):
     until_ns: int | None = None
     window_s: float = 15.0
     says: str = ""
+    n_told: int = 0
     health: tuple[str, ...] = ()
 
 

@@ -11,6 +11,7 @@ from tega.errors import TegaError
 from tega.study.coupling import TouchCourse, write_course
 from tega.study.hand_rows import write_hand
 from tega.study.journal import Journal, JournalEvent, Kind, Status, counting
+from tega.study.lead.fatigue import trial_medians
 from tega.study.lead.lift_rule import LIFT_M, OFF_TABLE_M, LiftRule
 from tega.study.lead.running_trial import Going, in_thread
 from tega.study.touch_rows import touch_path, write_touch
@@ -19,11 +20,13 @@ from tega.whole_file import write_whole
 
 if TYPE_CHECKING:
     from tega.clock import Clock
+    from tega.study.lead.beeps import Beeps
     from tega.study.lead.benches import TrialBench
     from tega.study.plan import PlannedTrial
 
 
 EXPERIMENTER = "experimenter"
+PARTICIPANT = "participant"
 COUNTDOWN_S = 3.0
 PLACE_S = 15.0
 """Task ``place``: time after the window in which the object is put down, seconds."""
@@ -81,10 +84,12 @@ class LedTrial:
         window_s: Time in which it has to be lifted, seconds.
         time_scale: Of the countdown.
         pedal: A key that a foot pedal types, which does what space does.
+        beeps: The second task; ``None`` where there is none.
 
     Attributes:
         phase: ``preparing``, ``countdown``, ``trial`` or ``over``.
         left_s: Of the countdown.
+        beeps: The second task; ``None`` where there is none.
         broke: What made it end before it had begun; ``""`` otherwise.
     """
 
@@ -101,11 +106,13 @@ class LedTrial:
         window_s: float,
         time_scale: float = 1.0,
         pedal: str = "",
+        beeps: Beeps | None = None,
     ) -> None:
         self._folder, self.trial, self.attempt = folder, trial, attempt
         self._bench, self._journal, self._clock = bench, journal, clock
         self._task, self._window_s, self._pedal = task, window_s, pedal
         self._countdown_ns = round(COUNTDOWN_S * time_scale * 1e9)
+        self.beeps = beeps
         self._since_ns: int | None = None
         self.rule = LiftRule(window_s=window_s)
         self.going = Going(
@@ -133,6 +140,8 @@ class LedTrial:
         t_s = going.elapsed_s()
         if not self._bench.sees_height:
             self.rule.look(t_s)
+        if self.beeps is not None:
+            self.beeps.look(t_s, self._note_beep)
         self._note_lift()
         end = seen_end or end or self._ended(t_s, gone=gone)
         if end is not None:
@@ -177,6 +186,8 @@ class LedTrial:
 
     def _begin(self, started_ns: int) -> None:
         self.phase = "trial"
+        if self.beeps is not None:
+            self.beeps.begin()
         where = recording_folder(self._folder, self.trial, self.attempt)
         self._journal.add(
             "trial_start", t_ns=started_ns, trial=self.trial.trial, attempt=self.attempt, source="auto"
@@ -194,7 +205,9 @@ class LedTrial:
     def _press(self, keys: list[str]) -> _TrialEnd | None:
         t_s = self.going.elapsed_s()
         for key in keys:
-            if key in _KEYS:
+            if self.beeps is not None and key == self.beeps.key:
+                self._add("answer", t_s, PARTICIPANT)
+            elif key in _KEYS:
                 self._add(_KEYS[key], t_s, EXPERIMENTER)
             elif key == "x" and t_s >= QUIET_S:
                 self._add("drop", t_s, EXPERIMENTER)
@@ -231,6 +244,11 @@ class LedTrial:
                 self._add(seen.kind, seen.t_s, "auto")
         return None
 
+    def _note_beep(self, t_ns: int) -> None:
+        """Write down a beep; on a bench with a time of its own, when it was asked for."""
+        at_ns = self._at(self.going.elapsed_s()) if self._bench.own_time else t_ns
+        self._journal.add("beep", t_ns=at_ns, trial=self.trial.trial, attempt=self.attempt, source="auto")
+
     def _note_lift(self) -> None:
         who = "auto" if self._bench.sees_height else EXPERIMENTER
         held = self.rule.held_s
@@ -262,6 +280,16 @@ class LedTrial:
         for seen in self.going.seen():  # what the bench says once it has ended
             if seen.kind in {"slip", "deformation"} and seen.t_s <= end.t_s:
                 self._add(seen.kind, seen.t_s, "auto")
+        for channel, median_hz in trial_medians(self.going.condition()).items():
+            self._journal.add(
+                "muscles",
+                t_ns=self._at(end.t_s),
+                trial=self.trial.trial,
+                attempt=self.attempt,
+                source="auto",
+                item=channel,
+                value=round(median_hz, 2),
+            )
         course = self.going.course()
         before = course.t_s <= end.t_s
         path = course_path(self._folder, self.trial)

@@ -1,0 +1,259 @@
+"""A session travels as one file: whole, checked byte by byte, and the same study's folder where it is opened."""
+
+from __future__ import annotations
+
+import json
+import lzma
+import os
+import shutil
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tega.cli.main import main
+from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError, TegaError
+from tega.recording.mcap_reader import McapReader
+from tega.study import make_plan, read_plan, write_plan
+from tega.study.bundle import MANIFEST, open_bundle, write_bundle
+from tega.study.journal import Journal
+from tega.study.observers import observer_path
+from tega.study.plan import StudyPlan
+from tega.study.privacy import withdraw
+from tega.study.state import events_path
+from tega.study.trials import study_trials
+
+GOLDEN = Path(__file__).resolve().parents[1] / "golden" / "paper.mcap.xz"
+RECORDING = "recordings/p01/p01-t01-a1/trial-001.mcap"
+
+
+def led(folder: Path, plan: StudyPlan, person: str) -> None:
+    """Write what a session leaves: events, a rater's, a recording."""
+    with Journal(events_path(folder, person)) as journal:
+        journal.add("session_start", t_ns=0, text=plan.settings.plan_sha256, item="simulated")
+        for trial in plan.of(person):
+            at_ns = trial.trial * 20 * 10**9
+            journal.add("trial_start", t_ns=at_ns, trial=trial.trial)
+            journal.add("lift_off", t_ns=at_ns + 10**9, trial=trial.trial)
+            journal.add("slip", t_ns=at_ns + 2 * 10**9, trial=trial.trial, source="experimenter")
+            journal.add("trial_end", t_ns=at_ns + 9 * 10**9, trial=trial.trial, status="done", success=True)
+    with Journal(observer_path(folder, person, "r1")) as journal:
+        journal.add("note", t_ns=1, text="the gel is new", source="r1")
+    target = folder / RECORDING.replace("p01", person)
+    target.parent.mkdir(parents=True)
+    target.write_bytes(lzma.decompress(GOLDEN.read_bytes()))
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Path:
+    folder = tmp_path / "study"
+    plan = make_plan(participants=3, seed=3, objects=["bag"], trials=2, simulated=True)
+    write_plan(plan, folder)
+    led(folder, plan, "p01")
+    led(folder, plan, "p02")
+    return folder
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def test_what_is_opened_is_the_session_byte_by_byte_and_nobody_else_s(study: Path, tmp_path: Path) -> None:
+    (study / "sessions/p01/now.json").write_text("{}")
+    (study / "report").mkdir()
+    (study / "report/p01.csv").write_text("of everybody")
+    here = {name: content for name, content in files(study).items() if "p02" not in name}
+    write_bundle(study, "p01", tmp_path / "p01.zip")
+    opened = open_bundle(tmp_path / "p01.zip", tmp_path / "there")
+    there = files(tmp_path / "there")
+    assert there == {name: here[name] for name in here if "now.json" not in name and "report" not in name}
+    assert {RECORDING, "sessions/p01/events.jsonl", "sessions/p01/observers/r1.jsonl", "plan.csv"} < set(
+        there
+    )
+    mine = [trial for trial in study_trials(study)[1] if trial.participant == "p01"]
+    assert list(opened.trials) == mine == study_trials(tmp_path / "there")[1]
+    assert opened.same
+    assert opened.manifest.rehearsed
+    assert read_plan(tmp_path / "there") == read_plan(study)
+    assert sum(1 for _ in McapReader(tmp_path / "there" / RECORDING).messages()) > 100
+    # Equal sessions give equal bytes, so two copies can be compared.
+    write_bundle(study, "p01", tmp_path / "again.zip")
+    assert (tmp_path / "again.zip").read_bytes() == (tmp_path / "p01.zip").read_bytes()
+
+
+def test_links_are_told_and_not_followed_and_a_withdrawal_tells_of_the_bundle(
+    study: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "diary.txt").write_text("private")
+    (study / "sessions/p01/diary.txt").symlink_to(tmp_path / "diary.txt")
+    (study / "sessions/p01/a note.txt").write_text("a blank in its name")
+    left_out = write_bundle(study, "p01", tmp_path / "p01.zip").left_out
+    assert [path.name for path in left_out] == ["a note.txt", "diary.txt"]
+    with zipfile.ZipFile(tmp_path / "p01.zip") as packed:
+        assert not any("diary" in name or "note" in name for name in packed.namelist())
+    assert tmp_path / "p01.zip" in withdraw(study, "p01").left
+    with pytest.raises(RecordingError, match="p01 has withdrawn"):
+        write_bundle(study, "p01", tmp_path / "late.zip")
+
+
+def test_a_session_that_is_led_is_absent_or_has_no_place_is_refused(study: Path, tmp_path: Path) -> None:
+    with Journal(events_path(study, "p01")), pytest.raises(DeviceUnavailableError, match="this session open"):
+        write_bundle(study, "p01", tmp_path / "p01.zip")
+    with pytest.raises(RecordingError, match="p03 has no session yet"):
+        write_bundle(study, "p03", tmp_path / "p03.zip")
+    with pytest.raises(InvalidValueError, match="'p09' is not in the plan"):
+        write_bundle(study, "p09", tmp_path / "p09.zip")
+    with pytest.raises(InvalidValueError, match="lies in the study's folder"):
+        write_bundle(study, "p01", study / "p01.zip")
+    (tmp_path / "p01.zip").write_text("mine")
+    with pytest.raises(InvalidValueError, match="never overwritten"):
+        write_bundle(study, "p01", tmp_path / "p01.zip")
+    assert (tmp_path / "p01.zip").read_text() == "mine"
+
+
+def rewritten(bundle: Path, change: Callable[[dict[str, bytes], dict[str, Any]], None]) -> Path:
+    """Write a bundle as somebody else would who changes files and manifest; names are taken as they are."""
+    with zipfile.ZipFile(bundle) as packed:
+        held = {name: packed.read(name) for name in packed.namelist()}
+    manifest = json.loads(held.pop(MANIFEST))
+    change(held, manifest)
+    out = bundle.with_name("foreign.zip")
+    with zipfile.ZipFile(out, "w") as packed:
+        for name, content in held.items():
+            packed.writestr(zipfile.ZipInfo(name), content)
+        packed.writestr(MANIFEST, json.dumps(manifest))
+    return out
+
+
+def renamed(name: str) -> Callable[[dict[str, bytes], dict[str, Any]], None]:
+    def change(held: dict[str, bytes], manifest: dict[str, Any]) -> None:
+        held[name] = held.pop("sessions/p01/observers/r1.jsonl")
+        for one in manifest["files"]:
+            if one["path"].endswith("r1.jsonl"):
+                one["path"] = name
+
+    return change
+
+
+def other_event(held: dict[str, bytes], _manifest: dict[str, Any]) -> None:
+    """Change one byte: the slip of a trial was a drop."""
+    held["sessions/p01/events.jsonl"] = held["sessions/p01/events.jsonl"].replace(b"slip", b"drop", 1)
+
+
+def longer(held: dict[str, bytes], _manifest: dict[str, Any]) -> None:
+    held["plan.csv"] += b"\n" * 50_000_000
+
+
+def unlisted(held: dict[str, bytes], _manifest: dict[str, Any]) -> None:
+    held["sessions/p01/more.txt"] = b"more"
+
+
+def missing(held: dict[str, bytes], _manifest: dict[str, Any]) -> None:
+    del held[RECORDING]
+
+
+def other_plan(_held: dict[str, bytes], manifest: dict[str, Any]) -> None:
+    manifest["plan_sha256"] = "0" * 64
+
+
+def huge(_held: dict[str, bytes], manifest: dict[str, Any]) -> None:
+    manifest["files"][0]["n_bytes"] = 10**18
+
+
+def twice(held: dict[str, bytes], manifest: dict[str, Any]) -> None:
+    held["PLAN.csv"] = held["plan.csv"]
+    manifest["files"].append({**manifest["files"][1], "path": "PLAN.csv"})
+
+
+def later(_held: dict[str, bytes], manifest: dict[str, Any]) -> None:
+    manifest["version"] = 2
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (other_event, r"sessions/p01/events\.jsonl is not as it was written"),
+        (longer, r"plan\.csv is not as it was written"),
+        (unlisted, r"more\.txt is in the file only"),
+        (missing, r"trial-001\.mcap is in the manifest only"),
+        (other_plan, "the plan is not the session's"),
+        (huge, "MiB are free"),
+        (twice, "a name stands for two files"),
+        (later, "open it with the version of TEGA that wrote it"),
+        *((renamed(name), "cannot be the name of a file")
+          for name in ("../outside.jsonl", "/tmp/outside.jsonl", "sessions/../../outside.jsonl", "NUL", "C:x", "a//b")),
+    ],
+)  # fmt: skip
+def test_what_was_changed_on_the_way_is_refused_and_nothing_is_left(
+    change: Callable[[dict[str, bytes], dict[str, Any]], None], said: str, study: Path, tmp_path: Path
+) -> None:
+    write_bundle(study, "p01", tmp_path / "p01.zip")
+    open_bundle(rewritten(tmp_path / "p01.zip", lambda _held, _manifest: None), tmp_path / "unchanged")
+    foreign = rewritten(tmp_path / "p01.zip", change)
+    shutil.rmtree(tmp_path / "unchanged")
+    before = sorted(tmp_path.rglob("*"))
+    with pytest.raises(TegaError, match=said):
+        open_bundle(foreign, tmp_path / "there")
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.parametrize("cut", [0, 1, 1000, -1, -30])
+def test_a_bundle_that_was_cut_short_is_told(cut: int, study: Path, tmp_path: Path) -> None:
+    write_bundle(study, "p01", tmp_path / "p01.zip")
+    whole = (tmp_path / "p01.zip").read_bytes()
+    (tmp_path / "p01.zip").write_bytes(whole[:cut])
+    with pytest.raises(RecordingError, match=r"p01\.zip"):
+        open_bundle(tmp_path / "p01.zip", tmp_path / "there")
+    assert not (tmp_path / "there").exists()
+
+
+@pytest.mark.parametrize("name", [RECORDING, "sessions/p01/events.jsonl"])
+def test_a_bit_that_has_tipped_is_told_with_the_name_of_its_file(
+    name: str, study: Path, tmp_path: Path
+) -> None:
+    write_bundle(study, "p01", tmp_path / "p01.zip")
+    with zipfile.ZipFile(tmp_path / "p01.zip") as packed:
+        entry = packed.getinfo(name)
+    whole = bytearray((tmp_path / "p01.zip").read_bytes())
+    whole[entry.header_offset + 80 + entry.compress_size // 2] ^= 1
+    (tmp_path / "p01.zip").write_bytes(whole)
+    with pytest.raises(RecordingError, match=f"{name} is not as it was written"):
+        open_bundle(tmp_path / "p01.zip", tmp_path / "there")
+    assert not (tmp_path / "there").exists()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no such pipe")
+@pytest.mark.timeout(30)
+def test_no_pipe_is_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "p01.zip")
+    with pytest.raises(RecordingError, match="is a pipe"):
+        open_bundle(tmp_path / "p01.zip", tmp_path / "there")
+
+
+@pytest.mark.usefixtures("study")
+def test_the_verbs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def call(*words: str, code: int = 0) -> str:
+        with pytest.raises(SystemExit) as ended:
+            main(["study", *words])
+        told = capsys.readouterr()
+        assert ended.value.code == code, told.err
+        return told.out
+
+    monkeypatch.chdir(tmp_path)
+    assert "p01.zip: p01, 4 trials, " in call("bundle", "study", "p01", "p01.zip")
+    said = call("open", "p01.zip")
+    assert said.startswith("p01: p01, ")
+    assert "not data of a person" in said
+    assert "haptic: 2 trials that count, 2 successes, 2 slips, 0 deformations" in said
+    assert "4 trials, worked out again: the same" in said
+    assert "p01  complete" in call("status", "p01")
+
+    def better(_held: dict[str, bytes], manifest: dict[str, Any]) -> None:
+        manifest["trials"][0]["slips"] = 0
+
+    foreign = rewritten(tmp_path / "p01.zip", better)
+    assert json.loads(call("open", str(foreign), "--out", "other", "--json", code=1))["same"] is False

@@ -1,0 +1,117 @@
+"""A rest shows whether the arm tires: median frequencies of the trials, kept with the session's events."""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from tega.records import MuscleCondition
+from tega.study import make_plan, read_plan, write_plan
+from tega.study.journal import JournalEvent, read_events
+from tega.study.lead import lead_session
+from tega.study.lead.desk import ENTER, Screen
+from tega.study.lead.fatigue import said_of_muscles, trial_medians
+from tega.study.privacy import export
+from tega.study.state import events_path
+
+
+def condition(*median_hz: float) -> MuscleCondition:
+    return MuscleCondition(t_ns=0, median_hz=median_hz, slope_percent_per_min=(math.nan,) * len(median_hz))
+
+
+def muscles(*values_hz: float, channel: str = "ch1") -> list[JournalEvent]:
+    return [JournalEvent(n=1, t_ns=0, kind="muscles", item=channel, value=value) for value in values_hz]
+
+
+def test_a_trial_s_value_is_the_middle_of_its_seconds_of_effort() -> None:
+    nan = math.nan
+    seen = [condition(80.0, nan), condition(90.0, nan), condition(200.0, nan), condition(nan, nan)]
+    assert trial_medians(seen) == {"ch1": 90.0}
+    assert trial_medians([]) == {}
+
+
+@pytest.mark.parametrize(
+    ("values_hz", "said"),
+    [
+        ([], []),
+        ([100.0], []),
+        ([100.0, 90.0], ["ch1 −10 %"]),
+        ([100.0, 84.0], ["ch1 −16 %", "ch1: tired"]),
+        # Three trials together: one odd trial tires nobody.
+        ([100.0, 100.0, 100.0, 100.0, 100.0, 70.0], ["ch1 −10 %"]),
+        ([90.0, 100.0, 110.0, 95.0, 80.0, 80.0, 80.0], ["ch1 −20 %", "ch1: tired"]),
+        ([80.0, 88.0], ["ch1 +10 %"]),
+    ],
+)
+def test_the_newest_trials_are_held_against_the_first(values_hz: list[float], said: list[str]) -> None:
+    lines = said_of_muscles(muscles(*values_hz))
+    assert len(lines) == len(said)
+    assert all(part in line for part, line in zip(said, lines, strict=True))
+
+
+class _Looking:
+    """Ends each trial after some seconds of effort, and keeps what the rests show."""
+
+    def __init__(self, folder: Path) -> None:
+        self._events, self._keys = events_path(folder, "p01"), list[str]()
+        self.phase = ""
+        self.shown: list[str] = []
+
+    def show(self, screen: Screen) -> None:
+        if screen.phase == "ready" != self.phase:
+            self._keys.append(ENTER)
+        if screen.phase in {"rest", "ready"}:
+            self.shown += screen.lines
+        if screen.phase == "trial" and float(screen.big.split(" s of")[0]) > 4:
+            self._keys.append("e")
+        self.phase = screen.phase
+
+    def say(self, text: str) -> None:
+        """Hear."""
+
+    def keys(self) -> list[str]:
+        keys, self._keys = self._keys, []
+        return keys
+
+    def line(self, _prompt: str) -> str:
+        return "-"
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="the emulated amplifier is behind a pseudo terminal")
+def test_an_emulated_session_keeps_the_muscles_frequency_of_each_trial(tmp_path: Path) -> None:
+    pytest.importorskip("foxglove")
+    from tega.calibration import load_calibration, save_calibration
+    from tega.config import check_tree
+    from tega.study.lead.benches import LabBench
+    from tega_emulators.lab import emulated_lab
+
+    folder = tmp_path / "study"
+    write_plan(
+        make_plan(participants=1, objects=["bag"], trials=1, rest_s=0.1, change_rest_s=0.1, simulated=True),
+        folder,
+    )
+    lab_folder = tmp_path / "lab"
+    lab_folder.mkdir()
+    with emulated_lab(lab_folder, emg_hz=1000.0, fingers=("thumb",)) as lab:
+        made = load_calibration(lab_folder / "calibration.toml")
+        assert made.emg is not None
+        weak = msgspec.structs.replace(made.emg, maxima=(1e-4,) * 3)  # what is tensed is full effort
+        save_calibration(msgspec.structs.replace(made, emg=weak), lab_folder / "calibration.toml")
+        bench = LabBench(check_tree(lab.tree, {}, base=lab_folder).config, where="emulated")
+        desk = _Looking(folder)
+        lead_session(folder, "p01", bench, desk, time_scale=0.1)
+    events = read_events(events_path(folder, "p01"))
+    for trial in read_plan(folder).of("p01"):
+        mine = {e.item: e.value for e in events if e.kind == "muscles" and e.trial == trial.trial}
+        assert set(mine) == {"ch1", "ch2", "ch3"}
+        assert all(value is not None and 20 < value < 450 for value in mine.values())
+    assert any(line.startswith("median frequency against the first trials: ch1 ") for line in desk.shown)
+    export(folder, tmp_path / "open", key="secret")
+    copied = read_events(events_path(tmp_path / "open", "p01"))
+    assert len(copied) == len(events)
+    assert {event.value for event in copied if event.kind == "muscles"} == {None}

@@ -1,0 +1,61 @@
+"""Consent form and data protection sheet say what the plan says, and no completed form is written over."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("jinja2")
+
+from tega.cli.main import main
+from tega.errors import InvalidValueError
+from tega.study import make_plan, write_plan
+from tega.study.forms import FORMS, write_forms
+
+
+def forms_of(folder: Path, **settings: Any) -> dict[str, str]:
+    write_plan(make_plan(**{"participants": 4, "objects": ["cup", "bag"], **settings}), folder / "study")
+    return {path.name: path.read_text() for path in write_forms(folder / "study", folder / "forms")}
+
+
+def test_the_forms_say_what_the_plan_says(tmp_path: Path) -> None:
+    said = forms_of(
+        tmp_path / "a", trials=3, conditions=["haptic", "non-haptic", "event-gated"], window_s=20.0
+    )
+    assert set(said) == set(FORMS)
+    consent = said["consent.md"]
+    assert "There are 18 trials of up to 20 s each" in consent
+    assert "lift cup, bag" in consent
+    assert "3 conditions are compared: haptic, non-haptic, event-gated" in consent
+    assert "beeps" not in consent
+    assert "with 4 people" in said["data-protection.md"]
+    assert not any("{{" in text or "{%" in text for text in said.values())
+    assert all("no legal advice" in text and "[" in text for text in said.values())
+    assert "beeps, which you answer with a foot pedal" in forms_of(tmp_path / "b", probe=True)["consent.md"]
+
+
+def test_the_minutes_are_those_that_plan_prints(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["study", "plan", "--participants", "2", "--out", str(tmp_path / "study")])
+    printed = capsys.readouterr().out
+    with pytest.raises(SystemExit) as ended:
+        main(["study", "forms", str(tmp_path / "study"), "--out", str(tmp_path / "forms")])
+    assert ended.value.code == 0
+    consent = (tmp_path / "forms/consent.md").read_text()
+    rests, total = (
+        consent.split("rests that take ")[1].split()[0],
+        consent.split("takes about ")[1].split()[0],
+    )
+    assert f"rests alone take {rests} min a person; with 15 s a trial {total} min" in printed
+
+
+def test_a_form_that_is_there_is_kept(tmp_path: Path) -> None:
+    forms_of(tmp_path)
+    (tmp_path / "forms/consent.md").unlink()
+    (tmp_path / "forms/data-protection.md").write_text("completed")
+    with pytest.raises(InvalidValueError, match="is there already"):
+        write_forms(tmp_path / "study", tmp_path / "forms")
+    assert (tmp_path / "forms/data-protection.md").read_text() == "completed"
+    assert not (tmp_path / "forms/consent.md").exists()

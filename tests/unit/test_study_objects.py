@@ -1,0 +1,121 @@
+"""What is known of a study's objects is kept beside the plan, shown by the report, and goes along with the data."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from tega.cli.main import main
+from tega.errors import InvalidValueError, RecordingError, UnsafeNameError
+from tega.study import make_plan, read_plan, write_plan
+from tega.study.bundle import open_bundle, write_bundle
+from tega.study.journal import Journal
+from tega.study.objects import OBJECTS, ObjectFacts, note_object, read_objects
+from tega.study.privacy import export
+from tega.study.state import events_path
+
+PHOTO = b"\xff\xd8\xff\xe0" + bytes(200)
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Path:
+    folder = tmp_path / "study"
+    plan = make_plan(participants=1, objects=["bottle", "bag"], trials=1, simulated=True)
+    write_plan(plan, folder)
+    with Journal(events_path(folder, "p01")) as journal:
+        journal.add("session_start", t_ns=0, text=plan.settings.plan_sha256, item="simulated")
+        for trial in plan.of("p01"):
+            at_ns = trial.trial * 10**11
+            journal.add("trial_start", t_ns=at_ns, trial=trial.trial)
+            journal.add("trial_end", t_ns=at_ns + 9 * 10**9, trial=trial.trial, status="done", success=True)
+    return folder
+
+
+def test_what_is_given_is_kept_and_the_rest_stays(study: Path, tmp_path: Path) -> None:
+    before = read_plan(study)
+    assert read_objects(study) == {}
+    note_object(study, "bag", mass_g=32.0, measured="kitchen scale, 1 g")
+    (tmp_path / "IMG 01.JPG").write_bytes(PHOTO)
+    note_object(study, "bag", stiffness_n_per_mm=0.21, photo=tmp_path / "IMG 01.JPG")
+    note_object(study, "bottle", friction=0.6)
+    assert read_objects(study) == {
+        "bag": ObjectFacts(
+            mass_g=32.0, stiffness_n_per_mm=0.21, measured="kitchen scale, 1 g", photo="objects/bag.jpg"
+        ),
+        "bottle": ObjectFacts(friction=0.6),
+    }
+    assert (study / "objects/bag.jpg").read_bytes() == PHOTO
+    assert read_plan(study) == before
+
+
+def test_what_cannot_be_is_refused_and_changes_nothing(study: Path, tmp_path: Path) -> None:
+    note_object(study, "bag", mass_g=32.0)
+    kept = (study / OBJECTS).read_bytes()
+    for name, value in (("mass_g", -1.0), ("friction", 11.0), ("stiffness_n_per_mm", 0.0)):
+        with pytest.raises(InvalidValueError, match="object bag"):
+            note_object(study, "bag", photo=None, **{name: value})
+    with pytest.raises(InvalidValueError, match="'vase' is not in the plan"):
+        note_object(study, "vase", mass_g=1.0)
+    (tmp_path / "photo.jpg").write_text("#!/bin/sh")
+    with pytest.raises(InvalidValueError, match="is no JPEG"):
+        note_object(study, "bag", photo=tmp_path / "photo.jpg")
+    assert (study / OBJECTS).read_bytes() == kept
+    for text, error in (
+        ("[bag]\nmass_g = 'heavy'\n", RecordingError),
+        ("[bag]\nweight = 1\n", RecordingError),
+        ("[bag", RecordingError),
+        ("[bag]\nphoto = '../../photo.jpg'\n", UnsafeNameError),
+    ):
+        (study / OBJECTS).write_text(text)
+        with pytest.raises(error):
+            read_objects(study)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no such link")
+def test_a_link_in_the_place_of_a_photo_is_replaced_and_not_followed(study: Path, tmp_path: Path) -> None:
+    (tmp_path / "photo.jpg").write_bytes(PHOTO)
+    (tmp_path / "mine.txt").write_text("mine")
+    (study / "objects").mkdir()
+    (study / "objects/bag.jpg").symlink_to(tmp_path / "mine.txt")
+    note_object(study, "bag", photo=tmp_path / "photo.jpg")
+    assert (tmp_path / "mine.txt").read_text() == "mine"
+
+
+def test_it_goes_along_with_the_data_and_photos_stay_out_of_what_is_published(
+    study: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "photo.jpg").write_bytes(PHOTO)
+    bag = note_object(study, "bag", mass_g=32.0, photo=tmp_path / "photo.jpg")
+    write_bundle(study, "p01", tmp_path / "p01.zip")
+    open_bundle(tmp_path / "p01.zip", tmp_path / "there")
+    assert read_objects(tmp_path / "there") == {"bag": bag}
+    assert (tmp_path / "there/objects/bag.jpg").read_bytes() == PHOTO
+    export(study, tmp_path / "open", key="secret")
+    assert read_objects(tmp_path / "open") == {"bag": msgspec.structs.replace(bag, photo="")}
+    assert not list((tmp_path / "open").rglob("*.jpg"))
+
+
+def test_the_verb_and_the_report(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("matplotlib")
+    pytest.importorskip("statsmodels")
+    from tega.study.analyse import analyse_study
+    from tega.study.page import report_html
+
+    def call(*words: str) -> str:
+        with pytest.raises(SystemExit) as ended:
+            main(["study", "object", str(study), *words])
+        assert ended.value.code == 0
+        return capsys.readouterr().out
+
+    assert "mass_g 32.0, stiffness_n_per_mm not known" in call(
+        "bag", "--mass-g", "32", "--measured", "a <scale>"
+    )
+    assert json.loads(call("bag", "--json"))["mass_g"] == 32.0
+    page = report_html(analyse_study(study)[0], {})
+    assert "<h2>Objects</h2>" in page
+    assert "32.0" in page
+    assert "a &lt;scale&gt;" in page

@@ -1,0 +1,258 @@
+"""The second task: beeps come when the plan says, presses are scored, and the score stands beside the outcome."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tega.config import MaskingSection
+from tega.errors import DeviceUnavailableError, InvalidValueError
+from tega.masking_sound import BEEP_HZ, RATE_HZ, MaskingSound, beep_tone
+from tega.study import make_plan, read_plan, write_plan
+from tega.study.beep_score import score_beeps
+from tega.study.journal import JournalEvent, Kind, read_events
+from tega.study.lead import lead_session
+from tega.study.lead.desk import ENTER, Screen
+from tega.study.lead.going import Going
+from tega.study.plan import PlannedTrial, StudyPlan
+from tega.study.privacy import export
+from tega.study.probe import APART_S, FIRST_S, beep_times, probe_uses
+from tega.study.state import Where, events_path
+from tega.study.trials import study_trials
+from tega_emulators.sound_port import SoundPort
+
+
+@pytest.fixture
+def port() -> Iterator[SoundPort]:
+    made = SoundPort()
+    with made.installed():
+        yield made
+
+
+def made_plan(folder: Path, **settings: Any) -> StudyPlan:
+    plan = make_plan(
+        **{"participants": 1, "seed": 3, "objects": ["bag"], "trials": 1, "rest_s": 0.1, "change_rest_s": 0.1,
+           "simulated": True, "probe": True, **settings}
+    )  # fmt: skip
+    write_plan(plan, folder)
+    return plan
+
+
+def event(kind: Kind, t_s: float) -> JournalEvent:
+    return JournalEvent(n=1, t_ns=round(t_s * 1e9), kind=kind)
+
+
+@pytest.mark.parametrize(
+    ("beeps_s", "presses_s", "end_s", "beeps", "answered", "false", "reaction_s"),
+    [
+        ([2.0, 6.0], [2.4, 6.6], 10.0, 2, 2, 0, 0.5),
+        ([2.0, 6.0], [2.4], 10.0, 2, 1, 0, 0.4),
+        ([2.0], [4.5], 10.0, 1, 0, 1, None),  # too late: a miss, and a press for nothing
+        ([2.0], [2.05], 10.0, 1, 0, 1, None),  # faster than anybody hears
+        ([2.0], [1.0, 2.5], 10.0, 1, 1, 1, 0.5),
+        ([2.0, 6.0], [2.4], 7.0, 1, 1, 0, 0.4),  # nobody could tell how the last one would have been answered
+        ([6.0], [6.5], 7.0, 1, 1, 0, 0.5),
+        ([2.0], [2.5, 2.53, 2.56, 2.59], 10.0, 1, 1, 0, 0.5),  # held: the key types on
+        ([], [], 10.0, 0, 0, 0, None),
+    ],
+)
+def test_a_press_answers_the_beep_before_it(
+    beeps_s: list[float], presses_s: list[float], end_s: float, beeps: int, answered: int, false: int,
+    reaction_s: float | None,
+) -> None:  # fmt: skip
+    events = [event("beep", t) for t in beeps_s] + [event("answer", t) for t in presses_s]
+    score = score_beeps(events, round(end_s * 1e9))
+    assert score[:3] == (beeps, answered, false)
+    assert score.reaction_s == (None if reaction_s is None else pytest.approx(reaction_s))
+
+
+def test_beeps_cannot_be_expected_and_are_drawn_from_the_seed() -> None:
+    plan = make_plan(participants=2, seed=3, probe=True)
+    drawn = [tuple(beep_times(trial, 1, seed=3, until_s=15.0)) for trial in plan.trials]
+    assert len(set(drawn)) == len(drawn)
+    assert drawn == [tuple(beep_times(trial, 1, seed=3, until_s=15.0)) for trial in plan.trials]
+    assert drawn[0] != tuple(beep_times(plan.trials[0], 2, seed=3, until_s=15.0))
+    apart = [b - a for times in drawn for a, b in pairwise(times)]
+    assert min(apart) >= APART_S[0]
+    assert max(apart) <= APART_S[1]
+    assert abs(np.mean(apart) - np.mean(APART_S)) < 0.1
+    firsts = [times[0] for times in drawn]
+    assert FIRST_S <= min(firsts) < FIRST_S + 0.2
+    assert max(times[-1] for times in drawn) <= 15.0
+
+
+def test_a_beep_is_a_tone_in_the_noise_and_says_when_it_left(port: SoundPort) -> None:
+    tone = beep_tone(-30.0)
+    spectrum = np.abs(np.fft.rfft(tone))
+    assert np.fft.rfftfreq(len(tone), 1 / RATE_HZ)[spectrum.argmax()] == pytest.approx(BEEP_HZ, abs=15)
+    middle = tone[480:-480].astype(np.float64)
+    assert 20 * np.log10(np.sqrt((middle**2).mean())) == pytest.approx(-30, abs=0.1)
+    assert abs(tone[0]) < 1e-4
+    port.latency_s = 0.2
+    with MaskingSound(MaskingSection(), beeps=True) as sound:
+        asked_ns = time.monotonic_ns()
+        sound.beep()
+        while not (sounded := sound.sounded_ns()):
+            time.sleep(0.005)
+        until_s = time.monotonic() + 0.4
+        while time.monotonic() < until_s:
+            time.sleep(0.01)
+        assert sound.words == "none"
+    assert sounded[0] - asked_ns >= 0.2e9
+    played = np.concatenate(port.played)
+    loud = np.flatnonzero(np.abs(played[:, 0]) > 0)
+    assert (played[:, 0] == played[:, 1]).all()
+    assert np.allclose(played[loud[0] - 1 : loud[0] - 1 + len(tone), 0], tone)
+    assert len(loud) <= len(tone), "without a level there is nothing but the beep"
+
+
+class _Still:
+    """Devices on which nothing happens until the experimenter ends the trial."""
+
+    where: Where = "simulated"
+    sees_height = False
+    own_time = False
+    closure: Any = None
+
+    def felt(self, condition: str) -> bool:
+        return condition == "haptic"
+
+    def run(self, _trial: PlannedTrial, going: Going, _folder: Path) -> None:
+        going.tell("armed", "stands ready")
+        while not going.over():
+            if going.may_go():
+                going.begin(0)
+            time.sleep(0.001)
+
+
+class _Participant:
+    """Presses the pedal after each beep that the loudspeaker plays, until two have sounded; then the trial is ended."""
+
+    def __init__(self, port: SoundPort) -> None:
+        self._port, self._keys = port, list[str]()
+        self._n_heard, self._quiet = 0, True
+        self.phase = ""
+        self.said: list[str] = []
+
+    def show(self, screen: Screen) -> None:
+        if screen.phase == "ready" != self.phase:
+            self._keys.append(ENTER)
+        self.phase = screen.phase
+        blocks, self._port.played[:] = list(self._port.played), []
+        for block in blocks:
+            loud = bool(np.abs(block).max() > 0)
+            self._n_heard += loud and self._quiet
+            if loud and self._quiet and screen.phase == "trial":
+                self.press_at_s = time.monotonic() + 0.3
+            self._quiet = not loud
+        if screen.phase == "trial" and time.monotonic() > getattr(self, "press_at_s", np.inf):
+            del self.press_at_s
+            self._keys += ["p"] if self._n_heard < 2 else ["p", "e"]
+            self._n_heard %= 2
+
+    def say(self, text: str) -> None:
+        self.said.append(text)
+
+    def keys(self) -> list[str]:
+        keys, self._keys = self._keys, []
+        return keys
+
+    def line(self, _prompt: str) -> str:
+        return "-"
+
+
+@pytest.mark.slow
+def test_a_session_with_a_second_task_scores_it_beside_the_outcome(port: SoundPort, tmp_path: Path) -> None:
+    folder = tmp_path / "study"
+    made_plan(folder)
+    assert read_plan(folder).settings.probe
+    desk = _Participant(port)
+    with MaskingSound(MaskingSection(), beeps=True) as sound:
+        state = lead_session(folder, "p01", _Still(), desk, time_scale=0.01, masking=sound)
+    assert state.next is None
+    events = read_events(events_path(folder, "p01"))
+    trials = study_trials(folder)[1]
+    for trial in trials:
+        begun_ns = next(e.t_ns for e in events if e.kind == "trial_start" and e.trial == trial.trial)
+        planned_s = beep_times(read_plan(folder).of("p01")[trial.trial - 1], 1, seed=3, until_s=15.0)
+        sounded_s = [(e.t_ns - begun_ns) / 1e9 for e in events if e.kind == "beep" and e.trial == trial.trial]
+        assert len(sounded_s) >= 2
+        assert all(late >= 0 for late in np.subtract(sounded_s, planned_s[: len(sounded_s)]))
+        pressed_s = [
+            (e.t_ns - begun_ns) / 1e9 for e in events if e.kind == "answer" and e.trial == trial.trial
+        ]
+        assert len(pressed_s) == 2
+        # Whoever answers is a program on a machine that may be busy: what it did in time is what is scored.
+        reactions_s = [
+            press_s - beep_s for beep_s in sounded_s for press_s in pressed_s if 0.1 <= press_s - beep_s <= 2
+        ]
+        assert (trial.beeps_answered, trial.false_answers) == (len(reactions_s), 2 - len(reactions_s))
+        assert trial.reaction_s == (pytest.approx(np.median(reactions_s)) if reactions_s else None)
+    assert {e.source for e in events if e.kind == "answer"} == {"participant"}
+    assert sum("beeps answered" in said for said in desk.said) == sum(trial.beeps > 0 for trial in trials) > 0
+    uses = probe_uses(trials, ["haptic", "non-haptic"])
+    assert sum(use.beeps for use in uses) == sum(trial.beeps for trial in trials)
+    export(folder, tmp_path / "open", key="secret")
+    again = study_trials(tmp_path / "open")[1]
+    assert [trial.reaction_s for trial in again] == [trial.reaction_s for trial in trials]
+
+
+def test_what_cannot_be_heard_or_answered_begins_no_session(port: SoundPort, tmp_path: Path) -> None:
+    folder = tmp_path / "study"
+    made_plan(folder)
+    desk = _Participant(port)
+    with pytest.raises(DeviceUnavailableError, match="nothing plays its beeps"):
+        lead_session(folder, "p01", _Still(), desk)
+    sound = MaskingSound(MaskingSection(), beeps=True)
+    for key, pedal in (("s", ""), ("b", "b"), ("", ""), ("pp", "")):
+        with pytest.raises(InvalidValueError, match="answer key"):
+            lead_session(folder, "p01", _Still(), desk, answer_key=key, pedal=pedal, masking=sound)
+    assert not events_path(folder, "p01").exists()
+
+
+def test_a_plan_without_a_second_task_is_written_as_before(tmp_path: Path) -> None:
+    made_plan(tmp_path / "with")
+    made_plan(tmp_path / "without", probe=False)
+    assert "probe = true" in (tmp_path / "with/study.toml").read_text()
+    assert "probe" not in (tmp_path / "without/study.toml").read_text()
+    assert not read_plan(tmp_path / "without").settings.probe
+
+
+def test_the_report_has_the_score(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    pytest.importorskip("statsmodels")
+    from tega.study.analyse import analyse_study
+    from tega.study.journal import Journal
+    from tega.study.page import report_html
+    from tega.study.tables import csv_files
+
+    folder = tmp_path / "study"
+    plan = made_plan(folder, participants=2, trials=2)
+    for person in plan.participants:
+        with Journal(events_path(folder, person)) as journal:
+            journal.add("session_start", t_ns=0, text=plan.settings.plan_sha256, item="simulated")
+            for trial in plan.of(person):
+                at_ns, slow = trial.trial * 10**11, trial.condition == "haptic"
+                journal.add("trial_start", t_ns=at_ns, trial=trial.trial)
+                journal.add("beep", t_ns=at_ns + 3 * 10**9, trial=trial.trial)
+                journal.add("answer", t_ns=at_ns + (37 if slow else 34) * 10**8, trial=trial.trial)
+                journal.add("beep", t_ns=at_ns + 6 * 10**9, trial=trial.trial)
+                journal.add(
+                    "trial_end", t_ns=at_ns + 9 * 10**9, trial=trial.trial, status="done", success=True
+                )
+    analysis, _ = analyse_study(folder)
+    page = " ".join(report_html(analysis, {}).split())
+    assert "<h2>The second task</h2>" in page
+    assert [(use.condition, use.answered) for use in analysis.probes] == [
+        ("haptic", 0.5),
+        ("non-haptic", 0.5),
+    ]
+    assert [use.reaction_s for use in analysis.probes] == pytest.approx([0.7, 0.4])
+    assert "1 of 2" in page
+    assert csv_files(analysis, {})["probes.csv"].count("\n") == 3

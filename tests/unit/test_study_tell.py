@@ -1,0 +1,173 @@
+"""Another program leads a session: its commands do what keys do, and it is told how the session stood."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from reference.waiting import until
+from tega.cli.main import main
+from tega.cli.study.tell import COMMANDS
+from tega.clock import ManualClock, SystemClock
+from tega.errors import DeviceUnavailableError
+from tega.study import make_plan, write_plan
+from tega.study.journal import read_events
+from tega.study.lead import lead_session
+from tega.study.lead.board import board_path, read_board
+from tega.study.lead.desk import ENTER, Screen
+from tega.study.lead.going import Going
+from tega.study.lead.tell import KEYS, CommandFile, tell, told_path
+from tega.study.plan import PlannedTrial
+from tega.study.state import Where, events_path
+from tega.study.trials import study_trials
+
+
+class _Nobody:
+    """An experimenter's desk at which nobody presses anything."""
+
+    def show(self, screen: Screen) -> None:
+        """Look."""
+
+    def say(self, text: str) -> None:
+        """Hear."""
+
+    def keys(self) -> list[str]:
+        return []
+
+    def line(self, _prompt: str) -> str:
+        return "-"
+
+
+class _Ready:
+    """Devices that stand ready, and do nothing."""
+
+    where: Where = "simulated"
+    sees_height = False
+    own_time = False
+    closure: Any = None
+
+    def felt(self, condition: str) -> bool:
+        return condition == "haptic"
+
+    def run(self, _trial: PlannedTrial, going: Going, _folder: Path) -> None:
+        going.tell("armed", "stands ready")
+        while not going.over():
+            if going.may_go():
+                going.begin(0)
+            time.sleep(0.001)
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Path:
+    folder = tmp_path / "study"
+    write_plan(
+        make_plan(participants=1, objects=["bag"], trials=1, rest_s=0.1, change_rest_s=0.1, simulated=True),
+        folder,
+    )
+    return folder
+
+
+def phase(folder: Path) -> str:
+    board = read_board(board_path(folder, "p01"))
+    return "" if board is None else board.phase
+
+
+def told(folder: Path, command: str) -> str:
+    words = [sys.executable, "-m", "tega.cli", "study", "tell", str(folder), "p01", command, "--json"]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    said: str = json.loads(done.stdout)["phase"]
+    return said
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+def test_a_session_is_led_by_other_processes_from_start_to_end(study: Path) -> None:
+    session = threading.Thread(
+        target=lead_session, args=(study, "p01", _Ready(), _Nobody()), kwargs={"time_scale": 0.01}
+    )
+    session.start()
+    try:
+        for _ in range(2):
+            until(lambda: phase(study) == "ready")
+            told(study, "start")
+            until(lambda: phase(study) == "trial")
+            with told_path(study, "p01").open("a") as file:  # as a program in another language does it
+                file.write('{"do": "mark"}\n{"do": "slip"}\n{"do": "lift it"}\n[[[\n')
+            time.sleep(1.2)  # in its first second a trial cannot be ended
+            told(study, "end")
+        until(lambda: phase(study) == "ready")
+        told(study, "start")
+        until(lambda: not session.is_alive())
+    finally:
+        if session.is_alive():
+            tell(study, "p01", "quit", clock=SystemClock())
+        session.join()
+    trials = study_trials(study)[1]
+    assert [(trial.slips, trial.slips_before) for trial in trials] == [(1, 0)] * 2
+    events = read_events(events_path(study, "p01"))
+    assert [e.text for e in events if e.kind == "trial_end"] == ["ended by the experimenter"] * 2
+
+
+def test_commands_press_the_keys_of_the_screen(tmp_path: Path) -> None:
+    path = tmp_path / "told.jsonl"
+    path.write_text('{"do": "end"}\n')
+    clock = ManualClock()
+    taken = CommandFile(path, clock)
+    assert taken.take() == [], "a command of an earlier session ends no trial of this one"
+    with path.open("a") as file:
+        file.write('{"do": "start"}\n{"do": "quit"}\n{"do": "sl')
+    assert taken.take() == [ENTER, "q", "q"]
+    with path.open("a") as file:
+        file.write('ip"}\n{"do": 3}\n' + "[" * 200_000 + '\n{"do": "drop"}\n')
+    keys = [key for _ in range(9) for key in taken.take()]
+    assert keys == ["s", "x"]
+    path.write_text("")
+    assert taken.take() == []
+    with path.open("a") as file:
+        file.write('{"do": "undo"}\n')
+    assert taken.take() == ["u"]
+    with path.open("a") as file:
+        file.write('{"do": "start"}\n')
+    n_before = taken.n_taken
+    clock.sleep_until(4 * 10**9)
+    assert taken.take() == [], "given while a typed answer was waited for"
+    assert taken.n_taken == n_before + 1
+    assert tuple(KEYS) == COMMANDS
+    assert {key for keys in KEYS.values() for key in keys} <= set("sdxueazq \n")
+
+
+def test_where_nobody_leads_a_command_is_refused_and_not_kept_for_later(
+    study: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(DeviceUnavailableError, match="nobody leads the session of p01"):
+        tell(study, "p01", "start", clock=SystemClock())
+    assert not told_path(study, "p01").exists()
+    with pytest.raises(SystemExit) as ended:
+        main(["study", "tell", str(study), "p01", "start"])
+    assert ended.value.code == 3
+    assert "nobody leads" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no such pipe and link")
+@pytest.mark.timeout(30)
+def test_no_pipe_is_waited_for_and_no_link_written_through(study: Path, tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    assert CommandFile(tmp_path / "pipe", ManualClock()).take() == []
+    (tmp_path / "mine.txt").write_text("mine")
+    path = told_path(study, "p01")
+    path.parent.mkdir(parents=True)
+    path.symlink_to(tmp_path / "mine.txt")
+    board = board_path(study, "p01")
+    board.write_text(json.dumps({"t_ns": SystemClock().now_ns(), "phase": "ready"}))
+    with pytest.raises(OSError, match="told"):
+        tell(study, "p01", "start", clock=SystemClock(), timeout_s=0.1)
+    assert (tmp_path / "mine.txt").read_text() == "mine"
