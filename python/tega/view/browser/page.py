@@ -19,6 +19,7 @@ from tega.view.browser.delays import Delays
 from tega.view.browser.ghost import GHOST_COLOUR
 from tega.view.browser.scene import Point, Scene
 from tega.view.browser.seek import SeekSlider
+from tega.view.browser.style import STYLE
 from tega.view.browser.timeline import KEPT_S, Timeline
 from tega.view.browser.touch import GAP, TILE_HEIGHT, TILE_WIDTH, SmallSheet, TouchSheet
 from tega.view.browser.vest import TRIED, vest_svg
@@ -96,7 +97,7 @@ class Page:
         self.inputs: dict[str, Any] = {}
         gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(31, 95, 191))
         gui.set_panel_label(title)
-        gui.add_html(_AGEING)
+        gui.add_html(STYLE)
         gui.main_panel.dock_right()
         gui.main_panel.set_width(_CHART_WIDTH)
         self.run_state = gui.add_html("")
@@ -118,9 +119,8 @@ class Page:
             n = len(FINGERS)
             blank = np.full((2 * TILE_HEIGHT + GAP, n * TILE_WIDTH + (n - 1) * GAP, 3), 236, np.uint8)
             self._images = gui.add_image(blank, jpeg_quality=85)
-            gui.add_html(_LEGEND)
+            gui.add_html(_legend(_TOUCH_LEGEND) if self._blind else _legend(_TOUCH_LEGEND, _SCENE_LEGEND))
             if not self._blind:
-                gui.add_html(_COMMANDED)
                 self._vest = gui.add_html(vest_svg(None))
                 if controls is not None and controls.try_motor is not None:
                     hint = "while the run is armed, a click on a motor has it vibrate for half a second"
@@ -288,39 +288,22 @@ class Page:
         self.status.content = _status(state)
 
 
-_LEGEND = (
-    f'<div style="{_FONT};font-size:11px;padding:0 10px 6px;color:#6c757d">above: cameras · below: touch map, '
-    '<b style="color:#27a045">○</b> peak, <b style="color:#3b8cff">○</b> area that EDA counts</div>'
+_TOUCH_LEGEND = (
+    'above: cameras · below: touch map, <b style="color:#27a045">○</b> peak, '
+    '<b style="color:#3b8cff">○</b> area that EDA counts'
+)
+_SCENE_LEGEND = (
+    f'scene: <b style="color:{GHOST_COLOUR}">blue, translucent</b> the hand as commanded · red arrows: forces'
 )
 
-_COMMANDED = (
-    f'<div style="{_FONT};font-size:11px;padding:0 10px 6px;color:#6c757d">scene: '
-    f'<b style="color:{GHOST_COLOUR}">blue, translucent</b> the hand as commanded · red arrows: forces</div>'
-)
 
-# What the browser does by itself: unless the run's state is painted afresh in time, it greys the state and says for how
-# long nothing was heard. A frozen or killed program, a painter that failed and a run that stands still look the same.
+def _legend(*lines: str) -> str:
+    style = f"{_FONT};font-size:11px;line-height:1.4;padding:0 10px;color:#6c757d"
+    return f'<div style="{style}">{"<br>".join(lines)}</div>'
+
+
+# How often the run's state is painted afresh, also where nothing in it changes: the browser greys one that is not.
 _BEATS_PER_S = 2
-_AGEING = f"""<style class="tega-style">
-@property --tega-age {{ syntax: "<integer>"; inherits: true; initial-value: 0 }}
-@keyframes tega-age {{ to {{ --tega-age: 86400 }} }}
-@keyframes tega-late {{ to {{ visibility: visible; max-height: 3em }} }}
-@keyframes tega-grey {{ to {{ background: #868e96 }} }}
-@keyframes tega-dim {{ to {{ filter: grayscale(1); opacity: 0.6 }} }}
-.tega-lights {{ animation: tega-dim 1ms linear {NO_NEWS_S}s forwards }}
-.tega-phone {{ display: none }}
-@media (max-width: 640px) {{
-  .tega-phone {{ display: block }}
-  /* viser's sheet for phones is narrower than the screen, and what is beside it shows no object. */
-  .mantine-Paper-root:has(.tega-style), .mantine-Paper-root:has(.tega-style) [style*="width: 20em"] {{
-    width: 100% !important; }}
-}}
-.tega-late {{ display: block; visibility: hidden; max-height: 0; overflow: hidden; color: #c92a2a; font-weight: bold;
-  animation: tega-late 1ms linear calc({NO_NEWS_S}s - var(--tega-since)) forwards }}
-.tega-late span {{ animation: tega-age 86400s linear calc(0s - var(--tega-since)) forwards }}
-.tega-late span::after {{ counter-reset: age var(--tega-age); content: counter(age) " s" }}
-.tega-badge {{ animation: tega-grey 1ms linear calc({NO_NEWS_S}s - var(--tega-since)) forwards }}
-</style>"""
 
 
 def _run_state(
