@@ -33,7 +33,7 @@ STILLS: Final = {"view-bag": ("bag", (1440, 810)), "view-phone": ("bottle", (390
 ANIMATION: Final = "view-lift"
 """Name of the animated picture: the bottle, in the smallest window with panels beside the scene, twice as fast."""
 
-_ANIMATED_PX, _KEPT_PX, _QUALITY = (NARROW_PX + 1, 750), (960, 600), 45
+_ANIMATED_PX, _KEPT_PX, _QUALITY = (NARROW_PX + 1, 810), (960, 648), 45
 # Of thirty moments a second: one picture in so many, and one point of the charts.
 _EVERY, _BETWEEN, _FAST_FORWARD = 15, 5, 2
 _MOMENT_S = 1 / 30
