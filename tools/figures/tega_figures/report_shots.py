@@ -5,9 +5,12 @@ The report is one file, which Chromium opens from the disk. Each picture goes fr
 
 from __future__ import annotations
 
+import io
 import sys
 from pathlib import Path
 from typing import Any, Final
+
+from PIL import Image
 
 from tega_figures.chromium import launched
 
@@ -36,11 +39,9 @@ def main(report: Path, images: Path, width_px: int = _WIDTH_PX) -> None:
                 raise SystemExit(f"{report}: has no {' or no '.join(parts)}, which {name}.png shows")
             top, bottom = (page.locator(part).first.bounding_box()["y"] for part in parts)
             top = max(0.0, top - _MARGIN_PX)
-            page.screenshot(
-                path=images / f"{name}.png",
-                full_page=True,
-                clip={"x": 0, "y": top, "width": width_px, "height": bottom - _MARGIN_PX - top},
-            )
+            clip = {"x": 0, "y": top, "width": width_px, "height": bottom - _MARGIN_PX - top}
+            taken = Image.open(io.BytesIO(page.screenshot(full_page=True, clip=clip))).convert("RGB")
+            taken.quantize(256).save(images / f"{name}.png", optimize=True)
 
 
 if __name__ == "__main__":
