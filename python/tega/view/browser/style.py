@@ -1,4 +1,4 @@
-"""Style the page: the places of scene and panels in a window of any width, and what the browser greys by itself."""
+"""Fit scene and panels into a window of any width, and have the browser grey by itself what it hears no news of."""
 
 from __future__ import annotations
 
