@@ -95,7 +95,7 @@ site: ## all pages with search, commands, settings and Python, into target/site;
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
 
 # docs/images/placement-emg.svg and placement-vest.svg are drawn by hand. pareto.png comes with `make figures`.
-pictures: ## the drawn pictures of the docs, and the demo's animation; needs the extras lab, record, sim, study and view
+pictures: ## the drawn pictures of the docs, and the demo's animation; needs lab, observe, record, sim, study, view
 	$(BIN)/python docs/images/draw.py
 	$(BIN)/python -m tega_figures.diagrams docs/images
 	$(BIN)/python -m tega_figures.byte_layouts docs/images
@@ -110,7 +110,8 @@ pictures: ## the drawn pictures of the docs, and the demo's animation; needs the
 	$(BIN)/tega-teleop demo --fast --out target/demo
 	cp target/demo/demo.png docs/images/demo.png
 
-# The page draws by WebGL, and a browser lays out page, report and terminal: some ten minutes without a graphics card.
+# A browser draws page, report and terminal. Without a graphics card that takes ten minutes, the study's 600 trials half
+# an hour and more.
 shots: ## the pictures that take a Chromium (Debian: apt install chromium) and the extra browser: page, report, calibration
 	$(BIN)/python -m tega_figures.page_shots docs/images
 	$(BIN)/python -m tega_figures.calibrate_shots docs/images/calibrate-emg.webp
