@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PYTHON ?= python3
 .DEFAULT_GOAL := help
-.PHONY: help setup build test slow guards deep stress lint fmt fuzz bench counts figures msrv licences arm64 wheels site pictures clean
+.PHONY: help setup build test slow guards deep stress lint fmt fuzz bench counts figures msrv licences arm64 wheels site pictures shots measured clean
 
 help: ## print this
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 10
@@ -94,12 +94,41 @@ site: ## all pages with search, commands, settings and Python, into target/site;
 	PYTHONPATH=$(CURDIR)/tools/emulators:$(CURDIR)/tools/campaigns:$(CURDIR)/tools/figures \
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
 
-pictures: ## the drawn pictures of the docs, and the demo's animation; needs the extras lab, record, sim and view
+# docs/images/placement-emg.svg and placement-vest.svg are drawn by hand. pareto.png comes with `make figures`.
+pictures: ## the drawn pictures of the docs, and the demo's animation; needs lab, observe, record, sim, study, view
 	$(BIN)/python docs/images/draw.py
 	$(BIN)/python -m tega_figures.diagrams docs/images
 	$(BIN)/python -m tega_figures.byte_layouts docs/images
 	$(BIN)/python -m tega_figures.page_plots docs/images
 	$(BIN)/python -m tega_figures.terminal_shots docs/images
+	$(BIN)/python -m tega_figures.simulated_person picture docs/images/sim-emg.png
+	$(BIN)/python -m tega_figures.scene.picture docs/images/scene.webp
+	$(BIN)/python -m tega_figures.study_console docs/images/study-console.svg
+	$(BIN)/python -m tega_figures.study_console docs/images/study-console-recorded.svg --recorded
+	$(BIN)/python -m tega_figures.information picture tools/figures/tega_figures/information/fresh.json \
+		docs/images/value-of-information.png
+	$(BIN)/tega-teleop demo --fast --out target/demo
+	cp target/demo/demo.png docs/images/demo.png
+
+# A browser draws page, report and terminal. Without a graphics card that takes ten minutes, the study's 600 trials half
+# an hour and more.
+shots: ## the pictures that take a Chromium (Debian: apt install chromium) and the extra browser: page, report, calibration
+	$(BIN)/python -m tega_figures.page_shots docs/images
+	$(BIN)/python -m tega_figures.calibrate_shots docs/images/calibrate-emg.webp
+	$(BIN)/tega-teleop study simulate --operators 10 --seed 1 --out target/study
+	$(BIN)/python -m tega_figures.report_shots target/study/report.html docs/images
+
+measured: ## the pictures of what takes hours to measure, and their tables; TEGA_DATA names the shared recordings
+	$(BIN)/python -m tega_figures.check_arm docs/images
+	$(BIN)/python -m tega_figures.check_touch docs/images
+	$(BIN)/python -m tega_figures.world.check --pictures docs/images
+	$(BIN)/python -m tega_figures.felt.compare --people 16 --picture docs/images/mappings.png
+	$(BIN)/tega-teleop emg people --effects none,all --out target/people.jsonl
+	$(BIN)/python -m tega_figures.simulated_skill target/people.jsonl docs/images/emg-skill.png
+	$(BIN)/python tools/figures/decoder_pareto.py docs/images/emg-decoders-pareto.png
+	$(BIN)/python -m tega_figures.touch_peers.pareto docs/images/touch-pareto.svg
+	$(BIN)/tega-teleop soak --seconds 600 --seed 7 --out target/soak
+	cp target/soak/faults.png docs/images/soak.png
 
 clean: ## remove build output
 	rm -rf target fuzz/target benches/target dist $(VENV)

@@ -13,7 +13,7 @@ from tega.records import MuscleCondition
 from tega.study import make_plan, read_plan, write_plan
 from tega.study.journal import JournalEvent, read_events
 from tega.study.lead import lead_session
-from tega.study.lead.desk import ENTER, Screen
+from tega.study.lead.experimenter import ENTER, Screen
 from tega.study.lead.fatigue import said_of_muscles, trial_medians
 from tega.study.privacy import export
 from tega.study.state import events_path

@@ -18,8 +18,8 @@ from tega.study import make_plan, read_plan, write_plan
 from tega.study.beep_score import score_beeps
 from tega.study.journal import JournalEvent, Kind, read_events
 from tega.study.lead import lead_session
-from tega.study.lead.desk import ENTER, Screen
-from tega.study.lead.going import Going
+from tega.study.lead.experimenter import ENTER, Screen
+from tega.study.lead.running_trial import Going
 from tega.study.plan import PlannedTrial, StudyPlan
 from tega.study.privacy import export
 from tega.study.probe import APART_S, FIRST_S, beep_times, probe_uses

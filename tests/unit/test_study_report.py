@@ -23,7 +23,7 @@ from tega.study.analyse import analyse_study
 from tega.study.coupling import TouchCourse, write_course
 from tega.study.figures import _violins, new_figure
 from tega.study.journal import Journal, read_events
-from tega.study.page import report_html
+from tega.study.page import number, report_html
 from tega.study.report import Report, write_report
 from tega.study.state import events_path
 from tega.study.tables import PAPER_LABELS
@@ -331,6 +331,15 @@ def test_what_two_people_cannot_tell_is_not_given_as_numbers(tmp_path: Path) -> 
     assert "inf" not in " ".join(test.note for test in analysis.tests)
     wide = [test for test in analysis.tests if test.low and test.high and test.effect_name == "ratio"]
     assert all(test.high / test.low <= 1000 for test in wide if test.high and test.low)
+    assert "the conditions are equal in any of these outcomes" in said
+    page = report_html(analysis, {})
+    ratios = [test for test in analysis.tests if test.level == "people" and test.effect is not None]
+    assert ratios
+    assert all(f"<td>{number(test.effect)} (not estimable)</td>" in page for test in ratios)
+
+
+def test_what_rounds_to_nothing_has_no_sign() -> None:
+    assert [number(value) for value in (-0.001, 0.0, -0.01, None)] == ["0.00", "0.00", "−0.01", "–"]
 
 
 def test_the_papers_numbers_stand_beside_ours_with_what_differs(report: Report) -> None:

@@ -121,7 +121,7 @@ def test_the_page_says_what_came_out_and_of_which_assumptions(study: Path) -> No
         "2 of the paper's 9 differences come out in its direction (slippage of bottle, slippage of bag)"
         in page
     )
-    assert "1 come out the other way (slippage of container)" in page
+    assert "1 comes out the other way (slippage of container)" in page
     assert SHA in page
     assert "committed, before the first closed-loop run" in page
     assert "Fig 3" in page

@@ -19,6 +19,7 @@ from reference.moments import Moments
 from reference.waiting import until
 from tega.view.browser import BrowserView, Controls
 from tega.view.state import ViewState
+from tega_figures.chromium import HEIGHT_PX, WIDTH_PX
 
 # As the page's light shows them.
 OBJECT_COLOURS = {"bottle": (120, 160, 180), "bag": (190, 165, 130)}
@@ -103,6 +104,45 @@ def test_buttons_reach_the_program(seen):
     assert controls.paused
 
 
+def within(inner: dict[str, float], outer: dict[str, float]) -> bool:
+    """Whether a box lies in another; a pixel is what rounding takes."""
+    return all(
+        inner[edge] >= outer[edge] - 1 and inner[edge] + inner[length] <= outer[edge] + outer[length] + 1
+        for edge, length in (("x", "width"), ("y", "height"))
+    )
+
+
+def test_every_chart_lies_whole_in_its_panel(seen):
+    page, _ = seen
+    for side, n_charts in (("left", 1), ("right", 2)):
+        panel = page.locator(f"[data-dock-region={side}]")
+        charts = panel.locator(".uplot").all()
+        assert len(charts) == n_charts
+        for chart in charts:
+            assert within(chart.bounding_box(), panel.bounding_box())
+
+
+def test_in_a_narrow_window_the_panels_stand_below_the_scene(seen):
+    page, _ = seen
+    scene = page.locator("canvas").first
+    page.set_viewport_size({"width": 820, "height": 1180})
+    try:
+        until(lambda: scene.bounding_box()["width"] > 800)
+        shown = scene.bounding_box()
+        assert shown["height"] > 500
+        for side in ("left", "right"):
+            panel = page.locator(f"[data-dock-region={side}]").bounding_box()
+            assert panel["y"] >= shown["y"] + shown["height"] - 1
+            assert panel["width"] > 400
+            chart = page.locator(f"[data-dock-region={side}] .uplot").first.bounding_box()
+            assert panel["x"] <= chart["x"]
+            assert chart["x"] + chart["width"] <= panel["x"] + panel["width"]
+    finally:
+        page.set_viewport_size({"width": WIDTH_PX, "height": HEIGHT_PX})
+        until(lambda: scene.bounding_box()["width"] < 700)
+    assert scene.bounding_box()["width"] > 600
+
+
 def test_on_a_phone_the_sheet_is_as_wide_as_the_screen(browser):
     with (
         BrowserView("TEGA made-up grasp", port=0, controls=Controls()) as view,
@@ -113,6 +153,13 @@ def test_on_a_phone_the_sheet_is_as_wide_as_the_screen(browser):
         sheet = page.locator(".tega-phone")
         until(lambda: sheet.bounding_box()["width"] > 360)
         assert sheet.bounding_box()["x"] < 20
+        scene, lights = page.locator("canvas").first, page.locator(".tega-lights")
+        below = page.locator(".mantine-Paper-root:has(.tega-phone)").bounding_box()
+        # The sheet covers nothing of the scene, and no line another one.
+        assert scene.bounding_box()["height"] + below["height"] == pytest.approx(844, abs=2)
+        assert scene.bounding_box()["height"] > 300
+        thumb = sheet.get_by_text("thumb", exact=True).first.bounding_box()
+        assert thumb["y"] >= lights.bounding_box()["y"] + lights.bounding_box()["height"]
 
 
 def test_a_hold_and_the_end_of_a_run_are_read_on_the_page(browser):

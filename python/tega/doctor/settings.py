@@ -39,7 +39,10 @@ def examine(
             check="settings",
             status="doubt",
             finding="the settings name no device",
-            todo=("tega-teleop init writes settings with what it finds",),
+            todo=(
+                "plug a device in, and write the settings anew: tega-teleop init",
+                "or rehearse on emulated devices: tega-teleop init --emulated",
+            ),
         )
         return Examination(settings=name, findings=(nothing,))
     twice = _same_device(cases)

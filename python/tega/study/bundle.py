@@ -26,7 +26,7 @@ from tega.foreign_file import MIB, check_file, tells_damage
 from tega.plain_name import path_below
 from tega.recording.versions import versions
 from tega.study.journal import read_events
-from tega.study.lead.board import board_path
+from tega.study.lead.status_file import board_path
 from tega.study.objects import OBJECTS, read_objects
 from tega.study.plan import read_plan
 from tega.study.privacy import (

@@ -118,8 +118,8 @@ def report_templates() -> Environment:
 
 
 def number(value: float | None, digits: int = 2) -> str:
-    """Return a number with so many decimals."""
-    return "–" if value is None else f"{value:.{digits}f}".replace("-", "−")
+    """Return a number with so many decimals, and without a sign where they are all 0."""
+    return "–" if value is None else f"{value:z.{digits}f}".replace("-", "−")
 
 
 def interval(value: float | None, low: float | None, high: float | None) -> str:
@@ -130,7 +130,8 @@ def interval(value: float | None, low: float | None, high: float | None) -> str:
 
 
 def _effect(test: Test) -> str:
-    none = test.low is None and "not estimable" in test.note
+    few = test.level in {"people", "adjusted"} and test.people < _FEWEST and test.effect is not None
+    none = few or (test.low is None and "not estimable" in test.note)
     return f"{number(test.effect)} (not estimable)" if none else interval(test.effect, test.low, test.high)
 
 

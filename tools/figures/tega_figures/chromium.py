@@ -7,14 +7,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, Final
 
-__all__ = ["NAMES", "chromium", "launched", "opened"]
+__all__ = ["HEIGHT_PX", "NAMES", "WIDTH_PX", "chromium", "launched", "opened"]
 
 NAMES: Final = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 """Of the programs that are looked for."""
 
 # WebGL without a graphics card.
 _FLAGS = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
-_WIDTH_PX, _HEIGHT_PX = 1440, 810
+WIDTH_PX: Final = 1440
+HEIGHT_PX: Final = 810
+"""Of a window, where nothing else is said."""
 
 
 def chromium() -> str | None:
@@ -36,9 +38,7 @@ def launched() -> Iterator[Any]:
 
 
 @contextmanager
-def opened(
-    browser: Any, url: str, *, width_px: int = _WIDTH_PX, height_px: int = _HEIGHT_PX
-) -> Iterator[Any]:
+def opened(browser: Any, url: str, *, width_px: int = WIDTH_PX, height_px: int = HEIGHT_PX) -> Iterator[Any]:
     """Open the view's page; close it afterwards.
 
     Args:

@@ -1,7 +1,7 @@
 """Take pictures of the page in the browser, of simulated lifts: ``python -m tega_figures.page_shots docs/images``.
 
-The browser draws without a graphics card, slower than the lift goes. Each moment is therefore painted and waited for,
-rates are those of the lift's own clock, and the page's own clock of silence stands still.
+The browser draws without a graphics card, slower than the lift goes. A moment every half second is therefore painted
+and waited for, rates are those of the lift's own clock, and the page's own clock of silence stands still.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from PIL import Image
 from tega.sim.plan import TrialPlan
 from tega.sim.trial import run_trial
 from tega.view.browser import BrowserView, Controls
+from tega.view.browser.style import NARROW_PX
 from tega_figures.chromium import launched, opened
 
 if TYPE_CHECKING:
@@ -26,16 +27,21 @@ if TYPE_CHECKING:
 __all__ = ["lift", "main"]
 
 OBJECTS: Final = ("bottle", "container", "bag")
-SIZES_PX: Final = {"bottle": (1440, 900), "phone": (390, 844)}
-# Every so many moments of thirty a second, one picture of the animation, which goes twice as fast as the lift.
-_EVERY, _FAST_FORWARD = 6, 2
+STILLS: Final = {"view-bag": ("bag", (1440, 810)), "view-phone": ("bottle", (390, 844))}
+"""What is lifted, and the size of the window, by the name of a picture with the object held up."""
+
+ANIMATION: Final = "view-lift"
+"""Name of the animated picture: the bottle, in the smallest window with panels beside the scene, twice as fast."""
+
+_ANIMATED_PX, _KEPT_PX, _QUALITY = (NARROW_PX + 1, 810), (960, 648), 45
+# Of thirty moments a second: one picture in so many, and one point of the charts.
+_EVERY, _BETWEEN, _FAST_FORWARD = 15, 5, 2
 _MOMENT_S = 1 / 30
-_KEPT_PX, _QUALITY = (1024, 640), 45
 _STILL = ".tega-late, .tega-late span, .tega-badge, .tega-lights { animation-play-state: paused !important }"
 
 
 def lift(name: str) -> list[ViewState]:
-    """Return the moments of a simulated lift of an object, thirty a second; every sixth has its pictures."""
+    """Return the moments of a simulated lift of an object, thirty a second; one in half a second has its pictures."""
     course: list[ViewState] = []
 
     def see(state: ViewState) -> None:
@@ -104,7 +110,7 @@ def still(browser: Any, course: list[ViewState], size_px: tuple[int, int], path:
     """Write the page with the object held up as a WebP."""
     last = held_up(course)
     with ShownLift(browser, course, size_px).page() as lifted:
-        for place in range(0, last + 1, _EVERY // 2):
+        for place in range(0, last + 1, _BETWEEN):
             lifted.paint(place, whole=place == last)
         lifted.shown.wait_for_timeout(5_000)  # the scene comes after the text
         # 256 colours would put steps into the cameras' pictures.
@@ -112,16 +118,17 @@ def still(browser: Any, course: list[ViewState], size_px: tuple[int, int], path:
 
 
 def animation(browser: Any, course: list[ViewState], path: Path) -> None:
-    """Write the lift on the page as an animated WebP."""
+    """Write the lift on the page as an animated WebP, two pictures a second."""
     frames = []
-    with ShownLift(browser, course, SIZES_PX["bottle"]).page() as lifted:
-        for place in range(len(course)):
+    with ShownLift(browser, course, _ANIMATED_PX).page() as lifted:
+        for place in range(0, len(course), _BETWEEN):
             lifted.paint(place, whole=place % _EVERY == 0)
             if place == 0:
                 lifted.shown.wait_for_timeout(5_000)
-            if place % _EVERY == 0:
-                frame = Image.open(io.BytesIO(lifted.shown.screenshot())).convert("RGB")
-                frames.append(frame.resize(_KEPT_PX, Image.Resampling.LANCZOS))
+            if place % _EVERY:
+                continue
+            frame = Image.open(io.BytesIO(lifted.shown.screenshot())).convert("RGB")
+            frames.append(frame.resize(_KEPT_PX, Image.Resampling.LANCZOS))
     frames[0].save(
         path,
         save_all=True,
@@ -129,21 +136,24 @@ def animation(browser: Any, course: list[ViewState], path: Path) -> None:
         duration=round(1000 * _EVERY * _MOMENT_S / _FAST_FORWARD),
         loop=0,
         quality=_QUALITY,
-        method=3,
+        method=4,
     )
 
 
 def main(images: Path, *wanted: str) -> None:
     """Write every picture into a folder, or those whose names are wanted."""
-    bottle = lift("bottle")
+    names = [name for name in (*STILLS, ANIMATION) if not wanted or name in wanted]
+    courses: dict[str, list[ViewState]] = {}
     with launched() as browser:
-        for name, size_px in SIZES_PX.items():
-            if not wanted or name in wanted:
-                still(browser, bottle, size_px, images / f"view-{name}.webp")
-        if not wanted or "lift" in wanted:
-            animation(browser, bottle, images / "view-lift.webp")
-        if not wanted or "bag" in wanted:
-            still(browser, lift("bag"), SIZES_PX["bottle"], images / "view-bag.webp")
+        for name in names:
+            thing, size_px = STILLS.get(name, ("bottle", _ANIMATED_PX))
+            if thing not in courses:
+                courses[thing] = lift(thing)
+            path = images / f"{name}.webp"
+            if name == ANIMATION:
+                animation(browser, courses[thing], path)
+            else:
+                still(browser, courses[thing], size_px, path)
 
 
 if __name__ == "__main__":

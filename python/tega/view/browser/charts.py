@@ -26,7 +26,7 @@ _MUSCLES = ("#0b7285", "#e8590c", "#862e9c")
 THRESHOLDS = (0.25, 0.5, 0.75, 1.0)
 _THRESHOLD_GREY = "#adb5bd"
 _POINTS = 300
-_HEIGHT_PX = 140
+_HEIGHT_PX = 106
 _TICKS = "11px system-ui, sans-serif"
 _LOWPASS_HZ = 50.0
 _MEAN_S = 0.1
@@ -62,7 +62,7 @@ class CourseChart:
         self._kept_s = kept_s
         self._course: deque[tuple[float, float, float, float]] = deque()
         names = (("CCI", CCI_BLUE), ("EDA", EDA_GREEN), ("closure", POSE_RED))
-        gui.add_html(_caption("mean share of the maxima:", names))
+        gui.add_html(_caption("mean share of the maxima, by second:", names))
         series = (_line(CCI_BLUE, 1.6), _line(EDA_GREEN, 1.6), _line(POSE_RED, 1.6, dash=(5, 4)))
         self._plot = _plot(gui, series, 1.05)
 
@@ -116,11 +116,13 @@ class MuscleCharts:
         if n == 0:
             return
         if self._raw is None:
-            muscles = [(f"muscle {k + 1}", _MUSCLES[k % len(_MUSCLES)]) for k in range(channels)]
+            muscles = [
+                (str(k + 1) if k else "muscle 1", _MUSCLES[k % len(_MUSCLES)]) for k in range(channels)
+            ]
             lines = tuple(_line(colour, 1) for _, colour in muscles)
-            self._gui.add_html(_caption("EMG over its maximum:", muscles))
+            self._gui.add_html(_caption("EMG over its maximum, by second:", muscles))
             self._raw = _plot(self._gui, lines, channels, y_axis=False)
-            self._gui.add_html(_caption("drive, share of maximum; dashed: levels 2 to 5", ()))
+            self._gui.add_html(_caption("drive, share of maximum, by second; dashed: levels 2 to 5", ()))
             dashed = tuple(_line(_THRESHOLD_GREY, 1, dash=(4, 4)) for _ in THRESHOLDS)
             self._drive = _plot(self._gui, dashed + lines, 1.2)
         t = t_s - np.arange(n - 1, -1, -1) / emg.rate_hz
@@ -141,14 +143,7 @@ def _plot(gui: viser.GuiApi, series: tuple[Any, ...], top: float, *, y_axis: boo
         series=({}, *series),
         scales=_scales(0.0, COURSE_S, top),
         axes=(
-            {
-                "size": 40,
-                "label": "time (s)",
-                "labelSize": 14,
-                "labelGap": 0,
-                "font": _TICKS,
-                "labelFont": _TICKS,
-            },
+            {"size": 26, "font": _TICKS},
             {"size": 36, "show": y_axis, "font": _TICKS},
         ),
         legend={"show": False},

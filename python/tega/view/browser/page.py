@@ -15,21 +15,22 @@ from tega.view.browser.delays import Delays
 from tega.view.browser.scene import Point, Scene
 from tega.view.browser.seek import SeekSlider
 from tega.view.browser.state_html import (
-    AGEING,
     BEATS_PER_S,
-    COMMANDED,
     FONT,
-    LEGEND,
     PAUSED,
+    SCENE_LEGEND,
+    TOUCH_LEGEND,
     arm_html,
     badge_html,
     captions_html,
     fingers_html,
+    legend_html,
     lights_html,
     rates_html,
     run_state_html,
     status_html,
 )
+from tega.view.browser.style import STYLE
 from tega.view.browser.timeline import KEPT_S, Timeline
 from tega.view.browser.touch import GAP, TILE_HEIGHT, TILE_WIDTH, SmallSheet, TouchSheet
 from tega.view.browser.vest import TRIED, vest_svg
@@ -92,7 +93,7 @@ class Page:
         self.inputs: dict[str, Any] = {}
         gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(31, 95, 191))
         gui.set_panel_label(title)
-        gui.add_html(AGEING)
+        gui.add_html(STYLE)
         gui.main_panel.dock_right()
         gui.main_panel.set_width(_CHART_WIDTH)
         self.run_state = gui.add_html("")
@@ -114,9 +115,10 @@ class Page:
             n = len(FINGERS)
             blank = np.full((2 * TILE_HEIGHT + GAP, n * TILE_WIDTH + (n - 1) * GAP, 3), 236, np.uint8)
             self._images = gui.add_image(blank, jpeg_quality=85)
-            gui.add_html(LEGEND)
+            gui.add_html(
+                legend_html(TOUCH_LEGEND) if self._blind else legend_html(TOUCH_LEGEND, SCENE_LEGEND)
+            )
             if not self._blind:
-                gui.add_html(COMMANDED)
                 self._vest = gui.add_html(vest_svg(None))
                 if controls is not None and controls.try_motor is not None:
                     hint = "while the run is armed, a click on a motor has it vibrate for half a second"

@@ -32,39 +32,21 @@ PAUSED: Final = "#495057"
 _SILENT_NS = 400_000_000
 FONT: Final = "font-family:system-ui,sans-serif;font-size:12px;color:#343a40"
 
-LEGEND: Final = (
-    f'<div style="{FONT};font-size:11px;padding:0 10px 6px;color:#6c757d">above: cameras · below: touch map, '
-    '<b style="color:#27a045">○</b> peak, <b style="color:#3b8cff">○</b> area that EDA counts</div>'
+TOUCH_LEGEND: Final = (
+    'above: cameras · below: touch map, <b style="color:#27a045">○</b> peak, '
+    '<b style="color:#3b8cff">○</b> area that EDA counts'
 )
-
-COMMANDED: Final = (
-    f'<div style="{FONT};font-size:11px;padding:0 10px 6px;color:#6c757d">scene: '
-    f'<b style="color:{GHOST_COLOUR}">blue, translucent</b> the hand as commanded · red arrows: forces</div>'
+SCENE_LEGEND: Final = (
+    f'scene: <b style="color:{GHOST_COLOUR}">blue, translucent</b> the hand as commanded · red arrows: forces'
 )
-
-# What the browser does by itself: unless the run's state is painted afresh in time, it greys the state and says for how
-# long nothing was heard. A frozen or killed program, a painter that failed and a run that stands still look the same.
+# How often the run's state is painted afresh, also where nothing in it changes: the browser greys one that is not.
 BEATS_PER_S: Final = 2
-AGEING: Final = f"""<style class="tega-style">
-@property --tega-age {{ syntax: "<integer>"; inherits: true; initial-value: 0 }}
-@keyframes tega-age {{ to {{ --tega-age: 86400 }} }}
-@keyframes tega-late {{ to {{ visibility: visible; max-height: 3em }} }}
-@keyframes tega-grey {{ to {{ background: #868e96 }} }}
-@keyframes tega-dim {{ to {{ filter: grayscale(1); opacity: 0.6 }} }}
-.tega-lights {{ animation: tega-dim 1ms linear {NO_NEWS_S}s forwards }}
-.tega-phone {{ display: none }}
-@media (max-width: 640px) {{
-  .tega-phone {{ display: block }}
-  /* viser's sheet for phones is narrower than the screen, and what is beside it shows no object. */
-  .mantine-Paper-root:has(.tega-style), .mantine-Paper-root:has(.tega-style) [style*="width: 20em"] {{
-    width: 100% !important; }}
-}}
-.tega-late {{ display: block; visibility: hidden; max-height: 0; overflow: hidden; color: #c92a2a; font-weight: bold;
-  animation: tega-late 1ms linear calc({NO_NEWS_S}s - var(--tega-since)) forwards }}
-.tega-late span {{ animation: tega-age 86400s linear calc(0s - var(--tega-since)) forwards }}
-.tega-late span::after {{ counter-reset: age var(--tega-age); content: counter(age) " s" }}
-.tega-badge {{ animation: tega-grey 1ms linear calc({NO_NEWS_S}s - var(--tega-since)) forwards }}
-</style>"""
+
+
+def legend_html(*lines: str) -> str:
+    """Write small grey lines that say what colours mean."""
+    style = f"{FONT};font-size:11px;line-height:1.4;padding:0 10px;color:#6c757d"
+    return f'<div style="{style}">{"<br>".join(lines)}</div>'
 
 
 def run_state_html(

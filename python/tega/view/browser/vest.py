@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 __all__ = ["TRIED", "vest_svg"]
 
-_WIDTH, _PITCH_X, _PITCH_Y, _TOP, _LEFT = 360, 32, 24, 48, 42
+_WIDTH, _PITCH_X, _PITCH_Y, _TOP, _LEFT = 360, 32, 22, 46, 42
 _N_COLUMNS = 4
 TRIED = "tega-tried"
 """Class of the element that says what came of a click on a motor."""
@@ -41,7 +41,8 @@ def vest_svg(frame: MotorLevels | None, *, can_try: bool = False) -> str:
         (f"back · EDA{off}", values[half:], _WIDTH // 2, 1, half),
     )
     parts = [
-        f'<svg viewBox="0 0 {_WIDTH} {bottom + 26}" width="100%" role="img" aria-label="vest, seen from outside"'
+        f'<svg viewBox="0 0 {_WIDTH} {bottom + 26}" width="90%" style="display:block;margin:auto"'
+        ' role="img" aria-label="vest, seen from outside"'
         ' font-family="system-ui, sans-serif" text-anchor="middle">'
     ]
     for title, face, left, turn, first in faces:
