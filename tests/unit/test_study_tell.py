@@ -21,9 +21,9 @@ from tega.errors import DeviceUnavailableError
 from tega.study import make_plan, write_plan
 from tega.study.journal import read_events
 from tega.study.lead import lead_session
-from tega.study.lead.status_file import board_path, read_board
 from tega.study.lead.experimenter import ENTER, Screen
 from tega.study.lead.running_trial import Going
+from tega.study.lead.status_file import board_path, read_board
 from tega.study.lead.tell import KEYS, CommandFile, tell, told_path
 from tega.study.plan import PlannedTrial
 from tega.study.state import Where, events_path

@@ -15,8 +15,8 @@ import msgspec
 
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.foreign_file import check_file
-from tega.study.lead.status_file import SessionBoard, board_path, read_board
 from tega.study.lead.experimenter import ENTER
+from tega.study.lead.status_file import SessionBoard, board_path, read_board
 from tega.study.state import events_path
 
 if TYPE_CHECKING:
