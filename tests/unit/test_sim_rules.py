@@ -7,12 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from tega.sim.operator import Operator, draw_person, sham_vest, typical_person
+from tega.sim.operator import Operator, Rules, draw_person, sham_vest, typical_person
+from tega.sim.operator.panels import ConfirmedClosure
 from tega_figures.information.agent import IdealAgent
 from tega_figures.information.compare import MARGIN, OUTCOMES, null, paired, person_outcomes
-from tega_figures.information.panels import ConfirmedClosure
 from tega_figures.information.plant import Grasp, grasp, told_frame
-from tega_figures.information.renewing_person import RenewingOperator
+
+SECOND = Rules(version=2)
 
 
 def closure() -> ConfirmedClosure:
@@ -64,7 +65,7 @@ def test_without_and_with_a_silent_vest_the_acts_are_the_same() -> None:
 
     def acts(name: str | None) -> object:
         vest = None if name is None else sham_vest(name)  # type: ignore[arg-type]
-        return grasp(RenewingOperator(draw_person(4), seed=5), vest).acts
+        return grasp(Operator(draw_person(4), seed=5, rules=SECOND), vest).acts
 
     assert acts(None) == acts("silent")
     assert acts("informative") == acts("permuted")
@@ -72,7 +73,7 @@ def test_without_and_with_a_silent_vest_the_acts_are_the_same() -> None:
 
 def test_practice_teaches_what_the_vest_shows_and_a_sham_teaches_distrust() -> None:
     def trust(name: str) -> float:
-        operator, vest = RenewingOperator(draw_person(1), seed=1), sham_vest(name, seed=3)  # type: ignore[arg-type]
+        operator, vest = Operator(draw_person(1), seed=1, rules=SECOND), sham_vest(name, seed=3)  # type: ignore[arg-type]
         operator.practise("object", lambda t_s, level: vest(t_s, told_frame(level)))
         belief = operator.beliefs["object"].closure
         assert isinstance(belief, ConfirmedClosure)
@@ -82,9 +83,9 @@ def test_practice_teaches_what_the_vest_shows_and_a_sham_teaches_distrust() -> N
     assert trust("unrelated") < 0.05
 
 
-def test_the_first_version_is_the_one_that_is_installed() -> None:
+def test_the_first_version_is_the_default() -> None:
+    assert Rules().version == 1
     assert not isinstance(Operator(typical_person(), seed=1)._closure(), ConfirmedClosure)
-    assert isinstance(RenewingOperator(typical_person(), seed=1)._closure(), ConfirmedClosure)
 
 
 def test_who_is_told_the_closure_lifts_what_the_agent_can_lift() -> None:

@@ -7,24 +7,33 @@ the vest everything but the vest's own percepts is the same: guesses, costs, gaz
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import ClassVar, Final, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from tega.errors import InvalidValueError
+from tega.haptics import MotorLevels
 from tega.sim.operator.belief import Closure, ObjectBelief, Panel
 from tega.sim.operator.forearm import SimulatedForearm
 from tega.sim.operator.grip import Decision, GripDecisions
 from tega.sim.operator.motor import MuscleMotor
+from tega.sim.operator.panels import ConfirmedClosure
 from tega.sim.operator.person import PersonNumbers, stream
+from tega.sim.operator.renewing import RenewingGrip
 from tega.sim.operator.vest_sense import LOOK_S, Skin
 from tega.sim.operator.vision import Eyes, SeenEvent
 from tega.sim.seams import Act, Percept
 
-TICK_S: Final = 0.01
-VEST_READ_S: Final = 0.5
-PANELS: Final[tuple[Panel, Panel]] = ("front", "back")
+_TICK_S = 0.01
+_VEST_READ_S = 0.5
+# How long after a command has been followed the closure aimed at is a fair guess of the real one.
+_FRESH_S = 1.0
+# Levels gone through in practice, and how long each is held, seconds.
+_PRACTISED = (2, 3, 4, 5, 4, 3, 2, 3, 4, 5)
+_PRACTICE_S = 1.5
+_PANELS: tuple[Panel, Panel] = ("front", "back")
 
 
 @dataclass
@@ -35,7 +44,7 @@ class TrialOfPerson:
     eyes: Eyes
     motor: MuscleMotor
     pending: list[SeenEvent] = field(default_factory=list)
-    last_s: float = -TICK_S
+    last_s: float = -_TICK_S
     next_decision_s: float = 0.0
     next_vest_read_s: float = 0.0
 
@@ -47,11 +56,14 @@ class Rules(NamedTuple):
         onset: Vibration after silence is taken for contact.
         weaker: Weakening vibration is answered by one level more.
         reading: Closure is read from the vest once its lines are known.
+        version: Of the rules. 2 is :mod:`tega.sim.operator.renewing` and :mod:`tega.sim.operator.panels`: nothing that
+            the vest tells is followed before the panel has shown that it follows the closure.
     """
 
     onset: bool = True
     weaker: bool = True
     reading: bool = True
+    version: Literal[1, 2] = 1
 
 
 class Operator:
@@ -84,9 +96,6 @@ class Operator:
         >>> operator.act(Percept(0.0, nothing, None)).phase
         'reach'
     """
-
-    decisions: ClassVar[type[GripDecisions]] = GripDecisions
-    """What decides in a trial."""
 
     def __init__(
         self,
@@ -155,6 +164,36 @@ class Operator:
         excitation = trial.motor.step(t_s, dt_s)
         return Act(excitation, grip.forearm.step(t_s), grip.phase)
 
+    def practise(self, name: str, shown: Callable[[float, float], MotorLevels | None]) -> None:
+        """Close and open the hand on an object level by level, watching it and feeling the vest, before it is lifted.
+
+        Only the second version of the rules learns from it, and only what each panel does at each closure.
+
+        Args:
+            name: Of the object.
+            shown: What the vest is told, by the time in seconds and the closure in levels.
+        """
+        belief = self._recall(name, 0.0)
+        if not self._feels or not isinstance(belief.closure, ConfirmedClosure):
+            return
+        noise, reaction, link = (
+            stream(self._seed, "operator", name, "practice", what) for what in ("vest", "touch", "link")
+        )
+        self._skin.begin(rest_s=0.0, noise=noise, reaction=reaction, link=link)
+        looks_per_level = round(_PRACTICE_S / LOOK_S)
+        for n in range(len(_PRACTISED) * looks_per_level):
+            level = _PRACTISED[n // looks_per_level]
+            for tick in range(5):
+                t_s = n * LOOK_S + tick * _TICK_S
+                self._skin.feel(t_s, _TICK_S, shown(t_s, float(level)))
+            self._skin.look(t_s, LOOK_S)
+            if (n + 1) % looks_per_level == 0:
+                # The pose is in plain sight for several looks.
+                belief.closure.set(float(level), self.person.vision.pose_sd**2 / 4)
+                for panel in _PANELS:
+                    if (felt := self._skin.mean_log(panel, t_s - _VEST_READ_S)) is not None:
+                        belief.closure.feel(panel, *felt)
+
     @property
     def commands(self) -> tuple[Decision, ...]:
         """The commands of this trial so far."""
@@ -186,7 +225,7 @@ class Operator:
     def _attend(self, t_s: float, trial: TrialOfPerson) -> None:
         skin, grip = self._skin, trial.grip
         skin.look(t_s, LOOK_S)
-        heeded = tuple(self._heeds(grip.closure, panel) for panel in PANELS)
+        heeded = tuple(self._heeds(grip.closure, panel) for panel in _PANELS)
         if (
             self._rules.onset
             and grip.phase == "grasp"
@@ -203,23 +242,25 @@ class Operator:
             # As the person is told, stronger is tighter, unless this object has taught the contrary.
             front, back = (
                 None if not heed else not (closure.known(panel) and closure.slope(panel) < 0)
-                for panel, heed in zip(PANELS, heeded, strict=True)
+                for panel, heed in zip(_PANELS, heeded, strict=True)
             )
             if (event := skin.weaker(t_s, (front, back))) is not None:
                 trial.pending.append(event)
         if self._rules.reading and t_s >= trial.next_vest_read_s and grip.touching:
-            self._read_vest(t_s, trial)
+            if isinstance(closure, ConfirmedClosure) and not grip.settled(t_s, _VEST_READ_S):
+                return
+            trial.next_vest_read_s = t_s + _VEST_READ_S
+            for panel in _PANELS:
+                if (felt := skin.mean_log(panel, t_s - _VEST_READ_S)) is None:
+                    continue
+                if isinstance(closure, ConfirmedClosure):
+                    closure.feel(panel, *felt, fresh=not grip.settled(t_s, _VEST_READ_S + _FRESH_S))
+                else:
+                    closure.feel(panel, *felt)
 
-    def _read_vest(self, t_s: float, trial: TrialOfPerson) -> None:
-        """Take in what each panel told lately, as a reading of the closure."""
-        trial.next_vest_read_s = t_s + VEST_READ_S
-        for panel in PANELS:
-            if (felt := self._skin.mean_log(panel, t_s - VEST_READ_S)) is not None:
-                trial.grip.closure.feel(panel, *felt)
-
-    def _heeds(self, closure: Closure, panel: Panel) -> bool:  # noqa: ARG002  # a person may be choosier
-        """Whether the person follows what a panel tells: at once."""
-        return True
+    def _heeds(self, closure: Closure, panel: Panel) -> bool:
+        """Whether the person follows what a panel tells: at once by the first version, else once it is confirmed."""
+        return not isinstance(closure, ConfirmedClosure) or closure.trust(panel) > 0.5
 
     def _recall(self, name: str, rest_s: float) -> ObjectBelief:
         """What is believed of an object: faded from its last trial, or a first guess drawn to the last object's."""
@@ -237,7 +278,9 @@ class Operator:
         return belief
 
     def _closure(self) -> Closure:
-        return Closure(self.person.grip)
+        if self._rules.version == 1:
+            return Closure(self.person.grip)
+        return ConfirmedClosure(self.person.grip, self.person.vest.threshold)
 
     def _start(self, name: str, width_m: float, trial: int, rest_s: float) -> TrialOfPerson:
         def process(what: str) -> np.random.Generator:
@@ -247,8 +290,9 @@ class Operator:
         self._skin.begin(
             rest_s=rest_s, noise=process("vest"), reaction=process("tactile reaction"), link=process("link")
         )
+        decisions = GripDecisions if self._rules.version == 1 else RenewingGrip
         self._trial = TrialOfPerson(
-            grip=self.decisions(
+            grip=decisions(
                 person, self._recall(name, rest_s), SimulatedForearm((0.0, person.forearm.back_m))
             ),
             eyes=Eyes(

@@ -136,7 +136,7 @@ def table_text(file: Path) -> str:
 
 def rules_digest() -> str:
     """Return the SHA-256 of the two modules that hold the second version of the rules, one after the other."""
-    folder = files("tega_figures.information")
+    folder = files("tega.sim.operator")
     source = b"".join((folder / name).read_bytes() for name in ("panels.py", "renewing.py"))
     return hashlib.sha256(source.replace(b"\r\n", b"\n")).hexdigest()
 

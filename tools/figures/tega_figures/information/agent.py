@@ -12,14 +12,13 @@ from typing import Literal
 import numpy as np
 
 from tega.haptics import intensity, vest_frame
-from tega.sim.operator import PersonNumbers
+from tega.sim.operator import Operator, PersonNumbers, Rules
 from tega.sim.operator.acting import TrialOfPerson
 from tega.sim.operator.grip import LOOSEST, Decision, GripDecisions
 from tega.sim.operator.person import stream
 from tega.sim.operator.vision import Kind, SeenEvent
 from tega.sim.seams import Percept, WorldTruth
 from tega_figures.information.cloud import STEP_S, GraspCloud
-from tega_figures.information.renewing_person import RenewingOperator
 
 Told = Literal["nothing", "vest", "closure"]
 # A rate of events, per second, that no particle explains.
@@ -61,7 +60,7 @@ class IdealGrip(GripDecisions):
         return min(range(lowest, 6), key=lambda level: self.cloud.expected(level, held_s=held_s))
 
 
-class IdealAgent(RenewingOperator):
+class IdealAgent(Operator):
     """Agent that is told nothing, what a vest shows, or the closure itself.
 
     Args:
@@ -72,7 +71,7 @@ class IdealAgent(RenewingOperator):
     """
 
     def __init__(self, person: PersonNumbers, *, seed: int, told: Told) -> None:
-        super().__init__(person, seed=seed)
+        super().__init__(person, seed=seed, rules=Rules(version=2))
         self._told, self._clouds = told, dict[str, GraspCloud]()
         self._rng = stream(seed, "ideal agent")
         closures = np.arange(1.0, 5.51, 0.05)

@@ -11,11 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.haptics import MotorLevels
-from tega.sim.operator import Operator, PersonNumbers, draw_person, sham_vest
+from tega.sim.operator import Operator, PersonNumbers, Rules, draw_person, sham_vest
 from tega.sim.operator.person import stream
 from tega_figures.information.agent import IdealAgent, Told
 from tega_figures.information.plant import graded_frame, grasp, plant_objects, told_frame
-from tega_figures.information.renewing_person import RenewingOperator
 
 Arm = Literal["off", "vest", "truth", "constant", "unrelated", "inverted", "replayed", "permuted"]
 ARMS: tuple[Arm, ...] = get_args(Arm)
@@ -25,9 +24,6 @@ OUTCOMES = ("slips", "harm", "effort", "cost")
 N_OBJECTS, N_TRIALS = 2, 4
 MARGIN: dict[str, float] = {"slips": 0.1, "harm": 0.05, "effort": 0.02, "cost": 0.1}
 """A sham is null where the 95 % interval of its difference lies within this; the truth must not cost more than this."""
-
-_PEOPLE: dict[Literal[1, 2], type[Operator]] = {1: Operator, 2: RenewingOperator}
-"""Who follows each version of the rules."""
 
 _Vest = Callable[[float, MotorLevels], MotorLevels | None]
 
@@ -83,7 +79,7 @@ def person_outcomes(
         drawn = draw_person(seed)
         person = clear_skin(drawn) if arm == "truth" else drawn
         recorded = _recorded(seed, version, n_trials) if arm == "replayed" else []
-        operator = _PEOPLE[version](person, seed=seed)
+        operator = Operator(person, seed=seed, rules=Rules(version=version))
         told = graded_frame if arm == "truth" else told_frame
         trials = []
         items = plant_objects(stream(seed, "plant objects"), N_OBJECTS)
@@ -91,11 +87,7 @@ def person_outcomes(
             which = number % N_OBJECTS
             worn = _worn(arm, seed, number, recorded)
             if number < N_OBJECTS and worn is not None:
-                if isinstance(operator, RenewingOperator):
-                    operator.practise(str(which), _shown(worn, told))
-                else:
-                    # Whoever learns nothing from practice has met the object all the same.
-                    operator._recall(str(which), 0.0)  # noqa: SLF001  # nothing public recalls without acting
+                operator.practise(str(which), _shown(worn, told))
                 worn = _worn(arm, seed, number, recorded)
             trials.append(
                 grasp(
@@ -168,7 +160,7 @@ def _worn(arm: Arm, seed: int, number: int, recorded: list[list[tuple[float, Mot
 
 def _recorded(seed: int, version: Literal[1, 2], n_trials: int) -> list[list[tuple[float, MotorLevels]]]:
     """Return what the vest showed in each of the person's trials with the vest on."""
-    operator = _PEOPLE[version](draw_person(seed), seed=seed)
+    operator = Operator(draw_person(seed), seed=seed, rules=Rules(version=version))
     items = plant_objects(stream(seed, "plant objects"), N_OBJECTS)
     shown: list[list[tuple[float, MotorLevels]]] = []
     for number in range(N_OBJECTS * n_trials):
