@@ -5,8 +5,6 @@
 
 from __future__ import annotations
 
-import hashlib
-from importlib.resources import files
 from pathlib import Path
 
 import click
@@ -14,6 +12,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from tega.sim.operator import rules_digest
 from tega_figures.information.compare import (
     N_OBJECTS,
     N_TRIALS,
@@ -132,13 +131,6 @@ def table_text(file: Path) -> str:
             verdict = "yes" if null(found) else "no"
         lines.append(f"| {one.who} | {one.arm} | {' | '.join(cells)} | {verdict} |")
     return "\n".join(lines)
-
-
-def rules_digest() -> str:
-    """Return the SHA-256 of the two modules that hold the second version of the rules, one after the other."""
-    folder = files("tega.sim.operator")
-    source = b"".join((folder / name).read_bytes() for name in ("panels.py", "renewing.py"))
-    return hashlib.sha256(source.replace(b"\r\n", b"\n")).hexdigest()
 
 
 def _read(file: Path) -> list[Run]:
