@@ -1,6 +1,7 @@
 """Run the comparison of arms on fresh people, print its table and draw its picture.
 
-``python -m tega_figures.information run FILE``, ``table FILE`` or ``picture FILE PNG``.
+``python -m tega_figures.information run FILE``, ``table FILE`` or ``picture FILE PNG``; of trials of the simulated
+bench, ``condense TRIALS FILE`` and ``bench FILE``.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.sim.operator import rules_digest
+from tega.sim.trials import read_results
+from tega_figures.information.bench import BenchArm, bench_arms, bench_table
 from tega_figures.information.compare import (
     N_OBJECTS,
     N_TRIALS,
@@ -108,6 +111,22 @@ def picture(file: Path, png: Path) -> None:
     )
     axes.set_title("What being told is worth on the one-dimensional plant (simulated)")
     figure.savefig(png, dpi=110)
+
+
+@main.command()
+@click.argument("trials", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+@click.argument("file", type=click.Path(dir_okay=False, path_type=Path))
+def condense(trials: Path, file: Path) -> None:
+    """Take each person's outcomes under each arm from TRIALS, which `sim trials --out` wrote, into FILE."""
+    arms = bench_arms(list(read_results(trials).values()))
+    file.write_bytes(msgspec.json.format(msgspec.json.encode(arms), indent=0))
+
+
+@main.command()
+@click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+def bench(file: Path) -> None:
+    """Print the table of FILE, outcomes of people on the simulated bench, as Markdown."""
+    click.echo(bench_table(msgspec.json.decode(file.read_bytes(), type=list[BenchArm])))
 
 
 def table_text(file: Path) -> str:
