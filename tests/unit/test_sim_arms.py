@@ -25,6 +25,7 @@ from tega.sim.operator.scripted import DEFAULT_COURSE, Step
 from tega.sim.other_trial import other_trial, other_vest
 from tega.sim.plan import TrialPlan
 from tega.sim.practice import practise
+from tega.sim.recorded import LiftRecorder
 from tega.sim.score import REST_S, SLIP_M_S
 from tega.sim.seams import Act, Percept, WorldTruth
 from tega.sim.streams import Streams
@@ -178,6 +179,12 @@ def test_a_replayed_vest_is_another_trial_s_byte_for_byte_and_knows_nothing_of_t
         assert untouched.worn[look] == recorded[newest][1]
 
 
+def test_a_vest_of_the_truth_is_not_recorded_as_one_of_pictures(lab: Lab, tmp_path: Path) -> None:
+    plan = TrialPlan(object="bag", condition="oracle", seed=3, operator="scripted")
+    with pytest.raises(InvalidValueError, match="'oracle' cannot be recorded"):
+        Lift(lab, plan, Wearer(TOUCH), 0, recorder=LiftRecorder(tmp_path / "r", real_time=False))
+
+
 def test_only_the_ideal_vest_is_worn_on_another_skin(lab: Lab) -> None:
     def person(condition: str) -> Operator:
         made = lab.person(TrialPlan.checked({"object": "bag", "condition": condition, "seed": 3}))
@@ -266,8 +273,7 @@ def fingerprint(plan: TrialPlan) -> str:
 
 MACHINE = "GOLDEN"
 """Of a lift by script, which neither person nor condition changes: other arithmetic gives another one."""
-BEFORE = {
-}
+BEFORE: dict[str, str] = {}
 """By condition, as the program gave them before there were rules to choose and controls."""
 
 

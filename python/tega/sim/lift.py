@@ -11,7 +11,8 @@ import numpy as np
 
 from tega.bus import Bus
 from tega.clock import ManualClock, PausableClock, SystemClock
-from tega.config import FINGERS, StageConfig, StagesSection
+from tega.config import FINGERS
+from tega.errors import InvalidValueError
 from tega.inbox.frames import FrameMeter
 from tega.inbox.sources import BlockMeter, SourceReport
 from tega.records import BesideContact, BesideIntent, Contact, Intent
@@ -25,13 +26,12 @@ from tega.sim.pacing import SimulatedPacer
 from tega.sim.plan import TrialPlan, TrialResult
 from tega.sim.rig import CAMERA_DELAY_NS, TrialRig
 from tega.sim.score import LIFT_WINDOW_S, TrialScorer
-from tega.sim.true_touch import TrueTouch
+from tega.sim.true_touch import TrueTouch, touch_of
 from tega.stages.base import MeasuredPicture
-from tega.stages.choose import chosen_stage, vest_mapping
+from tega.stages.choose import chosen_stage
 from tega.teleop.beside import look_on
 from tega.teleop.loop import DualLoop
 from tega.teleop.moment import LoopView, Moment
-from tega.teleop.touch import TouchLoop
 from tega.view.state import EmgTail, ViewState
 from tega.wire import ALLEGRO_RAD_PER_COUNT
 
@@ -74,7 +74,7 @@ class Lift:
         scorer: Counts what happens.
 
     Raises:
-        InvalidValueError: Mass, stiffness or friction is out of range.
+        InvalidValueError: Mass, stiffness or friction is out of range, or the truth was to be recorded.
         MissingExtraError: A package of the extra ``sim`` is not installed.
     """
 
@@ -143,7 +143,12 @@ class Lift:
             skip_untouched=skip_untouched and not _remembers(lab),
             on_act=self._note,
         )
-        self._touch = self._touch_loop()
+        self._touch = touch_of(lab, plan, layout=self.layout)
+        if recorder is not None and isinstance(self._touch, TrueTouch):
+            raise InvalidValueError(
+                f"condition {plan.condition!r} cannot be recorded: its vest is not made of the pictures",
+                "leave --record out, or choose another condition",
+            )
         self._beside = self._look_on()
 
     @property
@@ -261,15 +266,6 @@ class Lift:
         if self.rig.truth.lift_off and self.rig.act.phase in {"lift", "hold"}:
             self._level_sum += intent.level
             self._level_n += 1
-
-    def _touch_loop(self) -> TouchLoop:
-        """Return what makes the vest's frames, of what was measured or of what is true."""
-        config, tells = self._lab.config, self._arm.tells
-        stages = StagesSection(mapping=StageConfig(name="pulses")) if tells == "events" else config.stages
-        mapping, mirror = vest_mapping(stages, self._plan.preset), config.vest.mirror
-        if tells in {"touch", "events"}:
-            return TouchLoop(self._lab.touch, layout=self.layout, mirror=mirror, mapping=mapping)
-        return TrueTouch(tells, self._lab.touch, layout=self.layout, mirror=mirror, mapping=mapping)
 
     def _note(self, percept: Percept, act: Act) -> None:
         if isinstance(self._touch, TrueTouch):

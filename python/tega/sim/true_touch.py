@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 from tega.config import FINGERS, StageConfig, StagesSection
 from tega.errors import InvalidValueError
 from tega.records import Contact, Event
+from tega.sim.conditions import ARMS
 from tega.sim.score import REST_M_S, REST_S, SLIP_M_S
 from tega.stages.choose import vest_mapping
 from tega.teleop.touch import TouchLoop
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
     from tega.calibration import TouchMaxima
     from tega.haptics import Layout, Mirror, MotorLevels
     from tega.sim.conditions import Tells
+    from tega.sim.lab import Lab
+    from tega.sim.plan import TrialPlan
     from tega.sim.seams import WorldTruth
     from tega.stages.base import Mapping as MappingStage
     from tega.stages.base import VestSetup
@@ -96,3 +99,19 @@ class TrueTouch(TouchLoop):
         }
         slips, self._slips = self._slips, []
         return self._told.shown(t_ns, contacts, slips)
+
+
+def touch_of(lab: Lab, plan: TrialPlan, *, layout: Layout) -> TouchLoop:
+    """Return what makes the vest's frames in a trial: of what was measured, or of what is true.
+
+    Args:
+        lab: The person's lab.
+        plan: The trial.
+        layout: Of the vest.
+    """
+    config, tells = lab.config, ARMS[plan.condition].tells
+    stages = StagesSection(mapping=StageConfig(name="pulses")) if tells == "events" else config.stages
+    mapping, mirror = vest_mapping(stages, plan.preset), config.vest.mirror
+    if tells in _SHOWN:
+        return TrueTouch(tells, lab.touch, layout=layout, mirror=mirror, mapping=mapping)
+    return TouchLoop(lab.touch, layout=layout, mirror=mirror, mapping=mapping)

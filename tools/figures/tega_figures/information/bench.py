@@ -48,8 +48,8 @@ def bench_arms(results: Sequence[TrialResult]) -> list[BenchArm]:
     arms = []
     for (rules, condition), people in trials.items():
         rows = []
-        for seed, counted in people.items():
-            slips, harm, effort, _, lifted = np.mean(counted, axis=0).tolist()
+        for seed, of_person in people.items():
+            slips, harm, effort, _, lifted = np.mean(of_person, axis=0).tolist()
             grip = draw_person(seed).grip
             cost = slips + grip.harm_cost * harm + grip.effort_cost * effort
             rows.append([round(one, 6) for one in (slips, harm, effort, cost, lifted)])
