@@ -124,14 +124,10 @@ def test_the_oracle_tells_a_slip_within_a_tick_of_its_onset_and_nothing_before(l
 def test_the_oracle_tells_nothing_without_a_slip(lab: Lab) -> None:
     _, streams = lift(lab, "oracle", HELD)
     assert streams.array("truth", "lift_off").any()
-    t_s, sent = frames(streams)
-    slid_s = streams.array("truth", "t_s")[streams.array("truth", "slip_m_s") >= SLIP_M_S]
-    for start_s in t_s[sent.any(axis=1)]:
-        assert ((slid_s <= start_s) & (slid_s > start_s - 0.3)).any(), "a pulse without sliding"
-    held = t_s > 6.0
-    assert held.sum() > 20
-    assert not sent[held].any()
-    assert not sent[t_s < 3.8].any()
+    assert not (streams.array("truth", "slip_m_s") >= SLIP_M_S).any()
+    _, sent = frames(streams)
+    assert len(sent) > 200
+    assert not sent.any()
 
 
 def truth(speed: float, *, lift_off: bool = True, dropped: bool = False) -> WorldTruth:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tega.sim.operator import rules_digest
 from tega.sim.trials import read_results
-from tega_figures.information.bench import BenchArm, bench_arms, bench_table
+from tega_figures.information.bench import ArmOutcomes, bench_arms, bench_table
 from tega_figures.information.compare import (
     N_OBJECTS,
     N_TRIALS,
@@ -126,7 +126,7 @@ def condense(trials: Path, file: Path) -> None:
 @click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 def bench(file: Path) -> None:
     """Print the table of FILE, outcomes of people on the simulated bench, as Markdown."""
-    click.echo(bench_table(msgspec.json.decode(file.read_bytes(), type=list[BenchArm])))
+    click.echo(bench_table(msgspec.json.decode(file.read_bytes(), type=list[ArmOutcomes])))
 
 
 def table_text(file: Path) -> str:

@@ -16,7 +16,7 @@ from tega_figures.information.compare import OUTCOMES, null, paired
 OFF = "non-haptic"
 
 
-class BenchArm(NamedTuple):
+class ArmOutcomes(NamedTuple):
     """Outcomes of the people under one condition.
 
     Attributes:
@@ -32,7 +32,7 @@ class BenchArm(NamedTuple):
     rows: list[list[float]]
 
 
-def bench_arms(results: Sequence[TrialResult]) -> list[BenchArm]:
+def bench_arms(results: Sequence[TrialResult]) -> list[ArmOutcomes]:
     """Return each arm's outcomes, means over a person's trials, in the order in which arms first come.
 
     Slips and the share of trials with deformation are counted by the scorer; effort is the mean closure level from
@@ -53,11 +53,11 @@ def bench_arms(results: Sequence[TrialResult]) -> list[BenchArm]:
             grip = draw_person(seed).grip
             cost = slips + grip.harm_cost * harm + grip.effort_cost * effort
             rows.append([round(one, 6) for one in (slips, harm, effort, cost, lifted)])
-        arms.append(BenchArm(rules, condition, list(people), rows))
+        arms.append(ArmOutcomes(rules, condition, list(people), rows))
     return arms
 
 
-def bench_table(arms: Sequence[BenchArm]) -> str:
+def bench_table(arms: Sequence[ArmOutcomes]) -> str:
     """Return what happens without a vest, and every arm's difference from that within people, as Markdown."""
     lines = [f"| rules | condition | {' | '.join(OUTCOMES)} | null | lifted |", "|---" * 8 + "|"]
     for arm in sorted(arms, key=lambda one: (one.rules, one.condition != OFF)):
@@ -74,7 +74,7 @@ def bench_table(arms: Sequence[BenchArm]) -> str:
     return "\n".join(lines)
 
 
-def _without(arms: Sequence[BenchArm], arm: BenchArm) -> NDArray[np.float64]:
+def _without(arms: Sequence[ArmOutcomes], arm: ArmOutcomes) -> NDArray[np.float64]:
     """Return the same people's outcomes without a vest, by the same rules."""
     off = next(one for one in arms if one.rules == arm.rules and one.condition == OFF)
     of = dict(zip(off.seeds, off.rows, strict=True))
