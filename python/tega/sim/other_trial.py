@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -31,6 +32,7 @@ def other_trial(plan: TrialPlan) -> TrialPlan:
     )
 
 
+@lru_cache(maxsize=1)  # a practice and the lift after it are replayed the same
 def other_vest(lab: Lab, plan: TrialPlan, number: int) -> list[tuple[float, MotorLevels]]:
     """Return times in seconds and frames of the vest in the other trial; who lifts there has learned nothing yet.
 
