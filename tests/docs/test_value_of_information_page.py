@@ -12,6 +12,7 @@ from tega_figures.information.__main__ import main
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "evidence" / "value-of-information.md"
+STUDY = PAGE.with_name("study-silico.md")
 RESULTS = Path(tega_figures.information.__file__).with_name("fresh.json")
 
 pytestmark = pytest.mark.skipif(not PAGE.is_file(), reason="not a checkout")
@@ -21,6 +22,12 @@ def test_the_page_shows_the_table_of_the_kept_run_and_the_digest_of_the_rules() 
     printed = CliRunner().invoke(main, ["table", str(RESULTS)])
     assert printed.exit_code == 0
     assert printed.output.strip() in PAGE.read_text(encoding="utf-8")
+
+
+def test_the_study_s_page_shows_the_table_of_the_kept_trials_of_the_bench() -> None:
+    printed = CliRunner().invoke(main, ["bench", str(RESULTS.with_name("bench.json"))])
+    assert printed.exit_code == 0
+    assert printed.output.strip() in STUDY.read_text(encoding="utf-8")
 
 
 def test_the_picture_is_drawn(tmp_path: Path) -> None:

@@ -117,6 +117,7 @@ def test_the_demo_prints_one_page_and_no_keyboard_in_a_hurry(
         ("simulated", "non-haptic", "the person wears no vest"),
         ("simulated", "permuted", "sham vest (permuted)"),
         ("simulated", "unfelt", "does not feel it"),
+        ("simulated", "oracle", "wears a vest (oracle)"),
         ("scripted", "haptic", "a fixed course, whatever the vest does"),
         ("keyboard", "haptic", "at the keyboard"),
     ],

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from tega.clock import ManualClock, PausableClock
+from tega.errors import InvalidValueError
 from tega.inbox.stream import NEVER_NS, LiveStream
 from tega.inbox.stuck_frames import LastFrame
-from tega.sim.conditions import CONDITIONS, feels, worn
+from tega.sim.conditions import ARMS, CONDITIONS, SESSION_CONDITIONS, worn
 from tega.sim.hand import SimulatedBus
 from tega.sim.pacing import SimulatedPacer
 from tega.sim.score import TrialScorer
@@ -221,8 +222,16 @@ def test_every_condition_has_a_vest() -> None:
     from tega.haptics import vest_frame
 
     frame = vest_frame([80.0] * 4, [20.0] * 4, layout="x40")
-    shown = {condition: worn(condition, layout="x40", seed=1)(0.5, frame) for condition in CONDITIONS}
-    assert shown["haptic"] == shown["unfelt"] == frame
+    other = vest_frame([10.0] * 4, [90.0] * 4, layout="x40")
+    shown = {
+        condition: worn(condition, layout="x40", seed=1, recorded=[(0.0, other)])(0.5, frame)
+        for condition in CONDITIONS
+    }
+    assert shown["haptic"] == shown["unfelt"] == shown["oracle"] == shown["true-force"] == frame
+    assert shown["replayed"] == other
     assert shown["non-haptic"] is None
-    assert len({None if f is None else f.intensities.tobytes() for f in shown.values()}) >= 6
-    assert [condition for condition in CONDITIONS if not feels(condition)] == ["unfelt"]
+    assert len({None if f is None else f.intensities.tobytes() for f in shown.values()}) >= 7
+    assert tuple(ARMS) == CONDITIONS
+    assert [one for one in CONDITIONS if one not in SESSION_CONDITIONS] == ["unfelt", "ideal-vest"]
+    with pytest.raises(InvalidValueError, match="recorded"):
+        worn("replayed", layout="x40", seed=1)

@@ -9,7 +9,9 @@ import pytest
 
 from tega.sim.operator import Operator, Rules, draw_person, sham_vest, typical_person
 from tega.sim.operator.panels import ConfirmedClosure
+from tega.sim.plan import TrialResult
 from tega_figures.information.agent import IdealAgent
+from tega_figures.information.bench import bench_arms, bench_table
 from tega_figures.information.compare import MARGIN, OUTCOMES, null, paired, person_outcomes
 from tega_figures.information.plant import Grasp, grasp, told_frame
 
@@ -104,6 +106,49 @@ def test_a_null_needs_the_whole_interval_within_the_margin() -> None:
     assert not null(paired(off + rng.standard_normal(off.shape), off))
     shifted = paired(off + 0.5, off)["cost"]
     assert math.isclose(shifted.mean, 0.5)
+
+
+def lifted(seed: int, condition: str, slips: int, *, rules: int = 2) -> TrialResult:
+    return TrialResult(
+        object="bag",
+        condition=condition,  # type: ignore[arg-type]
+        seed=seed,
+        rules=rules,  # type: ignore[arg-type]
+        success=True,
+        slips=slips,
+        deformations=0,
+        drops=0,
+        duration_s=12.0,
+        peak_force_n=3.0,
+        lift_off_s=4.0,
+        lifted_s=6.0,
+        slid_m=0.0,
+        deformation_m=0.0,
+        mean_level=2.5,
+        events=(),
+        simulated_s=12.0,
+    )
+
+
+def test_the_bench_s_arms_are_compared_within_people_and_rules() -> None:
+    off = [lifted(seed, "non-haptic", slips) for seed, slips in ((1, 5), (2, 9), (3, 1))]
+    # One slip less for everybody, told in another order; people of other rules are others.
+    told = [lifted(seed, "oracle", slips) for seed, slips in ((3, 0), (1, 4), (2, 8))]
+    others = [lifted(seed, "non-haptic", 7, rules=1) for seed in (1, 2, 3)]
+    arms = bench_arms([*told, *others, *off])
+    assert [(arm.rules, arm.condition, arm.seeds) for arm in arms] == [
+        (2, "oracle", [3, 1, 2]),
+        (1, "non-haptic", [1, 2, 3]),
+        (2, "non-haptic", [1, 2, 3]),
+    ]
+    effort_cost = draw_person(3).grip.effort_cost
+    assert arms[0].rows[0] == [0.0, 0.0, 0.5, round(0.5 * effort_cost, 6), 1.0]
+    lines = bench_table(arms).splitlines()[2:]
+    assert [line.split(" | ")[:3] for line in lines] == [
+        ["| 1", "`non-haptic`", "7.00"],
+        ["| 2", "`non-haptic`", "5.00"],
+        ["| 2", "`oracle`", "-1.00 (-1.00 to -1.00)"],
+    ]
 
 
 @pytest.mark.deep

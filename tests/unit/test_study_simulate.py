@@ -37,6 +37,7 @@ def content(folder: Path) -> dict[str, bytes]:
         ({"objects": ["moon"]}, "moon"),
         ({"conditions": ["haptic", "sham"]}, "sham"),
         ({"conditions": ["haptic", "unfelt"]}, "unfelt"),
+        ({"conditions": ["ideal-vest", "non-haptic"]}, "ideal-vest"),
         ({"shard": (3, 2)}, "3/2"),
     ],
 )

@@ -27,7 +27,7 @@ def sim() -> None:
     type=NameList(),
     default="haptic,non-haptic",
     show_default=True,
-    help=f"Also event-gated, and the sham arms: {', '.join(CONDITIONS[2:-1])}.",
+    help=f"Of {', '.join(CONDITIONS)}.",
 )
 @click.option(
     "--seeds",
@@ -45,6 +45,13 @@ def sim() -> None:
 )
 @click.option(
     "--practice", type=click.IntRange(0, 100), default=0, show_default=True, help="Lifts before each trial."
+)
+@click.option(
+    "--rules",
+    type=click.IntRange(1, 2),
+    default=1,
+    show_default=True,
+    help="Version of the rules that the persons follow; by 2 they practise first.",
 )
 @click.option("--mass-kg", type=float, help="Instead of each object's own, as the two below.")
 @click.option("--stiffness-n-m", type=float, help="Of its wall.")
@@ -70,6 +77,7 @@ def trials(
     first_seed: int,
     operator: str,
     practice: int,
+    rules: int,
     mass_kg: float | None,
     stiffness_n_m: float | None,
     friction: float | None,
@@ -108,6 +116,7 @@ def trials(
         range(first_seed, first_seed + n_seeds),
         operator=operator,
         practice=practice,
+        rules=rules,
         preset=preset,
         mass_kg=mass_kg,
         stiffness_n_m=stiffness_n_m,

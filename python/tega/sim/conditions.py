@@ -1,17 +1,25 @@
-"""Choose what the worn vest does under each condition of a comparison, and whether it is felt.
+"""Choose what the worn vest tells under each condition of a comparison, and through which motors and skin.
 
 ``haptic`` shows the loop's frames, ``non-haptic`` nothing, ``event-gated`` pulses at contact, slip and release, which
-the person is told. The others are sham arms. Their person is told what the
-haptic arm's is told, and has the same chance in everything else: a benefit that they show too does not come from
-what the vest tells. See :mod:`tega.sim.operator.shams`.
+the person is told.
+
+The shams tell nothing or something else. Their person is told what the haptic arm's is told, and has the same chance
+in everything else: a benefit that they show too does not come from what the vest tells. See
+:mod:`tega.sim.operator.shams`.
+
+The positive controls tell what is so, which no sensor has to find out: a person who gains nothing from these could not
+have gained from a vest. ``oracle`` pulses at true slips, ``true-force`` shows the pads' true forces by the law of the
+real vest, ``ideal-vest`` shows them in proportion, on a skin that misses nothing. From one to the next, ``ideal-vest``,
+``true-force``, ``haptic`` add the real vest with its wearer's skin, and the real reading of pictures.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal, get_args
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Final, Literal, NamedTuple, TypeAlias, get_args
 
 if TYPE_CHECKING:
-    from tega.haptics import Layout
+    from tega.haptics import Layout, MotorLevels
     from tega.sim.operator.shams import Sham, ShamName
 
 
@@ -21,40 +29,86 @@ Condition = Literal[
     "silent",
     "constant",
     "unrelated",
+    "replayed",
     "permuted",
     "inverted",
     "half",
     "unfelt",
     "event-gated",
+    "oracle",
+    "true-force",
+    "ideal-vest",
 ]
 
 CONDITIONS: tuple[Condition, ...] = get_args(Condition)
-"""Haptic, non-haptic, the sham arms, and event-gated."""
+"""Haptic, non-haptic, the sham arms, event-gated, and the positive controls."""
 
-PULSES: Condition = "event-gated"
-"""The condition in which the vest tells events only."""
+Tells: TypeAlias = Literal["touch", "events", "true slips", "true force", "true force, linear"]
+"""What the vest's frames are made of: what the loop measured, or what is true in the simulated world."""
 
-_SHAMS: dict[Condition, ShamName] = {
-    "haptic": "informative",
-    "non-haptic": "off",
-    "silent": "silent",
-    "constant": "constant",
-    "unrelated": "unrelated",
-    "permuted": "permuted",
-    "inverted": "inverted",
-    "half": "half",
-    "unfelt": "informative",
-    "event-gated": "informative",
+WornOn: TypeAlias = Literal["own", "clear", "none"]
+"""Skin that the motors reach: the person's own, one that misses nothing, or none."""
+
+
+class Arm(NamedTuple):
+    """One condition of a comparison.
+
+    Attributes:
+        tells: What the frames are made of.
+        sham: What is worn of them, see :func:`tega.sim.operator.sham_vest`.
+        skin: What the motors reach.
+    """
+
+    tells: Tells = "touch"
+    sham: ShamName = "informative"
+    skin: WornOn = "own"
+
+    @property
+    def pulses(self) -> bool:
+        """Whether events are told by pulses, which the person knows."""
+        return self.tells in {"events", "true slips"}
+
+
+ARMS: Final[dict[Condition, Arm]] = {
+    "haptic": Arm(),
+    "non-haptic": Arm(sham="off"),
+    "silent": Arm(sham="silent"),
+    "constant": Arm(sham="constant"),
+    "unrelated": Arm(sham="unrelated"),
+    "replayed": Arm(sham="replayed"),
+    "permuted": Arm(sham="permuted"),
+    "inverted": Arm(sham="inverted"),
+    "half": Arm(sham="half"),
+    "unfelt": Arm(skin="none"),
+    "event-gated": Arm("events"),
+    "oracle": Arm("true slips"),
+    "true-force": Arm("true force"),
+    "ideal-vest": Arm("true force, linear", skin="clear"),
 }
+"""What each condition is."""
+
+SESSION_CONDITIONS: tuple[Condition, ...] = tuple(name for name, arm in ARMS.items() if arm.skin == "own")
+"""Those that one person can meet in one session: their own skin stays on."""
 
 
-def worn(condition: Condition, *, layout: Layout, seed: int) -> Sham:
-    """Return the function that turns the loop's vest frames into those that are worn."""
+def worn(
+    condition: Condition,
+    *,
+    layout: Layout,
+    seed: int,
+    recorded: Sequence[tuple[float, MotorLevels]] = (),
+) -> Sham:
+    """Return the function that turns the frames that were made into those that are worn.
+
+    Args:
+        condition: The arm.
+        layout: Of the vest.
+        seed: Of the shams that draw.
+        recorded: For ``replayed``: times in seconds and frames of another trial.
+
+    Raises:
+        InvalidValueError: ``replayed`` has nothing to replay.
+    """
     from tega.sim.operator import sham_vest
 
-    return sham_vest(_SHAMS[condition], seed=seed, layout=layout)
-
-
-def feels(condition: Condition) -> bool:
-    """Return whether the person feels what the vest does."""
-    return condition != "unfelt"
+    return sham_vest(ARMS[condition].sham, seed=seed, layout=layout, recorded=recorded)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from tega.config import FINGERS
+from tega.sim.conditions import ARMS
 from tega.sim.lab import lab_of
 from tega.sim.plan import TrialPlan, TrialResult
 from tega.sim.streams import Streams
@@ -190,7 +191,10 @@ def _who(plan: TrialPlan) -> str:
         "haptic": "feels the vest",
         "non-haptic": "wears no vest",
         "unfelt": "wears the vest and does not feel it",
-    }.get(plan.condition, f"wears a sham vest ({plan.condition})")
+    }.get(plan.condition)
+    if vest is None:
+        kind = "vest" if ARMS[plan.condition].sham == "informative" else "sham vest"
+        vest = f"wears a {kind} ({plan.condition})"
     return f"the person {vest} and steers with three muscles"
 
 

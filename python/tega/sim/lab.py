@@ -19,10 +19,11 @@ from tega.device_items import TactileFrame
 from tega.errors import InvalidValueError
 from tega.inbox.frames import FrameMeter
 from tega.inbox.sources import SourceReport
-from tega.sim.conditions import feels
+from tega.sim.conditions import ARMS
 from tega.sim.gel import Gel, ball, board
 from tega.sim.plan import loop_settings
 from tega.sim.seams import Indenter
+from tega.sim.true_touch import FULL_N
 from tega.stages.choose import block_s, finger_metric, muscle_decoder
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tega.calibration import TouchMaxima
-    from tega.sim.operator import Calibrated, ForearmEmg, Operator, Parameters, ScriptedOperator
+    from tega.sim.operator import Calibrated, ForearmEmg, Operator, Parameters, RulesVersion, ScriptedOperator
     from tega.sim.trial import TrialPlan
     from tega.stages.base import Decoder, Metric
 
@@ -46,7 +47,6 @@ PRESS_FRAMES = 24
 # Between two presses, longer than the gel needs to be told from a touched one.
 PAUSE_FRAMES = 90
 FRAME_NS = round(1e9 / 60)
-PRESS_N = 8.0
 MARBLE_RADIUS_MM = 12.0
 BASELINE_FRAMES = 30
 
@@ -90,10 +90,11 @@ class Lab:
         self.baselines = {finger: _baseline(gel) for finger, gel in self.gels.items()}
         self.touch: Mapping[str, TouchMaxima] = {finger: self._press(finger) for finger in FINGERS}
 
-    @property
-    def digest(self) -> str:
-        """First digits of the parameter file's SHA-256."""
-        return self._parameters.digest[:16]
+    def digest(self, rules: RulesVersion) -> str:
+        """Return the first digits of the SHA-256 that says who the people are who follow these rules."""
+        from tega.sim.operator import people_digest
+
+        return people_digest(self._parameters.digest, rules)[:16]
 
     def emg(self, lift: str) -> ForearmEmg:
         """Return the forearm's EMG for one lift, by its name: other lifts, other noise."""
@@ -107,14 +108,21 @@ class Lab:
         Raises:
             InvalidValueError: The plan's is at a keyboard.
         """
-        from tega.sim.operator import Operator, ScriptedOperator
+        from tega.sim.operator import Operator, Rules, ScriptedOperator, clear_skin
 
         full_effort = self.calibrated.full_effort
         if plan.operator == "scripted":
             return ScriptedOperator(full_effort=full_effort)
         if plan.operator == "keyboard":
             raise InvalidValueError("nobody is at the keyboard", "give run_trial() a person")
-        return Operator(self._someone, seed=self._seed, feels=feels(plan.condition), full_effort=full_effort)
+        skin = ARMS[plan.condition].skin
+        return Operator(
+            clear_skin(self._someone) if skin == "clear" else self._someone,
+            seed=self._seed,
+            feels=skin != "none",
+            full_effort=full_effort,
+            rules=Rules(version=plan.rules),
+        )
 
     def metric(self, finger: str) -> Metric:
         """Make the metric of a finger."""
@@ -144,7 +152,7 @@ class Lab:
         for number in range(PRESSES * (PRESS_FRAMES + PAUSE_FRAMES)):
             press, since = divmod(number, PRESS_FRAMES + PAUSE_FRAMES)
             force_n = (
-                PRESS_N * math.sin(math.pi * (since + 0.5) / PRESS_FRAMES) if since < PRESS_FRAMES else 0.0
+                FULL_N * math.sin(math.pi * (since + 0.5) / PRESS_FRAMES) if since < PRESS_FRAMES else 0.0
             )
             image = gel.frame([_object(press, force_n)], number)
             contact = meter.take(TactileFrame(number, number * FRAME_NS, image, "simulated press"))

@@ -11,25 +11,27 @@ import numpy as np
 
 from tega.bus import Bus
 from tega.clock import ManualClock, PausableClock, SystemClock
-from tega.config import FINGERS, StageConfig, StagesSection
+from tega.config import FINGERS
+from tega.errors import InvalidValueError
 from tega.inbox.frames import FrameMeter
 from tega.inbox.sources import BlockMeter, SourceReport
 from tega.records import BesideContact, BesideIntent, Contact, Intent
 from tega.safety.guard import Guard
 from tega.sim.beside import BesideNotes
-from tega.sim.conditions import PULSES, worn
+from tega.sim.conditions import ARMS, worn
 from tega.sim.hand import SimulatedAllegro, SimulatedBus
 from tega.sim.lab import EMG_HZ
+from tega.sim.other_trial import other_vest
 from tega.sim.pacing import SimulatedPacer
 from tega.sim.plan import TrialPlan, TrialResult
 from tega.sim.rig import CAMERA_DELAY_NS, TrialRig
 from tega.sim.score import LIFT_WINDOW_S, TrialScorer
+from tega.sim.true_touch import TrueTouch, touch_of
 from tega.stages.base import MeasuredPicture
-from tega.stages.choose import chosen_stage, vest_mapping
+from tega.stages.choose import chosen_stage
 from tega.teleop.beside import look_on
 from tega.teleop.loop import DualLoop
 from tega.teleop.moment import LoopView, Moment
-from tega.teleop.touch import TouchLoop
 from tega.view.state import EmgTail, ViewState
 from tega.wire import ALLEGRO_RAD_PER_COUNT
 
@@ -64,9 +66,15 @@ class Lift:
         recorder: What records it.
         muted: Asked whether somebody has switched the vest off.
         skip_untouched: Whether fingertips that nothing touches go without rendering.
+        lift_by_s: When it is over unless the object was lifted by then, seconds.
+
+    Attributes:
+        layout: Which motors the vest has.
+        rig: What is simulated.
+        scorer: Counts what happens.
 
     Raises:
-        InvalidValueError: Mass, stiffness or friction is out of range.
+        InvalidValueError: Mass, stiffness or friction is out of range, or the truth was to be recorded.
         MissingExtraError: A package of the extra ``sim`` is not installed.
     """
 
@@ -82,6 +90,7 @@ class Lift:
         recorder: LiftRecorder | None = None,
         muted: Callable[[], bool] = lambda: False,
         skip_untouched: bool = True,
+        lift_by_s: float = LIFT_WINDOW_S,
     ) -> None:
         from tega.sim.operator import Operator
         from tega.sim.world import FULL_DUTY_NM, GRASP_POSES_RAD, OBJECTS, World, hand_controller
@@ -95,16 +104,18 @@ class Lift:
         self._lab, self._plan, self._person = lab, plan, person
         self._streams, self._recorder = streams, recorder
         self._full_duty_nm = FULL_DUTY_NM
-        self._layout: Layout = lab.config.vest.layout or _LAYOUT
+        self.layout: Layout = lab.config.vest.layout or _LAYOUT
         self._controller = hand_controller()
         self._level_sum = self._level_n = 0
         maxima = lab.calibrated
         decoder = lab.decoder()
         self._emg_full = np.array(decoder.full_scale or maxima.maxima)
         self.scorer = TrialScorer(spec.harm_m)
-        self._told_events = plan.condition == PULSES
+        self._arm = ARMS[plan.condition]
+        # Before this lift's own rig is made: the gels are the lab's, and forget what touched them when a rig begins.
+        recorded = other_vest(lab, plan, number) if self._arm.sham == "replayed" else ()
         if isinstance(person, Operator):
-            person.pulses = self._told_events
+            person.pulses = self._arm.pulses
         person.begin(plan.object, width_m=spec.diameter_m, trial=number, rest_s=_REST_S)
         self._emg = lab.emg(f"{plan.object} {number}")
         self._emg.fatigue = fatigue
@@ -117,7 +128,7 @@ class Lift:
             baselines=lab.baselines,
             person=person,
             emg=self._emg,
-            worn=worn(plan.condition, layout=self._layout, seed=plan.seed),
+            worn=worn(plan.condition, layout=self.layout, seed=plan.seed, recorded=recorded),
             meters={
                 finger: FrameMeter(lab.baselines[finger], lab.metric(finger), SourceReport(), live=False)
                 for finger in FINGERS
@@ -126,12 +137,18 @@ class Lift:
             block_ns=round(maxima.tau * 1e9 / EMG_HZ),
             scorer=self.scorer,
             bus=self._bus,
-            end_s=LIFT_WINDOW_S + _AFTER_S,
-            lift_by_s=LIFT_WINDOW_S,
+            end_s=lift_by_s + _AFTER_S,
+            lift_by_s=lift_by_s,
             muted=muted,
             skip_untouched=skip_untouched and not _remembers(lab),
             on_act=self._note,
         )
+        self._touch = touch_of(lab, plan, layout=self.layout)
+        if recorder is not None and isinstance(self._touch, TrueTouch):
+            raise InvalidValueError(
+                f"condition {plan.condition!r} cannot be recorded: its vest is not made of the pictures",
+                "leave --record out, or choose another condition",
+            )
         self._beside = self._look_on()
 
     @property
@@ -174,10 +191,10 @@ class Lift:
         pacer = SimulatedPacer(clock, rig.advance_to)
         pacer.start()
         if self._recorder is not None:
-            self._recorder.begin(self._lab, self._bus, layout=self._layout)
+            self._recorder.begin(self._lab, self._bus, layout=self.layout)
         loop = DualLoop(
             pacer=pacer,
-            touch=self._touch(),
+            touch=self._touch,
             contacts=rig.contacts,
             levels=rig.levels,
             hand=SimulatedAllegro(self._controller, encoders),
@@ -210,7 +227,7 @@ class Lift:
             mean_level=self._level_sum / self._level_n if self._level_n else 0.0,
             events=tuple(scorer.events),
             simulated_s=simulated_s,
-            person=self._lab.digest if self._plan.operator == "simulated" else "",
+            person=self._lab.digest(self._plan.rules) if self._plan.operator == "simulated" else "",
             beside=() if self._beside is None else self._beside.results(),
         )
 
@@ -250,17 +267,9 @@ class Lift:
             self._level_sum += intent.level
             self._level_n += 1
 
-    def _touch(self) -> TouchLoop:
-        config = self._lab.config
-        stages = StagesSection(mapping=StageConfig(name="pulses")) if self._told_events else config.stages
-        return TouchLoop(
-            self._lab.touch,
-            layout=self._layout,
-            mirror=config.vest.mirror,
-            mapping=vest_mapping(stages, self._plan.preset),
-        )
-
     def _note(self, percept: Percept, act: Act) -> None:
+        if isinstance(self._touch, TrueTouch):
+            self._touch.watch(percept.t_s, percept.scene)
         if self._streams is not None:
             self._streams.act(percept, act)
 

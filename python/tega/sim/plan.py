@@ -30,6 +30,8 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
         friction: Between object and gel.
         settings: Of the loop, as ``key=value``: those of stages (``stages.metric.name=reading``) and
             :data:`tega.config.LOOP_KEYS`.
+        rules: Version of the rules that a simulated person follows, see :class:`tega.sim.operator.Rules`; 2 practises
+            with object and vest first, see :mod:`tega.sim.practice`.
     """
 
     object: str
@@ -42,6 +44,7 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     stiffness_n_m: float | None = None
     friction: float | None = None
     settings: tuple[str, ...] = ()
+    rules: Literal[1, 2] = 1
 
     @classmethod
     def checked(cls, fields: dict[str, Any]) -> Self:
@@ -105,7 +108,8 @@ class TrialResult(TrialPlan, frozen=True, kw_only=True):
         mean_level: Mean closure level from lift-off until it was put down; 0 without lift-off.
         events: What happened when.
         simulated_s: Time simulated, practice included, seconds.
-        person: First digits of the parameter file's SHA-256; empty without a simulated person.
+        person: First digits of the SHA-256 of the people's numbers, and by version 2 of their rules as well; empty
+            without a simulated person.
         beside: What the stages beside the connected ones said.
     """
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from tega.sim.lab import lab_of
 from tega.sim.lift import Lift
 from tega.sim.plan import TrialPlan, TrialResult
+from tega.sim.practice import practise
 
 if TYPE_CHECKING:
     from tega.sim.recorded import LiftRecorder
@@ -58,7 +59,7 @@ def run_trial(
     """
     lab = lab_of(plan.seed, plan.preset, plan.settings)
     someone = lab.person(plan) if person is None else person
-    simulated_s = fatigue = 0.0
+    simulated_s, fatigue = practise(lab, plan, someone), 0.0
     for lift in range(plan.practice + 1):
         last = lift == plan.practice
         run = Lift(

@@ -65,7 +65,7 @@ def run_trials(
 
     Raises:
         MissingExtraError: A package of the extra ``sim`` is not installed.
-        RecordingError: ``out`` holds something else, or results of persons with other parameters.
+        RecordingError: ``out`` holds something else, or results of persons with other parameters or rules.
     """
     known = read_results(out) if out is not None else {}
     if out is not None:
@@ -123,14 +123,15 @@ def read_results(path: Path) -> dict[TrialPlan, TrialResult]:
 
 
 def _check_persons(path: Path, results: Iterable[TrialResult]) -> None:
-    """Refuse results of simulated persons whose parameters were not today's."""
-    from tega.sim.operator import load_parameters
+    """Refuse results of simulated persons whose parameters, or rules, were not today's."""
+    from tega.sim.operator import load_parameters, people_digest
 
-    today = load_parameters().digest
+    numbers = load_parameters().digest
     for result in results:
+        today = people_digest(numbers, result.rules)
         if not today.startswith(result.person):
             raise RecordingError(
-                f"{path.name}: made with the person's parameters {result.person}, which are {today[:16]} now",
+                f"{path.name}: made with people {result.person}, who are {today[:16]} now",
                 "name a new file",
             )
 

@@ -103,6 +103,8 @@ def _provenance(analysis: Analysis, files: Mapping[str, str]) -> list[list[str]]
             ["parameters_sha256", stated.parameters_sha256],
             ["parameters", "frozen before the first run" if stated.frozen else "changed"],
             *([f"everyone {name}", _cell(value)] for name, value in stated.everyone.items()),
+            ["rules", str(stated.rules)],
+            ["people_sha256", stated.people_sha256],
             ["preset", stated.preset],
             ["version", stated.version],
         ]

@@ -85,6 +85,10 @@ SHARD = _Shard()
     "--parameters", type=click.Path(path_type=Path, dir_okay=False, exists=True), metavar="FILE.toml",
     help="A changed parameter file for the people; the report then calls it changed.",
 )  # fmt: skip
+@click.option(
+    "--rules", type=click.IntRange(1, 2), default=1, show_default=True,
+    help="Version of the rules that the people follow; by 2 they practise first.",
+)  # fmt: skip
 @loop_options
 @json_option
 def simulate(
@@ -99,6 +103,7 @@ def simulate(
     shard: tuple[int, int],
     dask: str,
     parameters: Path | None,
+    rules: Literal[1, 2],
     preset: Literal["paper", "live"],
     config: Path | None,
     sets: tuple[str, ...],
@@ -128,6 +133,7 @@ def simulate(
             parameters=parameters,
             preset=preset,
             settings=loop_sets(config, sets),
+            rules=rules,
             progress=progress,
         )
     left = unfinished(out, plan)

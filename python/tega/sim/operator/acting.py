@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -22,17 +21,21 @@ from tega.sim.operator.motor import MuscleMotor
 from tega.sim.operator.panels import ConfirmedClosure
 from tega.sim.operator.person import PersonNumbers, stream
 from tega.sim.operator.renewing import RenewingGrip
+from tega.sim.operator.rules import Rules
 from tega.sim.operator.vest_sense import LOOK_S, Skin
 from tega.sim.operator.vision import Eyes, SeenEvent
 from tega.sim.seams import Act, Percept
+
+PRACTISED_LEVELS = (2, 3, 4, 5, 4, 3, 2, 3, 4, 5)
+"""Levels gone through in practice."""
+
+PRACTICE_S = 1.5
+"""How long each is held, seconds."""
 
 _TICK_S = 0.01
 _VEST_READ_S = 0.5
 # How long after a command has been followed the closure aimed at is a fair guess of the real one.
 _FRESH_S = 1.0
-# Levels gone through in practice, and how long each is held, seconds.
-_PRACTISED = (2, 3, 4, 5, 4, 3, 2, 3, 4, 5)
-_PRACTICE_S = 1.5
 _PANELS: tuple[Panel, Panel] = ("front", "back")
 
 
@@ -47,23 +50,6 @@ class TrialOfPerson:
     last_s: float = -_TICK_S
     next_decision_s: float = 0.0
     next_vest_read_s: float = 0.0
-
-
-class Rules(NamedTuple):
-    """Rules that the person follows, each switched off to see what it does.
-
-    Attributes:
-        onset: Vibration after silence is taken for contact.
-        weaker: Weakening vibration is answered by one level more.
-        reading: Closure is read from the vest once its lines are known.
-        version: Of the rules. 2 is :mod:`tega.sim.operator.renewing` and :mod:`tega.sim.operator.panels`: nothing that
-            the vest tells is followed before the panel has shown that it follows the closure.
-    """
-
-    onset: bool = True
-    weaker: bool = True
-    reading: bool = True
-    version: Literal[1, 2] = 1
 
 
 class Operator:
@@ -180,9 +166,9 @@ class Operator:
             stream(self._seed, "operator", name, "practice", what) for what in ("vest", "touch", "link")
         )
         self._skin.begin(rest_s=0.0, noise=noise, reaction=reaction, link=link)
-        looks_per_level = round(_PRACTICE_S / LOOK_S)
-        for n in range(len(_PRACTISED) * looks_per_level):
-            level = _PRACTISED[n // looks_per_level]
+        looks_per_level = round(PRACTICE_S / LOOK_S)
+        for n in range(len(PRACTISED_LEVELS) * looks_per_level):
+            level = PRACTISED_LEVELS[n // looks_per_level]
             for tick in range(5):
                 t_s = n * LOOK_S + tick * _TICK_S
                 self._skin.feel(t_s, _TICK_S, shown(t_s, float(level)))

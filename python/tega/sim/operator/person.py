@@ -188,6 +188,30 @@ def draw_person(seed: int, parameters: Parameters | None = None) -> PersonNumber
     return msgspec.convert(values, PersonNumbers)
 
 
+def clear_skin(person: PersonNumbers) -> PersonNumbers:
+    """Return the person with a skin that misses nothing: no noise, no delay, no threshold to speak of.
+
+    Motors neither lag nor need a start, but still go in steps of a fifteenth. Reaction times stay.
+    """
+    vest = msgspec.structs.replace(
+        person.vest,
+        weber=0.01,
+        lapse=0.0,
+        adapt_gain=0.0,
+        link_ms=0.0,
+        link_sd_ms=0.0,
+        dead_ms=0.0,
+        lag_up_ms=1.0,
+        lag_down_ms=1.0,
+        start_level=1.0,
+        spread=0.0,
+        threshold=0.03,
+        threshold_log_sd=0.05,
+        panel_swap=0.0,
+    )
+    return msgspec.structs.replace(person, vest=vest)
+
+
 def stream(seed: int, *names: str | int) -> np.random.Generator:
     """Return the random stream of one named process.
 

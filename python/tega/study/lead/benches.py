@@ -196,9 +196,9 @@ class SimulatedBench:
 
     def felt(self, condition: str) -> bool:
         """Tell whether the vest shows touch."""
-        from tega.sim.conditions import CONDITIONS, feels
+        from tega.sim.conditions import SESSION_CONDITIONS
 
-        if condition not in CONDITIONS or not feels(condition):
+        if condition not in SESSION_CONDITIONS:
             raise InvalidValueError(
                 f"condition {condition!r} cannot be simulated", "plan with haptic, non-haptic and event-gated"
             )

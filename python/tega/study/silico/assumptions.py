@@ -18,6 +18,7 @@ from tega.foreign_file import parse_toml, read_foreign, read_words
 from tega.toml_text import tree_text
 
 if TYPE_CHECKING:
+    from tega.sim.operator import RulesVersion
     from tega.sim.operator.person import Parameter
 
 
@@ -34,6 +35,8 @@ class Assumptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
         everyone: Parameters, ``section.name``, that everybody had the same value of, instead of the population's.
         preset: Readings of the loop.
         settings: Of the loop, as ``key=value``, see :class:`tega.sim.plan.TrialPlan`.
+        rules: Version of the rules that the people followed.
+        people_sha256: Of the people's numbers, and by version 2 of their rules as well; empty in older studies.
         objects: What was lifted, attributes by name, as in :class:`tega.sim.world.ObjectSpec`.
     """
 
@@ -43,6 +46,8 @@ class Assumptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     everyone: dict[str, float] = {}
     preset: Literal["paper", "live"] = "live"
     settings: tuple[str, ...] = ()
+    rules: Literal[1, 2] = 1
+    people_sha256: str = ""
     objects: dict[str, dict[str, Any]] = {}
 
 
@@ -53,6 +58,7 @@ def assume(
     everyone: dict[str, float] | None = None,
     preset: Literal["paper", "live"] = "live",
     settings: tuple[str, ...] = (),
+    rules: RulesVersion = 1,
 ) -> tuple[Assumptions, bytes]:
     """State what a study takes for granted.
 
@@ -62,6 +68,7 @@ def assume(
         everyone: As in :class:`Assumptions`.
         preset: Likewise.
         settings: Likewise.
+        rules: Likewise.
 
     Returns:
         The statement, and the parameter file.
@@ -72,7 +79,7 @@ def assume(
         RecordingError: The file cannot be read.
     """
     from tega._native import __version__
-    from tega.sim.operator import load_parameters
+    from tega.sim.operator import load_parameters, people_digest
     from tega.sim.plan import loop_settings
     from tega.sim.world import OBJECTS
 
@@ -91,6 +98,8 @@ def assume(
         everyone=dict(sorted((everyone or {}).items())),
         preset=preset,
         settings=settings,
+        rules=rules,
+        people_sha256=people_digest(loaded.digest, rules),
         objects={name: msgspec.to_builtins(OBJECTS[name]) for name in objects},
     )
     return stated, content

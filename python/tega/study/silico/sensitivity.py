@@ -127,6 +127,7 @@ def run_sensitivity(
             parameters=folder / PARAMETERS,
             everyone=change.everyone,
             preset=change.preset,
+            rules=stated.rules,
         )
         made.append((change, where, plan))
         if (len(made) - 1) % parts == part - 1:

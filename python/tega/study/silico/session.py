@@ -89,12 +89,15 @@ def _go(job: SessionJob, folder: Path) -> None:
     from tega.sim.lab import Lab
     from tega.sim.lift import Lift
     from tega.sim.plan import TrialPlan
+    from tega.sim.practice import practise
     from tega.sim.streams import Streams
 
-    preset, settings = job.assumptions.preset, job.assumptions.settings
+    stated = job.assumptions
+    same = {"preset": stated.preset, "settings": stated.settings, "rules": stated.rules}
     seed = person_seed(job.settings.seed or 0, job.person)
-    lab = Lab(seed, preset, job.parameters, settings=settings)
-    mind = lab.person(TrialPlan(object=job.settings.objects[0], seed=seed, preset=preset, settings=settings))
+    lab = Lab(seed, stated.preset, job.parameters, settings=stated.settings)
+    mind = lab.person(TrialPlan.checked({"object": job.settings.objects[0], "seed": seed, **same}))
+    practised: set[tuple[str, str]] = set()
     fatigue, t_ns = 0.0, 0
     pictured: set[str] = set()
     with Journal(events_path(folder, job.person)) as journal:
@@ -103,14 +106,11 @@ def _go(job: SessionJob, folder: Path) -> None:
             t_ns += round(trial.rest_s * 1e9)
             streams = Streams()
             asked = TrialPlan.checked(
-                {
-                    "object": trial.object,
-                    "condition": trial.condition,
-                    "seed": seed,
-                    "preset": preset,
-                    "settings": settings,
-                }
+                {"object": trial.object, "condition": trial.condition, "seed": seed, **same}
             )
+            if (trial.object, trial.condition) not in practised:
+                practised.add((trial.object, trial.condition))
+                practise(lab, asked, mind, trial.trial)
             lift = Lift(lab, asked, mind, trial.trial, fatigue=fatigue, streams=streams)
             lift.go(real_time=False, observer=None, stop=lambda: False, paused=lambda: False)
             fatigue = lift.fatigue

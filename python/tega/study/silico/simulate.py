@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from tega.errors import InvalidValueError
 from tega.study.journal import read_events
@@ -19,6 +19,9 @@ from tega.study.silico.assumptions import (
 from tega.study.silico.session import RUNNING, SessionJob
 from tega.study.silico.spread import Progress, run_sessions
 from tega.study.state import derive, events_path
+
+if TYPE_CHECKING:
+    from tega.sim.operator import RulesVersion
 
 
 def ensure_plan(plan: StudyPlan, folder: Path, files: Mapping[str, bytes] = {}) -> None:
@@ -65,6 +68,7 @@ def simulate(
     parameters: Path | None = None,
     preset: Literal["paper", "live"] = "live",
     settings: tuple[str, ...] = (),
+    rules: RulesVersion = 1,
     jobs: int = 0,
     shard: tuple[int, int] = (1, 1),
     dask: str = "",
@@ -77,11 +81,12 @@ def simulate(
         operators: How many people.
         seed: Of everything.
         objects: Names in :data:`tega.sim.world.OBJECTS`.
-        conditions: Arms of :data:`tega.sim.conditions.CONDITIONS` that are felt; the first is compared with the second.
+        conditions: Of :data:`tega.sim.conditions.SESSION_CONDITIONS`; the first is compared with the second.
         trials: Per person, object and condition.
         parameters: A changed parameter file for the people; none means the frozen one.
         preset: Readings of the loop.
         settings: Of the loop, as ``key=value``: stages, layout and mirror.
+        rules: Version of the rules that the people follow.
         jobs: Worker processes; 0 for as many as there are cores.
         shard: ``(i, n)``: only the i-th of n parts of the people, from 1.
         dask: Address of a dask scheduler, whose workers are used instead of this machine's cores.
@@ -108,6 +113,7 @@ def simulate(
         parameters=parameters,
         preset=preset,
         settings=settings,
+        rules=rules,
     )
     mine = plan.participants[part - 1 :: parts]
     run_sessions(jobs_of(folder, plan, stated, mine), workers=jobs, dask=dask, progress=progress)
@@ -128,17 +134,19 @@ def made_study(
     everyone: dict[str, float] | None = None,
     preset: Literal["paper", "live"] = "live",
     settings: tuple[str, ...] = (),
+    rules: RulesVersion = 1,
 ) -> tuple[StudyPlan, Assumptions]:
     """Plan a study in silico and write plan and assumptions, or find the same ones; see :func:`simulate`.
 
-    ``everyone``, ``preset`` and ``settings`` are those of :class:`tega.study.silico.assumptions.Assumptions`.
+    ``everyone``, ``preset``, ``settings`` and ``rules`` are those of
+    :class:`tega.study.silico.assumptions.Assumptions`.
     """
-    from tega.sim.conditions import CONDITIONS, feels
+    from tega.sim.conditions import SESSION_CONDITIONS
     from tega.sim.world import OBJECTS
 
     for what, names, known in (
         ("objects", objects, list(OBJECTS)),
-        ("conditions", conditions, [one for one in CONDITIONS if feels(one)]),
+        ("conditions", conditions, SESSION_CONDITIONS),
     ):
         for name in names:
             if name not in known:
@@ -154,7 +162,12 @@ def made_study(
         simulated=True,
     )
     stated, content = assume(
-        list(objects), parameters=parameters, everyone=everyone, preset=preset, settings=settings
+        list(objects),
+        parameters=parameters,
+        everyone=everyone,
+        preset=preset,
+        settings=settings,
+        rules=rules,
     )
     ensure_plan(plan, folder, assumption_files(stated, content))
     return plan, stated

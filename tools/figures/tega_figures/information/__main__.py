@@ -1,12 +1,11 @@
 """Run the comparison of arms on fresh people, print its table and draw its picture.
 
-``python -m tega_figures.information run FILE``, ``table FILE`` or ``picture FILE PNG``.
+``python -m tega_figures.information run FILE``, ``table FILE`` or ``picture FILE PNG``; of trials of the simulated
+bench, ``condense TRIALS FILE`` and ``bench FILE``.
 """
 
 from __future__ import annotations
 
-import hashlib
-from importlib.resources import files
 from pathlib import Path
 
 import click
@@ -14,6 +13,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from tega.sim.operator import rules_digest
+from tega.sim.trials import read_results
+from tega_figures.information.bench import ArmOutcomes, bench_arms, bench_table
 from tega_figures.information.compare import (
     N_OBJECTS,
     N_TRIALS,
@@ -111,6 +113,22 @@ def picture(file: Path, png: Path) -> None:
     figure.savefig(png, dpi=110)
 
 
+@main.command()
+@click.argument("trials", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+@click.argument("file", type=click.Path(dir_okay=False, path_type=Path))
+def condense(trials: Path, file: Path) -> None:
+    """Take each person's outcomes under each arm from TRIALS, which `sim trials --out` wrote, into FILE."""
+    arms = bench_arms(list(read_results(trials).values()))
+    file.write_bytes(msgspec.json.format(msgspec.json.encode(arms), indent=0))
+
+
+@main.command()
+@click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+def bench(file: Path) -> None:
+    """Print the table of FILE, outcomes of people on the simulated bench, as Markdown."""
+    click.echo(bench_table(msgspec.json.decode(file.read_bytes(), type=list[ArmOutcomes])))
+
+
 def table_text(file: Path) -> str:
     """Return the outcomes told nothing, and every arm's differences from that, as Markdown."""
     runs = _read(file)
@@ -132,13 +150,6 @@ def table_text(file: Path) -> str:
             verdict = "yes" if null(found) else "no"
         lines.append(f"| {one.who} | {one.arm} | {' | '.join(cells)} | {verdict} |")
     return "\n".join(lines)
-
-
-def rules_digest() -> str:
-    """Return the SHA-256 of the two modules that hold the second version of the rules, one after the other."""
-    folder = files("tega.sim.operator")
-    source = b"".join((folder / name).read_bytes() for name in ("panels.py", "renewing.py"))
-    return hashlib.sha256(source.replace(b"\r\n", b"\n")).hexdigest()
 
 
 def _read(file: Path) -> list[Run]:

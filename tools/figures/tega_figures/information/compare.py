@@ -6,12 +6,11 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Literal, NamedTuple, get_args
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from tega.haptics import MotorLevels
-from tega.sim.operator import Operator, PersonNumbers, Rules, draw_person, sham_vest
+from tega.sim.operator import Operator, PersonNumbers, Rules, clear_skin, draw_person, sham_vest
 from tega.sim.operator.person import stream
 from tega_figures.information.agent import IdealAgent, Told
 from tega_figures.information.plant import graded_frame, grasp, plant_objects, told_frame
@@ -34,27 +33,6 @@ class Paired(NamedTuple):
     mean: float
     low: float
     high: float
-
-
-def clear_skin(person: PersonNumbers) -> PersonNumbers:
-    """Return the person with a skin that misses nothing: no noise, no delay, no threshold to speak of."""
-    vest = msgspec.structs.replace(
-        person.vest,
-        weber=0.01,
-        lapse=0.0,
-        adapt_gain=0.0,
-        link_ms=0.0,
-        link_sd_ms=0.0,
-        dead_ms=0.0,
-        lag_up_ms=1.0,
-        lag_down_ms=1.0,
-        start_level=1.0,
-        spread=0.0,
-        threshold=0.03,
-        threshold_log_sd=0.05,
-        panel_swap=0.0,
-    )
-    return msgspec.structs.replace(person, vest=vest)
 
 
 def person_outcomes(

@@ -1,0 +1,295 @@
+"""Positive controls, replayed vest and rules of the bench: what is worn comes from where the condition says."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
+
+from tega.config import FINGERS
+from tega.errors import InvalidValueError
+from tega.haptics import MotorLevels, intensity, vest_frame
+from tega.sim.conditions import CONDITIONS
+from tega.sim.lab import Lab
+from tega.sim.lift import Lift
+from tega.sim.operator import Operator, ScriptedOperator, load_parameters, people_digest, rules_digest
+from tega.sim.operator.panels import ConfirmedClosure
+from tega.sim.operator.scripted import DEFAULT_COURSE, Step
+from tega.sim.other_trial import other_trial, other_vest
+from tega.sim.plan import TrialPlan
+from tega.sim.practice import practise
+from tega.sim.recorded import LiftRecorder
+from tega.sim.score import REST_S, SLIP_M_S
+from tega.sim.seams import Act, Percept, WorldTruth
+from tega.sim.streams import Streams
+from tega.sim.trial import run_trial
+from tega.sim.true_touch import FULL_N, TrueTouch
+from tega.study.silico.simulate import made_study
+
+TOUCH = (*DEFAULT_COURSE[:3], Step(3.8, "done", 3, (0.0, 0.0), 0.0))
+"""Reach and close on the object, on the table."""
+HELD = (*DEFAULT_COURSE[:5], Step(7.0, "done", 3, (0.22, 0.0), 0.0))
+"""Lift it and hold it."""
+LET_FALL = (
+    *DEFAULT_COURSE[:5],
+    Step(6.8, "hold", 1, (0.22, 0.0), 0.0),
+    Step(9.0, "done", 1, (0.22, 0.0), 0.0),
+)
+"""Open the hand up there."""
+VEST_TICK_S = 1 / 30
+
+
+class Wearer(ScriptedOperator):
+    """Follows a script and keeps what is worn."""
+
+    def __init__(self, course: tuple[Step, ...]) -> None:
+        super().__init__(course)
+        self.worn: list[MotorLevels | None] = []
+
+    def act(self, percept: Percept) -> Act:
+        self.worn.append(percept.vest)
+        return super().act(percept)
+
+
+@pytest.fixture(scope="module")
+def lab() -> Lab:
+    return Lab(3, "live")
+
+
+def lift(
+    lab: Lab, condition: str, course: tuple[Step, ...], *, name: str = "container", dark: bool = False
+) -> tuple[Wearer, Streams]:
+    plan = TrialPlan.checked({"object": name, "condition": condition, "seed": 3, "operator": "scripted"})
+    wearer, streams = Wearer(course), Streams()
+    run = Lift(lab, plan, wearer, 0, streams=streams, skip_untouched=not dark)
+    run.go(real_time=False, observer=None, stop=lambda: False, paused=lambda: False)
+    return wearer, streams
+
+
+def frames(streams: Streams) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return times and intensities of the frames that were sent, without the silence at the end."""
+    rows = streams.rows["vest"][:-1]
+    return np.array([row[0] for row in rows]), np.array([row[1:] for row in rows], np.int64)
+
+
+@pytest.mark.parametrize(("condition", "law"), [("true-force", "logistic"), ("ideal-vest", "linear")])
+def test_a_true_vest_follows_the_pads_true_forces(lab: Lab, condition: str, law: str) -> None:
+    wearer, streams = lift(lab, condition, TOUCH)
+    t_s, sent = frames(streams)
+    looks_s = streams.array("truth", "t_s")
+    forces = np.stack([streams.array("truth", f"{finger}_force_n") for finger in FINGERS], axis=1)
+    assert forces.max() > 0.5, "the script touches"
+    at = np.searchsorted(looks_s, t_s + 1e-9, side="right") - 1
+    for row, told in zip(forces[at], sent, strict=True):
+        shown = [intensity(f, FULL_N, law=law) if f > 0 else 0.0 for f in row]  # type: ignore[arg-type]
+        assert told.tolist() == vest_frame(shown, shown, layout="x40").intensities.tolist()
+    # What was sent is what the person's motors are told at the next look.
+    last = wearer.worn[-1]
+    assert last is not None
+    assert last.intensities.tolist() == sent[t_s < looks_s[-1]][-1].tolist()
+
+
+def test_black_cameras_change_nothing_in_a_true_vest_and_all_in_a_real_one(
+    lab: Lab, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen = {condition: lift(lab, condition, TOUCH)[1] for condition in ("true-force", "haptic")}
+    dark = np.zeros_like(lab.baselines["thumb"])
+    for gel in lab.gels.values():
+        monkeypatch.setattr(gel, "frame", lambda _indenters, _number: dark)
+    unseen = {condition: lift(lab, condition, TOUCH, dark=True)[1] for condition in seen}
+    assert unseen["true-force"].rows["vest"] == seen["true-force"].rows["vest"]
+    assert unseen["true-force"].rows["contacts"] != seen["true-force"].rows["contacts"]
+    assert unseen["haptic"].rows["vest"] != seen["haptic"].rows["vest"]
+
+
+def test_the_oracle_tells_a_slip_within_a_tick_of_its_onset_and_nothing_before(lab: Lab) -> None:
+    _, streams = lift(lab, "oracle", LET_FALL)
+    looks_s, speed = streams.array("truth", "t_s"), streams.array("truth", "slip_m_s")
+    lifted = streams.array("truth", "lift_off").astype(bool)
+    onset_s = looks_s[(looks_s > 6.0) & lifted & (speed >= SLIP_M_S)][0]
+    t_s, sent = frames(streams)
+    told = sent.reshape(len(sent), 2, -1).min(axis=2) > 0  # every motor of both faces
+    assert not sent[(t_s > 6.0) & (t_s < onset_s)].any()
+    first_s = t_s[(t_s > 6.0) & told.all(axis=1)][0]
+    assert 0 <= first_s - onset_s <= VEST_TICK_S + 1e-6
+
+
+def test_the_oracle_tells_nothing_without_a_slip(lab: Lab) -> None:
+    _, streams = lift(lab, "oracle", HELD)
+    assert streams.array("truth", "lift_off").any()
+    assert not (streams.array("truth", "slip_m_s") >= SLIP_M_S).any()
+    _, sent = frames(streams)
+    assert len(sent) > 200
+    assert not sent.any()
+
+
+def truth(speed: float, *, lift_off: bool = True, dropped: bool = False) -> WorldTruth:
+    return WorldTruth(0.0, 0.1, lift_off, (1.0,) * 4, 0.0, speed, 0.0, 0.0, dropped, 0.0)
+
+
+def test_a_slip_is_told_once_until_the_object_has_rested(lab: Lab) -> None:
+    touch = TrueTouch("true slips", lab.touch, layout="x40")
+    told = []
+    for tick in range(300):
+        t_s = tick / 100
+        # Slides from 0.5 to 1 s, halts for half of the rest in between, rests, and slides again from 2 s.
+        sliding = 0.5 <= t_s < 0.7 or 0.7 + REST_S / 2 <= t_s < 1.0 or t_s >= 2.0
+        touch.watch(t_s, truth(0.05 if sliding else 0.0))
+        if touch.frame(round(t_s * 1e9)).intensities.any():
+            told.append(t_s)
+    assert np.allclose([told[0], told[20]], [0.5, 2.0])
+    assert len(told) == 40, "two pulses of 0.2 s"
+    for still in (truth(0.05, lift_off=False), truth(0.05, dropped=True)):
+        touch = TrueTouch("true slips", lab.touch, layout="x40")
+        touch.watch(0.0, still)
+        assert not touch.frame(0).intensities.any()
+    with pytest.raises(InvalidValueError, match="true slips"):
+        TrueTouch("touch", lab.touch, layout="x40")
+
+
+def test_a_replayed_vest_is_another_trial_s_byte_for_byte_and_knows_nothing_of_this_one(lab: Lab) -> None:
+    plan = TrialPlan(object="bottle", condition="replayed", seed=3, operator="scripted")
+    other = other_trial(plan)
+    assert (other.object, other.condition, other.seed) == ("container", "haptic", 3)
+    recorded = other_vest(lab, plan, 0)
+    streams = Streams()
+    run_trial(other, streams=streams)
+    assert [(t_s, *frame.intensities.tolist()) for t_s, frame in recorded] == streams.rows["vest"]
+    assert any(frame.intensities.any() for _, frame in recorded)
+    touching, _ = lift(lab, "replayed", TOUCH, name="bottle")
+    away = (Step(0.0, "reach", 1, (0.0, 0.15), 0.1), Step(3.8, "done", 1, (0.0, 0.15), 0.0))
+    untouched, free = lift(lab, "replayed", away, name="bottle")
+    assert not any(free.array("truth", f"{finger}_force_n").any() for finger in FINGERS)
+    assert touching.worn[1:] == untouched.worn[1:]
+    times = np.array([t_s for t_s, _ in recorded])
+    for look in range(5, len(untouched.worn)):
+        # What was written at this very moment is there at the next look.
+        newest = int(np.searchsorted(times, look / 100 - 1e-9, side="left")) - 1
+        assert untouched.worn[look] == recorded[newest][1]
+
+
+def test_a_vest_of_the_truth_is_not_recorded_as_one_of_pictures(lab: Lab, tmp_path: Path) -> None:
+    plan = TrialPlan(object="bag", condition="oracle", seed=3, operator="scripted")
+    with pytest.raises(InvalidValueError, match="'oracle' cannot be recorded"):
+        Lift(lab, plan, Wearer(TOUCH), 0, recorder=LiftRecorder(tmp_path / "r", real_time=False))
+
+
+def test_only_the_ideal_vest_is_worn_on_another_skin(lab: Lab) -> None:
+    def person(condition: str) -> Operator:
+        made = lab.person(TrialPlan.checked({"object": "bag", "condition": condition, "seed": 3}))
+        assert isinstance(made, Operator)
+        return made
+
+    own = person("haptic").person
+    for condition in CONDITIONS:
+        other = person(condition).person
+        assert (other == own) == (condition != "ideal-vest")
+        assert msgspec.structs.replace(other, vest=own.vest) == own
+    assert person("ideal-vest").person.vest.lapse == 0
+
+
+def test_the_rules_stand_in_plan_result_and_digest() -> None:
+    plan = TrialPlan.checked({"object": "bag", "rules": 2})
+    assert plan.rules == 2
+    assert TrialPlan(object="bag").rules == 1
+    with pytest.raises(InvalidValueError, match="rules"):
+        TrialPlan.checked({"object": "bag", "rules": 3})
+    numbers = load_parameters().digest
+    assert people_digest(numbers, 1) == numbers
+    assert people_digest(numbers, 2) == hashlib.sha256(f"{numbers} {rules_digest()}".encode()).hexdigest()
+
+
+def test_a_study_by_other_rules_is_another_study(tmp_path: Path) -> None:
+    asked = {
+        "operators": 1,
+        "seed": 1,
+        "objects": ["bag"],
+        "conditions": ["oracle", "non-haptic"],
+        "trials": 1,
+    }
+    _, stated = made_study(tmp_path / "s", **asked, rules=2)  # type: ignore[arg-type]
+    assert stated.rules == 2
+    assert stated.people_sha256 == people_digest(stated.parameters_sha256, 2)
+    with pytest.raises(InvalidValueError, match=r"begun with another simulation\.toml"):
+        made_study(tmp_path / "s", **asked)  # type: ignore[arg-type]
+
+
+def test_practice_shows_the_bench_s_own_vest_level_by_level_and_only_to_the_second_version(lab: Lab) -> None:
+    plan = TrialPlan(object="container", condition="ideal-vest", seed=3)
+    first = lab.person(plan)
+    assert practise(lab, plan, first) == 0.0
+    assert isinstance(first, Operator)
+    assert first.beliefs == {}
+    second = lab.person(msgspec.structs.replace(plan, rules=2))
+    assert isinstance(second, Operator)
+    simulated_s = practise(lab, msgspec.structs.replace(plan, rules=2), second)
+    assert 15.0 < simulated_s < 17.0
+    closure = second.beliefs["container"].closure
+    assert isinstance(closure, ConfirmedClosure)
+    assert closure.log_odds != ConfirmedClosure(second.person.grip, second.person.vest.threshold).log_odds
+    without = lab.person(msgspec.structs.replace(plan, condition="non-haptic", rules=2))
+    assert practise(lab, msgspec.structs.replace(plan, condition="non-haptic", rules=2), without) == 0.0
+    assert isinstance(without, Operator)
+    untaught = without.beliefs["container"].closure
+    assert isinstance(untaught, ConfirmedClosure)
+    assert untaught.log_odds == ConfirmedClosure(without.person.grip, without.person.vest.threshold).log_odds
+
+
+@pytest.mark.slow
+def test_a_vest_that_tells_nothing_changes_nothing_by_the_second_version_either() -> None:
+    """A check of plumbing: the same person with the same chance does exactly the same."""
+    without, *shams = (
+        msgspec.structs.replace(
+            run_trial(TrialPlan(object="bag", condition=condition, seed=1, rules=2)),
+            condition="haptic",
+            simulated_s=0.0,
+        )
+        for condition in ("non-haptic", "silent", "unfelt")
+    )
+    assert without.lift_off_s is not None
+    assert shams == [without, without]
+    assert without.person == people_digest(load_parameters().digest, 2)[:16]
+
+
+def fingerprint(plan: TrialPlan) -> str:
+    """Return a digest of a trial's result, of what was true at each look, and of each frame that was sent."""
+    streams = Streams()
+    told = msgspec.to_builtins(run_trial(plan, streams=streams))
+    assert told.pop("rules") == 1
+    content = json.dumps([told, streams.rows["truth"], streams.rows["vest"]], default=float)
+    return hashlib.sha256(content.encode()).hexdigest()[:16]
+
+
+MACHINE = "938aba4afd05b01e"
+"""Of a lift by script, which neither person nor condition changes: other arithmetic gives another one."""
+BEFORE = {
+    "haptic": "6ae83241039c7a74",
+    "non-haptic": "a132f3bdb77772ae",
+    "silent": "8876473859488bf0",
+    "constant": "5671b65529a745fa",
+    "unrelated": "401600691dbcc090",
+    "permuted": "c34b82e4c9e39c61",
+    "inverted": "7930555728a817dc",
+    "half": "69f436c9fb1b4f3d",
+    "unfelt": "9588cf176a340c51",
+    "event-gated": "5093cac47b3a08b4",
+}
+"""By condition, as the program gave them before there were rules to choose and controls."""
+
+
+@pytest.mark.slow
+def test_the_first_version_does_under_every_old_condition_what_it_did_before() -> None:
+    if fingerprint(TrialPlan(object="container", operator="scripted", seed=3)) != MACHINE:
+        pytest.skip("another processor's arithmetic, or another world: there is nothing to compare with")
+    found = {
+        condition: fingerprint(TrialPlan.checked({"object": "bag", "condition": condition, "seed": 1}))
+        for condition in BEFORE
+    }
+    assert found == BEFORE
