@@ -35,7 +35,7 @@ pub(super) struct Colour {
     gel: Field,
     left: Field,
     weights: Vec<f32>,
-    sorted: Vec<f32>,
+    keys: Vec<i32>,
 }
 
 impl Colour {
@@ -58,7 +58,7 @@ impl Colour {
             pooled: field(),
             gel: field(),
             left: field(),
-            sorted: Vec::with_capacity(n),
+            keys: Vec::with_capacity(n),
         }
     }
 
@@ -98,9 +98,10 @@ impl Colour {
             let mean = self.gel[c].iter().take(cells).sum::<f32>() / cells as f32;
             self.gel[c].iter_mut().take(cells).for_each(|b| *b = (*b - mean) / GAIN_COUNTS);
             means[c] = mean;
-            self.sorted.clear();
-            self.sorted.extend(self.pooled[c].iter().take(cells));
-            let middle = *self.sorted.select_nth_unstable_by(cells / 2, f32::total_cmp).1;
+            self.keys.clear();
+            self.keys.extend(self.pooled[c].iter().take(cells).map(|v| key(v.to_bits() as i32)));
+            // Whole numbers in the order of the values are told apart sooner than the values.
+            let middle = f32::from_bits(key(*self.keys.select_nth_unstable(cells / 2).1) as u32);
             without_plane(&self.pooled[c], &self.x, &self.y, [middle, 0.0, 0.0], &mut self.left[c]);
         }
         let mut fits = [[0f32; 4]; 3];
@@ -145,6 +146,12 @@ impl Colour {
         }
         if energy > f32::MIN_POSITIVE { (square / energy).sqrt() } else { 0.0 }
     }
+}
+
+/// A number's bits as a whole number in the order of [`f32::total_cmp`], and back.
+#[inline(always)]
+fn key(bits: i32) -> i32 {
+    bits ^ ((bits >> 31) as u32 >> 1) as i32
 }
 
 /// Means of two by two cells; a last odd row or column is left out.
@@ -315,6 +322,15 @@ mod tests {
         let s = colour.judge(&mut white, &gel, &grid);
         assert!((4.0..6.0).contains(&s), "{s}");
         assert!(white[0][39 * 30].abs() < 0.5, "{}", white[0][39 * 30]);
+    }
+
+    #[test]
+    fn keys_are_in_the_order_of_the_numbers_and_lead_back() {
+        let numbers =
+            [f32::NEG_INFINITY, -2.5, -f32::MIN_POSITIVE, -0.0, 0.0, 1e-40, 3.0, f32::INFINITY, f32::NAN];
+        let keys = numbers.map(|v| key(v.to_bits() as i32));
+        assert!(keys.is_sorted(), "{keys:?}");
+        assert_eq!(keys.map(|k| key(k) as u32), numbers.map(f32::to_bits));
     }
 
     #[test]

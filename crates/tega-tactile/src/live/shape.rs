@@ -118,6 +118,9 @@ impl Outliner {
         let row_of = |r: usize| field.get(r * self.cols..(r + 1) * self.cols).unwrap_or_default();
         for Span { cells: [upper, lower], pixels: rows } in &self.down.spans {
             let (upper, lower) = (row_of(*upper), row_of(*lower));
+            if !any_above(upper, level) && !any_above(lower, level) {
+                continue;
+            }
             // A corner of every span is one of the next span too.
             let above = |k: usize| [upper[k], lower[k]].map(|v| u8::from(v > level)).iter().sum::<u8>();
             let mut left_above = above(0);
@@ -172,6 +175,12 @@ fn add_whole(
         rows.clone().for_each(|y| paint(y, columns.start, columns.end));
         moments.add(columns, rows.clone());
     }
+}
+
+/// Whether any value is above a level; looks at all of them, many at once.
+#[inline(always)]
+fn any_above(values: &[f32], level: f32) -> bool {
+    values.iter().fold(false, |any, v| any | (*v > level))
 }
 
 /// Number of shares at which a straight line is above a level.
