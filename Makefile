@@ -2,6 +2,7 @@
 # .ci/extras too, which makes environments of its own.
 VENV ?= .venv
 BIN := $(VENV)/bin
+ARM64 := aarch64-unknown-linux-gnu
 PYTHON ?= python3
 .DEFAULT_GOAL := help
 .PHONY: help setup build test slow guards deep stress lint fmt fuzz bench counts figures msrv licences arm64 wheels site pictures shots measured clean
@@ -45,6 +46,8 @@ lint: ## formatting, clippy, ruff, mypy, stub against extension, circles of file
 	cargo clippy --manifest-path fuzz/Cargo.toml --all-targets --locked -- -D warnings
 	cargo clippy --manifest-path benches/Cargo.toml --all-targets --locked -- -D warnings
 	RUSTDOCFLAGS='-D warnings' cargo doc --workspace --no-deps --locked --quiet
+	$(if $(shell rustup target list --installed 2>/dev/null | grep $(ARM64)),cargo clippy --workspace --exclude tega-py --lib \
+		--target $(ARM64) --locked -- -D warnings,@echo 'arm64 kernels not checked: rustup target add $(ARM64)')
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy

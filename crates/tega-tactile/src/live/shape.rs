@@ -180,7 +180,7 @@ fn add_whole(
 /// Whether any value is above a level; looks at all of them, many at once.
 #[inline(always)]
 fn any_above(values: &[f32], level: f32) -> bool {
-    values.iter().fold(false, |any, v| any | (*v > level))
+    values.iter().map(|v| u32::from(*v > level)).sum::<u32>() > 0
 }
 
 /// Number of shares at which a straight line is above a level.

@@ -83,9 +83,13 @@ def measure(folder: Path) -> dict[str, Any]:
 
 
 def measure_cost() -> list[dict[str, Any]]:
-    """Measure what a frame costs, in a process of its own."""
+    """Measure what a frame costs in five processes; the one whose floor is in the middle counts."""
     command = [sys.executable, "-m", "tega_figures.touch_peers.cost"]
-    return [json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)]
+    runs = [
+        json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+        for _ in range(5)
+    ]
+    return [sorted(runs, key=lambda run: run["rows"][0]["median_us"])[2]]
 
 
 def _rounded(value: Any) -> Any:
