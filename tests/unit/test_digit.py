@@ -69,6 +69,27 @@ def test_it_gives_the_newest_picture_once_and_turned() -> None:
 
 
 @pytest.mark.slow
+def test_pictures_that_waited_for_a_busy_program_are_not_taken_for_new_ones() -> None:
+    goes_on, seen = threading.Event(), list[TactileFrame]()
+
+    def take(frame: TactileFrame) -> None:
+        seen.append(frame)
+        goes_on.wait(20.0)
+
+    with Emulator("digit") as sensor, _driver(sensor) as digit:
+        digit.feed(take)
+        assert _until(lambda: bool(seen))
+        time.sleep(2.0)  # some 120 pictures wait in the stream meanwhile
+        sensor.say("black")
+        time.sleep(0.2)
+        goes_on.set()
+        assert _until(lambda: digit.counts.black > 0)
+        n_old = len(seen)
+        digit.feed(None)
+    assert n_old < 20
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("terminated", [False, True])
 def test_a_program_that_does_not_close_it_still_ends_in_order(terminated: bool) -> None:
     with Emulator("digit") as sensor:

@@ -33,6 +33,9 @@ _BACK_OFF_S = (0.25, 4.0)
 # From this firmware on the three colours have levels of their own.
 _RGB_REVISION = 0x0200
 _GAP = 1.5
+# A picture read within this share of an interval was there already; after so many on end the program is behind.
+_AT_ONCE = 0.25
+_N_AT_ONCE = 3
 # The true rate is counted over so many seconds, and told where it is below this share of what was agreed.
 _RATE_S = 2.0
 _STARVED_SHARE = 0.8
@@ -328,15 +331,24 @@ class Digit(Opened):
     def _drain(self, capture: Any) -> bool:
         """Read one capture until it fails; return whether it gave anything."""
         check, any_came = self._check, False
-        opened_ns, last_ns = time.monotonic_ns(), 0
+        opened_ns, last_ns, n_at_once = time.monotonic_ns(), 0, 0
         self._window = (opened_ns, 0)
         while not self._leaving.is_set():
+            asked_ns = time.monotonic_ns()
             with give_way():
                 came, sent = capture.read()
             if not came:
                 break
             any_came = True
-            t_ns = self._stamp(capture)
+            now_ns = time.monotonic_ns()
+            t_ns = self._kernel_ns(capture, now_ns)
+            if t_ns is None:
+                # A stream keeps what nobody reads, and nothing says how old it is but that it was there at once.
+                at_once = (now_ns - asked_ns) * 1e-9 * self._rate_hz < _AT_ONCE
+                n_at_once = n_at_once + 1 if at_once else 0
+                if n_at_once > _N_AT_ONCE:
+                    continue
+                t_ns = now_ns
             if last_ns:
                 intervals = (t_ns - last_ns) * 1e-9 * self._rate_hz
                 self.counts.dropped += round(intervals) - 1 if intervals > _GAP else 0
@@ -353,11 +365,10 @@ class Digit(Opened):
                 self._give(t_ns, image)
         return any_came
 
-    def _stamp(self, capture: Any) -> int:
-        """The kernel's time of the picture where it is the monotonic clock's, else now."""
-        now_ns = time.monotonic_ns()
+    def _kernel_ns(self, capture: Any, now_ns: int) -> int | None:
+        """The kernel's time of the picture where it is the monotonic clock's."""
         kernel_ns = round(capture.get(self._cv2.CAP_PROP_POS_MSEC) * 1e6)
-        return kernel_ns if 0 <= now_ns - kernel_ns < 1_000_000_000 else now_ns
+        return kernel_ns if 0 <= now_ns - kernel_ns < 1_000_000_000 else None
 
     def _give(self, t_ns: int, image: NDArray[np.uint8]) -> None:
         seq = self.counts.received - 1 + self.counts.dropped
