@@ -78,7 +78,7 @@ _ABOUT: dict[str, list[dict[str, Any]]] = {
     "arm kill": [_line(_ARM_ENDED), _line(arm=f"stopped: {_ARM_ENDED}")],
     "computer clock": [_line("clock: the time of day jumped by +3600.0 s; this run counts on as before")],
     "computer disk": [_line("recording: stopped: the file cannot be written: File too large")],
-    "recorder": [_line("recording: 12 records dropped, the disk does not keep up")],
+    "recorder": [_line("recording: 12 records dropped: disk or processor does not keep up")],
     "program": [_held("the loop was 1234 ms late")],
     "link": [_held("link: no word from robot 'lab' for 0.6 s; nothing is sent")],
     "nothing": [

@@ -135,7 +135,7 @@ class McapRecorder:
         if self.state == "stopped":
             return f"recording: stopped: {self.reason}"
         dropped = self._queue.problem()
-        return f"recording: {dropped}, the disk does not keep up" if dropped else ""
+        return f"recording: {dropped}: disk or processor does not keep up" if dropped else ""
 
     def finish(self, summary: bytes = b"") -> dict[str, Any]:
         """Write what waits, the index and the summary; close the file and give it its name.
