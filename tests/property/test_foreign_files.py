@@ -37,13 +37,19 @@ from tega.hand_poses import load_poses
 from tega.opencv import read_image
 from tega.recording.inspection import inspect_file
 from tega.replay import replay_file
+from tega.scene.layout import example_layout, load_layout, save_layout
+from tega.scene.lens import Lens, load_lens, save_lens
+from tega.scene.pictures import read_times
 from tega.study import make_plan, read_plan, write_plan
+from tega.study.bundle import open_bundle, write_bundle
 from tega.study.coupling import TouchCourse, read_course, write_course
 from tega.study.hand_rows import read_hand
 from tega.study.journal import Journal, read_events
+from tega.study.objects import read_objects
 from tega.study.observe import recorded
 from tega.study.score import boris, boris_file, clips
 from tega.study.silico.assumptions import read_assumptions, read_parameters
+from tega.study.state import events_path
 from tega.study.touch_picture import read_touch_picture
 from tega.study.touch_rows import read_touch
 from tega_figures.audit import read_marks
@@ -142,6 +148,36 @@ def _picture_of_touch() -> bytes:
     return file.getvalue()
 
 
+def _bundle(folder: Path) -> bytes:
+    study = folder / "study"
+    write_plan(make_plan(participants=2, seed=1, objects=["bottle"], trials=2), study)
+    events = events_path(study, "p01")
+    events.parent.mkdir(parents=True)
+    events.write_bytes(_journal(folder))
+    write_bundle(study, "p01", folder / "p01.zip")
+    return (folder / "p01.zip").read_bytes()
+
+
+def _open_bundle(path: Path) -> None:
+    opened = path.parent / "opened"
+    try:
+        open_bundle(path, opened)
+    finally:
+        shutil.rmtree(opened, ignore_errors=True)
+
+
+def _lens(folder: Path) -> bytes:
+    save_lens(folder / "lens.json", Lens(640, 480, 500.0, 500.0, 320.0, 240.0))
+    return (folder / "lens.json").read_bytes()
+
+
+def _layout(folder: Path) -> bytes:
+    save_layout(folder / "tags.toml", example_layout())
+    return (folder / "tags.toml").read_bytes()
+
+
+_OBJECTS = b'[bag]\nmass_g = 32.0\nmeasured = "scales"\nphoto = "objects/bag.jpg"\n'
+_TIMES = b"picture,t_ns\n0,100\n1,200\n2,300\n"
 _STATED = b'version = "0.1.0"\nparameters_sha256 = ""\npreset = "live"\n'
 _PERSON = b"[hand]\nwide = { mean = 1.0, sd = 0.2, source = 'a test', unit = 'mm' }\n"
 _TOUCH = b"t_s,finger,in_contact,eda,mass,peak,x,y\n0.1,thumb,1,9,1.5,2.5,3.0,4.0\n0.2,thumb,0,0,0,0,0,0\n"
@@ -179,6 +215,11 @@ _READERS: dict[str, tuple[str, Callable[[Path], bytes], Callable[[Path], object]
     "BORIS table": ("a.csv", lambda _: _EVENTS, boris._table),
     "study": ("study.toml", _plan("study.toml"), _read_plan),
     "plan": ("plan.csv", _plan("plan.csv"), _read_plan),
+    "session in one file": ("p01.zip", _bundle, _open_bundle),
+    "objects of a study": ("objects.toml", lambda _: _OBJECTS, lambda p: read_objects(p.parent)),
+    "lens of a camera": ("lens.json", _lens, load_lens),
+    "tags of a scene": ("tags.toml", _layout, load_layout),
+    "time code of a video": ("a.csv", lambda _: _TIMES, read_times),
     "assumptions": ("simulation.toml", lambda _: _STATED, lambda p: read_assumptions(p.parent)),
     "parameters": ("parameters.toml", lambda _: _PERSON, lambda p: read_parameters(p.parent)),
     "course of a trial": ("course.csv", _course, read_course),

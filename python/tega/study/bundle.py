@@ -45,7 +45,7 @@ from tega.whole_file import new_file
 MANIFEST: Final = "manifest.json"
 _OF_THE_STUDY = ("study.toml", "plan.csv", OBJECTS, SIMULATION, PARAMETERS)
 _PACKED = {".mcap", ".avi", ".mp4", ".png", ".jpg", ".jpeg", ".xz"}
-_MOST_MIB: Final = 1024 * 1024
+_MOST_MIB: Final = 256 * 1024
 _MOST_MANIFEST_MIB: Final = 64
 _CHUNK: Final = MIB
 # The earliest that ZIP knows: equal sessions give equal bytes, and no date tells when somebody took part.
