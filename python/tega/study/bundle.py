@@ -257,11 +257,15 @@ def open_bundle(bundle: Path, out: Path) -> OpenedBundle:
 
 def _zip_of(bundle: Path) -> zipfile.ZipFile:
     try:
-        return zipfile.ZipFile(bundle)
+        packed = zipfile.ZipFile(bundle)
     except zipfile.BadZipFile as error:
         raise RecordingError(
             f"{bundle.name}: no ZIP file, or cut short: {error}", "ask for the bundle again"
         ) from error
+    if any(entry.header_offset < 0 for entry in packed.infolist()):
+        packed.close()
+        raise RecordingError(f"{bundle.name}: its first bytes are missing", "ask for the bundle again")
+    return packed
 
 
 def _read_manifest(packed: zipfile.ZipFile, bundle: Path) -> BundleManifest:
