@@ -85,6 +85,13 @@ def test_plans_that_cannot_be_made_say_why(fields: dict[str, Any], message: str)
         make_plan(**{"participants": 2, **fields})
 
 
+def test_a_plan_whose_family_names_what_is_no_outcome_is_refused(folder: Path) -> None:
+    file = folder / "study.toml"
+    file.write_text(file.read_text(encoding="utf-8").replace("duration_s:", "weight_g:", 1), encoding="utf-8")
+    with pytest.raises(RecordingError, match="family: 'weight_g:.*' is no test of this study"):
+        read_plan(folder)
+
+
 def test_rests_are_a_minute_three_at_a_change_and_five_after_twenty() -> None:
     rests = [trial.rest_s for trial in make_plan(participants=1).of("p01")]
     assert rests[:6] == [0, 60, 60, 60, 60, 180]

@@ -142,6 +142,11 @@ def person_id(number: int) -> str:
     return f"p{number:02d}"
 
 
+def _tests(objects: Sequence[str]) -> set[str]:
+    """Return every test that a study of these objects may name."""
+    return {f"{metric}:{name}" for metric in METRICS for name in objects}
+
+
 def default_family(objects: Sequence[str]) -> tuple[str, ...]:
     """Return the paper's family: time and slips of every object, deformation of the softest, which is named last.
 
@@ -198,7 +203,7 @@ def make_plan(
         if len(set(names)) != len(names):
             raise InvalidValueError(f"{what} = {', '.join(names)}: a name comes twice", "name each once")
     tests = default_family(objects) if family is None and objects else tuple(family or ())
-    known = {f"{metric}:{name}" for metric in METRICS for name in objects}
+    known = _tests(objects)
     for test in tests:
         if test not in known:
             raise InvalidValueError(
@@ -350,6 +355,11 @@ def read_plan(folder: Path) -> StudyPlan:
         settings = msgspec.convert(fields, StudySettings)
     except msgspec.ValidationError as error:
         raise RecordingError(f"{folder / 'study.toml'}: {error}", "restore it from a copy") from error
+    if unknown := [test for test in settings.family if test not in _tests(settings.objects)]:
+        raise RecordingError(
+            f"{folder / 'study.toml'}: family: {unknown[0]!r} is no test of this study",
+            "restore it from a copy",
+        )
     if hashlib.sha256(content).hexdigest() != settings.plan_sha256:
         raise RecordingError(
             f"{folder / 'plan.csv'}: is not as it was written",
