@@ -88,7 +88,7 @@ def test_plans_that_cannot_be_made_say_why(fields: dict[str, Any], message: str)
 def test_a_plan_whose_family_names_what_is_no_outcome_is_refused(folder: Path) -> None:
     file = folder / "study.toml"
     file.write_text(file.read_text(encoding="utf-8").replace("duration_s:", "weight_g:", 1), encoding="utf-8")
-    with pytest.raises(RecordingError, match="family: 'weight_g:.*' is no test of this study"):
+    with pytest.raises(RecordingError, match=r"family: 'weight_g:.*' is no test of this study"):
         read_plan(folder)
 
 
