@@ -221,6 +221,14 @@ def test_too_little_room_finishes_the_file_in_time(tmp_path: Path) -> None:
     assert replay_file(tmp_path / "trial-001.mcap").same
 
 
+def test_a_file_that_little_room_has_finished_is_not_flushed_in_the_same_turn(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tega.recording.mcap_recorder.FLUSH_NS", 0)  # every turn of the recorder flushes
+    summary = run_session(check_tree(tree(tmp_path, stop_free_mib=1e9), {}, base=tmp_path).config)
+    assert "recording.stop_free_mib" in summary["recording"]["reason"]
+
+
 def test_what_is_left_out_of_a_queue_is_counted_and_small_things_go_on() -> None:
     queue = BoundedQueue(most_bytes=1000)
     for k in range(5):

@@ -208,15 +208,19 @@ class McapRecorder:
             now_ns = time.monotonic_ns()
             if self.state != "recording":
                 continue
-            if now_ns - status_ns >= STATUS_NS:
-                status_ns = now_ns
-                self._status()
-            if now_ns - flush_ns >= FLUSH_NS:
-                if sum(self._queue.dropped.values()) != self._told_dropped:
+            flushes = now_ns - flush_ns >= FLUSH_NS
+            try:
+                if now_ns - status_ns >= STATUS_NS or (
+                    flushes and self._queue.dropped.total() != self._told_dropped
+                ):
+                    status_ns = now_ns
                     self._status()
-                self._file.flush()
-                flush_ns = time.monotonic_ns()
-            if (error := self._file.error) is not None:
+                if flushes and self.state == "recording":  # little room finishes the file
+                    self._file.flush()
+                    flush_ns = time.monotonic_ns()
+            except Exception as error:  # a recorder must neither take a run with it nor end without a word
+                self._stop(f"the file could not be flushed: {type(error).__name__}: {error}")
+            if self.state == "recording" and (error := self._file.error) is not None:
                 self._stop(f"the disk took no more: {error.strerror or error}")
 
     def _write(self, item: Item) -> None:
