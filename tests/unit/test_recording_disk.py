@@ -131,7 +131,7 @@ def test_a_disk_that_does_not_keep_up_costs_pictures_which_are_counted(tmp_path:
     try:
         for k in range(100):  # 23 MB for a disk that takes nothing: every call returns all the same
             recorder.put(picture(k))
-            recorder.marker(k * 1000, f"after {k}")
+            recorder.put(Marker(t_ns=k * 1000, text=f"after {k}"))
         lost = recorder.dropped
     finally:
         let_go.set()
@@ -252,7 +252,7 @@ from pathlib import Path
 from tega.config import RecordingSection
 from tega.recording.mcap_folder import SessionFolder
 from tega.recording.mcap_recorder import McapRecorder
-from tega.records import Picture
+from tega.records import Marker, Picture
 
 class Disk(io.FileIO):
     def write(self, data):
@@ -271,7 +271,7 @@ recorder.begin(0, 0)
 for k in range(40):
     image = np.random.default_rng(k).integers(0, 255, (320, 240, 3), dtype=np.uint8)
     recorder.put(Picture(finger="thumb", image=image, t_ns=k, received_ns=k, seq=k, name=""))
-    recorder.marker(k, f"after {k}")
+    recorder.put(Marker(t_ns=k, text=f"after {k}"))
 while recorder.facts()["written"].get("/run/marker", 0) < 40 or recorder.facts()["bytes"] < 40 * 230_400:
     time.sleep(0.05)
 time.sleep(0.5)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import re
+import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,6 +19,7 @@ from tega.whole_file import new_file, write_whole
 INDEX_NAME = "session.json"
 INDEX_FORMAT = "tega-session"
 _PART = ".part"
+_LEAVES_S, _TRIES_S = 1.0, 0.02
 _NUMBER = re.compile(r"trial-([0-9]{3,12})\.mcap")
 
 
@@ -96,7 +99,7 @@ class SessionFolder:
             if part.is_symlink() or not part.is_file():
                 continue  # nothing that a recording left behind
             with part.open("rb") as file:
-                if not lock_file(file, part):
+                if not _soon(lambda: lock_file(file, part)):  # noqa: B023
                     continue  # somebody is writing it
                 take_tail(part)
             recovered = recover_file(part, part.with_suffix(""))
@@ -105,6 +108,14 @@ class SessionFolder:
             facts = {"state": "recovered", "messages": recovered.n_messages, "problem": recovered.problem}
             self.note(recovered.path.name, facts)
         return done
+
+
+def _soon(done: Callable[[], bool]) -> bool:
+    """Try for as long as a recorder's process may take to leave its file after its run was killed."""
+    end_s = time.monotonic() + _LEAVES_S
+    while not (is_done := done()) and time.monotonic() < end_s:
+        time.sleep(_TRIES_S)
+    return is_done
 
 
 def in_order(name: str) -> tuple[int, str]:
