@@ -41,7 +41,7 @@ class RecordedTrial(NamedTuple):
 
 
 class _Facts(msgspec.Struct):
-    """What ``trial.json`` says of a recording."""
+    """Content of ``trial.json`` that is used."""
 
     trial: str
     attempt: int
