@@ -107,7 +107,6 @@ pictures: ## the drawn pictures of the docs, and the demo's animation; needs lab
 	$(BIN)/python -m tega_figures.simulated_person picture docs/images/sim-emg.png
 	$(BIN)/python -m tega_figures.scene.picture docs/images/scene.webp
 	$(BIN)/python -m tega_figures.study_console docs/images/study-console.svg
-	$(BIN)/python -m tega_figures.study_console docs/images/study-console-recorded.svg --recorded
 	$(BIN)/python -m tega_figures.information picture tools/figures/tega_figures/information/fresh.json \
 		docs/images/value-of-information.png
 	$(BIN)/tega-teleop demo --fast --out target/demo

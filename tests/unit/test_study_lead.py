@@ -32,10 +32,10 @@ from tega.study.lead.questions import QUESTIONS, answer_of, raw_tlx
 from tega.study.lead.running_trial import Going
 from tega.study.lead.status_file import board_path, read_board
 from tega.study.lead.trial import LedTrial
-from tega.study.observe.recorded import recorded_trials
-from tega.study.observe.trial_pictures import read_reel
 from tega.study.page import report_html
 from tega.study.plan import PlannedTrial
+from tega.study.score.recorded import recorded_trials
+from tega.study.score.trial_pictures import read_reel
 from tega.study.state import Where, derive, events_path, rehearsed, resume
 from tega.study.touch_picture import pictures_of
 from tega.study.trials import course_path, study_trials
@@ -169,11 +169,10 @@ def test_a_simulated_session_goes_from_the_first_trial_to_the_last(tmp_path: Pat
         course = read_course(course_path(folder, done))
         assert len(course.t_s) > 20
         assert course.cci.max() > 0
-    # What is kept of it can be shown to a rater: the hand, and in words where the object is.
-    for shown in recorded_trials(folder, "p01", "r3")[0]:
-        moment = read_reel(shown).at(shown.length_ns, {})
-        assert float(moment.rows["height"].removesuffix(" cm")) > 19
-        assert moment.poses is not None
+    # What is kept of it can be shown to a rater: in words, where the object is.
+    for shown in recorded_trials(folder, "p01")[0]:
+        _, height, *_ = read_reel(shown).lines(shown.length_ns)
+        assert float(height.removeprefix("height: ").removesuffix(" cm")) > 19
     board = read_board(board_path(folder, "p01"))
     assert board is not None
     assert board.phase == "over"

@@ -67,7 +67,7 @@ class BundledFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class BundleManifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What a bundle holds, ``manifest.json``.
+    """Manifest of a bundle, ``manifest.json``.
 
     Attributes:
         participant: Anonymous id of the person.
