@@ -82,6 +82,7 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
     if arm is not None:
         tracker = with_options(arm.tracker, "tracker", "arm.tracker")
         arm = msgspec.structs.replace(arm, tracker=tracker)
+        _ = arm.start  # a start outside of the workspace is refused before anything is opened
     net = config.net
     if net is not None:
         checked_net(net)

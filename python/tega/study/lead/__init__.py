@@ -13,6 +13,7 @@
     fatigue.py             whether the arm tires, shown in a rest
     rest_tasks.py          what the bench does in a rest
     squeeze.py             of that: a squeeze against the first
+    to_start.py            and arm and hand to their start
     between_trials.py      the trial before: how it went, corrections, notes
     status_file.py         the session's status for the observers' consoles, in a file beside the events
     tell.py                commands of other programs

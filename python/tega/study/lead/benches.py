@@ -97,6 +97,7 @@ class LabBench:
     ) -> None:
         from tega.lifecycle import require
         from tega.study.lead.squeeze import squeeze_task
+        from tega.study.lead.to_start import start_task
 
         require("foxglove", driver="recording", extra="record")
         if config.emg is None or not config.tactile.in_use():
@@ -106,6 +107,8 @@ class LabBench:
             )
         self._config = config
         self.rest_tasks: Sequence[RestTask] = (squeeze_task(config, settings=settings),)
+        if config.arm is not None and config.arm.start is not None:
+            self.rest_tasks = (*self.rest_tasks, start_task(config))
         self.masking = config.masking
         self._settings = settings
         self.where: Where = where

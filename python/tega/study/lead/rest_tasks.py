@@ -34,12 +34,14 @@ class RestTask(NamedTuple):
         words: What it does, a few words for the screen.
         kind: Of the event that its end is.
         run: Does it; shows what goes on in what it is given, which ends it by raising :class:`RestTaskEndedError`.
+        after_trials: Whether it begins by itself after each trial, where somebody leads.
     """
 
     key: str
     words: str
     kind: Kind
     run: Callable[[RunningTask], RestTaskEnd]
+    after_trials: bool = False
 
 
 class RestTaskEndedError(Exception):

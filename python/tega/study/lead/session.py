@@ -219,6 +219,10 @@ class _Lead:
         quitting = False
         tasks = {} if trial is None else {task.key: task for task in self._bench.rest_tasks}
         offered = [(key, task.words) for key, task in tasks.items()]
+        if ended_ns is not None and not self._auto:
+            for task in tasks.values():
+                if task.after_trials:
+                    self._rest_task(task, heading)
         while True:
             now_ns = self._clock.now_ns()
             left_s = (until_ns - now_ns) / 1e9
