@@ -1,4 +1,4 @@
-"""Between trials the arm goes to its start: told first, only while the dead-man is held, within every limit of a run."""
+"""Between trials the arm goes to its start: told first, while the dead-man is held, within every limit of a run."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +42,9 @@ class _Simulated:
         self.way, self.limits = WayToStart(start), limits
         self.chain = ArmChain(
             ArmSettings(
-                mapping=MappingSettings(frame="base", mirror=False), filter=FilterSettings(on=False), limits=limits
+                mapping=MappingSettings(frame="base", mirror=False),
+                filter=FilterSettings(on=False),
+                limits=limits,
             )
         )
         self.here, self.now_ns = here, 0
@@ -96,7 +99,7 @@ def test_the_way_leads_up_over_and_down_within_the_limits(here: Pose, start: Pos
     workspace = Workspace(limits)
     top_m = max(here.position_m[2], start.position_m[2])
     targets = [command.target for command in arm.course if command.target is not None]
-    for one, other in zip(targets, targets[1:], strict=False):
+    for one, other in pairwise(targets):
         assert not workspace.outside(other)
         assert math.dist(one.position_m, other.position_m) <= SPEED_M_S * 0.01 + 1e-9
     for target in targets:
@@ -132,7 +135,9 @@ def test_an_arm_that_was_held_back_does_not_catch_up() -> None:
     target = arm.course[-1].target
     assert target is not None
     assert math.dist(target.position_m, (0.6, -0.2, 0.3)) <= 0.03 + 1e-9, "the clip"
-    assert math.dist(given[0], (0.40, 0.20, 0.30)) < 0.06, "the forearm went no further than the clip and a little"
+    assert math.dist(given[0], (0.40, 0.20, 0.30)) < 0.06, (
+        "the forearm went no further than the clip and a little"
+    )
     arm.ticks(1500, held=True)
     assert arm.way.there
 
@@ -147,7 +152,11 @@ def test_an_arm_that_was_held_back_does_not_catch_up() -> None:
     ],
 )
 def test_a_start_that_cannot_be_is_refused(sets: list[str], said: str) -> None:
-    given = ["arm.driver=simulated-arm", "input.dead_man.driver=pedal", "input.dead_man.options.silent_after_ms=100"]
+    given = [
+        "arm.driver=simulated-arm",
+        "input.dead_man.driver=pedal",
+        "input.dead_man.options.silent_after_ms=100",
+    ]
     with pytest.raises(ConfigError, match=said):
         load_config(None, environ={}, sets=[*given, *sets])
 
@@ -160,7 +169,7 @@ class _Hearing:
         self._look = look
 
     def show(self, prompt: str, _bars: Any, _left_s: float | None, /) -> None:
-        words = prompt.split(":")[0].split(" (")[0]
+        words = prompt.split(":", maxsplit=1)[0].split(" (", maxsplit=1)[0]
         if self.said[-1:] != [words]:
             self.said.append(words)
         self._look(prompt)
@@ -182,7 +191,9 @@ def test_the_emulated_arm_and_hand_go_to_their_start_while_the_switch_is_held(tm
         hearing, found = _Hearing(), list[str]()
         for button in (0, 1):  # held before anybody is told
             lab.cap.say(f"press {button}")
-        going = threading.Thread(target=lambda: found.append(go_to_start(config, hearing, told_s=0.5, bus=bus)))
+        going = threading.Thread(
+            target=lambda: found.append(go_to_start(config, hearing, told_s=0.5, bus=bus))
+        )
         going.start()
         until(lambda: "hold the dead-man switch, and the arm moves to its start" in hearing.said)
         time.sleep(0.3)
@@ -221,7 +232,9 @@ def test_nobody_at_the_switch_moves_nothing_and_the_experimenter_ends_it(
 
     monkeypatch.setattr(homing, "PATIENCE_S", 1.0)
     with emulated_lab(tmp_path, emg_hz=250.0, fingers=("thumb",), arm=True) as lab:
-        assert [task.key for task in LabBench(check_tree(lab.tree, {}, base=tmp_path).config).rest_tasks] == ["g"]
+        assert [task.key for task in LabBench(check_tree(lab.tree, {}, base=tmp_path).config).rest_tasks] == [
+            "g"
+        ]
         lab.tree["arm"] |= {"start_m": [0.42, 0.08, 0.36]}
         config = check_tree(lab.tree, {}, base=tmp_path).config
         with pytest.raises(TimeoutError, match="nobody held the dead-man switch for 1 s"):

@@ -313,7 +313,7 @@ class _Parts:
     def ready(self, prompt: str) -> None:
         """Be ready."""
 
-    def ask(self, question: str, answers: Any) -> str:
+    def ask(self, question: str, _answers: Any) -> str:
         raise AssertionError(question)
 
     def show(self, prompt: str, bars: Any, left_s: float | None, /) -> None:

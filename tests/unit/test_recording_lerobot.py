@@ -13,13 +13,16 @@ import numpy as np
 import pytest
 
 from reference.sessions import record, rewritten
+from reference.sessions import tree as sessions_tree
 from tega.cli.main import main
 from tega.errors import ConfigError, RecordingError
 from tega.hand import JOINT_NAMES
 from tega.recording.export import export_file
 from tega.recording.lerobot import export_lerobot
 from tega.recording.lerobot.video import EpisodeCamera
+from tega.recording.mcap_folder import SessionFolder, session_files
 from tega.recording.trim import trim_session
+from tega.records import Contact
 
 parquet = pytest.importorskip("pyarrow.parquet", reason="needs the extra tega[lerobot]")
 av = pytest.importorskip("av", reason="needs the extra tega[lerobot]")
@@ -82,6 +85,101 @@ def test_the_layout_is_the_published_one(dataset: Path) -> None:
             assert shape == (() if feature["shape"] == [1] else tuple(feature["shape"])), name
     tasks = parquet.read_table(dataset / "meta" / "tasks.parquet").to_pydict()
     assert tasks == {"task_index": [0], "task": ["lift the bottle"]}
+
+
+def test_episodes_have_their_own_tasks_where_nobody_names_one_for_all(lossless: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "session"
+    folder.mkdir()
+    for number in (1, 2, 3):
+        (folder / f"trial-00{number}.mcap").write_bytes(lossless.read_bytes())
+    session = SessionFolder(folder)
+    session.label("lift the bag", ["trial-001.mcap", "trial-003.mcap"])
+    dataset = export_lerobot(session_files(folder), tmp_path / "dataset", fps=FPS)
+    assert [episode["tasks"] for episode in episodes(dataset)] == [
+        ["lift the bag"],
+        ["grasp"],
+        ["lift the bag"],
+    ]
+    assert parquet.read_table(dataset / "meta" / "tasks.parquet").to_pydict() == {
+        "task_index": [0, 1],
+        "task": ["lift the bag", "grasp"],
+    }
+    by_episode = {row["episode_index"]: row["task_index"] for row in rows(dataset)}
+    assert by_episode == {0: 0, 1: 1, 2: 0}
+    assert info(dataset)["total_tasks"] == 2
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="the arm's process needs Linux or macOS")
+def test_the_arm_is_observed_and_asked_in_one_action_with_the_hand(tmp_path: Path) -> None:
+    recording = _with_arm(tmp_path)
+    dataset = export_lerobot([recording], tmp_path / "dataset", fps=FPS)
+    features, table = info(dataset)["features"], rows(dataset)
+    names = ["x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"]
+    assert features["observation.arm"] == {
+        "dtype": "float32", "shape": [7], "names": [f"arm.{name}" for name in names],
+    }  # fmt: skip
+    assert features["action"]["names"] == ["grasp_level", *(f"arm_target.{name}" for name in names)]
+    for k, row in enumerate(table):
+        t_s = k / FPS
+        # The measured arm moves by 0.1 m/s along x; it is led from half a second on, 0.2 m higher.
+        assert row["observation.arm"][0] == pytest.approx(0.5 + 0.1 * t_s, abs=0.1 / 100 + 1e-6)
+        led = t_s >= 0.5
+        assert row["action"][3] == pytest.approx(0.5 if led else 0.3, abs=1e-6), t_s
+        assert row["action"][4:] == pytest.approx([0, 0, 0, 1])
+    (episode,) = json.loads((dataset / "meta" / "tega.json").read_text())["episodes"]
+    assert [(m["text"], m["source"], m["frame_index"]) for m in episode["markers"]] == [
+        ("lift", "pedal", 5),
+        ("put down", "another program", 20),
+    ]
+
+
+def _with_arm(folder: Path) -> Path:
+    """Record a run whose records of an arm and markers are made up."""
+    from tega.bus import Bus
+    from tega.config import check_tree
+    from tega.records import ArmMeasured, ArmTarget, HeardMarker, Marker
+    from tega.teleop import run_session
+
+    bus = Bus()
+    told: list[int] = []
+
+    def see(contact: Any) -> None:
+        """Say where the arm is, each time that a fingertip says something."""
+        t_ns = contact.taken_ns
+        turn = (0.0, 0.0, 0.0, 1.0)
+        common = {"t_ns": t_ns, "taken_ns": t_ns, "frame": "arm_base", "quaternion": turn}
+        x_m = 0.5 + 0.1 * t_ns / 1e9
+        bus.publish(ArmMeasured(position=(x_m, 0.0, 0.3), **common))
+        if t_ns >= 500_000_000:
+            bus.publish(ArmTarget(position=(x_m, 0.0, 0.5), **common))
+        if not told:
+            bus.publish(Marker(t_ns=200_000_000, text="lift", source="pedal"))
+            bus.publish(HeardMarker(t_ns=800_000_000, text="put down", source="another program"))
+        told.append(t_ns)
+
+    bus.subscribe(Contact, see)
+    tree = sessions_tree(folder / "arm")
+    summary = run_session(check_tree(tree, {}, base=folder).config, bus=bus)
+    return folder / "arm" / str(summary["recording"]["file"])
+
+
+def test_a_contact_in_newtons_and_millimetres_is_observed_where_the_metric_gives_them(
+    dataset: Path, lossless: Path, tmp_path: Path
+) -> None:
+    assert "observation.touch_si" not in info(dataset)["features"]
+
+    def firm(topic: str, value: Any) -> Any:
+        if topic.endswith("/contact"):
+            value.depth_mm, value.force_n = 0.5, 2.5
+        return value
+
+    changed = rewritten(lossless, tmp_path / "trial-001.mcap", firm)
+    measured = export_lerobot([changed], tmp_path / "dataset", fps=FPS)
+    feature = info(measured)["features"]["observation.touch_si"]
+    assert feature["names"] == [
+        f"{f}.{n}" for f in ("ring", "thumb") for n in ("area_mm2", "depth_mm", "force_n")
+    ]
+    assert rows(measured)[10]["observation.touch_si"] == [0.0, 0.5, 2.5] * 2
 
 
 def test_a_frame_holds_what_was_newest_by_its_time(dataset: Path, lossless: Path, tmp_path: Path) -> None:

@@ -108,14 +108,14 @@ def test_a_task_of_a_rest_is_ended_by_the_experimenter_and_tells_what_was_wrong(
     failing = RunningTask(RestTask("g", "fail", "squeeze", fail))
     failing.end()
     assert "the amplifier went away" in str(failing.result())
-    broken = RunningTask(RestTask("g", "break", "squeeze", lambda _running: [][0]))
+    broken = RunningTask(RestTask("g", "break", "squeeze", lambda _running: RestTaskEnd(value=1 / len(()))))
     broken.end()
-    with pytest.raises(IndexError):
+    with pytest.raises(ZeroDivisionError):
         broken.result()
 
 
 class _Looking:
-    """Has the person squeeze before each trial, ends each after some seconds of effort, and keeps what the rests show."""
+    """Has the person squeeze before each trial, ends it after some seconds of effort, and keeps what the rests show."""
 
     def __init__(self, folder: Path, tire: Callable[[], object]) -> None:
         self._events, self._keys = events_path(folder, "p01"), list[str]()

@@ -26,11 +26,12 @@ from tega.study.coupling import read_course
 from tega.study.finger_rows import finger_rows
 from tega.study.journal import Journal, JournalEvent, counting, read_events
 from tega.study.lead import lead_session
+from tega.study.lead.asking import BlockQuestions
 from tega.study.lead.benches import LabBench, SimulatedBench
 from tega.study.lead.experimenter import ENTER, LineDesk, Screen
 from tega.study.lead.lift_rule import LiftRule
-from tega.study.lead.asking import BlockQuestions
 from tega.study.lead.questions import KEYS, QUESTIONS, answer_of, blocks_to_ask, raw_tlx
+from tega.study.lead.rest_tasks import RestTask, RestTaskEnd
 from tega.study.lead.running_trial import Going
 from tega.study.lead.status_file import board_path, read_board
 from tega.study.lead.trial import LedTrial
@@ -364,6 +365,23 @@ def test_a_trial_is_done_again_and_only_the_second_attempt_counts(*, last: bool,
         f"Done again, so that the first attempt does not count: {trials[number - 1].id}: the gel came off."
         in report_html(analysis, {})
     )
+
+
+@pytest.mark.parametrize("auto", [False, True])
+def test_what_begins_by_itself_after_a_trial_needs_somebody_who_leads(*, auto: bool, tmp_path: Path) -> None:
+    folder = study(tmp_path, trials=2)
+    moved = RestTask(
+        "h", "to its start", "note", lambda _running: RestTaskEnd("it is at its start"), after_trials=True
+    )
+
+    class Moving(_Lifting):
+        rest_tasks: Any = (moved,)
+
+    desk = Experimenter()
+    lead_session(folder, "p01", Moving(), desk, time_scale=0.001, auto=auto)
+    noted = [event.trial for event in events_of(folder) if event.text == "it is at its start"]
+    assert noted == ([] if auto else [1, 2, 3]), "after each trial that another one follows"
+    assert desk.said.count("to its start: it is at its start") == len(noted)
 
 
 class _Repeating(Experimenter):

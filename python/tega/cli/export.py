@@ -23,7 +23,9 @@ from tega.cli.options import json_option
 @click.option(
     "--fps", type=click.IntRange(1, 240), default=30, show_default=True, help="Frames per second (lerobot)."
 )
-@click.option("--task", default="grasp", show_default=True, help="What was done, in words (lerobot).")
+@click.option(
+    "--task", help="What was done, in words, where its episodes do not say it themselves (lerobot)."
+)
 @json_option
 @click.pass_context
 def export(
@@ -34,7 +36,7 @@ def export(
     kind: Literal["csv", "parquet", "lerobot"],
     pictures: bool,
     fps: int,
-    task: str,
+    task: str | None,
     as_json: bool,
 ) -> None:
     """Write a recording as one table per stream, with its settings and calibration beside them.

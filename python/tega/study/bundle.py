@@ -160,7 +160,9 @@ def write_bundle(folder: Path, participant: str, out: Path, *, bids: bool = Fals
     out.parent.mkdir(parents=True, exist_ok=True)
     note_elsewhere(folder, participant, out)
     with new_file(out, sync=True) as file, zipfile.ZipFile(file, "w") as packed:
-        paths = {path.relative_to(folder).as_posix(): path for path in _files_of(folder, participant, left_out)}
+        paths = {
+            path.relative_to(folder).as_posix(): path for path in _files_of(folder, participant, left_out)
+        }
         names = bids_names(paths, plan) if bids else {}
         for name, path in paths.items():
             with path.open("rb") as source:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 def squeeze_shares(events: Sequence[JournalEvent]) -> dict[int, float]:
     """Return each squeeze's strength as a share of the first one's, by the event's number.
 
-    The first is the last one before the first trial, so that a half-hearted one can be done again; where there was none,
+    The first is the last one before the first trial, so that a half-hearted one can be done again; without any there,
     the first of all.
 
     Args:
@@ -25,4 +25,3 @@ def squeeze_shares(events: Sequence[JournalEvent]) -> dict[int, float]:
     begins = next((event.n for event in events if event.kind == "trial_start"), math.inf)
     first = known[max((n for n in known if n < begins), default=min(known))]
     return {n: value / first for n, value in known.items()}
-

@@ -158,9 +158,8 @@ def trials_of_events(
             if any(event in redone for event in runs[-1]):
                 # It was to be done again and was not: nothing of it is data.
                 done = msgspec.structs.replace(done, status="aborted_technical")
-            squeezed = [shares[event.n] for event in runs[-1] if event.n in shares]
-            if squeezed:
-                done = msgspec.structs.replace(done, squeeze_share=squeezed[-1])
+            squeezed = [None, *(shares[event.n] for event in runs[-1] if event.n in shares)]
+            done = msgspec.structs.replace(done, squeeze_share=squeezed[-1])
             attempt = runs[-1][0].attempt
             for rater, seen in observers.items():
                 if saw_whole(seen, plan.trial, attempt):

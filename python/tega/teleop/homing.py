@@ -1,4 +1,4 @@
-"""Move arm and hand to their start between trials: through the chain of every motion, and only while the dead-man is held."""
+"""Move arm and hand to their start between trials: through the chain of every motion, while the dead-man is held."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from tega.arm.settings import FilterSettings, MappingSettings
 from tega.arm.way_to_start import SPEED_M_S, TURN_RAD_S, WayToStart
 from tega.bus import Bus
-from tega.devices.base import SteeredHand, optional
+from tega.devices.base import SteeredHand
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError
 from tega.hand_poses import ClosureScale
@@ -89,7 +89,9 @@ def go_to_start(
                 left_m = way.left_m or 0.0
                 shows.show(f"the arm moves to its start: {100 * left_m:.0f} cm to go", (), None)
             else:
-                shows.show(f"hold the dead-man switch, and the arm moves to its start ({way.reason})", (), None)
+                shows.show(
+                    f"hold the dead-man switch, and the arm moves to its start ({way.reason})", (), None
+                )
             hand.look(now_s - last_s, may_move=follows)
             last_s = now_s
             there_s = (there_s or now_s) if follows and way.there and hand.is_open else None
@@ -101,7 +103,7 @@ def go_to_start(
 
 
 def _unsteered(arm: ArmConfig) -> ArmConfig:
-    """Return the arm's settings for a way that is given in the base's own axes, and no faster than such a way may be."""
+    """Return the arm's settings for a way that is given in the base's own axes, no faster than such a way may be."""
     limits = msgspec.structs.replace(
         arm.limits,
         speed_m_s=min(arm.limits.speed_m_s, SPEED_M_S),

@@ -29,7 +29,7 @@ def left_arm(right: str) -> str:
         anchor = re.search(r' text-anchor="(\w+)"', rest)
         turned = _ANCHORS[anchor[1] if anchor else "start"]
         rest = re.sub(r' text-anchor="\w+"', "", rest)
-        back = f'translate({2 * int(x)} 0) scale(-1 1)'
+        back = f"translate({2 * int(x)} 0) scale(-1 1)"
         return f'<text x="{x}" transform="{back}" text-anchor="{turned}"{rest}>'
 
     head, body, tail = re.split(r"(?<=</title>\n)|(?=</svg>)", right)

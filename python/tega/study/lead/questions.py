@@ -99,7 +99,7 @@ def blocks_to_ask(
     found = []
     for block in dict.fromkeys(trial.block for trial in trials):
         mine = [trial.trial for trial in trials if trial.block == block]
-        if open_trials.isdisjoint(mine) and not ran.isdisjoint(mine):
-            if any((mine[-1], question.item) not in asked for question in QUESTIONS):
-                found.append(mine[-1])
+        over = open_trials.isdisjoint(mine) and not ran.isdisjoint(mine)
+        if over and any((mine[-1], question.item) not in asked for question in QUESTIONS):
+            found.append(mine[-1])
     return found

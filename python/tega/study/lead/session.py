@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -219,10 +219,8 @@ class _Lead:
         quitting = False
         tasks = {} if trial is None else {task.key: task for task in self._bench.rest_tasks}
         offered = [(key, task.words) for key, task in tasks.items()]
-        if ended_ns is not None and not self._auto:
-            for task in tasks.values():
-                if task.after_trials:
-                    self._rest_task(task, heading)
+        if ended_ns is not None:
+            self._by_itself(list(tasks.values()), heading)
         while True:
             now_ns = self._clock.now_ns()
             left_s = (until_ns - now_ns) / 1e9
@@ -251,6 +249,12 @@ class _Lead:
                 screen, self._as_board(screen.phase, trial, attempt, until_ns=until_ns if resting else None)
             )
             time.sleep(_POLL_S)
+
+    def _by_itself(self, tasks: Sequence[RestTask], heading: str) -> None:
+        """Begin what begins by itself after a trial, where somebody leads."""
+        for task in tasks:
+            if task.after_trials and not self._auto:
+                self._rest_task(task, heading)
 
     def _rest_task(self, task: RestTask, heading: str) -> None:
         """Have the bench do something of a rest, and write down what came of it."""
@@ -349,7 +353,8 @@ class _Lead:
                 asked.pass_over()
             while not asked.over:
                 self._heard_by_program()
-                for key in self._desk.keys():
+                pressed = self._desk.keys()
+                for key in pressed:
                     asked.press(key)
                 self._telling.show(asked.screen(), self._as_board("questions", None))
                 time.sleep(_POLL_S)
