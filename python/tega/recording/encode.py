@@ -48,7 +48,7 @@ def _encode(source: Path, target: Path, quality: int) -> None:
     if "epoch_ns" not in tables.get("tega", {}):
         raise RecordingError(f"{source.name}: no recording of a session", "name a file made with --record")
     name, step = origin(tables, source, made_by=f"encode --quality {quality}", part=span(tables))
-    pictures = _Pictures(quality)
+    pictures = _SmallerPictures(quality)
     with source.open("rb") as old, new_file(target) as file:
         copy, records = McapCopy(file), McapRecords(old)
         copy.table(name, step)
@@ -71,7 +71,7 @@ def _tables(source: Path) -> dict[str, dict[str, str]]:
     return tables
 
 
-class _Pictures:
+class _SmallerPictures:
     """Encodes what is a picture, and lets everything else pass."""
 
     def __init__(self, quality: int) -> None:

@@ -53,9 +53,12 @@ def left_vest(right: str) -> str:
 
 def main(folder: Path) -> None:
     """Write both drawings beside those that they are made from."""
-    for name, turn in (("placement-emg", left_arm), ("placement-vest", left_vest)):
-        drawn = turn((folder / f"{name}.svg").read_text(encoding="utf-8"))
-        (folder / f"{name}-left.svg").write_text(drawn, encoding="utf-8", newline="\n")
+    for name, turn, made in (
+        ("placement-emg.svg", left_arm, "placement-emg-left.svg"),
+        ("placement-vest.svg", left_vest, "placement-vest-left.svg"),
+    ):
+        drawn = turn((folder / name).read_text(encoding="utf-8"))
+        (folder / made).write_text(drawn, encoding="utf-8", newline="\n")
 
 
 if __name__ == "__main__":
