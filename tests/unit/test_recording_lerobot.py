@@ -15,14 +15,15 @@ import pytest
 from reference.sessions import record, rewritten
 from reference.sessions import tree as sessions_tree
 from tega.cli.main import main
-from tega.errors import ConfigError, RecordingError
+from tega.errors import ConfigError, RecordingError, UnsafeNameError
 from tega.hand import JOINT_NAMES
 from tega.recording.export import export_file
 from tega.recording.lerobot import export_lerobot
-from tega.recording.lerobot.video import EpisodeCamera
+from tega.recording.lerobot.video import EpisodeCamera, Video
 from tega.recording.mcap_folder import SessionFolder, session_files
 from tega.recording.trim import trim_session
 from tega.records import Contact
+from tega.scene.pictures import times_path
 
 parquet = pytest.importorskip("pyarrow.parquet", reason="needs the extra tega[lerobot]")
 av = pytest.importorskip("av", reason="needs the extra tega[lerobot]")
@@ -161,6 +162,61 @@ def _with_arm(folder: Path) -> Path:
     tree = sessions_tree(folder / "arm")
     summary = run_session(check_tree(tree, {}, base=folder).config, bus=bus)
     return folder / "arm" / str(summary["recording"]["file"])
+
+
+def filmed(video: Path, times_ns: list[int]) -> Path:
+    """Write a scene camera's video, a grey that rises with each picture, and its time code."""
+    made = Video(video, fps=30, height=48, width=64)
+    for k in range(len(times_ns)):
+        made.add(np.full((48, 64, 3), 40 + 4 * k, np.uint8), 1)
+    made.close()
+    lines = [f"{k},{t_ns}" for k, t_ns in enumerate(times_ns)]
+    times_path(video).write_text("\n".join(["picture,t_ns", *lines]) + "\n")
+    return video
+
+
+def test_a_scene_camera_is_laid_on_the_frames_by_the_machine_s_clock(
+    lossless: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    begun_ns = 5_000_000_000
+    moved = rewritten(lossless, tmp_path / "trial-001.mcap", tables={"tega": {"start_ns": str(begun_ns)}})
+    # A picture each 50 ms, from a little before the session's start on; none between 0.5 and 0.9 s.
+    offsets_ms = [ms for ms in range(-90, 1700, 50) if not 500 < ms < 900]
+    times_ns = [begun_ns + ms * 1_000_000 for ms in offsets_ms]
+    video = filmed(tmp_path / "side.mp4", times_ns)
+    out = tmp_path / "dataset"
+    words = ["--out", str(out), "--format", "lerobot", "--fps", str(FPS), "--scene", f"side={video}"]
+    with pytest.raises(SystemExit) as ended:
+        main(["recording", "export", str(moved), *words])
+    assert ended.value.code == 0, capsys.readouterr().err
+    assert info(out)["features"]["observation.images.side"]["shape"] == [48, 64, 3]
+    start_ns = json.loads((out / "meta" / "tega.json").read_text())["episodes"][0]["start_ns"]
+    with av.open(str(out / "videos/observation.images.side/chunk-000/file-000.mp4")) as opened:
+        greys = [frame.to_ndarray(format="rgb24").mean() for frame in opened.decode(video=0)]
+    assert len(greys) == info(out)["total_frames"]
+    for k, grey in enumerate(greys):
+        at_ns = begun_ns + start_ns + k * 1_000_000_000 // FPS
+        newest = sum(t_ns <= at_ns for t_ns in times_ns) - 1
+        assert grey == pytest.approx(40 + 4 * newest, abs=3), k
+    stats = json.loads((out / "meta" / "stats.json").read_text())["observation.images.side"]
+    assert np.ravel(stats["min"])[0] < np.ravel(stats["max"])[0]
+
+
+def test_a_scene_camera_of_another_time_or_without_one_is_refused(lossless: Path, tmp_path: Path) -> None:
+    begun_ns = 5_000_000_000
+    moved = rewritten(lossless, tmp_path / "trial-001.mcap", tables={"tega": {"start_ns": str(begun_ns)}})
+    late = filmed(tmp_path / "late.mp4", [begun_ns + k * 50_000_000 for k in range(20, 40)])
+    short = filmed(tmp_path / "short.mp4", [begun_ns - 90_000_000 + k for k in range(3)])
+    for number, video in enumerate((late, short)):
+        with pytest.raises(RecordingError, match=r"does not cover trial-001\.mcap"):
+            export_lerobot([moved], tmp_path / f"out{number}", fps=FPS, scenes={"side": video})
+    with pytest.raises(ConfigError, match="named as a finger"):
+        export_lerobot([moved], tmp_path / "finger", fps=FPS, scenes={"thumb": late})
+    times_path(late).unlink()
+    with pytest.raises(RecordingError, match="has no time code"):
+        export_lerobot([moved], tmp_path / "untimed", fps=FPS, scenes={"side": late})
+    with pytest.raises(UnsafeNameError):
+        export_lerobot([moved], tmp_path / "unsafe", fps=FPS, scenes={"../side": late})
 
 
 def test_a_contact_in_newtons_and_millimetres_is_observed_where_the_metric_gives_them(

@@ -19,6 +19,7 @@ from tega.foreign_file import tells_damage
 from tega.lifecycle import require
 from tega.plain_name import plain_name
 from tega.recording.lerobot.episode import Episode, read_episode
+from tega.recording.lerobot.scene import check_scene, scene_frames
 from tega.recording.lerobot.stats import figures
 from tega.recording.lerobot.video import (
     CODEC,
@@ -53,7 +54,14 @@ _COUNTERS = {
 }
 
 
-def export_lerobot(paths: Sequence[Path], folder: Path, *, fps: int = 30, task: str | None = None) -> Path:
+def export_lerobot(
+    paths: Sequence[Path],
+    folder: Path,
+    *,
+    fps: int = 30,
+    task: str | None = None,
+    scenes: Mapping[str, Path] = {},
+) -> Path:
     """Write recordings as a LeRobot dataset, one episode each.
 
     Args:
@@ -61,6 +69,7 @@ def export_lerobot(paths: Sequence[Path], folder: Path, *, fps: int = 30, task: 
         folder: Where to; new or empty.
         fps: Frames per second.
         task: What was done, in words; ``None`` for what each session's index says of a recording, else ``grasp``.
+        scenes: Videos of scene cameras with their time codes, by the cameras' names.
 
     Returns:
         The folder.
@@ -75,8 +84,12 @@ def export_lerobot(paths: Sequence[Path], folder: Path, *, fps: int = 30, task: 
         require(module, driver="export", extra="lerobot")
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise ConfigError(f"{str(folder)!r} is not empty, or is a file", "name a new folder with --out")
+    shapes = {}
+    for name, video in scenes.items():
+        plain_name(name, what="camera", source="--scene")
+        shapes[name] = check_scene(video)
     folder.mkdir(parents=True, exist_ok=True)
-    dataset = _Dataset(folder, fps)
+    dataset = _Dataset(folder, fps, scenes, shapes)
     try:
         for path in paths:
             _add(path, dataset, fps, task or recorded_task(path) or UNLABELLED)
@@ -92,10 +105,12 @@ def _add(path: Path, dataset: _Dataset, fps: int, task: str) -> None:
 
 
 class _Dataset:
-    def __init__(self, folder: Path, fps: int) -> None:
+    def __init__(
+        self, folder: Path, fps: int, scenes: Mapping[str, Path], filmed: Mapping[str, tuple[int, int]]
+    ) -> None:
         self._arrow: Any = require("pyarrow", driver="export", extra="lerobot")
         self._parquet: Any = require("pyarrow.parquet", driver="export", extra="lerobot")
-        self._folder, self._fps = folder, fps
+        self._folder, self._fps, self._scenes, self._filmed = folder, fps, scenes, filmed
         self._tasks: list[str] = []
         self._cameras: dict[str, EpisodeCamera] = {}
         self._features: dict[str, Any] = {}
@@ -113,7 +128,7 @@ class _Dataset:
         features = self._described(episode)
         if not self._features:
             self._features = features
-            for finger, shape in episode.shapes.items():
+            for finger, shape in self._shapes(episode).items():
                 plain_name(finger, what="finger", source=episode.path.name)
                 key = f"observation.images.{finger}"
                 self._cameras[finger] = EpisodeCamera(self._folder, key, self._fps, shape)
@@ -142,6 +157,9 @@ class _Dataset:
             camera.begin()
         for finger, image, n_times in episode.pictures():
             self._cameras[finger].add(np.ascontiguousarray(image[..., ::-1]), n_times)
+        for name, video in self._scenes.items():
+            for image, n_times in scene_frames(video, episode):
+                self._cameras[name].add(np.ascontiguousarray(image[..., ::-1]), n_times)
         known: dict[str, Any] = {"episode_index": number, "tasks": [task], "length": n}
         known |= {f"data/{name}": value for name, value in where.items()}
         known |= {"dataset_from_index": self._n_frames, "dataset_to_index": self._n_frames + n}
@@ -191,9 +209,15 @@ class _Dataset:
         table = table.replace_schema_metadata({"pandas": json.dumps(pandas)})
         self._parquet.write_table(table, self._folder / "meta" / "tasks.parquet")
 
+    def _shapes(self, episode: Episode) -> dict[str, tuple[int, int]]:
+        """Return height and width of the pictures of fingers and scene cameras."""
+        if both := sorted(set(self._filmed) & set(episode.shapes)):
+            raise ConfigError(f"the scene camera {both[0]} is named as a finger", "name it otherwise")
+        return {**episode.shapes, **self._filmed}
+
     def _described(self, episode: Episode) -> dict[str, Any]:
         features: dict[str, Any] = {}
-        for finger, (height, width) in episode.shapes.items():
+        for finger, (height, width) in self._shapes(episode).items():
             if height % 2 or width % 2:
                 raise RecordingError(
                     f"{episode.path.name}: {finger}: {width}×{height} pixels are not even",
