@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar, Final
 
@@ -44,6 +45,7 @@ class WayToStart(Opened):
         left_m: How far the target is from the start; ``None`` before it was known.
         off_m: How far the arm itself is from it, as measured; likewise.
         there: Whether the target rests at the start.
+        seen_s: When the chain was last seen, on the monotonic clock.
     """
 
     kind: ClassVar[Kind] = "tracker"
@@ -66,6 +68,7 @@ class WayToStart(Opened):
         self.left_m: float | None = None
         self.off_m: float | None = None
         self.there = False
+        self.seen_s = -math.inf
 
     @property
     def info(self) -> DeviceInfo:
@@ -82,7 +85,7 @@ class WayToStart(Opened):
 
     def saw(self, turn: ArmTurn) -> None:
         """Take in what the chain made of the last pose."""
-        self.state, self.reason = turn.state, turn.reason
+        self.state, self.reason, self.seen_s = turn.state, turn.reason, time.monotonic()
         if turn.measured and len(place := turn.measured[0].position) == 3:
             self.off_m = math.dist(place, self._start.position_m.tolist())
         if len(turn.target) != 7:

@@ -32,6 +32,8 @@ PATIENCE_S: Final = 30.0
 _LEVELS_PER_S = 2.0
 _LOOK_S = 0.02
 _SETTLE_S = 1.0
+# What leads the arm tells of itself a hundred times a second; a hand is opened by nothing older.
+_FRESH_S = 0.2
 
 
 def go_to_start(
@@ -59,13 +61,15 @@ def go_to_start(
     arm = config.arm
     if arm is None or (start := arm.start) is None:
         raise ConfigError("the arm has no start to go to", "set arm.start_m")
+    replace = msgspec.structs.replace
+    config = replace(config, arm=_unsteered(arm), session=replace(config.session, pace="real"))
     with ExitStack() as stack:
         way = WayToStart(start)
         bus = Bus() if bus is None else bus
         bus.subscribe(ArmTurn, way.saw, vital=True)
         steering = open_arm(
             stack,
-            msgspec.structs.replace(config, arm=_unsteered(arm)),
+            config,
             open_inputs(stack, config),
             tracker=way,
         )
@@ -77,7 +81,7 @@ def go_to_start(
         there_s: float | None = None
         while True:
             now_s = time.monotonic()
-            follows = way.state == "following"
+            follows = way.state == "following" and now_s - way.seen_s < _FRESH_S
             held_s = now_s if follows else max(held_s, told_until_s)
             if now_s - held_s > PATIENCE_S:
                 raise TimeoutError(f"nobody held the dead-man switch for {PATIENCE_S:g} s: {way.reason}")
