@@ -15,7 +15,7 @@ from tega.bus import Bus
 from tega.devices.base import SteeredHand
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError
-from tega.hand_poses import ClosureScale
+from tega.hand_poses import ClosureScale, load_poses
 from tega.records import ArmTurn
 from tega.teleop.arm import open_arm
 from tega.teleop.sinks import open_inputs
@@ -124,7 +124,10 @@ class _Opening:
         self._hand: SteeredHand | None = None
         self._level: float | None = None
         if config.hand.driver is not None:
-            made = driver_class(config.hand.driver, "hand")(config.hand.options)
+            options = config.hand.options
+            made = driver_class(config.hand.driver, "hand")(options)
+            poses = getattr(options, "poses", None)
+            self._closure = ClosureScale(None if poses is None else load_poses(poses))
             if isinstance(made, SteeredHand):
                 self._hand = stack.enter_context(made)
 
@@ -144,7 +147,7 @@ class _Opening:
         if hand is None:
             return
         if may_move:
-            before = ClosureScale()(np.asarray(hand.angles_rad)) if self._level is None else self._level
+            before = self._closure(np.asarray(hand.angles_rad)) if self._level is None else self._level
             self._level = max(1.0, before - _LEVELS_PER_S * dt_s)
         if self._level is not None:
             hand.step(self._level)
