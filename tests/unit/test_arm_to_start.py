@@ -26,7 +26,8 @@ from tega.config import load_config
 from tega.errors import ConfigError
 from tega.records import ArmMeasured, ArmTurn, PoseNumbers
 from tega.study.lead.benches import LabBench
-from tega.study.lead.rest_tasks import RunningTask
+from tega.study.lead.rest_tasks import RestTaskEndedError, RunningTask
+from tega.study.lead.running_trial import in_thread
 from tega.teleop import homing
 from tega.teleop.homing import go_to_start
 
@@ -188,31 +189,39 @@ def test_the_emulated_arm_and_hand_go_to_their_start_while_the_switch_is_held(tm
         bus = Bus()
         bus.subscribe(ArmMeasured, lambda pose: places.append(pose.position))
         bus.subscribe(ArmTurn, turns.append)
-        hearing, found = _Hearing(), list[str]()
+        over, found = threading.Event(), list[str]()
+
+        def look(_prompt: str) -> None:
+            if over.is_set():
+                raise RestTaskEndedError
+
+        hearing = _Hearing(look)
         for button in (0, 1):  # held before anybody is told
             lab.cap.say(f"press {button}")
-        going = threading.Thread(
-            target=lambda: found.append(go_to_start(config, hearing, told_s=0.5, bus=bus))
-        )
-        going.start()
-        until(lambda: "hold the dead-man switch, and the arm moves to its start" in hearing.said)
-        time.sleep(0.3)
-        assert not any(turn.state == "following" for turn in turns)
-        assert math.dist(places[-1], places[0]) < 1e-3
-        for button in (0, 1):
-            lab.cap.say(f"lift {button}")
-        until(lambda: "the clutch is open" in turns[-1].reason)
-        for button in (0, 1):
-            lab.cap.say(f"press {button}")
-        until(lambda: math.dist(places[-1], places[0]) > 0.03)
-        lab.cap.say("lift 0")
-        until(lambda: turns[-1].state == "holding")
-        until(lambda: turns[-1].velocity[:3] == (0.0, 0.0, 0.0))
-        rests = turns[-1].target
-        time.sleep(0.3)
-        assert turns[-1].target == rests
-        lab.cap.say("press 0")
-        going.join(60)
+        going, raised = in_thread(lambda: found.append(go_to_start(config, hearing, told_s=0.5, bus=bus)))
+        try:
+            until(lambda: "hold the dead-man switch, and the arm moves to its start" in hearing.said)
+            time.sleep(0.3)
+            assert not any(turn.state == "following" for turn in turns)
+            assert math.dist(places[-1], places[0]) < 1e-3
+            for button in (0, 1):
+                lab.cap.say(f"lift {button}")
+            until(lambda: "the clutch is open" in turns[-1].reason)
+            for button in (0, 1):
+                lab.cap.say(f"press {button}")
+            until(lambda: math.dist(places[-1], places[0]) > 0.03)
+            lab.cap.say("lift 0")
+            until(lambda: turns[-1].state == "holding")
+            until(lambda: turns[-1].velocity[:3] == (0.0, 0.0, 0.0))
+            rests = turns[-1].target
+            time.sleep(0.3)
+            assert turns[-1].target == pytest.approx(rests, abs=1e-9)
+            lab.cap.say("press 0")
+            until(lambda: not going.is_alive())
+        finally:
+            over.set()
+            going.join(30)
+        assert raised == []
         (said,) = found
         assert hearing.said[0] == "THE ARM WILL MOVE"
         assert said.startswith("the arm is at its start")

@@ -58,8 +58,9 @@ class _Running:
         self._began_s: float | None = None
         self._ended_s: float | None = None
         self.state, self.alerts = "devices start", tuple[str, ...]()
-        self._thread, self.raised = in_thread(
-            lambda: run_session(
+
+        def run() -> None:
+            run_session(
                 config,
                 observer=self._see,
                 progress=self._prepare,
@@ -67,7 +68,8 @@ class _Running:
                 settings=settings,
                 on_state=self._change,
             )
-        )
+
+        self._thread, self.raised = in_thread(run)
 
     def _prepare(self, what: str, done: int, total: int) -> None:
         if self._began_s is None:
