@@ -378,6 +378,9 @@ def test_what_begins_by_itself_after_a_trial_needs_somebody_who_leads(*, auto: b
         rest_tasks: Any = (moved,)
 
     desk = Experimenter()
+    with pytest.raises(InvalidValueError, match="pedal 'h': begins to its start in a rest"):
+        lead_session(folder, "p01", Moving(), desk, pedal="h")
+    assert not events_path(folder, "p01").exists()
     lead_session(folder, "p01", Moving(), desk, time_scale=0.001, auto=auto)
     noted = [event.trial for event in events_of(folder) if event.text == "it is at its start"]
     assert noted == ([] if auto else [1, 2, 3]), "after each trial that another one follows"

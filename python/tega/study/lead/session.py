@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tega.clock import Clock, SystemClock
-from tega.errors import DeviceUnavailableError
+from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.study.beep_score import said_of_beeps
 from tega.study.journal import Journal
 from tega.study.lead.asking import BlockQuestions
@@ -79,8 +79,8 @@ def lead_session(
         How the session stands.
 
     Raises:
-        InvalidValueError: Nobody has that id, the answer key means something else, a planned condition cannot be run on
-            this bench, or the plan is not for sessions on it.
+        InvalidValueError: Nobody has that id, answer key or pedal mean something else, a planned condition cannot be run
+            on this bench, or the plan is not for sessions on it.
         RecordingError: The study is damaged, or the person has withdrawn.
         DeviceUnavailableError: Another program has the session open, nothing can play the plan's beeps, the masking
             sound has stopped, or a trial cannot begin and nobody is there.
@@ -89,6 +89,8 @@ def lead_session(
     plan = read_plan(folder)
     for condition in plan.settings.conditions:
         bench.felt(condition)
+    if begun := [task.words for task in bench.rest_tasks if task.key == pedal]:
+        raise InvalidValueError(f"pedal {pedal!r}: begins {begun[0]} in a rest", "take b, for example")
     if plan.settings.probe:
         check_answer_key(answer_key, pedal)
         if masking is None:
