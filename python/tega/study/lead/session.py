@@ -79,7 +79,7 @@ def lead_session(
         How the session stands.
 
     Raises:
-        InvalidValueError: Nobody has that id, answer key or pedal mean something else, a planned condition cannot be run
+        InvalidValueError: Nobody has that id, answer key or pedal mean something else, a condition cannot be run
             on this bench, or the plan is not for sessions on it.
         RecordingError: The study is damaged, or the person has withdrawn.
         DeviceUnavailableError: Another program has the session open, nothing can play the plan's beeps, the masking
