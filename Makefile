@@ -102,6 +102,7 @@ pictures: ## the drawn pictures of the docs, and the demo's animation; needs lab
 	$(BIN)/python docs/images/draw.py
 	$(BIN)/python -m tega_figures.diagrams docs/images
 	$(BIN)/python -m tega_figures.byte_layouts docs/images
+	$(BIN)/python -m tega_figures.placement_left docs/images
 	$(BIN)/python -m tega_figures.page_plots docs/images
 	$(BIN)/python -m tega_figures.terminal_shots docs/images
 	$(BIN)/python -m tega_figures.simulated_person picture docs/images/sim-emg.png
