@@ -17,9 +17,9 @@ from reference.sessions import tree as sessions_tree
 from tega.cli.main import main
 from tega.errors import ConfigError, RecordingError, UnsafeNameError
 from tega.hand import JOINT_NAMES
+from tega.lerobot import export_lerobot
+from tega.lerobot.video import EpisodeCamera, Video
 from tega.recording.export import export_file
-from tega.recording.lerobot import export_lerobot
-from tega.recording.lerobot.video import EpisodeCamera, Video
 from tega.recording.mcap_folder import SessionFolder, session_files
 from tega.recording.trim import trim_session
 from tega.records import Contact

@@ -57,7 +57,7 @@ def export(
 
     files = session_files(session)
     if kind == "lerobot":
-        from tega.recording.lerobot import export_lerobot
+        from tega.lerobot import export_lerobot
 
         if pictures:
             raise click.UsageError("--pictures is for tables; a dataset has them as video")

@@ -42,7 +42,7 @@ def take(
     import sys
 
     from tega.config import load_config
-    from tega.recording.take import EpisodeTaker
+    from tega.episodes.take import EpisodeTaker
     from tega.safety.ctrl_c import CtrlC
     from tega.study.lead.experimenter import desk_for
 

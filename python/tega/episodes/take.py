@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Final
 
 import msgspec
 
+from tega.episodes.journal import EpisodeJournal
 from tega.errors import InvalidValueError, TegaError
-from tega.recording.episodes import EpisodeJournal
 from tega.recording.mcap_folder import SessionFolder
 from tega.study.lead.experimenter import ENTER, Desk, Screen
 from tega.study.lead.rest_tasks import RunningTask
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from tega.config import SessionConfig
-    from tega.recording.episodes import EpisodeLine, EpisodeStep
+    from tega.episodes.journal import EpisodeLine, EpisodeStep
     from tega.safety.states import Transition
     from tega.teleop.moment import LoopView
 

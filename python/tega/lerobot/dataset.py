@@ -16,12 +16,10 @@ import numpy as np
 
 from tega.errors import ConfigError, RecordingError
 from tega.foreign_file import tells_damage
-from tega.lifecycle import require
-from tega.plain_name import plain_name
-from tega.recording.lerobot.episode import Episode, read_episode
-from tega.recording.lerobot.scene import check_scene, scene_frames
-from tega.recording.lerobot.stats import figures
-from tega.recording.lerobot.video import (
+from tega.lerobot.episode import Episode, read_episode
+from tega.lerobot.scene import check_scene, scene_frames
+from tega.lerobot.stats import figures
+from tega.lerobot.video import (
     CODEC,
     FILES_PER_CHUNK,
     PIXELS,
@@ -31,6 +29,8 @@ from tega.recording.lerobot.video import (
     EpisodeCamera,
     VideoPlace,
 )
+from tega.lifecycle import require
+from tega.plain_name import plain_name
 from tega.recording.mcap_folder import recorded_task
 from tega.recording.origin import origins, span
 

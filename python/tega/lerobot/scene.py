@@ -14,7 +14,7 @@ from tega.scene.pictures import read_pictures, times_path
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tega.recording.lerobot.episode import Episode
+    from tega.lerobot.episode import Episode
 
 _BEFORE_S: Final = 1.0
 """A picture older than this at the first frame is none of the episode; likewise at the last."""
