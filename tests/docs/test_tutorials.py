@@ -58,6 +58,17 @@ def test_every_extra_that_a_page_installs_exists(page: Path) -> None:
         assert set(extras.split(",")) <= set(project["optional-dependencies"])
 
 
+def test_no_two_tutorials_write_the_same_name() -> None:
+    """Nothing is written over, so a reader who types a second tutorial in the same folder would be stopped."""
+    written: dict[str, set[str]] = {}
+    for page in RUN:
+        text = "\n".join(b.text for b in blocks_of(page) if b.mark in {"", "background"} and b.language != "python")
+        for name in re.findall(r"""(?:--out |--record |out_dir ?= ?"?)([\w.-]+)""", text):
+            # The emulated bench keeps what it needs in a folder of the settings' name.
+            written.setdefault(name.removesuffix(".toml"), set()).add(page.stem)
+    assert {name: pages for name, pages in written.items() if len(pages) > 1} == {}
+
+
 def start(text: str, folder: Path, environment: dict[str, str]) -> subprocess.Popen[str]:
     """Start what stays up, and wait for the settings file that it writes."""
     (words,) = [line.split() for line in text.splitlines() if line.strip()]
