@@ -62,7 +62,9 @@ def test_no_two_tutorials_write_the_same_name() -> None:
     """Nothing is written over, so a reader who types a second tutorial in the same folder would be stopped."""
     written: dict[str, set[str]] = {}
     for page in RUN:
-        text = "\n".join(b.text for b in blocks_of(page) if b.mark in {"", "background"} and b.language != "python")
+        text = "\n".join(
+            b.text for b in blocks_of(page) if b.mark in {"", "background"} and b.language != "python"
+        )
         for name in re.findall(r"""(?:--out |--record |out_dir ?= ?"?)([\w.-]+)""", text):
             # The emulated bench keeps what it needs in a folder of the settings' name.
             written.setdefault(name.removesuffix(".toml"), set()).add(page.stem)

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from tega import hand, haptics
+from tega.config import FINGERS
 from tega.devices.synthetic import SyntheticEmg, SyntheticEmgOptions, SyntheticTouch, SyntheticTouchOptions
 from tega.emg import GraspIntent, channel_maxima
 from tega.tactile import Reading, contact_mask
@@ -136,16 +137,16 @@ def vest_law(path: Path) -> None:
     )
     motors = np.asarray(frame.x40(), float).reshape(2, 5, 4)
     for face, name in enumerate(("front: CCI", "back: EDA")):
-        for row in range(5):
-            for column in range(4):
+        for column in range(4):
+            # From outside: the first column, at the wearer's left, is at the right of the front.
+            x = 5.2 * face + (column if face else 3 - column)
+            for row in range(5):
                 right.scatter(
-                    5.2 * face + column, -row, s=190, color=COLOURS[column],
+                    x, -row, s=190, color=COLOURS[column],
                     alpha=max(motors[face, row, column] / 100, 0.04), edgecolors="none",
                 )  # fmt: skip
-                right.scatter(5.2 * face + column, -row, s=190, facecolors="none", edgecolors="0.6", lw=0.8)
-            right.text(
-                5.2 * face + column, -4.6, FINGERS[column], ha="right", va="top", rotation=45, fontsize=8
-            )
+                right.scatter(x, -row, s=190, facecolors="none", edgecolors="0.6", lw=0.8)
+            right.text(x + 0.2, -4.6, FINGERS[column], ha="right", va="top", rotation=45, fontsize=8)
         right.text(5.2 * face + 1.5, 0.8, name, ha="center", fontsize=9)
     right.set_xlim(-0.8, 9)
     right.set_ylim(-6.2, 1.5)

@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 from typing import Final, NamedTuple
 
-__all__ = ["BEFORE", "PAGES", "Measured", "main", "measure", "prose", "table"]
+__all__ = ["BEFORE", "PAGES", "Measured", "main", "measure", "opening", "prose", "table"]
 
 PROJECT: Final = Path(__file__).resolve().parents[3]
 BEFORE: Final = "e6206fae"
@@ -50,7 +50,7 @@ def prose(page: str) -> str:
     text = re.sub(r"^(?:\||#|!\[|<).*$", "", text, flags=re.MULTILINE)
     text = re.sub(r"!?\[([^\]]*)\]\([^)]*\)", r"\1", text)
     text = re.sub(r"^\s*(?:[-*>]|\d+\.)\s+", "\n", text, flags=re.MULTILINE)
-    text = re.sub(r"[`*_]", "", text)
+    text = re.sub(r"[`*]", "", text)
     whole = [" ".join(paragraph.split()) for paragraph in re.split(r"\n\s*\n", text)]
     return "\n".join(
         p if p[-1] in ".!?" else f"{p.rstrip(':;,')}." for p in whole if len(p.split()) >= _LEAST_WORDS
@@ -67,6 +67,11 @@ def measure(page: str) -> Measured:
     return Measured(
         len(page.split()), n_words / n_sentences, float(textstat.flesch_reading_ease(said)), pictures
     )
+
+
+def opening(page: str) -> str:
+    """Return the first sentence of a page."""
+    return re.split(r"(?<=[.!?])\s", prose(page), maxsplit=1)[0].replace("|", "\\|")
 
 
 def _then(path: str) -> str:
@@ -88,7 +93,12 @@ def table() -> str:
             f"| {path} | {old.n_words:,} → {new.n_words:,} | {old.words_a_sentence:.0f} → {new.words_a_sentence:.0f} "
             f"| {old.ease:.0f} → {new.ease:.0f} | {old.n_pictures} → {new.n_pictures} |"
         )
-    rows.append(f"| together | {sums[0]:,} → {sums[1]:,} | | | |")
+    rows += [f"| together | {sums[0]:,} → {sums[1]:,} | | | |", ""]
+    rows += ["| page | how it began | how it begins |", "|---|---|---|"]
+    rows += [
+        f"| {path} | {opening(_then(path))} | {opening((PROJECT / path).read_text(encoding='utf-8'))} |"
+        for path in PAGES
+    ]
     return "\n".join([_BEGIN, *rows, _END])
 
 

@@ -117,7 +117,9 @@ class Walk:
     def _line(self, command: str) -> str:
         """Return a command with what was switched on before it; from wheels, with their names for the checkout's."""
         if not self._is_clone:
-            wheel, emulators = (next(self._folder.glob(f"{n}-*.whl")).name for n in ("tega", "tega_emulators"))
+            wheel, emulators = (
+                next(self._folder.glob(f"{n}-*.whl")).name for n in ("tega", "tega_emulators")
+            )
             command = re.sub(r"'\.\[", f"'./{wheel}[", command).replace("./tools/emulators", f"./{emulators}")
         return "; ".join([*self._before, command])
 
@@ -223,9 +225,8 @@ def table(steps: list[Step]) -> list[str]:
             f"| {part.title} | `{part.page}` | {len(own)} | {sum(s.seconds for s in own) / 60:.1f} "
             f"| `{longest.command}`: {longest.seconds:.0f} s | {failed} |"
         )
-    rows.append(
-        f"| together | | {len(steps)} | {sum(s.seconds for s in steps) / 60:.1f} | | {sum(bool(s.code) for s in steps)} |"
-    )
+    minutes, n_failed = sum(step.seconds for step in steps) / 60, sum(step.code != 0 for step in steps)
+    rows.append(f"| together | | {len(steps)} | {minutes:.1f} | | {n_failed} |")
     return rows
 
 
