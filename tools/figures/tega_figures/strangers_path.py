@@ -10,6 +10,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import platform
 import re
 import shutil
 import signal
@@ -27,7 +28,7 @@ from reference.page_blocks import blocks_of
 from tega_figures.chromium import launched, opened
 from tega_figures.terminal_shots import picture
 
-__all__ = ["PARTS", "SHOTS", "Part", "Step", "Walk", "main", "page"]
+__all__ = ["PARTS", "SHOTS", "Part", "Step", "Walk", "commands", "main", "page"]
 
 PROJECT: Final = Path(__file__).resolve().parents[3]
 LIMIT_S: Final = 3600.0
@@ -78,6 +79,19 @@ class Step(NamedTuple):
     code: int
 
 
+def commands(part: Part, root: Path) -> list[tuple[bool, str]]:
+    """Return the commands of a part as its page prints them, each with whether it stays up beside the others."""
+    found = []
+    for block in blocks_of(root / part.page):
+        if block.language != "sh" or block.mark == "hardware":
+            continue
+        for line in re.sub(r"\s*\\\n\s*", " ", block.text).splitlines():
+            typed = re.sub(r"\s+#.*$", "", line).strip()
+            if typed and re.search(part.lines, typed):
+                found += [(block.mark == "background", command) for command in typed.split(" && ")]
+    return found
+
+
 class Walk:
     """Types the commands of the pages in a folder, as one person in one terminal.
 
@@ -98,28 +112,20 @@ class Walk:
         """Type what a page says, and end afterwards what it left running."""
         source = self._folder if self._is_clone else PROJECT
         with ExitStack() as running:
-            for block in blocks_of(source / part.page):
-                if block.language != "sh" or block.mark == "hardware":
-                    continue
-                for line in re.sub(r"\s*\\\n\s*", " ", block.text).splitlines():
-                    typed = re.sub(r"\s+#.*$", "", line).strip()
-                    if not typed or not re.search(part.lines, typed):
-                        continue
-                    if block.mark == "background":
-                        running.enter_context(self._beside(part, typed))
-                    elif "--view" in typed:
-                        with self._beside(part, typed) as up:
-                            self._look(up)
-                    else:
-                        for command in typed.split(" && "):
-                            self._type(part, command)
+            for stays_up, typed in commands(part, source):
+                if stays_up:
+                    running.enter_context(self._beside(part, typed))
+                elif "--view" in typed:
+                    with self._beside(part, typed) as up:
+                        self._look(up)
+                else:
+                    self._type(part, typed)
 
     def _line(self, command: str) -> str:
         """Return a command with what was switched on before it; from wheels, with their names for the checkout's."""
         if not self._is_clone:
-            wheel, emulators = (
-                next(self._folder.glob(f"{n}-*.whl")).name for n in ("tega", "tega_emulators")
-            )
+            names = (f"tega-*{platform.machine()}.whl", "tega_emulators-*.whl")
+            wheel, emulators = (next(self._folder.glob(name)).name for name in names)
             command = re.sub(r"'\.\[", f"'./{wheel}[", command).replace("./tools/emulators", f"./{emulators}")
         return "; ".join([*self._before, command])
 
