@@ -161,7 +161,7 @@ class Walk:
         words, began_s, began_at_s = command.split(), time.monotonic(), time.time()
         written = self._folder / words[words.index("--out") + 1] if "--out" in words else None
         up = subprocess.Popen(
-            ["bash", "-c", re.sub(r"([^;]*)$", r" exec \1", self._line(command))],
+            ["bash", "-c", self._line(f"exec {command}")],
             cwd=self._folder,
             env=self._environment,
             stdin=subprocess.PIPE,
@@ -182,13 +182,18 @@ class Walk:
             up.wait(60)
 
     def _look(self, up: subprocess.Popen[str]) -> None:
-        """Take a picture of the page while an object is held up."""
+        """Take a picture of the page while an object is held up; say so where there is none to take."""
+        from playwright.sync_api import Error
+
         assert up.stderr is not None
-        url = next(found[0] for line in up.stderr if (found := re.search(r"http://\S+", line)))
-        with launched() as browser, opened(browser, url) as shown:
-            shown.get_by_text("hold", exact=True).first.wait_for()
-            shown.wait_for_timeout(2_000)
-            _shrunk(shown.screenshot(), self._out / _PAGE_SHOT)
+        url = next((found[0] for line in up.stderr if (found := re.search(r"http://\S+", line))), "")
+        try:
+            with launched() as browser, opened(browser, url) as shown:
+                shown.get_by_text("hold", exact=True).first.wait_for()
+                shown.wait_for_timeout(2_000)
+                _shrunk(shown.screenshot(), self._out / _PAGE_SHOT)
+        except Error as error:
+            print(f"no picture of the page: {error}", flush=True)
 
     def look_back(self) -> None:
         """Keep the picture that replay left, and the top of the study's report."""

@@ -1,20 +1,20 @@
 """Take a picture of a run in Rerun's viewer: ``python -m tega_figures.stream_shots docs/images/stream-rerun.webp``.
 
-The viewer is Rerun's own, served to a Chromium without a graphics card; the run is that of ``examples/simulated.toml``
-with ``--stream rerun``, and the picture is taken of what came in, with the layout that the stream sends.
+The viewer is Rerun's own, served to a Chromium without a graphics card; the run is on the emulated bench, which moves
+by a script, and the picture is taken while it goes on, with the layout that the stream sends.
 """
 
 from __future__ import annotations
 
 import io
-import shutil
+import signal
 import socket
 import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from PIL import Image
 
@@ -23,8 +23,8 @@ from tega_figures.chromium import launched
 
 __all__ = ["main"]
 
-PROJECT: Final = Path(__file__).resolve().parents[3]
-_PAGE_PORT, _WAIT_S, _DRAWN_S = 9090, 60.0, 25.0
+_PAGE_PORT, _WAIT_S, _DRAWN_S = 9090, 60.0, 15.0
+_RUN_S, _SHOWN_S = 25, 22
 
 
 def _wait_for(port: int) -> None:
@@ -36,6 +36,32 @@ def _wait_for(port: int) -> None:
     raise SystemExit(f"Rerun's viewer does not listen at {port}")
 
 
+def _run(folder: Path, page: Any) -> bytes:
+    """Run on an emulated bench that moves by a script, and return the page while it goes on."""
+    tega = [sys.executable, "-m", "tega.cli"]
+    bench = subprocess.Popen(
+        [*tega, "init", "--emulated", "--play", "1", "--out", "bench.toml"],
+        cwd=folder,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+    )
+    try:
+        for _ in range(int(10 * _WAIT_S)):
+            if (folder / "bench.toml").is_file():
+                break
+            time.sleep(0.1)
+        words = ["run", "bench.toml", "--set", f"session.duration_s={_RUN_S}", "--stream", "rerun"]
+        run = subprocess.Popen([*tega, *words], cwd=folder)
+        page.wait_for_timeout(1000 * _SHOWN_S)
+        taken: bytes = page.screenshot()
+        if run.wait(_WAIT_S):
+            raise SystemExit(f"the run ended with {run.returncode}")
+    finally:
+        bench.send_signal(signal.SIGINT)
+        bench.wait(_WAIT_S)
+    return taken
+
+
 def main(path: Path) -> None:
     """Write the picture."""
     words = [sys.executable, "-m", "rerun_cli", "--serve-web", "--port", str(RERUN_PORT)]
@@ -43,15 +69,12 @@ def main(path: Path) -> None:
     try:
         _wait_for(RERUN_PORT)
         _wait_for(_PAGE_PORT)
-        with tempfile.TemporaryDirectory() as made:
-            shutil.copy(PROJECT / "examples/simulated.toml", made)
-            run = [sys.executable, "-m", "tega.cli", "run", "simulated.toml", "--stream", "rerun"]
-            subprocess.run(run, cwd=made, check=True)
-        with launched() as browser:
+        with tempfile.TemporaryDirectory() as made, launched() as browser:
             page: Any = browser.new_page(viewport={"width": 1440, "height": 810})
+            page.set_default_timeout(180_000)
             page.goto(f"http://127.0.0.1:{_PAGE_PORT}/?url=rerun%2Bhttp://127.0.0.1:{RERUN_PORT}/proxy")
             page.wait_for_timeout(1000 * _DRAWN_S)
-            taken = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
+            taken = Image.open(io.BytesIO(_run(Path(made), page))).convert("RGB")
         taken.save(path, quality=85, method=6)
     finally:
         viewer.terminate()
