@@ -178,7 +178,8 @@ class Walk:
             self._keep(Step(part.title, command, time.monotonic() - began_s, up.poll() or 0), "")
             yield up
         finally:
-            os.killpg(up.pid, signal.SIGINT) if up.poll() is None else None
+            if up.poll() is None:
+                os.killpg(up.pid, signal.SIGINT)
             up.wait(60)
 
     def _look(self, up: subprocess.Popen[str]) -> None:
@@ -257,6 +258,8 @@ def page(clone: Path, wheel: Path, docs: Path) -> None:
 
 def main(words: list[str]) -> None:
     """Walk, or write the page."""
+    # Who is started in the background ignores Ctrl-C, and so would all that is started here.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     verb, *folders = words
     (walk if verb == "walk" else page)(*(Path(folder).resolve() for folder in folders))
 

@@ -1,7 +1,7 @@
 """Take a picture of a run in Rerun's viewer: ``python -m tega_figures.stream_shots docs/images/stream-rerun.webp``.
 
 The viewer is Rerun's own, served to a Chromium without a graphics card; the run is on the emulated bench, which moves
-by a script, and the picture is taken while it goes on, with the layout that the stream sends.
+by a script, and the picture shows a moment of it, with the layout that the stream sends.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ from tega_figures.chromium import launched
 __all__ = ["main"]
 
 _PAGE_PORT, _WAIT_S, _DRAWN_S = 9090, 60.0, 15.0
-_RUN_S, _SHOWN_S = 25, 22
+# The browser draws slower than the run goes; the middle of it is looked at once all has come in.
+_RUN_S, _LATE_S, _MIDDLE_OF_RUN_PX = 12, 60, (800, 796)
 
 
 def _wait_for(port: int) -> None:
@@ -37,7 +38,7 @@ def _wait_for(port: int) -> None:
 
 
 def _run(folder: Path, page: Any) -> bytes:
-    """Run on an emulated bench that moves by a script, and return the page while it goes on."""
+    """Run on an emulated bench that moves by a script, and return the page as it shows a moment of the run."""
     tega = [sys.executable, "-m", "tega.cli"]
     bench = subprocess.Popen(
         [*tega, "init", "--emulated", "--play", "1", "--out", "bench.toml"],
@@ -52,10 +53,12 @@ def _run(folder: Path, page: Any) -> bytes:
             time.sleep(0.1)
         words = ["run", "bench.toml", "--set", f"session.duration_s={_RUN_S}", "--stream", "rerun"]
         run = subprocess.Popen([*tega, *words], cwd=folder)
-        page.wait_for_timeout(1000 * _SHOWN_S)
-        taken: bytes = page.screenshot()
+        page.wait_for_timeout(1000 * (_RUN_S + _LATE_S))
         if run.wait(_WAIT_S):
             raise SystemExit(f"the run ended with {run.returncode}")
+        page.mouse.click(*_MIDDLE_OF_RUN_PX)
+        page.wait_for_timeout(1000 * _DRAWN_S)
+        taken: bytes = page.screenshot()
     finally:
         bench.send_signal(signal.SIGINT)
         bench.wait(_WAIT_S)
