@@ -150,7 +150,7 @@ class Walk:
         self.steps.append(step)
         (self._out / f"{len(self.steps):02}.txt").write_text(f"$ {step.command}\n{said}", encoding="utf-8")
         print(f"{step.seconds:7.1f} s, code {step.code}: {step.command}", flush=True)
-        said = said.replace(str(self._folder) + os.sep, "")
+        said = said.replace(str(self._folder) + os.sep, "").replace(str(self._folder), ".")
         for name, pattern in SHOTS.items():
             if re.search(pattern, step.command):
                 picture(step.command.removeprefix(".venv/bin/").split(), said, self._out / name)
@@ -198,7 +198,7 @@ class Walk:
 
     def look_back(self) -> None:
         """Keep the picture that replay left, and the top of the study's report."""
-        _shrunk((self._folder / "results/picture.png").read_bytes(), self._out / _REPLAY_SHOT)
+        _shrunk((self._folder / "pressed/picture.png").read_bytes(), self._out / _REPLAY_SHOT)
         with launched() as browser:
             shown: Any = browser.new_page(viewport={"width": 892, "height": 1000})
             shown.goto((self._folder / "two-people/report.html").resolve().as_uri())
