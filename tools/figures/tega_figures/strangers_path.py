@@ -253,7 +253,8 @@ def page(clone: Path, wheel: Path, docs: Path) -> None:
     before, after = text[: text.index(_BEGIN)], text[text.index(_END) + len(_END) :]
     file.write_text(before + "\n".join([_BEGIN, "", *told, _END]) + after, encoding="utf-8")
     for name in (*SHOTS, _PAGE_SHOT, _REPLAY_SHOT, _REPORT_SHOT):
-        shutil.copy(clone / name, docs / "images" / name)
+        if (clone / name).is_file():
+            shutil.copy(clone / name, docs / "images" / name)
 
 
 def main(words: list[str]) -> None:
