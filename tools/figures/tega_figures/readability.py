@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 from typing import Final, NamedTuple
 
-__all__ = ["BEFORE", "PAGES", "Measured", "main", "measure", "opening", "prose", "table"]
+__all__ = ["BEFORE", "PAGES", "PageReadability", "main", "measure", "opening", "prose", "table"]
 
 PROJECT: Final = Path(__file__).resolve().parents[3]
 BEFORE: Final = "e6206fae"
@@ -35,7 +35,7 @@ _BEGIN, _END = "<!-- words: begin -->", "<!-- words: end -->"
 _LEAST_WORDS = 3
 
 
-class Measured(NamedTuple):
+class PageReadability(NamedTuple):
     """Size and ease of a page."""
 
     n_words: int
@@ -57,14 +57,14 @@ def prose(page: str) -> str:
     )
 
 
-def measure(page: str) -> Measured:
+def measure(page: str) -> PageReadability:
     """Return size and ease of a page: all words of the file; sentences and Flesch's reading ease of its prose."""
     import textstat  # type: ignore[import-not-found, unused-ignore]
 
     said = prose(page)
     n_words, n_sentences = len(said.split()), len(re.findall(r"[.!?](?:\s|$)", said))
     pictures = len(re.findall(r"!\[[^\]]*\]\(", page))
-    return Measured(
+    return PageReadability(
         len(page.split()), n_words / n_sentences, float(textstat.flesch_reading_ease(said)), pictures
     )
 

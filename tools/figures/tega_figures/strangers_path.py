@@ -28,7 +28,7 @@ from reference.page_blocks import blocks_of
 from tega_figures.chromium import launched, opened
 from tega_figures.terminal_shots import picture
 
-__all__ = ["PARTS", "SHOTS", "Part", "Step", "Walk", "commands", "main", "page"]
+__all__ = ["PARTS", "SHOTS", "Part", "PathStep", "Walk", "commands", "main", "page"]
 
 PROJECT: Final = Path(__file__).resolve().parents[3]
 LIMIT_S: Final = 3600.0
@@ -70,7 +70,7 @@ _PAGE_SHOT, _REPLAY_SHOT, _REPORT_SHOT = "stranger-page.webp", "stranger-replay.
 _BEGIN, _END = "<!-- walk: begin -->", "<!-- walk: end -->"
 
 
-class Step(NamedTuple):
+class PathStep(NamedTuple):
     """One command that was typed."""
 
     part: str
@@ -101,7 +101,7 @@ class Walk:
     """
 
     def __init__(self, folder: Path, out: Path) -> None:
-        self.steps: list[Step] = []
+        self.steps: list[PathStep] = []
         self._folder, self._out = folder, out
         self._before: list[str] = []
         self._is_clone = (folder / "pyproject.toml").is_file()
@@ -144,9 +144,9 @@ class Walk:
             check=False,
             timeout=LIMIT_S,
         )
-        self._keep(Step(part.title, command, time.monotonic() - began_s, done.returncode), done.stdout)
+        self._keep(PathStep(part.title, command, time.monotonic() - began_s, done.returncode), done.stdout)
 
-    def _keep(self, step: Step, said: str) -> None:
+    def _keep(self, step: PathStep, said: str) -> None:
         self.steps.append(step)
         (self._out / f"{len(self.steps):02}.txt").write_text(f"$ {step.command}\n{said}", encoding="utf-8")
         print(f"{step.seconds:7.1f} s, code {step.code}: {step.command}", flush=True)
@@ -175,7 +175,7 @@ class Walk:
                 if written.is_file() and written.stat().st_mtime >= began_at_s:
                     break
                 time.sleep(0.1)
-            self._keep(Step(part.title, command, time.monotonic() - began_s, up.poll() or 0), "")
+            self._keep(PathStep(part.title, command, time.monotonic() - began_s, up.poll() or 0), "")
             yield up
         finally:
             if up.poll() is None:
@@ -224,7 +224,7 @@ def walk(folder: Path, out: Path) -> None:
         (out / "walk.json").write_text(json.dumps([s._asdict() for s in walked.steps], indent=1))
 
 
-def table(steps: list[Step]) -> list[str]:
+def table(steps: list[PathStep]) -> list[str]:
     """Return a row for each part: its page, how many commands, how long, and what did not end with 0."""
     rows = ["| what | page | commands | minutes | longest | failed |", "|---|---|---|---|---|---|"]
     for part in PARTS:
@@ -246,7 +246,7 @@ def page(clone: Path, wheel: Path, docs: Path) -> None:
     """Write both walks into the page, and the clone's pictures beside it."""
     told = []
     for title, out in (("From a clone", clone), ("From the wheel", wheel)):
-        steps = [Step(**step) for step in json.loads((out / "walk.json").read_text(encoding="utf-8"))]
+        steps = [PathStep(**step) for step in json.loads((out / "walk.json").read_text(encoding="utf-8"))]
         told += [f"### {title}", "", *table(steps), ""]
     file = docs / "evidence/strangers-path.md"
     text = file.read_text(encoding="utf-8")
