@@ -106,6 +106,7 @@ KINDS: Final[tuple[Kind, ...]] = (
     Kind("kill -9", "arm", "kill", "(arm stopped: )?simulated-arm: the arm's process has ended", "restarts"),
     Kind("clock step", "computer", "clock", "clock:", lasts_s=(0.5, 1.0)),
     Kind("disk full", "computer", "disk", "recording: stopped", "restarts"),
+    Kind("kill -9", "recorder", "kill", "recording: stopped", "restarts"),
     Kind("late", "program", "stop", f"the loop was|{_HAND}", lasts_s=(1.2, 1.8)),
     Kind("kill -9", "program", "kill", "guard", "restarts"),
 )

@@ -50,7 +50,7 @@ _STEP_S = 0.005
 _ROOM_S = 6.0
 
 # After these the run goes on by itself, though without what it lost, and is ended and started again.
-_GOES_ON = frozenset({("computer", "disk"), ("arm", "kill")})
+_GOES_ON = frozenset({("computer", "disk"), ("arm", "kill"), ("recorder", "kill")})
 
 Progress = Callable[[str, int, int], None]
 
@@ -219,7 +219,7 @@ class _Soak:
         kind, program = each.fault, self._programs
         fault = SoakFault(kind=kind.kind, device=kind.device, how=kind.how, injected_s=self._now())
         seen_s = time.monotonic()
-        if kind.how == "kill" and kind.device != "arm":
+        if kind.how == "kill" and (kind.device, kind.how) not in _GOES_ON:
             return self._kill(fault)
         at_ns = time.time_ns()
         self.operator.waits = True
@@ -292,7 +292,7 @@ class _Soak:
         program.end()
         if until(lambda: self._lab.limp() and self._lab.at_rest(), _LIMP_S) is None:
             self.report.failures.append(f"after {fault.kind} of {fault.device} hand or vest were not at rest")
-        if kind.how == "disk":
+        if kind.how == "disk" or kind.device == "recorder":
             for recovered in SessionFolder(self._session).recovered:
                 self._lose(recovered.path, at_ns)
         self._restart()
