@@ -194,7 +194,8 @@ class _PlayerLink:
             ) from error
         except ValueError as error:  # of the address, before anything was sent
             raise DeviceUnavailableError(
-                f"the host {o.host!r} is no address: {error}", "set vest.options host to a name or an IP address"
+                f"the host {o.host!r} is no address: {error}",
+                "set vest.options host to a name or an IP address",
             ) from error
         except self._broken as error:
             raise DeviceUnavailableError(
