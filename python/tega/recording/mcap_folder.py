@@ -96,6 +96,12 @@ class SessionFolder:
         for file in (self.path / name, self.path / f"{name}{_PART}"):
             file.unlink(missing_ok=True)
 
+    def finished(self, name: str) -> bool:
+        """Tell whether a trial's file is there; one that was left unfinished is recovered first."""
+        if (self.path / f"{name}{_PART}").exists():
+            self.recovered += self._recover()
+        return (self.path / name).is_file()
+
     def begin(self) -> None:
         """Have an index be there, so that the folder is known as a session's before its first trial."""
         self._write(self.index())
