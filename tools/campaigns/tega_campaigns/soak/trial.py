@@ -15,6 +15,7 @@ from tega.errors import DeviceUnavailableError, TegaError
 from tega.hand import TORQUE_LIMITS
 from tega.haptics import FINGERS
 from tega.recording.mcap_folder import SessionFolder
+from tega.threads import short_turns
 from tega.toml_text import tree_text
 from tega_campaigns.impaired import ImpairedLink
 from tega_campaigns.runner import CampaignCase, run_cases, until
@@ -127,9 +128,9 @@ def soak(
         )
         breaker = Breaker(lab, programs, link, folder)
         still = stack.enter_context(Standstills())
-        sys.setswitchinterval(
-            0.0005
-        )  # what listens and what stands between stations waits for no other thread
+        stack.enter_context(
+            short_turns()
+        )  # what listens and what stands between stations waits for no thread
         soaked = _Soak(lab, folder, programs, breaker, still, keep=keep)
         report = soaked.report
         report.patient, report.emulators_first, report.stations = patient, first, stations
