@@ -176,10 +176,15 @@ class RecorderProcess:
         self._said.close()
 
     def _ask(self, verb: str, *content: Any) -> Any:
+        # A process that stands still with a full pipe would keep the run waiting: only its end frees the pipe.
+        patience = threading.Timer(_ANSWER_S, self._process.kill)
+        patience.start()
         try:
             send_object(self._asked, (verb, *content))
         except OSError as error:
             raise RecordingError(self._gone(), "see what the recorder said above") from error
+        finally:
+            patience.cancel()
         return self._answer(verb)
 
     def _answer(self, verb: str) -> Any:
