@@ -76,6 +76,7 @@ def test_what_is_wrong_with_muscles_is_said_by_channel() -> None:
         judge_quiet([], CHAIN)
 
 
+@pytest.mark.slow
 def test_real_gels_at_rest_and_pressed(recordings: Path) -> None:
     folder = recordings / "digit" / "digit_ball_D20641"
     background = read_image(folder / "background.png", driver="test")

@@ -86,7 +86,7 @@ def test_a_process_that_stands_still_with_a_full_pipe_does_not_keep_the_run(
         while True:
             os.write(recorder._asked.fileno(), bytes(1024))
     os.set_blocking(recorder._asked.fileno(), True)
-    facts = recorder.finish(b"{}")
+    facts = recorder.finish(bytes(2_000_000))
     assert (facts["state"], facts["file"]) == ("stopped", "trial-001.mcap.part")
     assert "recorder's process ended" in facts["reason"]
 

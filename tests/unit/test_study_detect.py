@@ -62,6 +62,7 @@ def test_the_third_condition_takes_place_and_is_counted(folder: Path) -> None:
     assert all(not trial.rater for trial in trials)
 
 
+@pytest.mark.slow
 def test_events_are_written_beside_the_session_and_compared(folder: Path, tmp_path: Path) -> None:
     before = study_trials(folder)[1]
     with pytest.raises(RecordingError, match="no trial has frames"):
