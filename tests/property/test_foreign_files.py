@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import hashlib
 import io
 import json
@@ -11,6 +12,7 @@ import random
 import re
 import shutil
 import socket
+import tempfile
 from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
@@ -26,7 +28,7 @@ from hypothesis import strategies as st
 from mcap.reader import NonSeekingReader
 from mcap.writer import Writer
 
-from reference.recordings import HEIGHT, WIDTH, pressed, write_video
+from reference.recordings import pressed, write_video
 from reference.sessions import tree
 from tega.arm.sources.recorded import read_poses
 from tega.calibration import Calibration, FingerMaxima, load_calibration, save_calibration
@@ -193,10 +195,12 @@ def _layout(folder: Path) -> bytes:
 
 
 def _scene(folder: Path) -> bytes:
-    film = write_video(folder / "film.avi", 4)
-    record_cameras(
-        folder / "scene.mcap", {"front": str(film)}, size=(WIDTH, HEIGHT), rate_hz=30, stop=lambda: False
-    )
+    film = cv2.VideoWriter(str(folder / "film.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 30, (64, 64))
+    for shade in (40, 80, 120):
+        film.write(np.full((64, 64, 3), shade, np.uint8))
+    film.release()
+    cameras = {"front": str(folder / "film.avi")}
+    record_cameras(folder / "scene.mcap", cameras, size=(64, 64), rate_hz=30, stop=lambda: False)
     return (folder / "scene.mcap").read_bytes()
 
 
@@ -259,20 +263,17 @@ def _episodes() -> bytes:
     return b"".join(msgspec.json.encode(line) + b"\n" for line in lines)
 
 
-def _keys(name: str) -> Callable[[Path], bytes]:
-    def made(folder: Path) -> bytes:
-        make_keys(folder / "keys", operators=["alice"], robots=[])
-        return (folder / "keys" / name).read_bytes()
-
-    return made
+@functools.cache
+def _keys() -> dict[str, bytes]:
+    with tempfile.TemporaryDirectory() as folder:
+        make_keys(Path(folder), operators=["alice"], robots=[])
+        return {path.name: path.read_bytes() for path in Path(folder).rglob("*.*") if path.is_file()}
 
 
 def _read_authority(path: Path) -> None:
-    """Read an authority's key or certificate beside the other file of another authority."""
+    """Read the authority's key and certificate, of which one is as it should be."""
     other = {"ca.key": "ca.pem", "ca.pem": "ca.key"}[path.name]
-    if not (path.parent / other).exists():
-        (path.parent / other).write_bytes(_keys(f"authority/{other}")(path.parent))
-        shutil.rmtree(path.parent / "keys")
+    (path.parent / other).write_bytes(_keys()[other])
     _authority(path.parent, _MADE)
 
 
@@ -373,9 +374,9 @@ _READERS: dict[str, tuple[str, Callable[[Path], bytes], Callable[[Path], object]
     "log of bursts": ("bursts.json", lambda _: _onset_log(), read_log),
     "sound": ("a.wav", _wav, read_wav),
     "truth of a trial": ("truth.csv", lambda _: _TRUTH, _read_truth),
-    "certificate of a station": ("station.pem", _keys("alice/station.pem"), lambda p: expiry(p.parent)),
-    "certificate of the authority": ("ca.pem", _keys("authority/ca.pem"), _read_authority),
-    "key of the authority": ("ca.key", _keys("authority/ca.key"), _read_authority),
+    "certificate of a station": ("station.pem", lambda _: _keys()["station.pem"], lambda p: expiry(p.parent)),
+    "certificate of the authority": ("ca.pem", lambda _: _keys()["ca.pem"], _read_authority),
+    "key of the authority": ("ca.key", lambda _: _keys()["ca.key"], _read_authority),
     "video of a scene": ("front.mp4", _mp4, _read_pictures),
     "recording of a scene": (
         "scene.mcap",
