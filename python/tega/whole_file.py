@@ -18,7 +18,9 @@ from tega.errors import RecordingError
 
 # Windows has neither such links nor such pipes, and Linux needs no flag for bytes.
 _APPENDS: Final = os.O_RDWR | os.O_APPEND | os.O_CREAT
-_GUARDED: Final = sum(getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_BINARY", "O_CLOEXEC"))
+_GUARDED: Final[int] = sum(
+    getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_BINARY", "O_CLOEXEC")
+)
 
 
 @contextmanager

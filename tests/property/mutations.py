@@ -289,8 +289,8 @@ def _one(kind: str, content: bytes, rng: random.Random, folder: Path, k: int) ->
             ), _run(chosen)
     name, _, read = _READERS[kind]
     path = folder / name
-    changed = odd(content, rng) if kind == "recording of a scene" else mutated(content, changes(rng))
-    path.write_bytes(changed)
+    is_mcap = kind == "recording of a scene"
+    path.write_bytes(odd(content, rng) if is_mcap else mutated(content, changes(rng)))
     try:
         read(path)
     except TegaError:

@@ -132,12 +132,13 @@ def test_a_pipe_in_a_session_is_not_waited_for(name: str, tmp_path: Path) -> Non
 
 
 def _make(verb: str) -> Callable[[Path, Path], object]:
-    return {
+    made: dict[str, Callable[[Path, Path], object]] = {
         "trim": lambda session, out: trim_session(session, from_s=0.1, to_s=None, out=out),
         "merge": lambda session, out: merge_sessions([session], out=out),
         "encode": lambda session, out: encode_session(session, out=out, quality=80),
         "recover": lambda session, out: recover_file(session / "trial-001.mcap", out),
-    }[verb]
+    }
+    return made[verb]
 
 
 @pytest.mark.parametrize("verb", ["trim", "merge", "encode", "recover"])
