@@ -17,7 +17,7 @@ from reference.waiting import until
 from tega.cli.main import main
 from tega.cli.study.tell import COMMANDS
 from tega.clock import ManualClock, SystemClock
-from tega.errors import DeviceUnavailableError
+from tega.errors import DeviceUnavailableError, RecordingError
 from tega.study import make_plan, write_plan
 from tega.study.journal import read_events
 from tega.study.lead import lead_session
@@ -155,6 +155,6 @@ def test_no_pipe_is_waited_for_and_no_link_written_through(study: Path, tmp_path
     path.symlink_to(tmp_path / "mine.txt")
     board = board_path(study, "p01")
     board.write_text(json.dumps({"t_ns": SystemClock().now_ns(), "phase": "ready"}))
-    with pytest.raises(OSError, match="told"):
+    with pytest.raises(RecordingError, match=r"told\.jsonl: is a link"):
         tell(study, "p01", "start", clock=SystemClock(), timeout_s=0.1)
     assert (tmp_path / "mine.txt").read_text() == "mine"

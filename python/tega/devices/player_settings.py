@@ -10,6 +10,7 @@ import msgspec
 from tega.devices.player_versions import PlayerVersion, PlayerVersion2, PlayerVersion3
 from tega.devices.vest_stream import VestOptions
 from tega.errors import DeviceUnavailableError
+from tega.foreign_file import read_foreign
 
 __all__ = ["KEY_HINT", "PlayerOptions", "versions_to_ask"]
 
@@ -58,8 +59,7 @@ def _key(file: Path | None) -> str:
     if file is None:
         raise DeviceUnavailableError("version 3 of the Player needs api_key_file", KEY_HINT)
     try:
-        with file.open(encoding="ascii") as text:
-            key = text.read(_LONGEST_KEY + 1).strip()
+        key = read_foreign(file, most_mib=1, error=DeviceUnavailableError).decode("ascii").strip()
     except (OSError, ValueError) as error:
         raise DeviceUnavailableError(
             f"the key in {file.name} cannot be read: {type(error).__name__}", KEY_HINT

@@ -166,7 +166,7 @@ class RecorderProcess:
             "written": {},  # nobody is left who knows
             "dropped": dict(sorted(self._queue.dropped.items())),
         }
-        with contextlib.suppress(OSError):  # a full disk has no room for the index either
+        with contextlib.suppress(OSError, RecordingError):  # a full disk has no room for the index either
             self._folder.note(self.path.name, {**facts, "path": part.name})
         return {"file": part.name, **facts}
 

@@ -19,7 +19,7 @@ import msgspec
 import numpy as np
 
 from tega.errors import CalibrationError
-from tega.foreign_file import read_foreign
+from tega.foreign_file import parse_json, read_foreign
 from tega.safety.motor_budget import HEAT_TAU_S, MotorBudget
 from tega.whole_file import write_whole
 
@@ -127,7 +127,7 @@ def _left(runs: Sequence[_Run], now_s: float) -> tuple[NDArray[np.float64], NDAr
 
 def _read(file: Path) -> list[_Run]:
     try:
-        return msgspec.json.decode(read_foreign(file, most_mib=1, error=CalibrationError), type=list[_Run])
+        return parse_json(read_foreign(file, most_mib=1, error=CalibrationError), list[_Run])
     except FileNotFoundError:
         return []
     except (OSError, msgspec.MsgspecError) as error:
