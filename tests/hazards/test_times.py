@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from reference.scripted import MS, touching
 from reference.waiting import until
 from tega.calibration import TouchMaxima
-from tega.devices import guard_process, hand_guard, vest_stream
+from tega.devices import guard_process, hand_guard, vest_ble_guard, vest_stream
 from tega.devices.allegro import AllegroOptions
 from tega.devices.hand_guard import guard_hand
 from tega.devices.pedal import Pedal, PedalOptions
@@ -169,6 +169,37 @@ class _Vest(StreamedVest):
 
 
 @pytest.fixture
+def stands_still(monkeypatch: pytest.MonkeyPatch) -> Callable[..., float]:
+    """Have a program say something for 0.5 s, then nothing; return after how long its guard does what it is for."""
+
+    def stand(guard: Any, whose: Any, words: list[str]) -> float:
+        now, let_go_s = SimpleNamespace(s=0.0), list[float]()
+
+        class Heard:
+            def get(self, *, timeout: float | None) -> bytes:
+                if now.s < 0.5:
+                    now.s += 0.1
+                    return b".\n"
+                if let_go_s or timeout is None:
+                    return b""  # the program ends
+                now.s += timeout
+                raise Empty
+
+            def empty(self) -> bool:
+                return True
+
+        monkeypatch.setattr(whose, "let_go", lambda *_: let_go_s.append(now.s))
+        monkeypatch.setattr(guard_process, "hear", Heard)
+        monkeypatch.setattr(guard_process, "stay_alone", lambda: None)
+        monkeypatch.setattr(guard_process, "answer", lambda _chunk: None)
+        monkeypatch.setattr(sys, "argv", ["guard", *words])
+        guard.main()
+        return let_go_s[0] - 0.5
+
+    return stand
+
+
+@pytest.fixture
 def served(monkeypatch: pytest.MonkeyPatch) -> Callable[..., _Link]:
     """Write one frame to a vest at 0 s and nothing more; return what its writer's thread did then."""
 
@@ -237,34 +268,19 @@ def test_a_slow_hand_is_let_go_within_a_second() -> None:
 
 
 def test_a_program_that_stands_still_is_taken_over_from_within_a_second(
-    monkeypatch: pytest.MonkeyPatch,
+    stands_still: Callable[..., float],
 ) -> None:
-    now, let_go_s = SimpleNamespace(s=0.0), list[float]()
+    hand = {"bus": {"interface": "virtual", "channel": "x", "bitrate": 1}, "frames": [], "device_id": 0}
+    took_s = stands_still(hand_guard, hand_guard._Hand, [json.dumps(hand)])
+    assert took_s == pytest.approx(1.0, abs=0.11)
 
-    class Heard:
-        def get(self, *, timeout: float | None) -> bytes:
-            if now.s < 0.5:
-                now.s += 0.1
-                return b".\n"
-            if let_go_s or timeout is None:
-                return b""  # the program ends
-            now.s += timeout
-            raise Empty
 
-    class Noted:
-        def __init__(self, **_settings: Any) -> None:
-            pass
-
-        def let_go(self, _given_up: Any) -> None:
-            let_go_s.append(now.s)
-
-    monkeypatch.setattr(hand_guard, "_Hand", Noted)
-    monkeypatch.setattr(hand_guard, "hear", Heard)
-    monkeypatch.setattr(hand_guard, "stay_alone", lambda: None)
-    monkeypatch.setattr(hand_guard, "answer", lambda _chunk: None)
-    monkeypatch.setattr(sys, "argv", ["hand_guard", json.dumps({})])
-    hand_guard.main()
-    assert let_go_s[0] - 0.5 == pytest.approx(1.0, abs=0.11)
+def test_a_bluetooth_vest_is_silenced_within_a_second_of_a_standstill(
+    stands_still: Callable[..., float],
+) -> None:
+    pytest.importorskip("bleak")
+    took_s = stands_still(vest_ble_guard, vest_ble_guard, ["C0:FF:EE:00:40:01", ""])
+    assert took_s == pytest.approx(1.0, abs=0.11)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no process is stopped there")
