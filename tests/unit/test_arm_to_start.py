@@ -284,7 +284,7 @@ def test_the_way_to_the_start_holds_while_the_hand_s_guard_is_lost(tmp_path: Pat
                 for button in (0, 1):
                     lab.cap.say(f"{word} {button}")
                 n = len(turns)
-                until(lambda: len(turns) > n + 5)
+                until(lambda n=n: len(turns) > n + 5)  # type: ignore[misc]
 
         try:
             until(lambda: any(prompt.startswith("hold the dead-man") for prompt in prompts))

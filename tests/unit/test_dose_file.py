@@ -99,7 +99,9 @@ def test_a_number_that_would_lengthen_the_day_is_refused(tmp_path: Path, name: s
     write(numbers)
     assert KeptDose(file, MotorBudget(), now_s=lambda: 1010.0)._carried_s.max() == 1.0
     write(numbers | {name: number})
-    with pytest.raises(CalibrationError, match=r"vest-dose\.json: the vibration dose of the last day cannot be read"):
+    with pytest.raises(
+        CalibrationError, match=r"vest-dose\.json: the vibration dose of the last day cannot be read"
+    ):
         KeptDose(file, MotorBudget(), now_s=lambda: 1010.0)
 
 

@@ -266,8 +266,8 @@ given, which a run tells where the finger has none. A hand that is steered: ``pr
 ``""`` for nothing, which a run shows likewise; ``guard_problem``, why no other process would switch its motors off if
 this program were killed, which holds a run. A vest: ``reached``, whether frames arrive; ``spared``, how
 many it did not send because it showed them already; ``in_steps``, whether it shows 16 steps and nothing between;
-``condition``, what it says of itself now, one line for a run to show; ``battery_percent``, its battery; ``confirmed_rest``,
-whether it has answered, on the way out, that its motors rest.
+``condition``, what it says of itself now, one line for a run to show; ``battery_percent``, its battery;
+``confirmed_rest``, whether it is closed and has answered that its motors rest.
 """
 
 

@@ -51,8 +51,8 @@ class BleVest(StreamedVest):
     """Writes the 20-byte motor frame, without response, to the vest's motor characteristic.
 
     As far as is known a vest holds the last frame for ever, so everything rests on the zeros that are sent on the way
-    out; a second process sends them if this one is killed or stands still. A broken radio link may leave it vibrating until it is
-    found again. Nothing but motor frames is ever written to a vest.
+    out; a second process sends them if this one is killed or stands still. A broken radio link may leave it vibrating
+    until it is found again. Nothing but motor frames is ever written to a vest.
     """
 
     name: ClassVar[str] = "bhaptics-ble"
@@ -229,7 +229,7 @@ class _BleLink:
         if self._client is None or self._gone:
             raise DeviceUnavailableError("the vest has disconnected")
         guard = self._watch.guard
-        if guard is not None and guard.problem and intensities.any():  # until there is another nothing vibrates
+        if guard is not None and guard.problem and intensities.any():  # it is being replaced
             raise DeviceUnavailableError("the process that would silence the vest was lost")
         frame = x40_ble_frame(intensities, front_mirror=self._options.front_mirror)
         self._watch.silent = self._watch.confirmed = self._rests = False

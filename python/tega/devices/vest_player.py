@@ -196,7 +196,8 @@ class _PlayerLink:
             # The error of the whole address holds the key: neither its text nor the error itself goes on.
             why = error.msg if isinstance(error, exceptions.InvalidURI) else str(error)
             raise DeviceUnavailableError(
-                f"the host {o.host!r} is no address: {why}", "set vest.options host to a name or an IP address"
+                f"the host {o.host!r} is no address: {why}",
+                "set vest.options host to a name or an IP address",
             ) from None
         except self._broken as error:
             raise DeviceUnavailableError(

@@ -45,7 +45,8 @@ def go_to_start(
     """Move the arm to ``arm.start_m`` and open the hand, then let go of both.
 
     People are told first. Nothing moves before ``told_s`` are over, nor while the dead-man, and the clutch where there
-    is one, is not held, nor while no process guards the hand; the arm is bound by its workspace, clip, limits and watchdogs, and goes at 0.1 m/s at most.
+    is one, is not held, nor while no process guards the hand; the arm is bound by its workspace, clip, limits and
+    watchdogs, and goes at 0.1 m/s at most.
 
     Args:
         config: The settings, with an arm that has a start.
