@@ -292,14 +292,14 @@ def test_a_vest_whose_link_comes_back_is_guarded_by_the_same_process(
 class _Feels:
     """A person who says yes to everything."""
 
-    def say(self, _text: str, /) -> None:
+    def say(self, text: str) -> None:
         """Hear it."""
 
-    def confirm(self, _text: str, /) -> bool:
-        return True
+    def confirm(self, text: str) -> bool:
+        return "vibrate" in text
 
-    def ask(self, _text: str, /) -> str:
-        return "yes"
+    def ask(self, text: str) -> str:
+        return "yes" if text else ""
 
 
 @pytest.mark.parametrize(

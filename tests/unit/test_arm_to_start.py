@@ -245,7 +245,7 @@ def test_a_hand_that_does_not_open_is_told_as_far_as_it_is(tmp_path: Path) -> No
     with emulated_lab(tmp_path, arm=True, hand=True) as lab:
         config = check_tree(lab.tree, {}, base=tmp_path).config
         with ExitStack() as stack:
-            hand = homing._Opening(stack, config)
+            hand: Any = homing._Opening(stack, config)
             until(lambda: bool(hand._hand.angles_rad.any()) and not np.isnan(hand._hand.angles_rad).any())
             hand._hand.step(5)
             closed_rad = CLOSURE_POSES_RAD[4]
