@@ -1,9 +1,11 @@
-"""Silence a Bluetooth vest whose program was killed.
+"""Silence a Bluetooth vest whose program was killed or stands still.
 
 A vest is thought to hold its last frame for ever, and BlueZ keeps the connection of a program that died. So a second
-process waits beside the one that drives the vest (:mod:`tega.devices.guard_process`). If its input ends without a word,
-the program is gone, or could not silence the vest: it takes the connection over, writes zeros and disconnects, and
-tries that for ten minutes. Nothing helps where both are killed, the adapter is pulled out, or the vest is out of reach.
+process waits beside the one that drives the vest (:mod:`tega.devices.guard_process`), and hears from the vest's thread
+ten times a second. If its input ends without a word, the program is gone, or could not silence the vest; if it hears
+nothing for a second, the program stands still. It then takes the connection over, writes zeros and disconnects, and
+tries that for ten minutes, or until a program that stood still goes on, which connects anew. Nothing helps where both
+are killed, the adapter is pulled out, or the vest is out of reach.
 """
 
 from __future__ import annotations
@@ -11,9 +13,13 @@ from __future__ import annotations
 import asyncio
 import sys
 import time
-from typing import Any, Final
+from functools import partial
+from typing import TYPE_CHECKING, Any, Final
 
-from tega.devices.guard_process import GuardProcess, answer, say_ready, stay_alone
+from tega.devices.guard_process import GuardProcess, stand_by
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 MOTORS: Final = "6e40000a-b5a3-f393-e0a9-e50e24dcca9e"
 """The characteristic that takes motor frames."""
@@ -47,26 +53,28 @@ async def _silence(address: str, path: str) -> None:
         await client.write_gatt_char(MOTORS, bytes(20), response=False)
 
 
-def main() -> None:
-    """Wait, and silence the vest if the program ends without a word."""
+def let_go(address: str, path: str, given_up: Callable[[], bool]) -> None:
+    """Silence the vest, or try that until nobody needs it any more."""
     from bleak.exc import BleakError
 
-    address, path = sys.argv[1], sys.argv[2]
-    say_ready()
-    while line := sys.stdin.buffer.readline():
-        if b"done" in line:
-            return
-        answer(line)
-    stay_alone()
     until_s = time.monotonic() + LONGEST_S
     while time.monotonic() < until_s:
         try:
             asyncio.run(_silence(address, path))
         except (BleakError, OSError, EOFError, AssertionError):
             # A refusal comes at once; out of reach for a moment is not given up.
+            if given_up():
+                return
             time.sleep(_REST_S)
             continue
         return
+
+
+def main() -> None:
+    """Wait, and silence the vest if its program ends without a word or stands still."""
+    import bleak  # noqa: F401  # there is no time for that later
+
+    stand_by(partial(let_go, sys.argv[1], sys.argv[2]))
 
 
 if __name__ == "__main__":

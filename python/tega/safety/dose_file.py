@@ -34,13 +34,15 @@ SAVE_S: Final = 5.0
 """What a kill may lose."""
 
 
-_Each = Annotated[tuple[float, ...], msgspec.Meta(min_length=40, max_length=40)]
+# JSON has no number that is not finite, and a negative one would give a day more than there is.
+_AtLeast0 = Annotated[float, msgspec.Meta(ge=0)]
+_Each = Annotated[tuple[_AtLeast0, ...], msgspec.Meta(min_length=40, max_length=40)]
 
 
 class _Run(msgspec.Struct):
     """One run's part: when it ended (seconds, time of day), its own dose, and how warm it left the motors."""
 
-    ended_s: float
+    ended_s: _AtLeast0
     dose_s: _Each
     heat: _Each
 
