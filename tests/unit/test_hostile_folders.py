@@ -264,11 +264,11 @@ def test_a_pipe_in_a_study_or_of_a_key_or_a_sound_is_an_error(tmp_path: Path) ->
     write_plan(make_plan(participants=1, objects=["bag"], trials=1), study)
     for name in (study / "simulation.toml", tmp_path / "key", tmp_path / "a.wav"):
         os.mkfifo(name)
-    for refused, name in (
+    for refused, told in (
         (lambda: export(study, tmp_path / "out", key="k"), r"simulation\.toml"),
         (lambda: read_wav(tmp_path / "a.wav"), r"a\.wav"),
     ):
-        with pytest.raises(RecordingError, match=f"{name}: is a pipe, not a file"):
+        with pytest.raises(RecordingError, match=f"{told}: is a pipe, not a file"):
             refused()
     with pytest.raises(DeviceUnavailableError, match="key: is a pipe, not a file"):
         versions_to_ask(PlayerOptions(version="3", app_id="a", api_key_file=tmp_path / "key"))

@@ -37,8 +37,9 @@ def started(path: Path) -> list[str]:
             found.append(f"{node.lineno}: imports from sys")
         if isinstance(node, ast.List | ast.Tuple) and node.elts:
             first = node.elts[0]
-            if isinstance(first, ast.Constant) and re.fullmatch(r"python[0-9.]*", str(first.value)):
-                found.append(f"{node.lineno}: names {first.value}")
+            named = first.value if isinstance(first, ast.Constant) else None
+            if isinstance(named, str) and re.fullmatch(r"python[0-9.]*", named):
+                found.append(f"{node.lineno}: names {named}")
     found += [
         f"{call.lineno}: starts without python_environment"
         for call in calls
