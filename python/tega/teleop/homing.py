@@ -110,8 +110,7 @@ def go_to_start(
             if there_s is not None and now_s - there_s >= _SETTLE_S:
                 break
             time.sleep(_LOOK_S)
-        off_mm = 1000 * (way.off_m or 0.0)
-    return f"the arm is at its start, {off_mm:.0f} mm off" + hand.words
+        return f"the arm is at its start, {1000 * (way.off_m or 0.0):.0f} mm off" + hand.words
 
 
 def _unsteered(arm: ArmConfig) -> ArmConfig:
