@@ -331,13 +331,16 @@ def test_a_bluetooth_vest_that_was_silenced_in_a_standstill_is_felt_again() -> N
     with bench("bhaptics-ble") as made:
         words = [sys.executable, "-c", PROGRAM, "bhaptics-ble", "wait", "{}"]
         with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as program:
-            made.wait(lambda: made.shows(TOUCH))
-            program.send_signal(signal.SIGSTOP)
-            made.wait(lambda: seen_by(made.peer).motors == SILENT)
-            program.send_signal(signal.SIGCONT)
-            made.wait(lambda: made.shows(TOUCH))
-            program.terminate()
-            program.communicate()
+            try:
+                made.wait(lambda: made.shows(TOUCH))
+                program.send_signal(signal.SIGSTOP)
+                made.wait(lambda: seen_by(made.peer).motors == SILENT)
+                program.send_signal(signal.SIGCONT)
+                made.wait(lambda: made.shows(TOUCH))
+            finally:
+                program.send_signal(signal.SIGCONT)  # a stopped program would not hear of its end
+                program.terminate()
+                program.communicate()
         made.wait(lambda: seen_by(made.peer).motors == SILENT)
 
 
