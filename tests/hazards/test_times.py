@@ -340,7 +340,7 @@ def test_a_bluetooth_vest_that_takes_no_zeros_is_left_to_its_guard_after_a_secon
         async def disconnect(self) -> None:
             said_s.append(loop.now_s)
 
-    watch = vest_ble._LinkWatch()
+    watch = vest_ble_guard.VestWatch()
     link = vest_ble._BleLink(vest_ble.BleOptions(), watch)
     link._runner, link._client = asyncio.Runner(loop_factory=lambda: loop), Silent()
     link._rests = link._confirms = True

@@ -11,11 +11,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.devices.at_exit import last_words
 from tega.devices.base import Found, Options
 from tega.devices.bluetooth_state import bluetooth_trouble
-from tega.devices.guard_process import BEAT_S, GuardProcess
-from tega.devices.vest_ble_guard import LONGEST_S, MOTORS, guard_vest
+from tega.devices.guard_process import BEAT_S
+from tega.devices.vest_ble_guard import MOTORS, VestWatch
 from tega.devices.vest_stream import StreamedVest, VestLink, VestOptions
 from tega.errors import DeviceUnavailableError
 from tega.lifecycle import require
@@ -64,7 +63,7 @@ class BleVest(StreamedVest):
     def __init__(self, options: BleOptions) -> None:
         super().__init__(options)
         self._options = options
-        self._watch = _LinkWatch()
+        self._watch = VestWatch()
 
     @classmethod
     def discover(cls, timeout_s: float) -> list[Found]:
@@ -127,50 +126,8 @@ class BleVest(StreamedVest):
                 self._watch.end()
 
 
-class _LinkWatch:
-    """State that outlives a link: the process that silences the vest, and whether the vest is silent.
-
-    Attributes:
-        guard: The process; ``None`` before the first link.
-        silent: Whether zeros were the last that the vest is known to have taken, and nothing was sent since.
-        confirmed: Whether the vest itself has answered behind those zeros.
-    """
-
-    def __init__(self) -> None:
-        self.guard: GuardProcess | None = None
-        self.silent = True
-        self.confirmed = False
-        self._of = ("", "")
-
-    def over(self, address: str, path: str) -> None:
-        """Have a process watch over a vest."""
-        if self.guard is not None and self._of != (address, path):
-            self.end()
-        if self.guard is None:
-            self.guard, self._of, self.silent = guard_vest(address, path), (address, path), True
-
-    def beat(self) -> None:
-        """Tell the process that the program is alive."""
-        if self.guard is not None:
-            self.guard.beat()
-
-    def end(self) -> None:
-        """Dismiss the process if the vest is known to be silent; else leave the vest to it, and say so."""
-        guard, self.guard = self.guard, None
-        if guard is None:
-            return
-        if self.silent:
-            guard.dismiss()
-            return
-        guard.leave_to_it()
-        last_words(
-            f"USE THE VEST'S SWITCH: {self._of[0]}: it has not confirmed that its motors rest, so it may still be "
-            f"vibrating; another process goes on telling it to, for {LONGEST_S / 60:g} minutes"
-        )
-
-
 class _BleLink:
-    def __init__(self, options: BleOptions, watch: _LinkWatch) -> None:
+    def __init__(self, options: BleOptions, watch: VestWatch) -> None:
         self._options = options
         self._watch = watch
         self._confirms = self._rests = False

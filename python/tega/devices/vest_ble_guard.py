@@ -16,6 +16,7 @@ import time
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
+from tega.devices.at_exit import last_words
 from tega.devices.guard_process import GuardProcess, stand_by
 
 if TYPE_CHECKING:
@@ -24,8 +25,7 @@ if TYPE_CHECKING:
 MOTORS: Final = "6e40000a-b5a3-f393-e0a9-e50e24dcca9e"
 """The characteristic that takes motor frames."""
 
-LONGEST_S: Final = 600.0
-"""For so long it tries, seconds."""
+_LONGEST_S: Final = 600.0  # for so long it tries
 
 _CALL_S: Final = 5.0
 _REST_S: Final = 1.0
@@ -44,6 +44,48 @@ def guard_vest(address: str, path: str) -> GuardProcess:
     return GuardProcess("silences the vest", "tega.devices.vest_ble_guard", address, path)
 
 
+class VestWatch:
+    """Keep what outlives a link to a vest: the process that silences it, and whether it is silent.
+
+    Attributes:
+        guard: The process; ``None`` before the first link.
+        silent: Whether zeros were the last that the vest is known to have taken, and nothing was sent since.
+        confirmed: Whether the vest itself has answered behind those zeros.
+    """
+
+    def __init__(self) -> None:
+        self.guard: GuardProcess | None = None
+        self.silent = True
+        self.confirmed = False
+        self._of = ("", "")
+
+    def over(self, address: str, path: str) -> None:
+        """Have a process watch over a vest."""
+        if self.guard is not None and self._of != (address, path):
+            self.end()
+        if self.guard is None:
+            self.guard, self._of, self.silent = guard_vest(address, path), (address, path), True
+
+    def beat(self) -> None:
+        """Tell the process that the program is alive."""
+        if self.guard is not None:
+            self.guard.beat()
+
+    def end(self) -> None:
+        """Dismiss the process if the vest is known to be silent; else leave the vest to it, and say so."""
+        guard, self.guard = self.guard, None
+        if guard is None:
+            return
+        if self.silent:
+            guard.dismiss()
+            return
+        guard.leave_to_it()
+        last_words(
+            f"USE THE VEST'S SWITCH: {self._of[0]}: it has not confirmed that its motors rest, so it may still be "
+            f"vibrating; another process goes on telling it to, for {_LONGEST_S / 60:g} minutes"
+        )
+
+
 async def _silence(address: str, path: str) -> None:
     from bleak import BleakClient
     from bleak.backends.device import BLEDevice
@@ -57,7 +99,7 @@ def let_go(address: str, path: str, given_up: Callable[[], bool]) -> None:
     """Silence the vest, or try that until nobody needs it any more."""
     from bleak.exc import BleakError
 
-    until_s = time.monotonic() + LONGEST_S
+    until_s = time.monotonic() + _LONGEST_S
     while time.monotonic() < until_s:
         try:
             asyncio.run(_silence(address, path))
