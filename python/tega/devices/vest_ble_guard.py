@@ -65,6 +65,7 @@ class VestWatch:
             self.end()
         if self.guard is None:
             self.guard, self._of, self.silent = guard_vest(address, path), (address, path), True
+            self.beat()  # until it has heard something it takes the vest for silent
 
     def beat(self) -> None:
         """Tell the process that the program is alive."""
