@@ -215,6 +215,7 @@ def test_pictures_of_another_size_are_refused() -> None:
         track_scene([(0.0, np.zeros((480, 640), np.uint8))], SMALL, example_layout())
 
 
+@pytest.mark.slow
 def test_a_lens_is_found_from_pictures_of_the_board(tmp_path: Path) -> None:
     from tega_figures.scene.bench import board_pictures
     from tega_figures.scene.render import Film
