@@ -76,7 +76,10 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
-    """Share out folders among one process more than there are cores, as tests also wait; named files stay in this one."""
+    """Share out folders among one process more than there are cores, as tests also wait.
+
+    Named files, and everything on one core, run in this process.
+    """
     if _files_are_named(config):
         return 0
     n_cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
