@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import io
+import itertools
 import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -83,6 +85,47 @@ def test_pictures_vest_and_charts(seen):
     )
     for chart in page.locator(".uplot canvas").all():
         assert chart.evaluate(drawn) > 20
+
+
+def brightest_of_a_touch_map(page) -> int:
+    """Return the brightest value in the index finger's map on the sheet that the page shows; -1 for no sheet."""
+    brightest: int = page.evaluate(
+        """() => {
+            const image = [...document.images].find(one => one.offsetParent && one.naturalWidth == 498);
+            if (!image) return -1;
+            const drawing = Object.assign(document.createElement("canvas"), {width: 100, height: 140}).getContext("2d");
+            drawing.drawImage(image, -136, -176);
+            const red = drawing.getImageData(0, 0, 100, 140).data.filter((_, k) => k % 4 == 0);
+            return red.reduce((a, b) => Math.max(a, b), 0);
+        }"""
+    )
+    return brightest
+
+
+def test_touch_maps_are_seen_by_a_slow_browser_while_more_of_them_come(browser):
+    """Without a graphics card the browser is given the next sheet before it has had time to load the last."""
+    moments = Moments()
+    untouched, pressed = moments.at(0.0), [moments.at(3.0 + k / 30) for k in range(2)]
+    over = threading.Event()
+
+    def go_on(view: BrowserView) -> None:
+        for n in itertools.count(1):
+            t_ns = round(1e9 * n / 30)
+            state = pressed[n % 2]
+            view.offer(state._replace(t_ns=t_ns, loop=state.loop._replace(t_ns=t_ns)))
+            if over.wait(1 / 30):
+                return
+
+    with BrowserView("TEGA made-up grasp", port=0) as view, opened(browser, view.url) as page:
+        view.offer(untouched)
+        until(lambda: 0 <= brightest_of_a_touch_map(page) < 80)
+        going = threading.Thread(target=go_on, args=(view,))
+        going.start()
+        try:
+            until(lambda: brightest_of_a_touch_map(page) > 200)
+        finally:
+            over.set()
+            going.join()
 
 
 def test_the_scene_is_drawn(seen):

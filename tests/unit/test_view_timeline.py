@@ -16,6 +16,7 @@ from reference.waiting import until
 from tega.view.browser import BrowserView, Controls
 from tega.view.browser.charts import COURSE_S, CourseChart
 from tega.view.browser.timeline import Timeline
+from tega.view.browser.touch import jpeg_of
 
 
 class Gui:
@@ -49,7 +50,7 @@ class Looker:
             self.keep(k / 10)
 
     def keep(self, t_s: float) -> None:
-        sheet = np.full((20, 30, 3), round(t_s * 5) % 256, np.uint8)
+        sheet = jpeg_of(np.full((20, 30, 3), round(t_s * 5) % 256, np.uint8))
         self.timeline.keep(self.moment._replace(t_ns=round(t_s * 1e9)), sheet)
 
     def look(self, back_s: float) -> float | None:

@@ -6,10 +6,7 @@ import contextlib
 import time
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from tega.errors import InvalidValueError
-from tega.haptics import FINGERS
 from tega.view.browser.charts import CourseChart, MuscleCharts
 from tega.view.browser.delays import Delays
 from tega.view.browser.scene import Point, Scene
@@ -29,7 +26,7 @@ from tega.view.browser.state_html import (
 )
 from tega.view.browser.style import STYLE
 from tega.view.browser.timeline import KEPT_S, Timeline
-from tega.view.browser.touch import GAP, TILE_HEIGHT, TILE_WIDTH, SmallSheet, TouchSheet
+from tega.view.browser.touch import TouchSheet, jpeg_of, sheet_html
 from tega.view.browser.vest import TRIED, vest_svg
 from tega.view.labels import ContactLabels
 
@@ -82,8 +79,6 @@ class Page:
         self._server, self._controls = server, controls
         self._sheet, self._labels, self._delays = TouchSheet(), ContactLabels(), Delays()
         self.seek: SeekSlider | None = None
-        self._past_sheet: bytes | None = None
-        self._small = SmallSheet()
         self.scene = Scene(server, eye_m=eye_m, at_m=at_m)
         self.inputs: dict[str, Any] = {}
         gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(31, 95, 191))
@@ -106,9 +101,7 @@ class Page:
         panel = gui.add_panel()
         with panel.add_tab("Fingertips and vest"):
             self._captions = gui.add_html("")
-            n = len(FINGERS)
-            blank = np.full((2 * TILE_HEIGHT + GAP, n * TILE_WIDTH + (n - 1) * GAP, 3), 236, np.uint8)
-            self._images = gui.add_image(blank, jpeg_quality=85)
+            self._pictures = gui.add_html(sheet_html(jpeg_of(self._sheet.draw({}))))
             gui.add_html(LEGEND)
             self._vest = gui.add_html(vest_svg(None))
             if controls.try_motor is not None:
@@ -171,7 +164,7 @@ class Page:
         sheet = None
         if turn == 0:
             if state.images:
-                sheet = self._sheet.draw(state.images)
+                sheet = jpeg_of(self._sheet.draw(state.images))
             self.timeline.keep(state, sheet)
         past = self.paint_past()
         with self._server.atomic():
@@ -179,8 +172,7 @@ class Page:
                 self._draw_scene(state)
             if turn == 0:
                 if sheet is not None and not past:
-                    self._images.image = sheet
-                    self._small.take(sheet)
+                    self._pictures.content = sheet_html(sheet)
             elif turn == 1:
                 self.paint_text(state)
                 if self.seek is not None:
@@ -205,7 +197,7 @@ class Page:
 
     def _paint_touch(self, captions: str, vest: str) -> None:
         self._captions.content, self._vest.content = captions, vest
-        self._phone.content = f'<div class="tega-phone">{captions}{self._small.html}{vest}</div>'
+        self._phone.content = f'<div class="tega-phone">{captions}{self._pictures.content}{vest}</div>'
 
     def paint_past(self) -> bool:
         """Show the moment that is looked back at, in pictures, scene and charts; the run's state stays that of now.
@@ -216,16 +208,13 @@ class Page:
         past = self.timeline.shown()
         if past is None:
             if self._looking.content:
-                self._looking.content, self._past_sheet = "", None
+                self._looking.content = ""
             return False
         state, sheet, emg = past
         with self._server.atomic():
             self._draw_scene(state)
-            if sheet is not None and sheet is not self._past_sheet:
-                import imageio.v3
-
-                self._images.image = imageio.v3.imread(sheet)
-                self._past_sheet = sheet
+            if sheet is not None:
+                self._pictures.content = sheet_html(sheet)
             # Labels of its own: those of now remember what came before.
             self._paint_touch(captions_html(state, ContactLabels()), self._torso(state))
             self._course.draw(state.t_ns / 1e9)

@@ -30,6 +30,10 @@ _AGEING = f"""
 .tega-badge {{ animation: tega-grey 1ms linear calc({NO_NEWS_S}s - var(--tega-since)) forwards }}
 """
 
+_PICTURES = """
+.tega-sheet { display: block; box-sizing: border-box; width: 100%; height: auto; padding: 0 10px 8px }
+"""
+
 # A phone's sheet stands below the scene, as wide as the window; viser's own is narrower and covers the scene.
 _PHONE = f"""
 .tega-phone {{ display: none; padding-top: 14px }}
@@ -55,5 +59,5 @@ _NARROW = f"""
 }}
 """
 
-STYLE: Final = f'<style class="tega-style">{_AGEING}{_PHONE}{_NARROW}</style>'
+STYLE: Final = f'<style class="tega-style">{_AGEING}{_PICTURES}{_PHONE}{_NARROW}</style>'
 """Of the whole page, as an HTML element."""

@@ -8,13 +8,8 @@ from collections import deque
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-import numpy as np
-
-from tega.view.browser.touch import jpeg_of
-
 if TYPE_CHECKING:
     import viser
-    from numpy.typing import NDArray
 
     from tega.view.state import EmgTail, ViewState
 
@@ -68,12 +63,12 @@ class Timeline:
         self.loop: Any = gui.add_checkbox("loop from there", initial_value=False)
         self.back.on_update(lambda _event: self._look())
 
-    def keep(self, state: ViewState, sheet: NDArray[np.uint8] | None) -> None:
+    def keep(self, state: ViewState, sheet: bytes | None) -> None:
         """Keep a moment; one of an earlier time is of another run, and the first of it.
 
         Args:
             state: The moment.
-            sheet: The fingertips as they are painted, uint8 (H, W, 3), RGB.
+            sheet: The fingertips as they are painted, a JPEG; ``None`` where there are none.
         """
         if self._kept:
             newest = self._kept[-1].state
@@ -86,8 +81,7 @@ class Timeline:
         emg = self._kept[-1].emg if self._kept else None
         if state.emg is not None and (emg is None or t_s - emg[0] >= _EMG_STEP_S):
             emg = t_s, state.emg
-        jpeg = None if sheet is None else jpeg_of(sheet)
-        self._kept.append(PastMoment(state._replace(images=None, emg=None), jpeg, emg))
+        self._kept.append(PastMoment(state._replace(images=None, emg=None), sheet, emg))
         while t_s - self._kept[0].state.t_ns / 1e9 > self._kept_s:
             self._kept.popleft()
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import math
-import time
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -25,15 +24,14 @@ __all__ = [
     "PEAK_GREEN",
     "TILE_HEIGHT",
     "TILE_WIDTH",
-    "SmallSheet",
     "TouchSheet",
     "jpeg_of",
+    "sheet_html",
 ]
-
-_COPY_S = 1.0
 
 # Of one finger's tile, px: half of a DIGIT's QVGA picture, a little more than the page shows.
 TILE_HEIGHT, TILE_WIDTH, GAP = 160, 120, 6
+SHEET_HEIGHT, SHEET_WIDTH = 2 * TILE_HEIGHT + GAP, len(FINGERS) * (TILE_WIDTH + GAP) - GAP
 # RGB.
 PEAK_GREEN, EDA_BLUE = (39, 208, 69), (59, 140, 255)
 _PAPER, _NO_SENSOR = 255, 236
@@ -56,8 +54,7 @@ class TouchSheet:
 
     def draw(self, images: Mapping[str, TouchImage]) -> NDArray[np.uint8]:
         """Return the sheet, uint8 (326, 498, 3), RGB; a finger without a picture is two grey tiles."""
-        n = len(FINGERS)
-        sheet = np.full((2 * TILE_HEIGHT + GAP, n * TILE_WIDTH + (n - 1) * GAP, 3), _PAPER, np.uint8)
+        sheet = np.full((SHEET_HEIGHT, SHEET_WIDTH, 3), _PAPER, np.uint8)
         for column, finger in enumerate(FINGERS):
             left = column * (TILE_WIDTH + GAP)
             upper = sheet[:TILE_HEIGHT, left : left + TILE_WIDTH]
@@ -98,33 +95,25 @@ class TouchSheet:
         _circle(tile, x * scale_x, y * scale_y, _PEAK_RADIUS_PX, PEAK_GREEN)
 
 
-class SmallSheet:
-    """Keeps a small copy of a sheet as HTML, made anew once a second, for a screen that has no room beside the scene.
-
-    Attributes:
-        html: An image element; empty before the first.
-    """
-
-    def __init__(self) -> None:
-        self.html = ""
-        self._made_s = -math.inf
-
-    def take(self, sheet: NDArray[np.uint8]) -> None:
-        """Copy a sheet, uint8 (H, W, 3), RGB, if the last copy is a second old."""
-        now_s = time.monotonic()
-        if now_s - self._made_s < _COPY_S:
-            return
-        self._made_s = now_s
-        data = base64.b64encode(jpeg_of(sheet)).decode()
-        self.html = f'<img alt="cameras and touch maps" width="100%" src="data:image/jpeg;base64,{data}">'
-
-
 def jpeg_of(sheet: NDArray[np.uint8]) -> bytes:
     """Return a picture, uint8 (H, W, 3), RGB, as a JPEG file."""
     import imageio.v3
 
-    made: bytes = imageio.v3.imwrite("<bytes>", sheet, extension=".jpg", quality=60)
+    made: bytes = imageio.v3.imwrite("<bytes>", sheet, extension=".jpg", quality=75)
     return made
+
+
+def sheet_html(jpeg: bytes) -> str:
+    """Return a sheet, a JPEG file, as an image element that brings its picture along.
+
+    viser's own images are loaded from an address of their own, some steps of the browser after the words around them;
+    one that draws slowly is told of the next before that.
+    """
+    data = base64.b64encode(jpeg).decode()
+    return (
+        f'<img class="tega-sheet" alt="cameras and touch maps" width="{SHEET_WIDTH}" height="{SHEET_HEIGHT}"'
+        f' decoding="sync" src="data:image/jpeg;base64,{data}">'
+    )
 
 
 def _sampling(shape: tuple[int, ...]) -> tuple[Pixels, Pixels]:
