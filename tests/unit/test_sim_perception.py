@@ -10,7 +10,7 @@ import pytest
 from scipy import stats
 
 from tega.haptics import MotorLevels, vest_frame
-from tega.sim.operator import PersonNumbers, typical_person
+from tega.sim.operator import VIEWS, PersonNumbers, ViewName, typical_person
 from tega.sim.operator.motor import MuscleMotor
 from tega.sim.operator.person import stream
 from tega.sim.operator.vest_sense import Skin
@@ -36,7 +36,7 @@ def test_reaction_times_are_skewed_about_the_mean_and_never_immediate() -> None:
     assert drawn.min() >= 0.1
 
 
-def eyes(who: PersonNumbers, seed: int = 0) -> Eyes:
+def eyes(who: PersonNumbers, seed: int = 0, view: ViewName = "direct") -> Eyes:
     def process(name: str) -> np.random.Generator:
         return stream(seed, name)
 
@@ -47,7 +47,26 @@ def eyes(who: PersonNumbers, seed: int = 0) -> Eyes:
         looks=process("looks"),
         poses=process("poses"),
         reaction=process("reaction"),
+        view=VIEWS[view],
     )
+
+
+def slips_seen(view: ViewName, speed_m_s: float, *, held: bool) -> int:
+    sight = eyes(with_(typical_person(), "vision", gaze_grasp=1.0), view=view)
+    scene = STILL._replace(slip_m_s=speed_m_s, lift_off=True, deformation_m=0.03)
+    found = []
+    for tick in range(1, 300):
+        found += sight.see(tick / 100, 0.01, scene, carried=False, lifting=False, held=held)
+    return sum(event.kind == "slip" for event in found) + 1000 * sum(e.kind == "deformation" for e in found)
+
+
+def test_a_hidden_grip_is_not_seen_while_it_holds_and_an_eccentric_one_only_in_the_large() -> None:
+    assert slips_seen("direct", 0.005, held=True) > 1000
+    assert slips_seen("hidden", 0.1, held=True) == slips_seen("aside", 0.005, held=True) == 0
+    # At 20 degrees a slide is seen that is nine times as fast, and later.
+    assert 0 < slips_seen("aside", 0.05, held=True) < slips_seen("direct", 0.05, held=True) % 1000
+    for view in ("aside", "hidden"):
+        assert slips_seen(view, 0.005, held=False) == slips_seen("direct", 0.005, held=False)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("speed_m_s", "seconds"), [(0.005, 0.446), (0.02, 0.301), (0.1, 0.238)])

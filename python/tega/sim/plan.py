@@ -59,9 +59,13 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
         Raises:
             InvalidValueError: A value is out of range.
         """
-        names = ("mass_kg", "stiffness_n_m", "friction")
-        changes = {name: value for name in names if (value := getattr(self, name)) is not None}
+        changes = {name: value for name, value in self.changes.items() if value is not None}
         return (self.spec or OBJECTS[self.object]).with_(**changes)
+
+    @property
+    def changes(self) -> dict[str, float | None]:
+        """What the plan changes in the object, by attribute."""
+        return {name: getattr(self, name) for name in ("mass_kg", "stiffness_n_m", "friction")}
 
     @classmethod
     def checked(cls, fields: dict[str, Any]) -> Self:

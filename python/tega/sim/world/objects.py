@@ -21,6 +21,8 @@ from tega.plain_name import plain_name
 PALM_FACE_M: Final = 0.0111
 """How far the palm's face is before the palm's frame."""
 
+_UNIT_IN_NAME: Final = {"mass_kg": "kg", "stiffness_n_m": "npm", "friction": "mu"}
+
 
 class ObjectSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """An upright round object whose wall gives under each finger.
@@ -155,14 +157,25 @@ def crossed(
         ['bag_0.3kg_0.5mu', 'bag_0.6kg_0.5mu']
     """
     factors = {"mass_kg": mass_kg, "stiffness_n_m": stiffness_n_m, "friction": friction}
-    units = {"mass_kg": "kg", "stiffness_n_m": "npm", "friction": "mu"}
     asked = {what: tuple(dict.fromkeys(values)) for what, values in factors.items() if values}
     variants: dict[str, ObjectSpec] = {}
     for spec, values in itertools.product(specs, itertools.product(*asked.values())):
-        changes: Mapping[str, float] = dict(zip(asked, values, strict=True))
-        name = "_".join([spec.name, *(f"{value:g}{units[what]}" for what, value in changes.items())])
+        changes = dict(zip(asked, values, strict=True))
+        name = variant_name(spec.name, changes)
         variants[name] = spec.with_(name=name, **changes)
     return variants
+
+
+def variant_name(name: str, changes: Mapping[str, float | None]) -> str:
+    """Return the name of an object with mass, stiffness or friction changed; ``None`` is no change.
+
+    Example:
+        >>> variant_name("bag", {"mass_kg": 0.6, "friction": None})
+        'bag_0.6kg'
+    """
+    return name + "".join(
+        f"_{value:g}{_UNIT_IN_NAME[what]}" for what, value in changes.items() if value is not None
+    )
 
 
 def _record(name: str, table: dict[str, Any], where: str) -> ObjectRecord:

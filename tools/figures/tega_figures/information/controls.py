@@ -55,7 +55,7 @@ CELLS: Final[tuple[tuple[ViewName, Condition], ...]] = (
 CONTROLS: Final[tuple[Condition, ...]] = ("oracle", "true-force", "ideal-vest")
 """Any of these may say yes; three tests, so intervals of 1 - 0.05/3."""
 
-N_LIFTS: Final = 4
+N_LIFTS: Final = 3
 FIRST_SEED: Final = 4000
 N_PEOPLE: Final = 12
 

@@ -1,0 +1,150 @@
+"""Objects by file, factorial plans of them, and what a study's frozen hash covers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+import pytest
+from click.testing import CliRunner
+
+pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
+
+from tega.cli.main import main
+from tega.errors import ConfigError, InvalidValueError, UnsafeNameError
+from tega.sim.plan import TrialPlan, TrialResult
+from tega.sim.table import summarise_trials
+from tega.sim.trials import plan_trials
+from tega.sim.world import OBJECTS, crossed, read_objects
+from tega.study.silico import read_assumptions
+from tega.study.silico.simulate import made_study
+
+TIN = """
+[tin]
+mass_kg = 0.45
+stiffness_n_m = 6000.0
+friction = 0.4
+diameter_m = 0.075
+height_m = 0.15
+harm_m = 0.004
+[tin.range]
+mass_kg = [0.3, 0.9]
+[tin.source]
+mass_kg = "weighed"
+stiffness_n_m = "a probe"
+friction = "a slope"
+harm_m = "the lid springs open"
+"""
+
+
+def written(folder: Path, text: str) -> Path:
+    path = folder / "things.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_the_bench_s_own_objects_lie_in_their_ranges_and_say_where_their_harm_rule_is_from() -> None:
+    records = read_objects()
+    assert {name: record.spec for name, record in records.items()} == OBJECTS
+    assert list(OBJECTS) == ["bottle", "container", "bag"]
+    for record in records.values():
+        assert record.source["harm_m"]
+        assert set(record.range) == {"mass_kg", "stiffness_n_m", "friction"}
+
+
+def test_an_object_of_a_file_is_planned_and_travels_with_its_plan(tmp_path: Path) -> None:
+    spec = read_objects(written(tmp_path, TIN))["tin"].spec
+    plan = TrialPlan.checked({"object": "tin", "spec": spec, "mass_kg": 0.6})
+    assert plan.object_spec == spec.with_(mass_kg=0.6)
+    assert msgspec.json.decode(msgspec.json.encode(plan), type=TrialPlan) == plan
+    assert TrialPlan(object="bag").object_spec == OBJECTS["bag"]
+    with pytest.raises(InvalidValueError, match="'tin' is not known"):
+        TrialPlan.checked({"object": "tin"})
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "error", "message"),
+    [
+        ('harm_m = "the lid springs open"', "", ConfigError, "'tin' has no source for harm_m"),
+        ("mass_kg = [0.3, 0.9]", "mass_kg = [0.5, 0.9]", ConfigError, "mass_kg is not within its range 0.5 to 0.9"),
+        ("harm_m = 0.004", "harm_m = 4", ConfigError, "harm_m"),
+        ("height_m", "hieght_m", ConfigError, "hieght_m"),
+        ("[tin", '["../tin"', UnsafeNameError, "tin"),
+        (TIN, "", ConfigError, "has no object"),
+        (TIN, "tin = 3", ConfigError, "one table an object"),
+    ],
+)
+def test_a_file_that_is_no_objects_says_what_is_wrong(
+    tmp_path: Path, old: str, new: str, error: type[Exception], message: str
+) -> None:
+    text = TIN.replace(old, new)
+    with pytest.raises(error, match=message):
+        read_objects(written(tmp_path, text))
+
+
+def test_a_factorial_plan_has_every_combination_once_with_the_same_chance() -> None:
+    plans = plan_trials(["bag"], ["haptic", "non-haptic"], [7], mass_kg=[0.3, 0.6], friction=[0.4, 0.8])
+    assert len({(plan.mass_kg, plan.friction, plan.condition) for plan in plans}) == len(plans) == 8
+    assert {plan.object for plan in plans} == {"bag"}, "streams of chance are by the object's name"
+    outcome = {"success": True, "slips": 1, "deformations": 0, "drops": 0, "duration_s": 9.0, "peak_force_n": 2.0}
+    rest = {"lift_off_s": 4.0, "lifted_s": 6.0, "slid_m": 0.0, "deformation_m": 0.0, "mean_level": 2.0}
+    results = [
+        TrialResult(**msgspec.structs.asdict(plan), **outcome, **rest, events=(), simulated_s=9.0) for plan in plans
+    ]
+    rows = summarise_trials(results)
+    assert [(row.object, row.condition) for row in rows][:2] == [
+        ("bag_0.3kg_0.4mu", "haptic"),
+        ("bag_0.3kg_0.4mu", "non-haptic"),
+    ]
+    assert [row.n for row in rows] == [1] * 8
+
+
+def test_objects_are_crossed_under_names_that_tell_them_apart() -> None:
+    variants = crossed([OBJECTS["bag"], OBJECTS["bottle"]], mass_kg=[0.3, 0.6], stiffness_n_m=[400, 800])
+    assert len(variants) == 8
+    assert variants["bottle_0.6kg_400npm"].mass_kg == 0.6
+    assert variants["bottle_0.6kg_400npm"].name == "bottle_0.6kg_400npm"
+    assert crossed([OBJECTS["bag"]]) == {"bag": OBJECTS["bag"]}
+    with pytest.raises(InvalidValueError, match="friction"):
+        crossed([OBJECTS["bag"]], friction=[9.0])
+
+
+def test_a_study_s_hash_covers_objects_view_and_program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def digest(where: str, **changes: object) -> str:
+        asked = {
+            "operators": 1,
+            "seed": 1,
+            "objects": crossed([OBJECTS["bag"]], mass_kg=[0.3, 0.6]),
+            "conditions": ["oracle", "non-haptic"],
+            "trials": 1,
+        }
+        plan, stated = made_study(tmp_path / where, **{**asked, **changes})  # type: ignore[arg-type]
+        assert len(plan.trials) == 2 * len(stated.objects)
+        assert read_assumptions(tmp_path / where) == stated
+        return stated.digest
+
+    first = digest("a")
+    assert digest("a") == first
+    others = [
+        digest("b", objects=crossed([OBJECTS["bag"]], mass_kg=[0.3, 0.7])),
+        digest("c", view="hidden"),
+        digest("d", rules=2),
+        digest("e", preset="paper"),
+    ]
+    monkeypatch.setattr("tega.study.silico.assumptions.code_sha256", lambda: "0" * 64)
+    others.append(digest("f"))
+    assert len({first, *others}) == 6
+    with pytest.raises(InvalidValueError, match=r"begun with another simulation\.toml"):
+        digest("a")
+
+
+def test_the_commands_take_objects_of_a_file_and_lists_of_factors(tmp_path: Path) -> None:
+    path = written(tmp_path, TIN)
+    run = CliRunner().invoke
+    unknown = run(main, ["sim", "trials", "--objects", "bag", "--objects-file", str(path)])
+    assert "object 'bag' is not known" in unknown.output + str(unknown.exception)
+    heavy = run(main, ["study", "simulate", "--operators", "1", "--out", str(tmp_path / "s"), "--mass-kg", "0.3,99"])
+    assert "mass_kg" in heavy.output + str(heavy.exception)
+    assert not (tmp_path / "s").exists()
+    assert run(main, ["sim", "trials", "--mass-kg", "a,b"]).exit_code == 2
+    assert run(main, ["sim", "trials", "--view", "closed"]).exit_code == 2
