@@ -53,7 +53,7 @@ def eyes(who: PersonNumbers, seed: int = 0, view: ViewName = "direct") -> Eyes:
 
 def slips_seen(view: ViewName, speed_m_s: float, *, held: bool) -> int:
     sight = eyes(with_(typical_person(), "vision", gaze_grasp=1.0), view=view)
-    scene = STILL._replace(slip_m_s=speed_m_s, lift_off=True, deformation_m=0.03)
+    scene = STILL._replace(slip_m_s=speed_m_s, lift_off=True, deformation_m=0.01)
     found = []
     for tick in range(1, 300):
         found += sight.see(tick / 100, 0.01, scene, carried=False, lifting=False, held=held)

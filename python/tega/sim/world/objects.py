@@ -14,14 +14,15 @@ from typing import Annotated, Any, Final, Literal
 
 import msgspec
 
-from tega.errors import ConfigError, InvalidValueError
+from tega.errors import ConfigError, InvalidValueError, TegaError
 from tega.foreign_file import parse_toml, read_foreign
 from tega.plain_name import plain_name
 
 PALM_FACE_M: Final = 0.0111
 """How far the palm's face is before the palm's frame."""
 
-_UNIT_IN_NAME: Final = {"mass_kg": "kg", "stiffness_n_m": "npm", "friction": "mu"}
+# Factor and form of a value in a name: a study's objects have letters, digits, + - _ in theirs.
+_IN_NAME: Final = {"mass_kg": (1e3, "{}g"), "stiffness_n_m": (1.0, "{}npm"), "friction": (1e2, "mu{}")}
 
 
 class ObjectSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -122,7 +123,9 @@ def read_objects(path: Path | None = None) -> dict[str, ObjectRecord]:
     try:
         tree: dict[str, Any] = parse_toml(content.decode("utf-8-sig"))
         records = {name: _record(name, dict(table), source.name) for name, table in tree.items()}
-    except (TypeError, ValueError, msgspec.ValidationError) as error:
+    except TegaError:
+        raise
+    except (TypeError, ValueError) as error:  # of TOML and of msgspec
         raise ConfigError(
             f"{source.name}: {error}", "write one table an object, as in tega/sim/world/objects.toml"
         ) from error
@@ -147,14 +150,14 @@ def crossed(
         friction: Between object and gel.
 
     Returns:
-        A variant for each combination, by a name that tells it, such as ``bag_0.6kg_0.3mu``.
+        A variant for each combination, by a name that tells it, such as ``bag_600g_mu30``.
 
     Raises:
         InvalidValueError: A value is out of range.
 
     Example:
         >>> list(crossed([OBJECTS["bag"]], mass_kg=[0.3, 0.6], friction=[0.5]))
-        ['bag_0.3kg_0.5mu', 'bag_0.6kg_0.5mu']
+        ['bag_300g_mu50', 'bag_600g_mu50']
     """
     factors = {"mass_kg": mass_kg, "stiffness_n_m": stiffness_n_m, "friction": friction}
     asked = {what: tuple(dict.fromkeys(values)) for what, values in factors.items() if values}
@@ -170,12 +173,14 @@ def variant_name(name: str, changes: Mapping[str, float | None]) -> str:
     """Return the name of an object with mass, stiffness or friction changed; ``None`` is no change.
 
     Example:
-        >>> variant_name("bag", {"mass_kg": 0.6, "friction": None})
-        'bag_0.6kg'
+        >>> variant_name("bag", {"mass_kg": 0.6, "stiffness_n_m": None, "friction": 0.45})
+        'bag_600g_mu45'
     """
-    return name + "".join(
-        f"_{value:g}{_UNIT_IN_NAME[what]}" for what, value in changes.items() if value is not None
-    )
+    for what, value in changes.items():
+        if value is not None:
+            factor, form = _IN_NAME[what]
+            name += "_" + form.format(f"{factor * value:g}".replace(".", "-"))
+    return name
 
 
 def _record(name: str, table: dict[str, Any], where: str) -> ObjectRecord:

@@ -141,15 +141,20 @@ def differences(
         condition: The arm.
         name: Of the object.
         without: What it is compared with.
-        confidence: Of the intervals.
+        confidence: Of the intervals; infinite with fewer than two people.
     """
     from scipy.stats import t as student
 
     told, off = (arm_rows(sessions, view=view, condition=one, name=name) for one in (condition, without))
     people = sorted(told.keys() & off.keys())
-    apart: NDArray[np.float64] = np.array([told[seed] for seed in people]) - [off[seed] for seed in people]
+    apart: NDArray[np.float64] = np.subtract(
+        [told[seed] for seed in people] or np.zeros((1, len(OUTCOMES))),
+        [off[seed] for seed in people] or np.zeros((1, len(OUTCOMES))),
+    )
     n = len(people)
-    half = float(student.ppf(0.5 + confidence / 2, n - 1)) * apart.std(axis=0, ddof=1) / math.sqrt(n)
+    half = np.full(len(OUTCOMES), np.inf)
+    if n > 1:
+        half = float(student.ppf(0.5 + confidence / 2, n - 1)) * apart.std(axis=0, ddof=1) / math.sqrt(n)
     mean = apart.mean(axis=0)
     return {
         what: Paired(float(mean[k]), float(mean[k] - half[k]), float(mean[k] + half[k]))
