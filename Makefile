@@ -2,10 +2,12 @@
 # .ci/extras too, which makes environments of its own.
 VENV ?= .venv
 BIN := $(VENV)/bin
+TOOLS := $(CURDIR)/tools/emulators:$(CURDIR)/tools/campaigns:$(CURDIR)/tools/figures
+WALK := PYTHONPATH=$(CURDIR)/tests:$(TOOLS) $(BIN)/python -m tega_figures.strangers_path
 ARM64 := aarch64-unknown-linux-gnu
 PYTHON ?= python3
 .DEFAULT_GOAL := help
-.PHONY: help setup build test slow guards deep stress lint fmt fuzz bench counts figures msrv licences arm64 wheels site pictures shots measured clean
+.PHONY: help setup build test slow guards deep stress lint fmt fuzz bench counts figures msrv licences arm64 wheels site pictures shots measured stranger clean
 
 help: ## print this
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 10
@@ -94,7 +96,7 @@ wheels: ## Linux wheels for x86-64 and arm64, each tried in an environment of it
 	TEGA_WHEEL=$$(echo dist/tega-*x86_64.whl) $(BIN)/python -m pytest -n0 -q -m "not slow" tests/docs/test_own_stage.py
 
 site: ## all pages with search, commands, settings and Python, into target/site; needs the extra docs, no network
-	PYTHONPATH=$(CURDIR)/tools/emulators:$(CURDIR)/tools/campaigns:$(CURDIR)/tools/figures \
+	PYTHONPATH=$(TOOLS) \
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
 
 # docs/images/placement-emg.svg and placement-vest.svg are drawn by hand. pareto.png comes with `make figures`.
@@ -102,23 +104,24 @@ pictures: ## the drawn pictures of the docs, and the demo's animation; needs lab
 	$(BIN)/python docs/images/draw.py
 	$(BIN)/python -m tega_figures.diagrams docs/images
 	$(BIN)/python -m tega_figures.byte_layouts docs/images
+	$(BIN)/python -m tega_figures.placement_left docs/images
 	$(BIN)/python -m tega_figures.page_plots docs/images
 	$(BIN)/python -m tega_figures.terminal_shots docs/images
 	$(BIN)/python -m tega_figures.simulated_person picture docs/images/sim-emg.png
 	$(BIN)/python -m tega_figures.scene.picture docs/images/scene.webp
 	$(BIN)/python -m tega_figures.study_console docs/images/study-console.svg
-	$(BIN)/python -m tega_figures.study_console docs/images/study-console-recorded.svg --recorded
 	$(BIN)/python -m tega_figures.information picture tools/figures/tega_figures/information/fresh.json \
 		docs/images/value-of-information.png
 	$(BIN)/tega-teleop demo --fast --out target/demo
 	cp target/demo/demo.png docs/images/demo.png
 
-# A browser draws page, report and terminal. Without a graphics card that takes ten minutes, the study's 600 trials half
-# an hour and more.
+# A browser draws page, report and terminal. Without a graphics card that takes ten minutes. The report's pictures are of
+# 72 trials; the figures of the pages on evidence are of 600, which take an hour and more.
 shots: ## the pictures that take a Chromium (Debian: apt install chromium) and the extra browser: page, report, calibration
 	$(BIN)/python -m tega_figures.page_shots docs/images
 	$(BIN)/python -m tega_figures.calibrate_shots docs/images/calibrate-emg.webp
-	$(BIN)/tega-teleop study simulate --operators 10 --seed 1 --out target/study
+	$(BIN)/python -m tega_figures.stream_shots docs/images/stream-rerun.webp
+	$(BIN)/tega-teleop study simulate --operators 4 --trials 3 --seed 1 --out target/study
 	$(BIN)/python -m tega_figures.report_shots target/study/report.html docs/images
 
 measured: ## the pictures of what takes hours to measure, and their tables; TEGA_DATA names the shared recordings
@@ -132,6 +135,16 @@ measured: ## the pictures of what takes hours to measure, and their tables; TEGA
 	$(BIN)/python -m tega_figures.touch_peers.pareto docs/images/touch-pareto.svg
 	$(BIN)/tega-teleop soak --seconds 600 --seed 7 --out target/soak
 	cp target/soak/faults.png docs/images/soak.png
+	$(BIN)/python -m tega_figures.readability docs/evidence/words.md
+
+stranger: ## type every command of a newcomer's first hour, in a clone and beside the wheels; needs Chromium, TEGA_DATA
+	rm -rf target/stranger
+	mkdir -p target/stranger/wheel
+	git clone --quiet . target/stranger/clone
+	cp -r dist/*.whl examples target/stranger/wheel
+	$(WALK) walk target/stranger/clone target/stranger/clone-kept
+	$(WALK) walk target/stranger/wheel target/stranger/wheel-kept
+	$(WALK) page target/stranger/clone-kept target/stranger/wheel-kept docs
 
 clean: ## remove build output
 	rm -rf target fuzz/target benches/target dist $(VENV)

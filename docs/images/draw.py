@@ -28,7 +28,7 @@ from tega_figures.world.solids import add_solids
 
 HERE = Path(__file__).resolve().parent
 FINGERS = {"thumb": "#e07b39", "index": "#4a90d9", "middle": "#58a55c", "ring": "#b07cc6"}
-INK, PALE, ROBOT, PERSON = "#2b3440", "#eef1f5", "#d9e8f5", "#fbeadb"
+INK, SOFT, PALE, ROBOT, PERSON = "#2b3440", "#4b5866", "#eef1f5", "#d9e8f5", "#fbeadb"
 STEADY = {"svg.hashsalt": "tega", "svg.fonttype": "none", "font.family": "sans-serif"}
 FRAME_S, FAST_FORWARD = 0.2, 2
 
@@ -69,7 +69,11 @@ def _arrow(
 ) -> None:
     axes.add_patch(FancyArrowPatch(begin, end, arrowstyle="-|>", mutation_scale=11, color=INK, lw=1.2))
     middle = np.add(begin, end) / 2
-    axes.text(middle[0], middle[1] + above, text, ha="center", va="center", fontsize=7.5, color="#4b5866")
+    # On white, so that an arrow never goes through its words.
+    ground = {"fc": "white", "ec": "none", "pad": 1.0}
+    axes.text(
+        middle[0], middle[1] + above, text, ha="center", va="center", fontsize=7.5, color=SOFT, bbox=ground
+    )
 
 
 def hardware() -> None:
@@ -161,7 +165,7 @@ def objects() -> None:
             ha="center",
             va="center",
             fontsize=8,
-            color="#4b5866",
+            color=SOFT,
         )
     axes.plot([2, 88], [9, 9], color=INK, lw=1.5)
     axes.plot([4, 4], [9, 18], color=INK, lw=1)
@@ -201,7 +205,7 @@ def bench() -> None:
     axes.text(67, 4.6, "table, with the two places of the task", ha="center", fontsize=8, color=INK)
     axes.plot(
         [84, 84, 77, 68, 63],
-        [8, 20, 33, 34, 27],
+        [9.4, 20, 33, 34, 27],
         color="#c3cad3",
         lw=13,
         solid_capstyle="round",
@@ -284,15 +288,21 @@ def _frame(moment: Moment, shapes: Any, name: str) -> Image.Image:
     axes.set_xlim(0, 100)
     axes.set_ylim(0, 100)
     axes.set_axis_off()
+    axes.text(50, 95, "vest from outside; left, right: the wearer's", ha="center", fontsize=8, color=SOFT)
     for left, title, first in ((3, "front (CCI): how sharp", 0), (53, "back (EDA): how wide", 20)):
         axes.text(left + 22, 88, title, ha="center", fontsize=9, color=INK)
-        axes.text(left + 2, 25, "L", ha="center", fontsize=8, color=INK)
-        axes.text(left + 42, 25, "R", ha="center", fontsize=8, color=INK)
+        # Who faces the wearer sees the first column, which is at the wearer's left, at the right.
+        places = [left + 6 + 10.6 * (column if first else 3 - column) for column in range(4)]
+        ends = ("left", "right") if first else ("right", "left")
+        axes.text(left + 1, 23.5, ends[0], fontsize=7, color=SOFT)
+        axes.text(left + 43, 23.5, ends[1], ha="right", fontsize=7, color=SOFT)
+        for x, finger in zip(places, FINGERS, strict=True):
+            axes.text(x, 83, finger, ha="center", fontsize=7, color=INK)
         for motor in range(20):
             row, column = divmod(motor, 4)
             colour = list(FINGERS.values())[column]
             share = float(moment.motors[first + motor]) / 100
-            centre = (left + 6 + 10.6 * column, 78 - 11 * row)
+            centre = (places[column], 76 - 11 * row)
             axes.add_patch(Circle(centre, 4.2, fc="white", ec="#b9c2cc", lw=1))
             axes.add_patch(Circle(centre, 4.2, fc=colour, alpha=share, lw=0))
     axes.text(3, 15, "level", fontsize=9, color=INK)
@@ -302,7 +312,7 @@ def _frame(moment: Moment, shapes: Any, name: str) -> Image.Image:
     axes.text(
         3, 4, f"{name} {100 * max(moment.height_m, 0):.0f} cm up, {moment.t_s:.1f} s", fontsize=9, color=INK
     )
-    figure.text(0.02, 0.94, "a simulated lift, twice as fast", fontsize=9, color="#4b5866")
+    figure.text(0.02, 0.94, "a simulated lift, twice as fast", fontsize=9, color=SOFT)
     buffer = BytesIO()
     figure.savefig(buffer, format="png")
     return Image.open(buffer).convert("RGB")

@@ -82,6 +82,7 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
     if arm is not None:
         tracker = with_options(arm.tracker, "tracker", "arm.tracker")
         arm = msgspec.structs.replace(arm, tracker=tracker)
+        _ = arm.start  # a start outside of the workspace is refused before anything is opened
     net = config.net
     if net is not None:
         checked_net(net)
@@ -101,6 +102,7 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
         ),
     )
     _check_dead_man(config.input.dead_man)
+    config, mounted = _with_mounted_hand(config, origins)
     # A person's calibrations are kept there, and how long the vest's motors take to start.
     kept_there = config.calibration.person is not None or config.vest.driver is not None
     if kept_there and config.calibration.folder is None:
@@ -115,11 +117,37 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
         values["vest.layout"] = SettingValue(DEFAULT_LAYOUT[preset], f"preset {preset}")
     if config.vest.pace is None:
         values["vest.pace"] = SettingValue(DEFAULT_PACE[preset], f"preset {preset}")
+    if mounted:
+        values["arm.mapping.robot_hand"] = SettingValue(mounted, "hand.options.side")
     if config.calibration.person is None:
         return LoadedConfig(config, values)
     from tega.calibration.person import with_person
 
     return with_person(LoadedConfig(config, values), given=set(origins))
+
+
+def _with_mounted_hand(config: SessionConfig, origins: Mapping[str, str]) -> tuple[SessionConfig, str]:
+    """Have the arm's motion be mirrored for the hand that is mounted, whose driver refuses the other one.
+
+    Returns:
+        The settings, and the side that was taken; ``""`` where the settings say it or no driver knows it.
+
+    Raises:
+        ConfigError: The settings say another side of the arm's hand than of the hand.
+    """
+    side = getattr(config.hand.options, "side", None)
+    if config.arm is None or side is None:
+        return config, ""
+    said, key = config.arm.mapping.robot_hand, "arm.mapping.robot_hand"
+    if key in origins:
+        if said != side:
+            place = f"{where(origins, key)}: {key}"
+            raise ConfigError(
+                f"{place} is {said!r}, but hand.options.side is {side!r}", f"leave {key} out, or correct one"
+            )
+        return config, ""
+    mapping = msgspec.structs.replace(config.arm.mapping, robot_hand=side)
+    return msgspec.structs.replace(config, arm=msgspec.structs.replace(config.arm, mapping=mapping)), side
 
 
 def _typed_stages(

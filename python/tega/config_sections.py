@@ -18,11 +18,13 @@ from tega.arm.settings import (
     MappingSettings,
     WatchdogSettings,
 )
+from tega.errors import ConfigError
 from tega.haptics import FINGERS
 from tega.net.settings import NetSection
 from tega.safety.settings import SafetySection
 
 if TYPE_CHECKING:
+    from tega.arm.pose import Pose
     from tega.haptics import Layout
 
 __all__ = [
@@ -279,6 +281,8 @@ class ArmConfig(_Section, frozen=True):
         filter: The One-Euro filter.
         limits: Where the target may be and how it may move.
         watchdog: After what time without news something happens.
+        start_m: Where the hand goes between a study's trials, base's axes; none leaves it where it is.
+        start_xyzw: How it is turned there; the default has its z along the base's x.
         options: The driver's own settings.
     """
 
@@ -290,7 +294,35 @@ class ArmConfig(_Section, frozen=True):
     filter: FilterSettings = FilterSettings()
     limits: LimitSettings = LimitSettings()
     watchdog: WatchdogSettings = WatchdogSettings()
+    start_m: tuple[float, float, float] | None = None
+    start_xyzw: tuple[float, float, float, float] = (0.0, 0.7071067811865476, 0.0, 0.7071067811865476)
     options: Any = msgspec.field(default_factory=dict)
+
+    @property
+    def start(self) -> Pose | None:
+        """Where the hand goes between trials; ``None`` where it stays where it is.
+
+        Raises:
+            ConfigError: It is no pose, or lies outside of the workspace.
+        """
+        import math
+
+        import numpy as np
+
+        from tega.arm.pose import Pose
+        from tega.arm.workspace import Workspace
+
+        if self.start_m is None:
+            return None
+        size = math.hypot(*self.start_xyzw)
+        if not (math.isfinite(size) and abs(size - 1) < 1e-3):
+            raise ConfigError(f"arm.start_xyzw has length {size:.4g}, not 1", "give x, y, z, w of a turn")
+        if not all(map(math.isfinite, self.start_m)):
+            raise ConfigError(f"arm.start_m = {self.start_m} is no place", "give x, y, z in metres")
+        start = Pose(np.array(self.start_m), np.array(self.start_xyzw) / size)
+        if outside := Workspace(self.limits).outside(start):
+            raise ConfigError(f"arm.start_m, arm.start_xyzw: {outside}", "change it, or arm.limits")
+        return start
 
     @property
     def chain(self) -> ArmSettings:

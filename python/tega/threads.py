@@ -10,7 +10,7 @@ rank        priority whose
 =========== ======== =====================================================================================
 ``act``     8        the loop, the hand's thread, the vest's, the muscles': short, and somebody waits for it
 ``measure`` 6        a camera's: it looks at a picture and measures it, in less than a millisecond
-``beside``  4        everything else in the program, the recorder first of all
+``beside``  4        everything else in the program, and the recorder's process
 ``picture`` 2        coding a picture, which takes 1 to 2 ms without the interpreter lock
 =========== ======== =====================================================================================
 

@@ -16,6 +16,7 @@ import pytest
 
 from reference.page_blocks import blocks_of, commands_of
 from tega.cli.main import cli
+from tega_figures.strangers_path import PARTS, commands
 
 PROJECT = Path(__file__).resolve().parents[2]
 
@@ -58,6 +59,19 @@ def test_every_extra_that_a_page_installs_exists(page: Path) -> None:
         assert set(extras.split(",")) <= set(project["optional-dependencies"])
 
 
+def test_no_two_tutorials_write_the_same_name() -> None:
+    """Nothing is written over, so a reader who types a second tutorial in the same folder would be stopped."""
+    written: dict[str, set[str]] = {"results": {"what a run writes where nothing else is said"}}
+    for page in (*RUN, PROJECT / "docs/replay.md"):
+        text = "\n".join(
+            b.text for b in blocks_of(page) if b.mark in {"", "background"} and b.language != "python"
+        )
+        for name in re.findall(r"""(?:--out |--record |out_dir ?= ?"?)([\w.-]+)""", text):
+            # The emulated bench keeps what it needs in a folder of the settings' name.
+            written.setdefault(name.removesuffix(".toml"), set()).add(page.stem)
+    assert {name: pages for name, pages in written.items() if len(pages) > 1} == {}
+
+
 def start(text: str, folder: Path, environment: dict[str, str]) -> subprocess.Popen[str]:
     """Start what stays up, and wait for the settings file that it writes."""
     (words,) = [line.split() for line in text.splitlines() if line.strip()]
@@ -69,6 +83,17 @@ def start(text: str, folder: Path, environment: dict[str, str]) -> subprocess.Po
             return stays
         time.sleep(0.1)
     raise AssertionError(f"{text} wrote no {written.name}")
+
+
+@pytest.mark.parametrize(
+    ("title", "n_least"),
+    [("demo", 4), ("Ten steps", 18), ("page", 1), ("Replay", 2), ("study", 12), ("Add", 4)],
+)
+def test_the_newcomers_path_finds_what_the_pages_print(title: str, n_least: int) -> None:
+    (part,) = [part for part in PARTS if title in part.title]
+    typed = [command for _, command in commands(part, PROJECT)]
+    assert len(typed) >= n_least
+    assert all(re.match(r"tega-teleop|python|pip|cp|ls|head|\. ", command) for command in typed), typed
 
 
 @pytest.mark.slow

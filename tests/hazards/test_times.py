@@ -322,7 +322,6 @@ def test_a_page_without_news_says_so_after_a_second_and_a_half() -> None:
         _told_age_s=0.0,
         page=page,
         problem="",
-        controls=SimpleNamespace(paused=False),
     )
     for tenth in range(31):
         server.BrowserView._tell_age(view, 10.0 + tenth / 10)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from tega.errors import InvalidValueError
 from tega.skill.fitts import CONDITIONS, FittsCondition, Movement, fitts_score, index_of_difficulty
-from tega.skill.fitts_course import Asked, FittsCourse, Target, fitts_plan
+from tega.skill.fitts_course import FittsCourse, FittsMovement, Target, fitts_plan
 
 
 def moved(
@@ -155,7 +155,10 @@ def test_any_course_of_the_cursor_gives_figures_within_their_ranges(cursor: list
 
 def test_a_target_is_hit_by_dwelling_in_it() -> None:
     course = FittsCourse(
-        [Asked(Target(0.5, 0.2), 0.5, counts=True), Asked(Target(0.0, 0.2), 0.5, counts=True)],
+        [
+            FittsMovement(Target(0.5, 0.2), 0.5, counts=True),
+            FittsMovement(Target(0.0, 0.2), 0.5, counts=True),
+        ],
         dwell_s=0.2,
         timeout_s=5.0,
     )

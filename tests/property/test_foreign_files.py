@@ -46,8 +46,7 @@ from tega.study.coupling import TouchCourse, read_course, write_course
 from tega.study.hand_rows import read_hand
 from tega.study.journal import Journal, read_events
 from tega.study.objects import read_objects
-from tega.study.observe import recorded
-from tega.study.score import boris, boris_file, clips
+from tega.study.score import boris, boris_file, clips, recorded
 from tega.study.silico.assumptions import read_assumptions, read_parameters
 from tega.study.state import events_path
 from tega.study.touch_picture import read_touch_picture

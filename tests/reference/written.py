@@ -67,9 +67,11 @@ def watch_recordings(patch: Any) -> list[str]:
     """
     from tega.recording.mcap_copy import McapCopy
     from tega.recording.mcap_recorder import McapRecorder
+    from tega.recording.recorder_process import RecorderProcess
 
     troubles: list[str] = []
     close, start, finish = McapRecorder._close_file, McapCopy.__init__, McapCopy.finish
+    finish_live = RecorderProcess.finish
     files: dict[int, Any] = {}
 
     def look(path: Path) -> None:
@@ -80,6 +82,12 @@ def watch_recordings(patch: Any) -> list[str]:
         close(recorder, summary)
         if recorder.state == "complete" and recorder.path.is_file():  # not a pipe
             look(recorder.path)
+
+    def finished_live(recorder: Any, summary: bytes = b"") -> Any:
+        facts = finish_live(recorder, summary)
+        if recorder.state == "complete":
+            look(recorder.path)
+        return facts
 
     def started(copy: Any, file: Any) -> None:
         files[id(copy)] = file
@@ -93,6 +101,7 @@ def watch_recordings(patch: Any) -> list[str]:
             look(Path(name))
 
     patch.setattr(McapRecorder, "_close_file", closed)
+    patch.setattr(RecorderProcess, "finish", finished_live)
     patch.setattr(McapCopy, "__init__", started)
     patch.setattr(McapCopy, "finish", finished)
     return troubles

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 
+from tega.arm import StampedPose
+from tega.arm.frames import ToBase
 from tega.calibration.effort import Chain, judge_muscles, judge_quiet, judge_squeezes
 from tega.calibration.folder import CalibrationFolder, Unfinished, device_name
 from tega.calibration.gel import judge_rest, suspect_contact
@@ -18,9 +22,9 @@ from tega.calibration.times import Times
 from tega.calibration.wizard import Calibrating, parts_of
 from tega.cli.guide import LineGuide
 from tega.cli.main import main
-from tega.config import load_config
+from tega.config import SettingValue, load_config
 from tega.devices.base import DeviceInfo, EmgChunk
-from tega.errors import CalibrationError, ConfigError, DeviceUnavailableError, InvalidValueError
+from tega.errors import CalibrationError, ConfigError, DeviceUnavailableError, InvalidValueError, TegaError
 from tega.opencv import read_image
 from tega.tactile import ContactMetrics
 
@@ -253,6 +257,67 @@ def test_a_person_s_hand_is_set_once_and_forearm_and_columns_follow_it(tmp_path:
         (tmp_path / "people/p01/person.toml").write_text(damaged)
         with pytest.raises(CalibrationError, match="set the hand anew"):
             folder.hand("p01")
+
+
+@pytest.mark.parametrize("person", [None, "p01"])
+def test_the_arm_is_mirrored_for_the_hand_that_is_mounted(tmp_path: Path, person: str | None) -> None:
+    CalibrationFolder(tmp_path).keep_hand("p01", "left")
+    sets = [f"calibration.folder={tmp_path}", "arm.driver=simulated-arm", "input.motion.driver=spacemouse"]
+    sets += ["input.dead_man.driver=spacemouse", "input.dead_man.options.silent_after_ms=1000"]
+    sets += ["hand.driver=allegro", "hand.options.interface=slcan", "hand.options.channel=/dev/ttyX"]
+    sets += [] if person is None else [f"calibration.person={person}"]
+
+    def mirrored(*more: str) -> bool:
+        config = load_config(None, environ={}, sets=[*sets, *more]).config
+        assert config.arm is not None
+        pose = StampedPose(0, (0.0, 0.1, 0.0), (0.0, 0.0, 0.0, 1.0))
+        told = msgspec.structs.replace(config.arm.mapping, frame="base")
+        return bool(ToBase(told)(pose).position_m[1] < 0)
+
+    left_person = person is not None
+    assert mirrored() == left_person, "a right hand, and a left forearm where the person's is known"
+    assert mirrored("hand.options.side=left") != left_person
+    loaded = load_config(None, environ={}, sets=[*sets, "hand.options.side=left"])
+    assert loaded.values["arm.mapping.robot_hand"] == SettingValue("left", "hand.options.side")
+    with pytest.raises(ConfigError, match=r"robot_hand is 'right', but hand\.options\.side is 'left'"):
+        mirrored("hand.options.side=left", "arm.mapping.robot_hand=right")
+
+
+def test_the_wizard_shows_the_drawing_of_the_person_s_hand(tmp_path: Path) -> None:
+    config = load_config(None, environ={}, sets=["vest.driver=bhaptics-player", "vest.options.port=9"]).config
+    for hand, drawn in (("left", "-left.svg"), ("right", "placement-vest.svg"), (None, "")):
+        folder = CalibrationFolder(tmp_path / str(hand))
+        if hand is not None:
+            folder.keep_hand("p01", hand)  # type: ignore[arg-type]
+        guide = _Parts()
+        work = Calibrating(config, "p01", folder, guide, times=Times(), now=lambda: NOW)
+        with pytest.raises(TegaError):  # there is no vest
+            work.run(["vest"])
+        (said,) = guide.parts
+        assert drawn in said
+        assert ("placement" in said) == (hand is not None)
+
+
+class _Parts:
+    """A guide that hears which parts begin, and has nobody to ask."""
+
+    def __init__(self) -> None:
+        self.parts: list[str] = []
+
+    def part(self, _title: str, why: str) -> None:
+        self.parts.append(why)
+
+    def say(self, text: str, *, tone: str = "plain") -> None:
+        """Hear."""
+
+    def ready(self, prompt: str) -> None:
+        """Be ready."""
+
+    def ask(self, question: str, _answers: Any) -> str:
+        raise AssertionError(question)
+
+    def show(self, prompt: str, bars: Any, left_s: float | None, /) -> None:
+        """Look."""
 
 
 def test_the_wizard_keeps_the_hand_before_anything_is_opened(tmp_path: Path) -> None:

@@ -11,9 +11,9 @@ import pytest
 from tega.calibration.folder import CalibrationFolder, checked_person
 from tega.cli.main import main
 from tega.errors import UnsafeNameError
+from tega.lerobot import export_lerobot
 from tega.plain_name import path_below
 from tega.recording.export import export_file
-from tega.recording.lerobot import export_lerobot
 from tega.recording.mcap_copy import McapCopy, McapRecords
 from tega.study.observers import observer_path
 from tega.study.plan import PlannedTrial, StudyPlan, make_plan, read_plan, write_plan

@@ -18,14 +18,18 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
+from reference.sessions import tree as sessions_tree
 from reference.waiting import until
+from tega.bus import Bus
 from tega.calibration.folder import CalibrationFolder
 from tega.cli.main import main
 from tega.config import SessionConfig, check_tree
 from tega.errors import ConfigError
 from tega.haptics import MotorLevels
+from tega.records import ArmTurn, Contact, HeardMarker, Marker, PoseNumbers
 from tega.replay.play import LEAD_S, play_file
 from tega.replay.play_clock import PlayClock
+from tega.replay.playhead import Playhead
 from tega.replay.recorded import read_recorded
 from tega.teleop import run_session
 from tega.teleop.moment import LoopView
@@ -290,3 +294,55 @@ def test_a_motor_that_is_identified_counts_to_the_day_too(session: Session, tmp_
     (run,) = json.loads(file.read_bytes())
     assert run["dose_s"][3] > 0.05
     assert sum(run["dose_s"]) == pytest.approx(run["dose_s"][3])
+
+
+def _with_arm_and_markers(folder: Path) -> Path:
+    """Record a run beside which an arm is led, and two moments are marked."""
+    bus = Bus()
+    told: list[int] = []
+
+    def see(contact: Contact) -> None:
+        t_ns = contact.taken_ns
+        x_m = 0.5 + 0.1 * t_ns / 1e9
+        measured = PoseNumbers(t_ns, (x_m, 0.0, 0.3), (0.0, 0.0, 0.0, 1.0))
+        turn = ArmTurn(
+            t_ns=t_ns, poses=(), clutch=True, dead_man=True, may_move=True, measured=(measured,), stopped="",
+            cleared=False, state="following", reason="the arm follows the forearm", holds=1,
+            target=(x_m, 0.0, 0.31, 0.0, 0.0, 0.0, 1.0), velocity=(0.0,) * 6, phase="following",
+        )  # fmt: skip
+        bus.publish(turn)
+        if not told:
+            bus.publish(Marker(t_ns=200_000_000, text="lift", source="marker"))
+            bus.publish(HeardMarker(t_ns=800_000_000, text="put down", source="another program"))
+        told.append(t_ns)
+
+    bus.subscribe(Contact, see)
+    summary = run_session(checked(sessions_tree(folder)), bus=bus)
+    return folder / str(summary["recording"]["file"])
+
+
+def test_the_recorded_arm_and_the_markers_are_seen_again_and_no_arm_is_moved(tmp_path: Path) -> None:
+    recording = _with_arm_and_markers(tmp_path / "session")
+    for from_s, expected in ((0.0, ["lift", "put down"]), (0.5, ["put down"])):
+        bus, marked, views = Bus(), list[Marker](), list[LoopView]()
+        bus.subscribe(Marker, marked.append)
+        to = checked({"session": {"out_dir": str(tmp_path / f"out-{from_s:g}")}})
+        summary = play_file(
+            recording, to, speed=None, playhead=Playhead(from_s), bus=bus, observer=views.append
+        )
+        assert [(marker.text, marker.source) for marker in marked] == [
+            (text, "recording") for text in expected
+        ]
+        assert marked[-1].t_ns == 800_000_000 - round(from_s * 1e9)
+        assert "arm" not in summary
+        seen = [(view.t_ns, view.seen_arm) for view in views if view.seen_arm is not None]
+        assert len(seen) > 10
+        for t_ns, arm in seen:
+            assert arm is not None
+            assert arm.hand_m is not None
+            # It is as old as the newest contact at most.
+            assert arm.hand_m[0] == pytest.approx(0.5 + 0.1 * (from_s + t_ns / 1e9), abs=0.1 / 20)
+            assert arm.behind_mm == pytest.approx(10.0)
+            assert arm.dead_man
+        assert views[-1].arm == "as recorded: following: the arm follows the forearm"
+        assert views[-1].arm_height_m == pytest.approx(0.3)

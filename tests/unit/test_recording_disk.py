@@ -131,7 +131,7 @@ def test_a_disk_that_does_not_keep_up_costs_pictures_which_are_counted(tmp_path:
     try:
         for k in range(100):  # 23 MB for a disk that takes nothing: every call returns all the same
             recorder.put(picture(k))
-            recorder.marker(k * 1000, f"after {k}")
+            recorder.put(Marker(t_ns=k * 1000, text=f"after {k}"))
         lost = recorder.dropped
     finally:
         let_go.set()
@@ -221,6 +221,14 @@ def test_too_little_room_finishes_the_file_in_time(tmp_path: Path) -> None:
     assert replay_file(tmp_path / "trial-001.mcap").same
 
 
+def test_a_file_that_little_room_has_finished_is_not_flushed_in_the_same_turn(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tega.recording.mcap_recorder.FLUSH_NS", 0)  # every turn of the recorder flushes
+    summary = run_session(check_tree(tree(tmp_path, stop_free_mib=1e9), {}, base=tmp_path).config)
+    assert "recording.stop_free_mib" in summary["recording"]["reason"]
+
+
 def test_what_is_left_out_of_a_queue_is_counted_and_small_things_go_on() -> None:
     queue = BoundedQueue(most_bytes=1000)
     for k in range(5):
@@ -244,7 +252,7 @@ from pathlib import Path
 from tega.config import RecordingSection
 from tega.recording.mcap_folder import SessionFolder
 from tega.recording.mcap_recorder import McapRecorder
-from tega.records import Picture
+from tega.records import Marker, Picture
 
 class Disk(io.FileIO):
     def write(self, data):
@@ -263,7 +271,7 @@ recorder.begin(0, 0)
 for k in range(40):
     image = np.random.default_rng(k).integers(0, 255, (320, 240, 3), dtype=np.uint8)
     recorder.put(Picture(finger="thumb", image=image, t_ns=k, received_ns=k, seq=k, name=""))
-    recorder.marker(k, f"after {k}")
+    recorder.put(Marker(t_ns=k, text=f"after {k}"))
 while recorder.facts()["written"].get("/run/marker", 0) < 40 or recorder.facts()["bytes"] < 40 * 230_400:
     time.sleep(0.05)
 time.sleep(0.5)

@@ -13,13 +13,17 @@ import numpy as np
 import pytest
 
 from reference.sessions import record, rewritten
+from reference.sessions import tree as sessions_tree
 from tega.cli.main import main
-from tega.errors import ConfigError, RecordingError
+from tega.errors import ConfigError, RecordingError, UnsafeNameError
 from tega.hand import JOINT_NAMES
+from tega.lerobot import export_lerobot
+from tega.lerobot.video import EpisodeCamera, Video
 from tega.recording.export import export_file
-from tega.recording.lerobot import export_lerobot
-from tega.recording.lerobot.video import EpisodeCamera
+from tega.recording.mcap_folder import SessionFolder, session_files
 from tega.recording.trim import trim_session
+from tega.records import Contact
+from tega.scene.pictures import times_path
 
 parquet = pytest.importorskip("pyarrow.parquet", reason="needs the extra tega[lerobot]")
 av = pytest.importorskip("av", reason="needs the extra tega[lerobot]")
@@ -82,6 +86,157 @@ def test_the_layout_is_the_published_one(dataset: Path) -> None:
             assert shape == (() if feature["shape"] == [1] else tuple(feature["shape"])), name
     tasks = parquet.read_table(dataset / "meta" / "tasks.parquet").to_pydict()
     assert tasks == {"task_index": [0], "task": ["lift the bottle"]}
+
+
+def test_episodes_have_their_own_tasks_where_nobody_names_one_for_all(lossless: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "session"
+    folder.mkdir()
+    for number in (1, 2, 3):
+        (folder / f"trial-00{number}.mcap").write_bytes(lossless.read_bytes())
+    session = SessionFolder(folder)
+    session.label("lift the bag", ["trial-001.mcap", "trial-003.mcap"])
+    dataset = export_lerobot(session_files(folder), tmp_path / "dataset", fps=FPS)
+    assert [episode["tasks"] for episode in episodes(dataset)] == [
+        ["lift the bag"],
+        ["grasp"],
+        ["lift the bag"],
+    ]
+    assert parquet.read_table(dataset / "meta" / "tasks.parquet").to_pydict() == {
+        "task_index": [0, 1],
+        "task": ["lift the bag", "grasp"],
+    }
+    by_episode = {row["episode_index"]: row["task_index"] for row in rows(dataset)}
+    assert by_episode == {0: 0, 1: 1, 2: 0}
+    assert info(dataset)["total_tasks"] == 2
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="the arm's process needs Linux or macOS")
+def test_the_arm_is_observed_and_asked_in_one_action_with_the_hand(tmp_path: Path) -> None:
+    recording = _with_arm(tmp_path)
+    dataset = export_lerobot([recording], tmp_path / "dataset", fps=FPS)
+    features, table = info(dataset)["features"], rows(dataset)
+    names = ["x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"]
+    assert features["observation.arm"] == {
+        "dtype": "float32", "shape": [7], "names": [f"arm.{name}" for name in names],
+    }  # fmt: skip
+    assert features["action"]["names"] == ["grasp_level", *(f"arm_target.{name}" for name in names)]
+    (episode,) = json.loads((dataset / "meta" / "tega.json").read_text())["episodes"]
+    start_s = episode["start_ns"] / 1e9
+    for k, row in enumerate(table):
+        t_s = start_s + k / FPS
+        # The measured arm moves by 0.1 m/s along x; it is led from half a second on, 0.2 m higher.
+        assert row["observation.arm"][0] == pytest.approx(0.5 + 0.1 * t_s, abs=0.1 / 30)
+        if abs(t_s - 0.5) > 1 / 30:  # how long a fingertip may say nothing new
+            assert row["action"][3] == pytest.approx(0.5 if t_s > 0.5 else 0.3, abs=1e-6), t_s
+        assert row["action"][4:] == pytest.approx([0, 0, 0, 1])
+    assert [(m["text"], m["source"], m["frame_index"]) for m in episode["markers"]] == [
+        ("lift", "pedal", int((0.2 - start_s) * FPS + 1e-9)),
+        ("put down", "another program", int((0.8 - start_s) * FPS + 1e-9)),
+    ]
+
+
+def _with_arm(folder: Path) -> Path:
+    """Record a run whose records of an arm and markers are made up."""
+    from tega.bus import Bus
+    from tega.config import check_tree
+    from tega.records import ArmMeasured, ArmTarget, HeardMarker, Marker
+    from tega.teleop import run_session
+
+    bus = Bus()
+    told: list[int] = []
+
+    def see(contact: Any) -> None:
+        """Say where the arm is, each time that a fingertip says something."""
+        t_ns = contact.taken_ns
+        turn = (0.0, 0.0, 0.0, 1.0)
+        common = {"t_ns": t_ns, "taken_ns": t_ns, "frame": "arm_base", "quaternion": turn}
+        x_m = 0.5 + 0.1 * t_ns / 1e9
+        bus.publish(ArmMeasured(position=(x_m, 0.0, 0.3), **common))
+        if t_ns >= 500_000_000:
+            bus.publish(ArmTarget(position=(x_m, 0.0, 0.5), **common))
+        if not told:
+            bus.publish(Marker(t_ns=200_000_000, text="lift", source="pedal"))
+            bus.publish(HeardMarker(t_ns=800_000_000, text="put down", source="another program"))
+        told.append(t_ns)
+
+    bus.subscribe(Contact, see)
+    tree = sessions_tree(folder / "arm")
+    summary = run_session(check_tree(tree, {}, base=folder).config, bus=bus)
+    return folder / "arm" / str(summary["recording"]["file"])
+
+
+def filmed(video: Path, times_ns: list[int]) -> Path:
+    """Write a scene camera's video, a grey that rises with each picture, and its time code."""
+    made = Video(video, fps=30, height=48, width=64)
+    for k in range(len(times_ns)):
+        made.add(np.full((48, 64, 3), 40 + 4 * k, np.uint8), 1)
+    made.close()
+    lines = [f"{k},{t_ns}" for k, t_ns in enumerate(times_ns)]
+    times_path(video).write_text("\n".join(["picture,t_ns", *lines]) + "\n")
+    return video
+
+
+def test_a_scene_camera_is_laid_on_the_frames_by_the_machine_s_clock(
+    lossless: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    begun_ns = 5_000_000_000
+    moved = rewritten(lossless, tmp_path / "trial-001.mcap", tables={"tega": {"start_ns": str(begun_ns)}})
+    # A picture each 50 ms, from a little before the session's start on; none between 0.5 and 0.9 s.
+    offsets_ms = [ms for ms in range(-90, 1700, 50) if not 500 < ms < 900]
+    times_ns = [begun_ns + ms * 1_000_000 for ms in offsets_ms]
+    video = filmed(tmp_path / "side.mp4", times_ns)
+    out = tmp_path / "dataset"
+    words = ["--out", str(out), "--format", "lerobot", "--fps", str(FPS), "--scene", f"side={video}"]
+    with pytest.raises(SystemExit) as ended:
+        main(["recording", "export", str(moved), *words])
+    assert ended.value.code == 0, capsys.readouterr().err
+    assert info(out)["features"]["observation.images.side"]["shape"] == [48, 64, 3]
+    start_ns = json.loads((out / "meta" / "tega.json").read_text())["episodes"][0]["start_ns"]
+    with av.open(str(out / "videos/observation.images.side/chunk-000/file-000.mp4")) as opened:
+        greys = [frame.to_ndarray(format="rgb24").mean() for frame in opened.decode(video=0)]
+    assert len(greys) == info(out)["total_frames"]
+    for k, grey in enumerate(greys):
+        at_ns = begun_ns + start_ns + k * 1_000_000_000 // FPS
+        newest = sum(t_ns <= at_ns for t_ns in times_ns) - 1
+        assert grey == pytest.approx(40 + 4 * newest, abs=3), k
+    stats = json.loads((out / "meta" / "stats.json").read_text())["observation.images.side"]
+    assert np.ravel(stats["min"])[0] < np.ravel(stats["max"])[0]
+
+
+def test_a_scene_camera_of_another_time_or_without_one_is_refused(lossless: Path, tmp_path: Path) -> None:
+    begun_ns = 5_000_000_000
+    moved = rewritten(lossless, tmp_path / "trial-001.mcap", tables={"tega": {"start_ns": str(begun_ns)}})
+    late = filmed(tmp_path / "late.mp4", [begun_ns + k * 50_000_000 for k in range(20, 40)])
+    short = filmed(tmp_path / "short.mp4", [begun_ns - 90_000_000 + k for k in range(3)])
+    for number, video in enumerate((late, short)):
+        with pytest.raises(RecordingError, match=r"does not cover trial-001\.mcap"):
+            export_lerobot([moved], tmp_path / f"out{number}", fps=FPS, scenes={"side": video})
+    with pytest.raises(ConfigError, match="named as a finger"):
+        export_lerobot([moved], tmp_path / "finger", fps=FPS, scenes={"thumb": late})
+    times_path(late).unlink()
+    with pytest.raises(RecordingError, match="has no time code"):
+        export_lerobot([moved], tmp_path / "untimed", fps=FPS, scenes={"side": late})
+    with pytest.raises(UnsafeNameError):
+        export_lerobot([moved], tmp_path / "unsafe", fps=FPS, scenes={"../side": late})
+
+
+def test_a_contact_in_newtons_and_millimetres_is_observed_where_the_metric_gives_them(
+    dataset: Path, lossless: Path, tmp_path: Path
+) -> None:
+    assert "observation.touch_si" not in info(dataset)["features"]
+
+    def firm(topic: str, value: Any) -> Any:
+        if topic.endswith("/contact"):
+            value.depth_mm, value.force_n = 0.5, 2.5
+        return value
+
+    changed = rewritten(lossless, tmp_path / "trial-001.mcap", firm)
+    measured = export_lerobot([changed], tmp_path / "dataset", fps=FPS)
+    feature = info(measured)["features"]["observation.touch_si"]
+    assert feature["names"] == [
+        f"{f}.{n}" for f in ("ring", "thumb") for n in ("area_mm2", "depth_mm", "force_n")
+    ]
+    assert rows(measured)[10]["observation.touch_si"] == [0.0, 0.5, 2.5] * 2
 
 
 def test_a_frame_holds_what_was_newest_by_its_time(dataset: Path, lossless: Path, tmp_path: Path) -> None:

@@ -83,6 +83,9 @@ def test_the_saved_layout_is_the_one_that_is_sent_and_shows_what_a_stream_sends(
         bus.publish(VestFrame(t_ns=6, layout="x16", intensities=(7,) * 16))
         bus.publish(Joints(t_ns=6, angles_rad=(0.1,) * 16))
     sent = set(re.findall(r"entity_path: (/[a-z/]+)", printed(file)))
+    assert {f"{finger} {what}" for finger in FINGERS for what in ("CCI", "EDA")} <= set(
+        re.findall(r"[a-z]+ (?:CCI|EDA)", printed(file))
+    )
     topics = {name for name in there if re.fullmatch(r"/[a-z]+(/[a-z]+)+", name)}
     assert len(topics) >= 7
     assert topics <= sent

@@ -22,7 +22,7 @@ def recorded(folder: Path, records: Sequence[Record]) -> KeptCounts:
     settings = check_tree(tree, {}, base=folder).config.recording
     recorder = McapRecorder(SessionFolder(folder / "session"), settings, wait=True)
     recorder.head({}, {})
-    recorder.begin(0, 0)
+    recorder.begin(0, 1_000_000_000_000_000_000)
     for record in records:
         recorder.put(record)
     recorder.finish()

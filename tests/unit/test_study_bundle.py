@@ -17,6 +17,7 @@ from tega.cli.main import main
 from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError, TegaError
 from tega.recording.mcap_reader import McapReader
 from tega.study import make_plan, read_plan, write_plan
+from tega.study.bids_names import BIDS_NAME, bids_names
 from tega.study.bundle import MANIFEST, open_bundle, write_bundle
 from tega.study.journal import Journal
 from tega.study.observers import observer_path
@@ -81,6 +82,60 @@ def test_what_is_opened_is_the_session_byte_by_byte_and_nobody_else_s(study: Pat
     # Equal sessions give equal bytes, so two copies can be compared.
     write_bundle(study, "p01", tmp_path / "again.zip")
     assert (tmp_path / "again.zip").read_bytes() == (tmp_path / "p01.zip").read_bytes()
+
+
+def test_every_file_of_two_people_has_a_name_of_its_own_as_bids_writes_them(study: Path) -> None:
+    more = {
+        "sessions/p01/observers/r-2.jsonl": "task r-2", "sessions/p01/observers/r2.jsonl": "the other",
+        "courses/p01/p01-t02.csv": "course", "recordings/p01/p01-t02-a1/trial.json": "{}",
+        "recordings/p01/p01-t02-a2/trial.json": "{}", "recordings/p01/p01-t02-a2/touch.csv": "",
+        "recordings/p01/p01-t02-a2/README": "", "detected/p02.jsonl": "", "photos/bag.jpg": "",
+    }  # fmt: skip
+    for name, text in more.items():
+        (study / name).parent.mkdir(parents=True, exist_ok=True)
+        (study / name).write_text(text)
+    paths = sorted(files(study))
+    names = bids_names(paths, read_plan(study))
+    assert sorted(names) == paths
+    assert len({name.casefold() for name in names.values()}) == len(paths)
+    for path, name in names.items():
+        assert BIDS_NAME.fullmatch(name) or name == f"sourcedata/{path}"
+        assert name.startswith("sourcedata/") == ("p01" not in path and "p02" not in path)
+    assert {path: names[path] for path in (RECORDING, *list(more)[2:8])} == {
+        RECORDING: "sub-p01/ses-01/beh/sub-p01_ses-01_task-bag_acq-a1_run-01_trial001.mcap",
+        "courses/p01/p01-t02.csv": "sub-p01/ses-01/beh/sub-p01_ses-01_task-bag_run-02_courses.csv",
+        "recordings/p01/p01-t02-a1/trial.json": "sub-p01/ses-01/beh/sub-p01_ses-01_task-bag_acq-a1_run-02_trial.json",
+        "recordings/p01/p01-t02-a2/trial.json": "sub-p01/ses-01/beh/sub-p01_ses-01_task-bag_acq-a2_run-02_trial.json",
+        "recordings/p01/p01-t02-a2/touch.csv": "sub-p01/ses-01/beh/sub-p01_ses-01_task-bag_acq-a2_run-02_touch.csv",
+        "recordings/p01/p01-t02-a2/README": "sub-p01/ses-01/beh/sub-p01_ses-01_task-bag_acq-a2_run-02_README",
+        "detected/p02.jsonl": "sub-p02/ses-01/beh/sub-p02_ses-01_detected.jsonl",
+    }  # fmt: skip
+
+
+def test_a_bundle_with_bids_names_is_opened_as_the_same_folder(study: Path, tmp_path: Path) -> None:
+    for person in ("p01", "p02"):
+        plain, named = tmp_path / f"{person}.zip", tmp_path / f"{person}-bids.zip"
+        write_bundle(study, person, plain)
+        write_bundle(study, person, named, bids=True)
+        with zipfile.ZipFile(named) as packed:
+            names = packed.namelist()
+        assert all(BIDS_NAME.fullmatch(n) or n.startswith("sourcedata/") or n == MANIFEST for n in names)
+        assert any(f"sub-{person}_ses-01_task-bag_acq-a1_run-01_" in name for name in names)
+        open_bundle(plain, tmp_path / f"{person}-plain")
+        assert open_bundle(named, tmp_path / f"{person}-named").same
+        assert files(tmp_path / f"{person}-named") == files(tmp_path / f"{person}-plain")
+
+
+def aside(held: dict[str, bytes], manifest: dict[str, Any]) -> None:
+    """Have a file stand under another name that lies outside."""
+    manifest["files"][0]["name"] = "../outside.toml"
+    held["../outside.toml"] = held.pop(manifest["files"][0]["path"])
+
+
+def same_path(_held: dict[str, bytes], manifest: dict[str, Any]) -> None:
+    """Have two entries be one file."""
+    manifest["files"][0]["name"] = manifest["files"][0]["path"]
+    manifest["files"][0]["path"] = manifest["files"][1]["path"]
 
 
 def test_links_are_told_and_not_followed_and_a_withdrawal_tells_of_the_bundle(
@@ -181,6 +236,8 @@ def later(_held: dict[str, bytes], manifest: dict[str, Any]) -> None:
         (other_plan, "the plan is not the session's"),
         (huge, "MiB are free"),
         (twice, "a name stands for two files"),
+        (aside, "cannot be the name of a file"),
+        (same_path, "a name stands for two files"),
         (later, "open it with the version of TEGA that wrote it"),
         *((renamed(name), "cannot be the name of a file")
           for name in ("../outside.jsonl", "/tmp/outside.jsonl", "sessions/../../outside.jsonl", "NUL", "C:x", "a//b")),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -11,21 +12,27 @@ import pytest
 pytest.importorskip("foxglove")
 
 import cv2
+import msgspec
 import numpy as np
 
 from reference.command import call
 from reference.sessions import record, rewritten
 from reference.written import boris_project
 from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError
+from tega.replay.recorded import read_recorded
 from tega.study import make_plan, read_plan, write_plan
 from tega.study.detecting import DETECTOR, detected_path
 from tega.study.journal import Journal, read_events
+from tega.study.observe import Observing
 from tega.study.observers import observer_path, read_observers, saw_whole
+from tega.study.plan import StudyPlan
 from tega.study.privacy import withdraw
 from tega.study.score.accounts import agreements
 from tega.study.score.boris_file import read_boris
 from tega.study.score.clips import ClipKey, key_path, make_clips, read_key
 from tega.study.score.clips_coded import take_clips
+from tega.study.score.recorded import RecordedTrial, recorded_trials
+from tega.study.score.trial_pictures import read_reel
 from tega.study.state import events_path, resume
 
 S, MS = 1_000_000_000, 1_000_000
@@ -39,11 +46,18 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return record(tmp_path_factory.mktemp("recorded"), lossless=False)
 
 
+def planned() -> StudyPlan:
+    return make_plan(participants=2, seed=5, objects=["bag"], trials=1, layout="pairs")
+
+
 @pytest.fixture
 def folder(tmp_path: Path, recording: Path) -> Path:
+    return study(tmp_path / "study", planned(), recording)
+
+
+def study(where: Path, plan: StudyPlan, recording: Path, **changes: Any) -> Path:
     """Make a study of two people whose trials are over: a rule's slip at 0.5 s, the detector's at 0.5 and at 0.9 s."""
-    where = tmp_path / "study"
-    write_plan(make_plan(participants=2, seed=5, objects=["bag"], trials=1, layout="pairs"), where)
+    write_plan(plan, where)
     plan = read_plan(where)
     for person in PEOPLE:
         with (
@@ -79,7 +93,7 @@ def folder(tmp_path: Path, recording: Path) -> Path:
                 }
                 (kept / "trial.json").write_text(json.dumps(facts))
                 began = {"tega": {"start_ns": str(start_ns - LEAD_NS)}}
-                rewritten(recording, kept / "trial-001.mcap", tables=began)
+                rewritten(recording, kept / "trial-001.mcap", tables=began, **changes)
     return where
 
 
@@ -131,6 +145,98 @@ def test_a_clip_is_the_trial_picture_by_picture(folder: Path, tmp_path: Path) ->
     for half in (slice(0, 320), slice(320, 640)):
         assert first[:, half].mean() > 20
         assert np.abs(first[:, half] - last[:, half]).mean() > 0.05
+
+
+def test_two_studies_that_differ_in_the_condition_alone_give_the_same_clips(
+    folder: Path, tmp_path: Path, recording: Path
+) -> None:
+    """What the vest changes in a recording differs as well: its frames, the settings, the muscles, the measures."""
+    one, other_of = planned(), {"haptic": "non-haptic", "non-haptic": "haptic"}
+    flipped = tuple(msgspec.structs.replace(t, condition=other_of[t.condition]) for t in one.trials)
+
+    def silent(topic: str, value: Any) -> Any:
+        if topic == "/vest/frame":
+            value.intensities[:] = [0] * len(value.intensities)
+        elif topic == "/emg/samples":
+            value.samples[:] = [2 * sample for sample in value.samples]
+        elif topic.endswith("/contact"):
+            value.front = value.back = value.cci_norm = value.eda_norm = 0.0
+        return value
+
+    settings = {"session.toml": b"[stages.mapping]\nname = 'pulses'\n"}
+    # A study's name stands in the project, and nothing else of where it lies.
+    other = study(
+        tmp_path / "other" / "study",
+        StudyPlan(one.settings, flipped),
+        recording,
+        change=silent,
+        files=settings,
+    )
+    assert read_plan(folder).trials != read_plan(other).trials
+    made = []
+    for where in (folder, other):
+        out = where.parent / "out"
+        make_clips(where, out, "r1")
+        made.append({path.name: path.read_bytes() for path in out.iterdir()})
+    assert len(made[0]) == 5
+    assert len(set(made[0].values())) == 2, "one recording for all, and the project"
+    assert made[0] == made[1]
+
+
+def test_a_lossless_recording_is_shown_as_good_as_it_is(tmp_path: Path) -> None:
+    path = record(tmp_path)
+    shown = read_reel(RecordedTrial("p01-t01", 1, 1, "bag", LEAD_NS, LENGTH_NS, LEAD_NS, tmp_path))
+    raw: list[tuple[int, np.ndarray]] = []
+    read_recorded(
+        path, frame=lambda finger, one, _: raw.append((one.t_ns, one.image)) if finger == "thumb" else None
+    )
+    assert shown.fingers == ["thumb", "ring"]
+    for at_ns in (0, 400 * MS, 1200 * MS):
+        assert (shown.picture("ring", at_ns) is not None) == (at_ns < S), "that sensor ends after a second"
+        thumb = shown.picture("thumb", at_ns)
+        assert thumb is not None
+        newest = [image for t_ns, image in raw if t_ns - LEAD_NS <= at_ns][-2:]
+        assert min(np.abs(thumb.astype(int) - image).mean() for image in newest) < 2.0
+    assert max(np.abs(image.astype(int) - raw[0][1]).mean() for _, image in raw) > 3.0
+
+
+def test_a_recording_that_cannot_be_shown_is_named_and_left_out(folder: Path, tmp_path: Path) -> None:
+    first, second, third, fourth = [*recorded_trials(folder, "p01")[0], *recorded_trials(folder, "p02")[0]]
+    (first.folder / "trial-001.mcap").rename(first.folder / "trial-001.mcap.part")
+    whole = (second.folder / "trial-001.mcap").read_bytes()
+    (second.folder / "trial-001.mcap").write_bytes(whole[: len(whole) // 2])
+    shutil.copy(second.folder / "trial.json", third.folder / "trial.json")
+    key = make_clips(folder, tmp_path / "out", "r1")
+    assert [(clip.participant, clip.trial) for clip in key.clips] == [("p02", fourth.trial)]
+    why = dict(sorted(line.split(": ", 1) for line in key.left_out))
+    assert list(why) == [first.id, second.id, third.id]
+    assert "never finished" in why[first.id]
+    assert "is damaged" in why[second.id]
+    assert f"of another trial, {second.id}" in why[third.id]
+    shutil.copy(first.folder / "trial-001.mcap.part", fourth.folder / "trial-001.mcap")
+    shutil.rmtree(first.folder)
+    with pytest.raises(DeviceUnavailableError) as told:
+        make_clips(folder, tmp_path / "none", "r2")
+    for words in (f"{first.id}: no recording", f"{fourth.id}: trial-001.mcap is of another trial"):
+        assert words in str(told.value)
+
+
+def test_an_account_is_live_or_of_clips(folder: Path, tmp_path: Path) -> None:
+    make_clips(folder, tmp_path / "out", "r1")
+    take_clips(folder, tmp_path / "out" / "r1.boris", "r1")
+    with pytest.raises(InvalidValueError, match="another code"):
+        Observing(folder, "p01", "r1", t_ns=0)
+    Observing(folder, "p01", "r2", t_ns=0).close()
+    with pytest.raises(InvalidValueError, match="r2 has scored p01 already"):
+        make_clips(folder, tmp_path / "live", "r2")
+
+
+def test_the_player_of_before_names_the_clips(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for words in (("--recorded",), ("--recorded", "--no-view")):
+        _, said = call(capsys, "study", "observe", folder, "p01", "--rater", "r3", *words, code=1)
+        assert "recordings are coded in BORIS" in said
+        assert f"hint: tega-teleop study clips {folder} OUT --rater r3" in said
+    assert not observer_path(folder, "p01", "r3").exists()
 
 
 def test_boris_opens_the_project_and_finds_its_media(folder: Path, tmp_path: Path) -> None:

@@ -19,18 +19,3 @@ def test_the_console_is_drawn_as_it_was_driven(tmp_path: Path, monkeypatch: pyte
     assert drawn.startswith("<svg")
     assert "TRIAL 1 · container" in drawn
     assert "trial 1, 4 scored" in drawn, "six keys, of which u takes one event back"
-
-
-def test_the_console_for_recordings_is_drawn_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("textual")
-    pytest.importorskip("foxglove")
-    from tega_figures import study_console as picture
-
-    monkeypatch.setattr(picture, "RECORDED_S", 1.5)
-    monkeypatch.setattr(picture, "RECORDED_KEYS", (("space", 0.1), ("s", 0.6), ("s", 0.3)))
-    words = [str(tmp_path / "console.svg"), "--recorded"]
-    done = CliRunner().invoke(picture.main, words, catch_exceptions=False)
-    assert done.exit_code == 0
-    drawn = (tmp_path / "console.svg").read_text(encoding="utf-8").replace("&#160;", " ")
-    assert "recording 1 of 12 · bottle · ▶ 1×" in drawn
-    assert "0.90 s  slip" in drawn

@@ -1,22 +1,30 @@
-"""A rest shows whether the arm tires: median frequencies of the trials, kept with the session's events."""
+"""A rest shows whether the arm tires: median frequencies of the trials, and squeezes against the first, are events."""
 
 from __future__ import annotations
 
 import math
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
 import pytest
 
+from tega.errors import DeviceUnavailableError
 from tega.records import MuscleCondition
 from tega.study import make_plan, read_plan, write_plan
+from tega.study.analyse import analyse_study
 from tega.study.journal import JournalEvent, read_events
 from tega.study.lead import lead_session
 from tega.study.lead.experimenter import ENTER, Screen
-from tega.study.lead.fatigue import said_of_muscles, trial_medians
+from tega.study.lead.fatigue import said_of_muscles, said_of_squeezes, trial_medians
+from tega.study.lead.questions import QUESTIONS
+from tega.study.lead.rest_tasks import RestTask, RestTaskEnd, RunningTask
+from tega.study.page import report_html
 from tega.study.privacy import export
+from tega.study.squeeze_score import squeeze_shares
 from tega.study.state import events_path
+from tega.study.trials import study_trials
 
 
 def condition(*median_hz: float) -> MuscleCondition:
@@ -53,17 +61,75 @@ def test_the_newest_trials_are_held_against_the_first(values_hz: list[float], sa
     assert all(part in line for part, line in zip(said, lines, strict=True))
 
 
-class _Looking:
-    """Ends each trial after some seconds of effort, and keeps what the rests show."""
+def squeezes(*said: float | str) -> list[JournalEvent]:
+    """Return events: a squeeze for each number, and what else is named."""
+    return [
+        JournalEvent(n=n, t_ns=n, kind="squeeze", value=one)
+        if isinstance(one, float)
+        else JournalEvent(n=n, t_ns=n, kind=one, trial=1)  # type: ignore[arg-type]
+        for n, one in enumerate(said, start=1)
+    ]
 
-    def __init__(self, folder: Path) -> None:
+
+@pytest.mark.parametrize(
+    ("said", "shares"),
+    [
+        ((), []),
+        ((0.8,), [1.0]),
+        ((0.8, "trial_start", "trial_end", 0.6), [1.0, 0.75]),
+        # The first was half-hearted and was done again before the first trial.
+        ((0.4, 0.8, "trial_start", "trial_end", 0.6), [0.5, 1.0, 0.75]),
+        (("trial_start", "trial_end", 0.6, "trial_start", "trial_end", 0.3), [1.0, 0.5]),
+        ((0.0, "trial_start", 0.5), [1.0]),
+    ],
+)
+def test_a_squeeze_is_a_share_of_the_last_before_the_first_trial(
+    said: tuple[float | str, ...], shares: list[float]
+) -> None:
+    events = squeezes(*said)
+    assert list(squeeze_shares(events).values()) == pytest.approx(shares)
+    shown = f"squeeze: {100 * shares[-1]:.0f} % of the first" if len(shares) > 1 else None
+    assert said_of_squeezes(events) == ([] if shown is None else [shown])
+
+
+def test_a_task_of_a_rest_is_ended_by_the_experimenter_and_tells_what_was_wrong() -> None:
+    def wait(running: RunningTask) -> RestTaskEnd:
+        while True:
+            running.show("wait", (), None)
+
+    def fail(_running: RunningTask) -> RestTaskEnd:
+        raise DeviceUnavailableError("the amplifier went away", "look at its cable")
+
+    waiting = RunningTask(RestTask("g", "wait", "squeeze", wait))
+    assert not waiting.over
+    waiting.end()
+    assert waiting.over
+    assert waiting.result() == "ended by the experimenter"
+    failing = RunningTask(RestTask("g", "fail", "squeeze", fail))
+    failing.end()
+    assert "the amplifier went away" in str(failing.result())
+    broken = RunningTask(RestTask("g", "break", "squeeze", lambda _running: RestTaskEnd(value=1 / len(()))))
+    broken.end()
+    with pytest.raises(ZeroDivisionError):
+        broken.result()
+
+
+class _Looking:
+    """Has the person squeeze before each trial, ends it after some seconds of effort, and keeps what the rests show."""
+
+    def __init__(self, folder: Path, tire: Callable[[], object]) -> None:
         self._events, self._keys = events_path(folder, "p01"), list[str]()
+        self._tire = tire
         self.phase = ""
         self.shown: list[str] = []
+        self.said: list[str] = []
 
     def show(self, screen: Screen) -> None:
+        if screen.phase == "questions" != self.phase:
+            self._keys += [ENTER, *("-" * len(QUESTIONS)), ENTER]
         if screen.phase == "ready" != self.phase:
-            self._keys.append(ENTER)
+            squeezed = self.phase == "task" or ("g", "a squeeze against the first") not in screen.keys
+            self._keys.append(ENTER if squeezed else "g")
         if screen.phase in {"rest", "ready"}:
             self.shown += screen.lines
         if screen.phase == "trial" and float(screen.big.split(" s of")[0]) > 4:
@@ -71,14 +137,16 @@ class _Looking:
         self.phase = screen.phase
 
     def say(self, text: str) -> None:
-        """Hear."""
+        self.said.append(text)
+        if text.startswith("a squeeze against the first"):
+            self._tire()
 
     def keys(self) -> list[str]:
         keys, self._keys = self._keys, []
         return keys
 
-    def line(self, _prompt: str) -> str:
-        return "-"
+    def line(self, prompt: str) -> str:
+        raise AssertionError(prompt)
 
 
 @pytest.mark.slow
@@ -103,7 +171,7 @@ def test_an_emulated_session_keeps_the_muscles_frequency_of_each_trial(tmp_path:
         weak = msgspec.structs.replace(made.emg, maxima=(1e-4,) * 3)  # what is tensed is full effort
         save_calibration(msgspec.structs.replace(made, emg=weak), lab_folder / "calibration.toml")
         bench = LabBench(check_tree(lab.tree, {}, base=lab_folder).config, where="emulated")
-        desk = _Looking(folder)
+        desk = _Looking(folder, lambda: lab.emg.say("effort 0.5"))
         lead_session(folder, "p01", bench, desk, time_scale=0.1)
     events = read_events(events_path(folder, "p01"))
     for trial in read_plan(folder).of("p01"):
@@ -111,7 +179,17 @@ def test_an_emulated_session_keeps_the_muscles_frequency_of_each_trial(tmp_path:
         assert set(mine) == {"ch1", "ch2", "ch3"}
         assert all(value is not None and 20 < value < 450 for value in mine.values())
     assert any(line.startswith("median frequency against the first trials: ch1 ") for line in desk.shown)
+    # The muscles worked half as much from the first squeeze on; nothing else of the bench was opened for it.
+    first, second = (event for event in events if event.kind == "squeeze")
+    assert (first.trial, second.trial) == (0, 1)
+    assert squeeze_shares(events)[second.n] == pytest.approx(0.5, abs=0.1), (first, second, desk.said)
+    share = study_trials(folder)[1][0].squeeze_share
+    assert share == squeeze_shares(events)[second.n]
+    assert f"squeeze: {100 * share:.0f} % of the first" in desk.shown
+    page = report_html(analyse_study(folder)[0], {})
+    assert "squeeze after" in page
+    assert f">{100 * share:.0f}\N{NO-BREAK SPACE}%<" in page
     export(folder, tmp_path / "open", key="secret")
     copied = read_events(events_path(tmp_path / "open", "p01"))
     assert len(copied) == len(events)
-    assert {event.value for event in copied if event.kind == "muscles"} == {None}
+    assert {event.value for event in copied if event.kind in {"muscles", "squeeze"}} == {None}

@@ -6,6 +6,7 @@ import io
 import json
 import os
 import random
+import re
 import signal
 import subprocess
 import sys
@@ -23,19 +24,22 @@ from tega.study import make_plan, read_plan, write_plan
 from tega.study.analyse import analyse_study
 from tega.study.coupling import read_course
 from tega.study.finger_rows import finger_rows
-from tega.study.journal import Journal, JournalEvent, read_events
+from tega.study.journal import Journal, JournalEvent, counting, read_events
 from tega.study.lead import lead_session
+from tega.study.lead.asking import BlockQuestions
 from tega.study.lead.benches import LabBench, SimulatedBench
 from tega.study.lead.experimenter import ENTER, LineDesk, Screen
 from tega.study.lead.lift_rule import LiftRule
-from tega.study.lead.questions import QUESTIONS, answer_of, raw_tlx
+from tega.study.lead.questions import KEYS, QUESTIONS, answer_of, blocks_to_ask, raw_tlx
+from tega.study.lead.rest_tasks import RestTask, RestTaskEnd
 from tega.study.lead.running_trial import Going
 from tega.study.lead.status_file import board_path, read_board
 from tega.study.lead.trial import LedTrial
-from tega.study.observe.recorded import recorded_trials
-from tega.study.observe.trial_pictures import read_reel
 from tega.study.page import report_html
 from tega.study.plan import PlannedTrial
+from tega.study.ratings import ratings
+from tega.study.score.recorded import recorded_trials
+from tega.study.score.trial_pictures import read_reel
 from tega.study.state import Where, derive, events_path, rehearsed, resume
 from tega.study.touch_picture import pictures_of
 from tega.study.trials import course_path, study_trials
@@ -83,9 +87,60 @@ def test_answers_and_raw_tlx() -> None:
     ratings = dict(zip(items, (70.0, 35.0, 50.0, 25.0, 60.0, 40.0), strict=True))
     assert raw_tlx(ratings) == pytest.approx(46.6666666667)
     assert raw_tlx({**ratings, "tlx.effort": None}) is None
-    for said in ("101", "7", "-5", "", "many"):
-        with pytest.raises(ValueError, match=r"^(101|7|-5|invalid literal.*)$"):
-            answer_of(said)
+    assert [answer_of(key) for key in KEYS] == [5.0 * n for n in range(21)]
+    for key in ("v", "A", "7", "", "ab", "\x1b[A", ENTER):
+        with pytest.raises(ValueError, match=f"^{re.escape(key)}$"):
+            answer_of(key)
+
+
+def test_an_answer_is_one_key_and_can_be_taken_back_until_the_last_is_kept(tmp_path: Path) -> None:
+    folder = study(tmp_path, trials=2)
+    plan = read_plan(folder)
+    with Journal(events_path(folder, "p01")) as journal:
+        journal.add("session_start", t_ns=0, text=plan.settings.plan_sha256, item="simulated")
+        block = [trial.trial for trial in plan.of("p01") if trial.block == 1]
+        for number in block:
+            journal.add("trial_start", t_ns=number * 10**9, trial=number)
+            journal.add("trial_end", t_ns=number * 10**9 + 1, trial=number, status="done", success=True)
+        rest = {trial.trial for trial in plan.of("p01")} - set(block)
+        assert blocks_to_ask(plan.of("p01"), journal.events, rest) == [block[-1]]
+
+        def asked() -> BlockQuestions:
+            return BlockQuestions(journal, SystemClock(), block[-1], "p01")
+
+        block_one = asked()
+        for key in "sdx":  # keyed a moment too late, when the trial was over
+            block_one.press(key)
+        assert "rating" not in kinds(journal.events)
+        for key in [ENTER, *"ah7", ENTER, "\x7f", "i"]:
+            block_one.press(key)
+        screen = block_one.screen()
+        assert (screen.big, screen.heading) == ("Temporal Demand", "p01 · question 3 of 11")
+        assert screen.lines[0] == "0 low … 100 high"
+        assert " ".join(screen.lines[1:]).split() == [w for n, k in enumerate(KEYS) for w in (k, str(5 * n))]
+        again = asked()  # the program was stopped here
+        again.press(ENTER)
+        for key in "kfmu-bcqe":
+            again.press(key)
+        assert again.screen().big == "all answered"
+        assert blocks_to_ask(plan.of("p01"), journal.events, rest) == []
+        for key in "<<c":
+            again.press(key)
+        assert not again.over
+        for key in ["d", ENTER]:
+            again.press(key)
+        assert again.over
+        counted = [e for e in counting(journal.events, block[-1], 1) if e.kind == "rating"]
+        assert [e.item for e in counted] == [question.item for question in QUESTIONS]
+        keyed = ["a", "i", *"kfmu-bc", "c", "d"]
+        assert [e.value for e in counted] == [answer_of(key) for key in keyed]
+        assert {e.source for e in counted} == {"participant"}
+    condition = plan.of("p01")[block[-1] - 1].condition
+    found = {use.item: use.median for use in ratings(folder) if use.condition == condition}
+    assert found["tlx.physical"] == 40.0, "the answer that was taken back does not count"
+    assert found["raw NASA-TLX"] == pytest.approx((0 + 40 + 50 + 25 + 60 + 100) / 6)
+    assert "comfort.vest" not in found
+    assert study_trials(folder)[1], "an answer that was taken back damages no session"
 
 
 class Experimenter:
@@ -93,7 +148,7 @@ class Experimenter:
 
     Args:
         presses: By phase of the screen, keys to press once each time the phase is entered.
-        answer: To every question.
+        answer: To every line that is asked for.
     """
 
     def __init__(self, presses: dict[str, str] | None = None, answer: str = "40") -> None:
@@ -109,6 +164,8 @@ class Experimenter:
             self._waiting += list(self._presses.get(screen.phase, ""))
             if screen.phase == "ready":
                 self._waiting.append(ENTER)
+            elif screen.phase == "questions":
+                self._waiting += [ENTER, *("i" * len(QUESTIONS)), ENTER]
 
     def say(self, text: str) -> None:
         self.said.append(text)
@@ -169,11 +226,10 @@ def test_a_simulated_session_goes_from_the_first_trial_to_the_last(tmp_path: Pat
         course = read_course(course_path(folder, done))
         assert len(course.t_s) > 20
         assert course.cci.max() > 0
-    # What is kept of it can be shown to a rater: the hand, and in words where the object is.
-    for shown in recorded_trials(folder, "p01", "r3")[0]:
-        moment = read_reel(shown).at(shown.length_ns, {})
-        assert float(moment.rows["height"].removesuffix(" cm")) > 19
-        assert moment.poses is not None
+    # What is kept of it can be shown to a rater: in words, where the object is.
+    for shown in recorded_trials(folder, "p01")[0]:
+        _, height, *_ = read_reel(shown).lines(shown.length_ns)
+        assert float(height.removeprefix("height: ").removesuffix(" cm")) > 19
     board = read_board(board_path(folder, "p01"))
     assert board is not None
     assert board.phase == "over"
@@ -214,6 +270,7 @@ class _Standing:
     sees_height = False
     own_time = True
     closure: Any = None
+    rest_tasks: Any = ()
 
     def felt(self, condition: str) -> bool:
         return condition == "haptic"
@@ -309,6 +366,26 @@ def test_a_trial_is_done_again_and_only_the_second_attempt_counts(*, last: bool,
     )
 
 
+@pytest.mark.parametrize("auto", [False, True])
+def test_what_begins_by_itself_after_a_trial_needs_somebody_who_leads(*, auto: bool, tmp_path: Path) -> None:
+    folder = study(tmp_path, trials=2)
+    moved = RestTask(
+        "h", "to its start", "note", lambda _running: RestTaskEnd("it is at its start"), after_trials=True
+    )
+
+    class Moving(_Lifting):
+        rest_tasks: Any = (moved,)
+
+    desk = Experimenter()
+    with pytest.raises(InvalidValueError, match="pedal 'h': begins to its start in a rest"):
+        lead_session(folder, "p01", Moving(), desk, pedal="h")
+    assert not events_path(folder, "p01").exists()
+    lead_session(folder, "p01", Moving(), desk, time_scale=0.001, auto=auto)
+    noted = [event.trial for event in events_of(folder) if event.text == "it is at its start"]
+    assert noted == ([] if auto else [1, 2, 3]), "after each trial that another one follows"
+    assert desk.said.count("to its start: it is at its start") == len(noted)
+
+
 class _Repeating(Experimenter):
     """Keys a slip in each trial, and wants one again."""
 
@@ -324,7 +401,8 @@ class _Repeating(Experimenter):
         super().show(screen)
 
     def line(self, prompt: str) -> str:
-        return super().line(prompt) if prompt.startswith("why") else "-"
+        assert prompt.startswith("why")
+        return super().line(prompt)
 
 
 def test_a_trial_that_was_to_be_done_again_and_was_not_is_no_data(tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ from tega.study.beep_score import score_beeps
 from tega.study.journal import JournalEvent, Kind, read_events
 from tega.study.lead import lead_session
 from tega.study.lead.experimenter import ENTER, Screen
+from tega.study.lead.questions import QUESTIONS
 from tega.study.lead.running_trial import Going
 from tega.study.plan import PlannedTrial, StudyPlan
 from tega.study.privacy import export
@@ -119,6 +120,7 @@ class _Still:
     sees_height = False
     own_time = False
     closure: Any = None
+    rest_tasks: Any = ()
 
     def felt(self, condition: str) -> bool:
         return condition == "haptic"
@@ -141,6 +143,8 @@ class _Participant:
         self.said: list[str] = []
 
     def show(self, screen: Screen) -> None:
+        if screen.phase == "questions" != self.phase:
+            self._keys += [ENTER, *("-" * len(QUESTIONS)), ENTER]
         if screen.phase == "ready" != self.phase:
             self._keys.append(ENTER)
         self.phase = screen.phase
@@ -163,8 +167,8 @@ class _Participant:
         keys, self._keys = self._keys, []
         return keys
 
-    def line(self, _prompt: str) -> str:
-        return "-"
+    def line(self, prompt: str) -> str:
+        raise AssertionError(prompt)
 
 
 @pytest.mark.slow

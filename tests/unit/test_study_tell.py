@@ -22,6 +22,7 @@ from tega.study import make_plan, write_plan
 from tega.study.journal import read_events
 from tega.study.lead import lead_session
 from tega.study.lead.experimenter import ENTER, Screen
+from tega.study.lead.questions import QUESTIONS
 from tega.study.lead.running_trial import Going
 from tega.study.lead.status_file import board_path, read_board
 from tega.study.lead.tell import KEYS, CommandFile, tell, told_path
@@ -31,19 +32,26 @@ from tega.study.trials import study_trials
 
 
 class _Nobody:
-    """An experimenter's desk at which nobody presses anything."""
+    """An experimenter's desk at which nobody presses anything; the participant passes over every question."""
+
+    def __init__(self) -> None:
+        self._keys = list[str]()
+        self.phase = ""
 
     def show(self, screen: Screen) -> None:
-        """Look."""
+        if screen.phase == "questions" != self.phase:
+            self._keys += [ENTER, *("-" * len(QUESTIONS)), ENTER]
+        self.phase = screen.phase
 
     def say(self, text: str) -> None:
         """Hear."""
 
     def keys(self) -> list[str]:
-        return []
+        keys, self._keys = self._keys, []
+        return keys
 
-    def line(self, _prompt: str) -> str:
-        return "-"
+    def line(self, prompt: str) -> str:
+        raise AssertionError(prompt)
 
 
 class _Ready:
@@ -53,6 +61,7 @@ class _Ready:
     sees_height = False
     own_time = False
     closure: Any = None
+    rest_tasks: Any = ()
 
     def felt(self, condition: str) -> bool:
         return condition == "haptic"

@@ -92,15 +92,13 @@ def test_in_the_simulated_world_both_hands_coincide_where_the_command_is_what_is
         np.testing.assert_allclose(here[:3], there[:3], atol=1e-4)
 
 
-def test_the_page_draws_it_while_there_is_a_command_and_hides_it_from_raters(tmp_path: Path) -> None:
+def test_the_page_draws_it_while_there_is_a_command(tmp_path: Path) -> None:
     state: Any = next(s for s in completed(tmp_path) if s.loop.target_rad is not None)
-    with BrowserView(port=0) as view, BrowserView(port=0, blind=True) as blind:
+    with BrowserView(port=0) as view:
         for k in range(3):
             view.page.paint(state, turn=k, rates_hz={}, latency_ms={})
-            blind.page.paint(state, turn=k, rates_hz={}, latency_ms={})
         names = [handle.name for handle, _ in view.page.scene.ghost.solids.batches]
         assert names == ["/commanded/ball", "/commanded/tube"]
-        assert blind.page.scene.ghost.solids.batches == []
         view.page.paint(
             state._replace(loop=state.loop._replace(target_rad=None)), turn=0, rates_hz={}, latency_ms={}
         )

@@ -123,7 +123,6 @@ def test_the_page_shows_the_past_beside_the_state_of_now() -> None:
     moments = Moments()
     with BrowserView("a run", port=0, controls=Controls()) as view:
         timeline = view.page.timeline
-        assert timeline is not None
         for k in range(4):
             moment = moments.at(1.0 + k, emg=False)
             state = "hold" if k == 3 else "active"

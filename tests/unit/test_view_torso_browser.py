@@ -42,7 +42,6 @@ def test_a_click_on_a_motor_asks_for_it_and_says_what_came_of_it(browser):
 def test_the_slider_looks_back(browser):
     moments = Moments()
     with BrowserView("a run", port=0) as view, opened(browser, view.url) as page:
-        assert view.page.timeline is not None
         kept = view.page.timeline._kept
         for k in range(5):
             view.offer(moments.at(1.0 + k))

@@ -171,6 +171,3 @@ def test_only_a_page_of_this_server_is_heard() -> None:
         view.offer(Moments().at(2.0, images=False, scene=False, emg=False))
         until(lambda: "try/39" in view.page._vest.content)
     assert asked == [7, 8]
-    with BrowserView("a run", port=0, blind=True, controls=Controls(try_motor=ask)) as view:
-        assert get(f"{view.url}try/7")[0] != 200
-    assert asked == [7, 8]

@@ -28,7 +28,7 @@ def _share(cutoff_hz: float, dt_s: float) -> float:
 
 
 class _Cutoff:
-    """What both share: the speed, and the share of a difference that is taken over."""
+    """Smoothing factor of both filters: a low-pass share whose cutoff rises with the speed."""
 
     def __init__(self, cutoff_hz: float, beta: float, speed_cutoff_hz: float) -> None:
         self._cutoff_hz, self._beta, self._speed_cutoff_hz = cutoff_hz, beta, speed_cutoff_hz

@@ -104,7 +104,7 @@ class Unfinished(msgspec.Struct, kw_only=True):
 
 
 class PersonFacts(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What holds for a person on every device, ``person.toml``.
+    """Facts of a person on every device, ``person.toml``.
 
     Attributes:
         hand: The hand that steers and is felt: arm and vest follow it.

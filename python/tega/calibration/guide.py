@@ -24,7 +24,15 @@ class Undecided(Exception):  # noqa: N818  # no error: nobody is there to answer
     """Raised where a question was asked and there is nobody to answer."""
 
 
-class Guide(Protocol):
+class Shows(Protocol):
+    """Shows what goes on."""
+
+    def show(self, prompt: str, bars: Sequence[Bar], left_s: float | None, /) -> None:
+        """Show what goes on just now; called again and again, and returns at once."""
+        ...
+
+
+class Guide(Shows, Protocol):
     """Shows a person what to do and hears what they say."""
 
     def part(self, title: str, why: str) -> None:
@@ -45,8 +53,4 @@ class Guide(Protocol):
         Raises:
             Undecided: Nobody is there to answer.
         """
-        ...
-
-    def show(self, prompt: str, bars: Sequence[Bar], left_s: float | None) -> None:
-        """Show what goes on just now; called again and again, and returns at once."""
         ...

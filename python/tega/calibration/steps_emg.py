@@ -12,7 +12,7 @@ import numpy as np
 
 from tega.calibration.effort import Chain, judge_muscles, judge_quiet, judge_squeezes
 from tega.calibration.folder import device_name
-from tega.calibration.guide import Bar, Guide
+from tega.calibration.guide import Bar, Guide, Shows
 from tega.calibration.maxima import TAU_S, emg_conditions
 from tega.calibration.records import EmgRecord
 from tega.calibration.settling import until_good
@@ -97,7 +97,7 @@ def driver_settings(config: EmgConfig) -> str:
 def collect(
     source: EmgSource,
     seconds: float,
-    guide: Guide,
+    guide: Shows,
     prompt: str,
     *,
     names: Sequence[str],
@@ -152,7 +152,7 @@ def _swing(chunks: list[EmgChunk]) -> NDArray[np.float64]:
     return moved
 
 
-def _drain(source: EmgSource) -> None:
+def drain(source: EmgSource) -> None:
     """Throw away what came while nobody read."""
     for _ in range(2000):
         if source.read(0.0) is None:
@@ -178,7 +178,7 @@ def take_rest(
 
     def attempt() -> Quiet:
         guide.ready("Let the arm lie, hand open, and do nothing")
-        _drain(source)
+        drain(source)
         chunks = collect(source, times.rest_s, guide, "Rest", names=chain.channels)
         if heard is not None:
             heard[:] = chunks
@@ -224,7 +224,7 @@ def take_squeezes(
                 collect(source, times.pause_s, guide, "Pause: let go and breathe", names=chain.channels)
             which = f"Squeeze {k + 1} of {n}" if n > 1 else "Squeeze"
             guide.ready(f"{which}: a fist, as strong as you can, until told to stop")
-            _drain(source)
+            drain(source)
             squeezes.append(collect(source, times.squeeze_s, guide, "SQUEEZE", names=chain.channels))
             guide.say(f"{which.lower().partition(' of ')[0]}: let go")
         if heard is not None:
@@ -265,7 +265,7 @@ def take_muscles(
         for name, muscle in zip(chain.channels, muscles, strict=True):
             what = _MOVEMENTS.get(muscle, f"tense {muscle} alone")
             guide.ready(f"{name} sits on {muscle}: {what}, about half as strong as you can")
-            _drain(source)
+            drain(source)
             movements.append(collect(source, times.movement_s, guide, what, names=chain.channels, full=full))
         return judge_muscles(movements, rest, full, chain)
 

@@ -235,7 +235,7 @@ class Calibrating:
         self._guide.part(
             f"Muscles{self._place}",
             "Rest, three strong squeezes with pauses, then each muscle alone: what is nothing, what is full, and "
-            "whether each electrode sits on its muscle.",
+            "whether each electrode sits on its muscle." + self._drawing("emg"),
         )
         with driver_class(section.driver, "emg")(section.options) as source:
             _check_live(source)
@@ -259,6 +259,12 @@ class Calibrating:
                 now=self._now(),
             )
 
+    def _drawing(self, what: str) -> str:
+        """Return where it is drawn what goes where, for a person whose hand is known."""
+        hand = self._folder.hand(self._person)
+        left = "-left" if hand == "left" else ""
+        return f" For a {hand} hand: docs/images/placement-{what}{left}.svg." if hand else ""
+
     # Vest.
 
     def _vest(self) -> VestCalibration:
@@ -275,7 +281,8 @@ class Calibrating:
             )
         self._guide.part(
             f"Vest{self._place}",
-            f"Where columns are felt, from which level on, and which increase is noticed. Nothing above {limit} %.",
+            f"Where columns are felt, from which level on, and which increase is noticed. Nothing above {limit} %."
+            + self._drawing("vest"),
         )
         try:
             with worn_vest(section, self._folder.person(self._person) / "vest-dose.json") as vest:

@@ -23,7 +23,13 @@ from tega.cli.options import json_option
 @click.option(
     "--fps", type=click.IntRange(1, 240), default=30, show_default=True, help="Frames per second (lerobot)."
 )
-@click.option("--task", default="grasp", show_default=True, help="What was done, in words (lerobot).")
+@click.option(
+    "--task", help="What was done, in words, where its episodes do not say it themselves (lerobot)."
+)
+@click.option(
+    "--scene", "scenes", multiple=True, metavar="NAME=VIDEO.mp4",
+    help="A scene camera, as scene export wrote it with its time code (lerobot); repeatable.",
+)  # fmt: skip
 @json_option
 @click.pass_context
 def export(
@@ -34,7 +40,8 @@ def export(
     kind: Literal["csv", "parquet", "lerobot"],
     pictures: bool,
     fps: int,
-    task: str,
+    task: str | None,
+    scenes: tuple[str, ...],
     as_json: bool,
 ) -> None:
     """Write a recording as one table per stream, with its settings and calibration beside them.
@@ -50,17 +57,23 @@ def export(
 
     files = session_files(session)
     if kind == "lerobot":
-        from tega.recording.lerobot import export_lerobot
+        from tega.lerobot import export_lerobot
 
         if pictures:
             raise click.UsageError("--pictures is for tables; a dataset has them as video")
-        made = [export_lerobot(files, out, fps=fps, task=task)]
+        named = dict(one.partition("=")[::2] for one in scenes)
+        if not all(named.values()) or len(named) < len(scenes):
+            raise click.BadParameter("name each camera once, as NAME=VIDEO.mp4", param_hint="--scene")
+        videos = {name: Path(video) for name, video in named.items()}
+        made = [export_lerobot(files, out, fps=fps, task=task, scenes=videos)]
     else:
         from tega.recording.export import export_file
 
-        for name in ("fps", "task"):
+        for name in ("fps", "task", "scenes"):
             if ctx.get_parameter_source(name) is not click.core.ParameterSource.DEFAULT:
-                raise click.UsageError(f"--{name} is for --format lerobot")
+                raise click.UsageError(
+                    f"--{name.removesuffix('s') if name == 'scenes' else name} is for --format lerobot"
+                )
         made = []
         for path in files:
             folder = out / path.stem if session.is_dir() else out

@@ -16,7 +16,7 @@ from tega.errors import TegaError
 
 
 class _Moves(Protocol):
-    """What moves as it is told."""
+    """Emulated device that moves by typed commands."""
 
     def act(self, line: str) -> object:
         """Do what was typed."""

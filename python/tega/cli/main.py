@@ -157,7 +157,7 @@ Type one of these first:
     cls=_Verbs,
     invoke_without_command=True,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
-    epilog="Example: tega-teleop replay --tactile thumb=press.avi --out results",
+    epilog="Example: tega-teleop replay --tactile thumb=press.avi --out pressed",
 )
 @click.option(
     "--debug",

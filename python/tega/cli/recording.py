@@ -6,13 +6,14 @@ import click
 
 from tega.cli.export import export
 from tega.cli.inspect import inspect
+from tega.cli.take import encode, relabel, take
 from tega.cli.trim import merge, trim
 
 
 @click.group(epilog="Example: tega-teleop recording inspect sessions/monday")
 def recording() -> None:
-    """Inspect, export, trim and merge recordings."""
+    """Take episodes; inspect, export, trim, merge, relabel and re-encode recordings."""
 
 
-for _verb in (inspect, export, trim, merge):
+for _verb in (take, inspect, export, trim, merge, relabel, encode):
     recording.add_command(_verb)

@@ -29,7 +29,7 @@ class _Finger(click.ParamType[tuple[str, Path]]):
 
 @click.command(
     epilog="Example: tega-teleop replay --tactile thumb=press.avi --emg squeeze.csv --emg-rate-hz 1000 "
-    "--emg-kind raw --emg-channels 1,2,3 --preset live --out results"
+    "--emg-kind raw --emg-channels 1,2,3 --preset live --out pressed"
 )
 @click.argument("session", type=click.Path(path_type=Path), required=False, metavar="")
 @click.option("--config", type=click.Path(path_type=Path), hidden=True)

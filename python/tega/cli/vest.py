@@ -28,7 +28,7 @@ _CLICK_APART_S = (0.37, 0.61, 0.83, 0.53)
 
 
 class _Wanted(NamedTuple):
-    """What is to be played."""
+    """Settings of an onset measurement."""
 
     settings: SessionConfig
     percent: int

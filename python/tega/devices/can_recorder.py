@@ -42,7 +42,7 @@ class CanRecorder(Opened):
 
     @classmethod
     def harmless(cls, options: CanRecorderOptions) -> None:
-        """Nothing: opening would empty its file."""
+        """Do nothing: opening would empty its file."""
 
     @property
     def info(self) -> DeviceInfo:

@@ -195,7 +195,7 @@ class PlayerVersion3:
         return sdk3_stop_message()
 
     def probe(self) -> str:
-        """Nothing: the Player tells of its devices by itself."""
+        """Do nothing: the Player tells of its devices by itself."""
         return ""
 
     def hear(self, message: str) -> None:

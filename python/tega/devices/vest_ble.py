@@ -114,7 +114,7 @@ class BleVest(StreamedVest):
 
 
 class _LinkWatch:
-    """What one link after the other keeps: the process that silences the vest, and whether the vest is silent.
+    """State that outlives a link: the process that silences the vest, and whether the vest is silent.
 
     Attributes:
         guard: The process; ``None`` before the first link.
@@ -238,7 +238,7 @@ class _BleLink:
         runner.close()
 
     def abort(self) -> None:
-        """Nothing: every call has its own end."""
+        """Do nothing: every call has its own end."""
 
     async def _find(self) -> Any:
         def wanted(device: Any, name: str | None) -> bool:

@@ -184,7 +184,7 @@ class _HidLink:
             self._device = None
 
     def abort(self) -> None:
-        """Nothing: hidapi's writes have their own end."""
+        """Do nothing: hidapi's writes have their own end."""
 
     def _next(self) -> int:
         self._sequence = (self._sequence + 1) % 65536

@@ -43,7 +43,7 @@ class VestRecorder(Opened):
 
     @classmethod
     def harmless(cls, options: VestRecorderOptions) -> None:
-        """Nothing: opening would empty its file."""
+        """Do nothing: opening would empty its file."""
 
     @property
     def info(self) -> DeviceInfo:

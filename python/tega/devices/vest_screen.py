@@ -45,7 +45,7 @@ class ScreenVest(StreamedVest):
 
     @classmethod
     def harmless(cls, options: ScreenVestOptions) -> None:
-        """Nothing: drawing would disturb what the terminal shows."""
+        """Do nothing: drawing would disturb what the terminal shows."""
 
     @property
     def _label(self) -> str:
@@ -101,7 +101,7 @@ class _Screen:
         self._drawn = True
 
     def poll(self) -> None:
-        """Nothing: a terminal has nothing to say."""
+        """Do nothing: a terminal has nothing to say."""
 
     def close(self) -> None:
         if self._out is not None and self._terminal is not None:
@@ -112,4 +112,4 @@ class _Screen:
         self._out = None
 
     def abort(self) -> None:
-        """Nothing."""
+        """Do nothing: nothing is sent."""

@@ -178,7 +178,7 @@ class _Loudspeaker:
         self._tones.tell(intensities)
 
     def poll(self) -> None:
-        """Nothing: a loudspeaker has nothing to say."""
+        """Do nothing: a loudspeaker has nothing to say."""
 
     def close(self) -> None:
         stream, self._stream = self._stream, None
@@ -193,4 +193,4 @@ class _Loudspeaker:
         stream.close()
 
     def abort(self) -> None:
-        """Nothing."""
+        """Do nothing: nothing is sent."""

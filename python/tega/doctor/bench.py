@@ -32,7 +32,7 @@ ROLES: Final[Mapping[str, Kind]] = {"digit": "tactile", "emg": "emg", "vest": "v
 
 
 class _Absent(NamedTuple):
-    """What is said where nothing of a kind was found, what each driver did not see, and what to do."""
+    """Report of a missing kind of device: what each driver did not see, and what to do."""
 
     said: str
     unseen: Mapping[str, str]

@@ -48,7 +48,7 @@ def root_key(robot: str) -> str:
 
 
 class Link(Opened):
-    """This station's session.
+    """Zenoh session of this station.
 
     Args:
         net: The settings.

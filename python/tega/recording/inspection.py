@@ -166,7 +166,7 @@ def inspect_file(path: Path) -> Inspection:
 
 
 class _Messages:
-    """What the messages so far have told."""
+    """Collects what the messages tell: topics, stages, drops, markers, states."""
 
     def __init__(self) -> None:
         self.topics: dict[str, _Topic] = {}

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import re
+import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,6 +19,7 @@ from tega.whole_file import new_file, write_whole
 INDEX_NAME = "session.json"
 INDEX_FORMAT = "tega-session"
 _PART = ".part"
+_LEAVES_S, _TRIES_S = 1.0, 0.02
 _NUMBER = re.compile(r"trial-([0-9]{3,12})\.mcap")
 
 
@@ -75,17 +78,58 @@ class SessionFolder:
         trials = {trial["file"]: trial for trial in index["trials"]}
         trials[name] = {"file": name, **trials.get(name, {}), **facts}
         index["trials"] = [trials[key] for key in sorted(trials, key=in_order)]
+        self._write(index)
+
+    def discard(self, name: str) -> None:
+        """Delete a trial's file, finished or not, and what the index says of it; what is not there is passed over.
+
+        Raises:
+            RecordingError: It is no name of a trial.
+        """
+        if _NUMBER.fullmatch(name) is None:
+            raise RecordingError(
+                f"{name!r} is no trial of {self.path.name}", "name one such as trial-001.mcap"
+            )
+        index = self.index()
+        index["trials"] = [trial for trial in index["trials"] if trial.get("file") != name]
+        self._write(index)
+        for file in (self.path / name, self.path / f"{name}{_PART}"):
+            file.unlink(missing_ok=True)
+
+    def begin(self) -> None:
+        """Have an index be there, so that the folder is known as a session's before its first trial."""
+        self._write(self.index())
+
+    def label(self, task: str, names: Sequence[str] = ()) -> list[str]:
+        """Write into the index what was done in trials; their files stay as they are.
+
+        Args:
+            task: In words.
+            names: The trials' files; empty for all.
+
+        Returns:
+            The files.
+
+        Raises:
+            RecordingError: There is no such trial, or none at all.
+        """
+        there = sorted((file.name for file in self.path.glob("trial-*.mcap")), key=in_order)
+        missing = [name for name in names if name not in there]
+        if missing or not there:
+            raise RecordingError(
+                f"{self.path.name}: holds no {missing[0] if missing else 'recording'}",
+                f"it has {', '.join(there) or 'none'}",
+            )
+        for name in (chosen := list(names) or there):
+            self.note(name, {"task": task})
+        return chosen
+
+    def _write(self, index: dict[str, Any]) -> None:
         write_whole(self.path / INDEX_NAME, json.dumps(index, indent=2, ensure_ascii=False) + "\n")
 
     def index(self) -> dict[str, Any]:
         """Return the index as it stands."""
-        try:
-            index = json.loads(read_words(self.path / INDEX_NAME, most_mib=64))
-        except (OSError, ValueError, RecordingError):
-            index = None
-        if not isinstance(index, dict) or not isinstance(index.get("trials"), list):
-            return {"format": INDEX_FORMAT, "version": 1, "trials": []}
-        return index
+        return _index(self.path)
 
     def _is_session(self) -> bool:
         return (self.path / INDEX_NAME).exists() or any(self.path.glob("trial-*.mcap*"))
@@ -96,7 +140,7 @@ class SessionFolder:
             if part.is_symlink() or not part.is_file():
                 continue  # nothing that a recording left behind
             with part.open("rb") as file:
-                if not lock_file(file, part):
+                if not _soon(lambda: lock_file(file, part)):  # noqa: B023
                     continue  # somebody is writing it
                 take_tail(part)
             recovered = recover_file(part, part.with_suffix(""))
@@ -105,6 +149,33 @@ class SessionFolder:
             facts = {"state": "recovered", "messages": recovered.n_messages, "problem": recovered.problem}
             self.note(recovered.path.name, facts)
         return done
+
+
+def _soon(done: Callable[[], bool]) -> bool:
+    """Try for as long as a recorder's process may take to leave its file after its run was killed."""
+    end_s = time.monotonic() + _LEAVES_S
+    while not (is_done := done()) and time.monotonic() < end_s:
+        time.sleep(_TRIES_S)
+    return is_done
+
+
+def _index(folder: Path) -> dict[str, Any]:
+    try:
+        index = json.loads(read_words(folder / INDEX_NAME, most_mib=64))
+    except (OSError, ValueError, RecordingError):
+        index = None
+    if not isinstance(index, dict) or not isinstance(index.get("trials"), list):
+        return {"format": INDEX_FORMAT, "version": 1, "trials": []}
+    return index
+
+
+def recorded_task(recording: Path) -> str | None:
+    """Return what was done in a recording, as the index beside it says; ``None`` where it does not."""
+    for trial in _index(recording.parent)["trials"]:
+        if isinstance(trial, dict) and trial.get("file") == recording.name:
+            task = trial.get("task")
+            return task if isinstance(task, str) and task else None
+    return None
 
 
 def in_order(name: str) -> tuple[int, str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import Counter, deque
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 from tega.bus import told_drops
 from tega.records import Picture, Record
@@ -15,6 +15,8 @@ __all__ = ["BoundedQueue", "Item"]
 # Small records still find room when pictures have filled the queue: without them nothing could be replayed.
 RESERVE_BYTES = 16 * 1024 * 1024
 _WAIT_S = 0.002
+# A record costs this in memory besides its numbers.
+_ITEM_BYTES = 512
 
 
 class Item(NamedTuple):
@@ -29,6 +31,11 @@ class Item(NamedTuple):
     record: Record
     t_ns: int
     n_bytes: int
+
+    @classmethod
+    def of(cls, record: Record, t_ns: int | None) -> Self:
+        """Make the item of a record, which came at the time of its own stamp unless another is given."""
+        return cls(record, record.log_ns if t_ns is None else t_ns, record.n_bytes + _ITEM_BYTES)
 
 
 class BoundedQueue:

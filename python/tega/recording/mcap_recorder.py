@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 from tega.recording.mcap_file import McapFile
 from tega.recording.mcap_queue import BoundedQueue, Item
-from tega.records import LogLine, Marker, Record, RecorderStatus
+from tega.records import Record, RecorderStatus
 from tega.threads import run_realtime
 
 if TYPE_CHECKING:
@@ -29,8 +29,6 @@ _IDLE_S = 0.01
 # How long the end of a run waits for a slow disk.
 _DRAIN_S = 10.0
 _MIB = 1024 * 1024
-# A record costs this in memory besides its numbers.
-_ITEM_BYTES = 512
 
 
 class McapRecorder:
@@ -44,6 +42,7 @@ class McapRecorder:
         folder: The session's folder.
         settings: How to record.
         wait: Let the giver wait for room instead of dropping, for runs whose time is not the world's.
+        queue_bytes: What may wait to be encoded; that of the settings when ``None``.
         raw: Something else to write to than a file in the folder.
 
     Attributes:
@@ -58,6 +57,7 @@ class McapRecorder:
         settings: RecordingSection,
         *,
         wait: bool = False,
+        queue_bytes: int | None = None,
         raw: BinaryIO | None = None,
     ) -> None:
         self._folder = folder
@@ -71,7 +71,9 @@ class McapRecorder:
             most_bytes=round(settings.queue_mib * _MIB),
             raw=raw,
         )
-        self._queue = BoundedQueue(most_bytes=round(settings.queue_mib * _MIB), wait=wait)
+        self._queue = BoundedQueue(
+            most_bytes=round(settings.queue_mib * _MIB) if queue_bytes is None else queue_bytes, wait=wait
+        )
         self.state, self.reason = "recording", ""
         self.written: dict[str, int] = {}
         self._newest_ns = 0
@@ -79,7 +81,6 @@ class McapRecorder:
         self._told_dropped = 0
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._work, name="tega-recorder", daemon=True)
-        self._handler = _LogHandler(self)
 
     def head(self, facts: Mapping[str, Mapping[str, str]], files: Mapping[str, tuple[str, bytes]]) -> None:
         """Write what a reader has to know first; takes its time, so it comes before the session's start.
@@ -96,19 +97,16 @@ class McapRecorder:
         self._file.sync()
         self._folder.note(self.path.name, {"state": "recording", "lossless": self._settings.lossless})
 
-    def begin(self, start_ns: int, now_ns: int) -> None:
+    def begin(self, start_ns: int, epoch_ns: int) -> None:
         """Begin to take records.
 
         Args:
             start_ns: The session's clock at its start.
-            now_ns: The same clock now.
+            epoch_ns: Time of day at that moment, nanoseconds since 1970.
         """
-        # The time of day is looked at once: a step of that clock while recording moves nothing.
-        epoch_ns = self._file.epoch_ns = time.time_ns() - (now_ns - start_ns)
+        self._file.epoch_ns = epoch_ns
         self._file.metadata("tega", {"epoch_ns": str(epoch_ns), "start_ns": str(start_ns)})
         self._file.flush()
-        self._handler.start_ns = time.monotonic_ns() - (now_ns - start_ns)
-        logging.getLogger("tega").addHandler(self._handler)
         self._thread.start()
         threading.Thread(target=self._sync, name="tega-recorder-sync", daemon=True).start()
 
@@ -119,11 +117,11 @@ class McapRecorder:
             record: What is to be written; it is not encoded yet.
             t_ns: When it came, since the start of the session, where its own stamp is on another clock.
         """
-        self._queue.put(Item(record, record.log_ns if t_ns is None else t_ns, record.n_bytes + _ITEM_BYTES))
+        self._queue.put(Item.of(record, t_ns))
 
-    def marker(self, t_ns: int, text: str, *, source: str = "") -> None:
-        """Mark a moment, such as a trial's beginning or a pressed pedal."""
-        self.put(Marker(t_ns=t_ns, text=text, source=source))
+    def count_dropped(self, dropped: Mapping[str, int]) -> None:
+        """Count records, by topic, that were dropped before they came here."""
+        self._queue.dropped.update(dropped)
 
     @property
     def dropped(self) -> dict[str, int]:
@@ -146,11 +144,7 @@ class McapRecorder:
         Returns:
             What became of the recording, for people and machines.
         """
-        logging.getLogger("tega").removeHandler(self._handler)
-        self._queue.close()
-        self._closing.set()
-        if self._thread.is_alive():
-            self._thread.join(_DRAIN_S)
+        self._drain()
         if self._thread.is_alive():
             self._queue.discard()
             self._stop(f"the disk did not take what waited within {_DRAIN_S:g} s")
@@ -160,6 +154,12 @@ class McapRecorder:
         name = self.path.name if self.state == "complete" or self.path.exists() else self._part.name
         self._folder_note(name, facts)
         return {"file": name, **facts}
+
+    def leave(self) -> None:
+        """Write what waits and leave the file unfinished, for who opens the folder next to recover."""
+        self._drain()
+        if self.state == "recording" and not self._thread.is_alive():
+            self._file.flush()
 
     def abandon(self) -> None:
         """Take the file away; for a recording that has not begun."""
@@ -177,6 +177,12 @@ class McapRecorder:
             "written": dict(sorted(self.written.items())),
             "dropped": dict(sorted(self._queue.dropped.items())),
         }
+
+    def _drain(self) -> None:
+        self._queue.close()
+        self._closing.set()
+        if self._thread.is_alive():
+            self._thread.join(_DRAIN_S)
 
     def _folder_note(self, name: str, facts: Mapping[str, Any]) -> None:
         try:
@@ -208,16 +214,20 @@ class McapRecorder:
             now_ns = time.monotonic_ns()
             if self.state != "recording":
                 continue
-            if now_ns - status_ns >= STATUS_NS:
-                status_ns = now_ns
-                self._status()
-            if now_ns - flush_ns >= FLUSH_NS:
-                if sum(self._queue.dropped.values()) != self._told_dropped:
+            flushes = now_ns - flush_ns >= FLUSH_NS
+            try:
+                if now_ns - status_ns >= STATUS_NS or (
+                    flushes and self._queue.dropped.total() != self._told_dropped
+                ):
+                    status_ns = now_ns
                     self._status()
-                self._file.flush()
-                flush_ns = time.monotonic_ns()
-            if (error := self._file.error) is not None:
-                self._stop(f"the disk took no more: {error.strerror or error}")
+                if flushes and self.state == "recording":  # little room finishes the file
+                    self._file.flush()
+                    flush_ns = time.monotonic_ns()
+            except Exception as error:  # a recorder must neither take a run with it nor end without a word
+                self._stop(f"the file could not be flushed: {type(error).__name__}: {error}")
+            if self.state == "recording" and (failed := self._file.error) is not None:
+                self._stop(f"the disk took no more: {failed.strerror or failed}")
 
     def _write(self, item: Item) -> None:
         topic = item.record.where
@@ -279,22 +289,3 @@ class McapRecorder:
     def _stop(self, reason: str) -> None:
         self.state, self.reason = "stopped", reason
         _LOG.warning("recording stopped: %s; the run goes on", reason)
-
-
-class _LogHandler(logging.Handler):
-    """Hands the program's own log lines to the recorder."""
-
-    def __init__(self, recorder: McapRecorder) -> None:
-        super().__init__(logging.INFO)
-        self._recorder = recorder
-        # A logger with this handler only would no longer warn people where nobody has set logging up.
-        self._last = None if logging.getLogger("tega").hasHandlers() else logging.lastResort
-        self.start_ns = 0
-
-    def emit(self, record: logging.LogRecord) -> None:
-        t_ns = time.monotonic_ns() - self.start_ns
-        if self._last is not None and record.levelno >= self._last.level:
-            self._last.handle(record)
-        self._recorder.put(
-            LogLine(t_ns=t_ns, level=record.levelno, name=record.name, text=record.getMessage())
-        )

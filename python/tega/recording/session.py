@@ -6,6 +6,7 @@ import io
 import json
 import logging
 import threading
+import time
 from collections.abc import Mapping
 from hashlib import sha256
 from typing import TYPE_CHECKING, Any
@@ -14,9 +15,11 @@ import msgspec
 import numpy as np
 
 from tega.calibration.store import calibration_text
+from tega.recording.log_records import LogRecords
 from tega.recording.mcap_folder import SessionFolder
 from tega.recording.mcap_recorder import McapRecorder
 from tega.recording.mcap_schemas import VERSIONS, unit_table
+from tega.recording.recorder_process import RecorderProcess
 from tega.recording.versions import versions
 from tega.records import End, HandExchange, Record
 from tega.stages.attached import attached_files
@@ -64,7 +67,12 @@ class Recording:
                 recovered.path.name,
                 recovered.n_messages,
             )
-        self._recorder = McapRecorder(self.folder, config.recording, wait=config.session.pace == "fast")
+        self._recorder: McapRecorder | RecorderProcess
+        if config.session.pace == "fast":  # what is given waits for room: nobody waits for a deadline
+            self._recorder = McapRecorder(self.folder, config.recording, wait=True)
+        else:
+            self._recorder = RecorderProcess(self.folder, config.recording, realtime=config.session.realtime)
+        self._log = LogRecords(self._recorder.put)
         self._lock = threading.Lock()
         self._start_ns: int | None = None
         self._early: list[HandExchange] = []
@@ -159,7 +167,10 @@ class Recording:
 
     def begin(self, start_ns: int, now_ns: int) -> None:
         """Begin, at the start of the session or just after, by the session's clock."""
-        self._recorder.begin(start_ns, now_ns)
+        # The time of day is looked at once: a step of that clock while recording moves nothing.
+        self._recorder.begin(start_ns, time.time_ns() - (now_ns - start_ns))
+        self._log.start_ns = time.monotonic_ns() - (now_ns - start_ns)
+        logging.getLogger("tega").addHandler(self._log)
         with self._lock:
             self._start_ns = start_ns
             for exchange in self._early:
@@ -176,6 +187,7 @@ class Recording:
 
     def finish(self, summary: Mapping[str, Any]) -> dict[str, Any]:
         """Finish the file, and return what became of it."""
+        logging.getLogger("tega").removeHandler(self._log)
         return self._recorder.finish(json.dumps(summary, ensure_ascii=False).encode())
 
     def abandon(self) -> None:

@@ -82,7 +82,7 @@ def trim_session(
 
 
 class _Look:
-    """What a first pass finds that has to go with the span.
+    """First pass over a recording: finds what has to go with the span.
 
     Attributes:
         tables: Metadata of the file.

@@ -77,7 +77,7 @@ class Intent(Record, frozen=True, kw_only=True):
 
 
 class AdaptationSwitch(Record, frozen=True, kw_only=True):
-    """What the online adaptation of EMG may do from now on, as it read that at the end of a block.
+    """Switch of the online adaptation of EMG, as it was read at the end of a block.
 
     Attributes:
         t_ns: When the block was complete, since the start of the session.

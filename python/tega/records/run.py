@@ -83,7 +83,7 @@ class Skip(Record, frozen=True, kw_only=True):
 
 
 class Haptics(Record, frozen=True, kw_only=True):
-    """Whether motors may turn from now on.
+    """Switch of the vest's motors from now on.
 
     Attributes:
         t_ns: The tick, since the start of the session.

@@ -113,7 +113,7 @@ def units(kind: type[Record]) -> dict[str, str]:
 
 
 class _Plan(NamedTuple):
-    """What is done to a struct's own dictionary to make it the message's."""
+    """Steps from a struct's dictionary to its message's."""
 
     dropped: tuple[str, ...]
     pairs: tuple[tuple[str, str, str], ...]

@@ -14,12 +14,14 @@ from typing import Any
 
 import msgspec
 
+from tega.bus import Bus
 from tega.config import Pace, SessionConfig, VestConfig, load_config
 from tega.devices.base import TactileFrame
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError
 from tega.replay.measured import Measured
 from tega.replay.play_clock import PlayClock
+from tega.replay.played_beside import PlayedBeside
 from tega.replay.played_input import Switched, played_input
 from tega.replay.playhead import Playhead
 from tega.replay.recorded import read_recorded
@@ -131,9 +133,18 @@ def play_file(
     if not recorded.complete:
         note += "; the recording was cut, and is played as far as it goes"
     prepared = played_input(recorded, measured, playhead=playhead, lead_ns=lead_ns, note=note)
+    bus = options.pop("bus", None) or Bus()
+    beside = PlayedBeside(recorded, playhead, bus)
     haptics = Switched(recorded, clock, playhead, options.pop("haptics", lambda: True))
     summary = run_session(
-        config, clock=clock, prepared=prepared, haptics=haptics, progress=progress, **options
+        config,
+        clock=clock,
+        prepared=prepared,
+        haptics=haptics,
+        progress=progress,
+        bus=bus,
+        shown=beside.shown,
+        **options,
     )
     summary["played"] = {
         "file": path.name,
@@ -218,7 +229,7 @@ def _settings(
         ),
         hand=to.hand,
         input=to.input,
-        arm=None,  # its path is not recorded, and a recording must not move a robot
+        arm=None,  # its path is shown, and a recording must not move a robot
         markers=to.markers,
         safety=msgspec.structs.replace(
             safety,

@@ -127,7 +127,7 @@ def replay_file(
 
 
 class _Again(msgspec.Struct):
-    """What the second run gave."""
+    """Outputs of the second run."""
 
     contacts: dict[str, list[Contact]] = {}
     levels: list[Intent] = []

@@ -91,6 +91,7 @@ class Recorded(msgspec.Struct):
         beside: What the stages beside the connected ones said, by topic, as recorded.
         adaptations: Gains and offsets of EMG, in order, as recorded.
         imposed: When a level was set against the muscles: time, level (0 for no longer).
+        markers: Marked moments: time, text.
         end: How the loop ended; ``None`` where the recording was cut.
         dropped: Records lost, by topic.
         complete: Whether the file was finished, or else recovered or cut.
@@ -113,6 +114,7 @@ class Recorded(msgspec.Struct):
     haptics: list[tuple[int, bool, int]] = []
     tried: list[tuple[int, int, int]] = []
     imposed: list[tuple[int, float]] = []
+    markers: list[tuple[int, str]] = []
     beside: dict[str, list[Any]] = {}
     adaptations: list[Adaptation] = []
     end: tuple[int, str, int] | None = None
@@ -220,6 +222,8 @@ def _take(recorded: Recorded, message: Message, chunk: Callable[[EmgChunk], None
             chunk(EmgChunk(value.t_ns, value.first_index, samples))
         case "tega.ArmTurn":
             recorded.turns.append(value)
+        case "tega.Marker":
+            recorded.markers.append((value.t_ns, value.text))
         case "tega.TriedMotor":
             recorded.tried.append((value.t_ns, value.motor, value.percent))
         case "tega.Event":

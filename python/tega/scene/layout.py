@@ -132,7 +132,7 @@ class TagBody(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class TagLayout(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Which tags are where.
+    """Layout of printed tags on table, object and hand.
 
     Attributes:
         table: Tags that lie on the table; they say where up is.

@@ -55,7 +55,7 @@ class SceneEvent(msgspec.Struct, frozen=True):
 
 
 class SceneOutcome(msgspec.Struct, frozen=True, kw_only=True):
-    """What a camera saw of a trial.
+    """Outcome of a trial as a camera measured it.
 
     Attributes:
         events: In the order of time.
@@ -89,7 +89,7 @@ class SceneOutcome(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SceneCourses(NamedTuple):
-    """What the rule is told, n moments.
+    """Courses of height, slip and width that the rule judges, n moments.
 
     Attributes:
         t_s: float64 (n,), a hundred a second.

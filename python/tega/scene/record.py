@@ -39,7 +39,7 @@ _TICKS: Final = 90_000
 
 
 class CameraTally(msgspec.Struct):
-    """What came of one camera.
+    """Counts of one camera's recording.
 
     Attributes:
         pictures: Pictures that were recorded.

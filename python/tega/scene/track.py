@@ -60,7 +60,7 @@ class BodyTrack(NamedTuple):
 
 
 class SceneTrack(NamedTuple):
-    """What was seen in n pictures.
+    """Poses of object and hand in n pictures.
 
     Attributes:
         t_s: float64 (n,), times of the pictures.

@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 from tega.errors import InvalidValueError
 from tega.skill.fitts import CONDITIONS, Movement
 
-__all__ = ["DWELL_S", "TIMEOUT_S", "Asked", "FittsCourse", "Target", "fitts_plan"]
+__all__ = ["DWELL_S", "TIMEOUT_S", "FittsCourse", "FittsMovement", "Target", "fitts_plan"]
 
 DWELL_S: Final = 1.0
 TIMEOUT_S: Final = 10.0
@@ -43,7 +43,7 @@ class Target(NamedTuple):
         return self.low - _ROUNDING <= closure <= self.high + _ROUNDING
 
 
-class Asked(NamedTuple):
+class FittsMovement(NamedTuple):
     """One movement as it is asked for.
 
     Attributes:
@@ -62,7 +62,7 @@ def fitts_plan(
     *,
     movements: int = 6,
     conditions: Sequence[tuple[float, float, float]] = CONDITIONS,
-) -> list[Asked]:
+) -> list[FittsMovement]:
     """Return the movements of a test: each condition to and fro, the conditions in an order of chance.
 
     Args:
@@ -76,7 +76,7 @@ def fitts_plan(
     if movements < 1:
         raise InvalidValueError(f"movements = {movements} of a condition has to be at least 1")
     return [
-        Asked(Target(high if n % 2 else low, width), high - low, counts=n > 0)
+        FittsMovement(Target(high if n % 2 else low, width), high - low, counts=n > 0)
         for low, high, width in random.Random(seed).sample(list(conditions), len(conditions))
         for n in range(movements + 1)
     ]
@@ -95,7 +95,7 @@ class FittsCourse:
     """
 
     def __init__(
-        self, asked: Sequence[Asked], *, dwell_s: float = DWELL_S, timeout_s: float = TIMEOUT_S
+        self, asked: Sequence[FittsMovement], *, dwell_s: float = DWELL_S, timeout_s: float = TIMEOUT_S
     ) -> None:
         if not 0 < dwell_s < timeout_s:
             raise InvalidValueError(

@@ -60,7 +60,7 @@ Cursor = Callable[["NDArray[np.float64]"], tuple[float, float]]
 
 
 class Practised(NamedTuple):
-    """What practice has taught of a decoder.
+    """Learned map from effort to closure, and how long the cursor takes to get there.
 
     Attributes:
         effort: Shares of the effort at Emax, rising.

@@ -27,7 +27,7 @@ _PIXELS = 10_000.0
 
 
 class TaughtTouch(NamedTuple):
-    """How a finger touches, as shares of what counts as full, and how far down the picture."""
+    """Touch of a finger: CCI and EDA as shares of the maxima, and how far down the picture."""
 
     cci: float
     eda: float

@@ -115,7 +115,7 @@ class TouchMap(NamedTuple):
 
 
 class _Stage:
-    """What the settings and ``tega-teleop stages`` ask of every stage's class.
+    """Base of every stage: its summary, options and packages.
 
     Attributes:
         summary: What it is, in one line.

@@ -25,6 +25,7 @@ from tega.file_lock import LOCK_SUFFIX
 from tega.foreign_file import MIB, check_file, tells_damage
 from tega.plain_name import path_below
 from tega.recording.versions import versions
+from tega.study.bids_names import bids_names
 from tega.study.journal import read_events
 from tega.study.lead.status_file import board_path
 from tega.study.objects import OBJECTS, read_objects
@@ -52,22 +53,29 @@ _CHUNK: Final = MIB
 _NO_DATE = (1980, 1, 1, 0, 0, 0)
 
 
-class BundledFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class BundledFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """One file of a bundle.
 
     Attributes:
         path: Below the study's folder, with ``/`` between its parts.
         n_bytes: Its length.
         sha256: Of its content, hexadecimal.
+        name: In the ZIP file, where that is not the path.
     """
 
     path: str
     n_bytes: int
     sha256: str
+    name: str = ""
+
+    @property
+    def entry(self) -> str:
+        """Its name in the ZIP file."""
+        return self.name or self.path
 
 
 class BundleManifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What a bundle holds, ``manifest.json``.
+    """Manifest of a bundle, ``manifest.json``.
 
     Attributes:
         participant: Anonymous id of the person.
@@ -119,13 +127,14 @@ class OpenedBundle(NamedTuple):
         return self.trials == self.manifest.trials
 
 
-def write_bundle(folder: Path, participant: str, out: Path) -> WrittenBundle:
+def write_bundle(folder: Path, participant: str, out: Path, *, bids: bool = False) -> WrittenBundle:
     """Write a person's session as one file. Muscle signals are in it, and can identify the person.
 
     Args:
         folder: The study's folder.
         participant: Whose session.
         out: The file; new, and outside of the study's folder. Its place is noted, for a withdrawal.
+        bids: Name the files in it as BIDS does (:mod:`tega.study.bids_names`); opened, they have their own names again.
 
     Raises:
         InvalidValueError: Nobody in the plan has that id, or the file cannot be there.
@@ -151,10 +160,13 @@ def write_bundle(folder: Path, participant: str, out: Path) -> WrittenBundle:
     out.parent.mkdir(parents=True, exist_ok=True)
     note_elsewhere(folder, participant, out)
     with new_file(out, sync=True) as file, zipfile.ZipFile(file, "w") as packed:
-        for path in _files_of(folder, participant, left_out):
-            name = path.relative_to(folder).as_posix()
+        paths = {
+            path.relative_to(folder).as_posix(): path for path in _files_of(folder, participant, left_out)
+        }
+        names = bids_names(paths, plan) if bids else {}
+        for name, path in paths.items():
             with path.open("rb") as source:
-                files.append(_pack(packed, name, source))
+                files.append(_pack(packed, name, source, named=names.get(name, "")))
         manifest = BundleManifest(
             participant=participant,
             plan_sha256=plan.settings.plan_sha256,
@@ -204,14 +216,14 @@ def _entry(name: str) -> zipfile.ZipInfo:
     return entry
 
 
-def _pack(packed: zipfile.ZipFile, name: str, source: BinaryIO) -> BundledFile:
+def _pack(packed: zipfile.ZipFile, name: str, source: BinaryIO, *, named: str) -> BundledFile:
     seen, n_bytes = hashlib.sha256(), 0
-    with packed.open(_entry(name), "w", force_zip64=True) as target:
+    with packed.open(_entry(named or name), "w", force_zip64=True) as target:
         while chunk := source.read(_CHUNK):
             seen.update(chunk)
             n_bytes += len(chunk)
             target.write(chunk)
-    return BundledFile(name, n_bytes, seen.hexdigest())
+    return BundledFile(name, n_bytes, seen.hexdigest(), named)
 
 
 @tells_damage
@@ -292,12 +304,12 @@ def _read_manifest(packed: zipfile.ZipFile, bundle: Path) -> BundleManifest:
 def _check_names(packed: zipfile.ZipFile, manifest: BundleManifest, source: str) -> None:
     """Refuse names that lie outside, stand for two files, or are in one of manifest and file only."""
     names = [entry.filename for entry in packed.infolist()]
-    listed = [one.path for one in manifest.files]
-    for name in (*names, *listed):
+    listed, paths = [one.entry for one in manifest.files], [one.path for one in manifest.files]
+    for name in (*names, *listed, *paths):
         path_below(Path(), name, what="file", source=source)
     # Windows and macOS take Events.jsonl and events.jsonl for one file.
     folded = [name.casefold() for name in names]
-    if len(set(folded)) < len(folded) or len(set(listed)) < len(listed):
+    if len(set(folded)) < len(folded) or any(len(set(some)) < len(some) for some in (listed, paths)):
         raise RecordingError(f"{source}: a name stands for two files", "ask for the bundle again")
     if odd := sorted({*names} ^ {*listed, MANIFEST}):
         raise RecordingError(
@@ -310,7 +322,7 @@ def _unpack(packed: zipfile.ZipFile, one: BundledFile, path: Path, bundle: Path)
     path.parent.mkdir(parents=True, exist_ok=True)
     seen, n_bytes = hashlib.sha256(), 0
     try:
-        with packed.open(one.path) as source, path.open("xb") as target:
+        with packed.open(one.entry) as source, path.open("xb") as target:
             while n_bytes <= one.n_bytes and (chunk := source.read(_CHUNK)):
                 seen.update(chunk)
                 n_bytes += len(chunk)

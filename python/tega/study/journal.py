@@ -34,6 +34,7 @@ Kind = Literal[
     "beep",
     "answer",
     "muscles",
+    "squeeze",
     "undo",
 ]
 
@@ -56,7 +57,8 @@ class JournalEvent(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unkno
         text: A note, or the reason of an end, a correction or a repetition (``redo``). Left out of anonymised copies.
         item: ``rating``: what was asked, such as ``tlx.effort``. ``muscles``: the channel, such as ``ch1``.
         value: ``rating``: the answer, 0 to 100; ``None`` where it was passed over. ``muscles``: the channel's median
-            frequency in the trial, Hz; left out of anonymised copies.
+            frequency in the trial, Hz. ``squeeze``: its amplitude, as a share of the calibrated maximum. Both are left
+            out of anonymised copies.
     """
 
     n: Annotated[int, msgspec.Meta(ge=1)]

@@ -41,7 +41,7 @@ CORRECTED: Final[tuple[Kind, ...]] = ("lift_off", "slip", "deformation", "drop")
 
 
 class MeasuredTrial(msgspec.Struct, frozen=True):
-    """What a camera saw of one attempt.
+    """Measurement of one attempt by a camera.
 
     Attributes:
         participant: Whose.

@@ -28,7 +28,7 @@ _Amount = Annotated[float, msgspec.Meta(gt=0, le=100_000)]
 
 
 class ObjectFacts(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What is known of an object; ``None`` where nobody measured it.
+    """Properties of an object; ``None`` where nobody measured it.
 
     Attributes:
         mass_g: Mass as it is lifted, grams.

@@ -273,7 +273,7 @@ def _copy_events(
         text = signed if event.kind == "session_start" else ""
         if event.kind == "trial_end" and event.text == PART:  # decides whose counts are used
             text = PART
-        value = None if event.kind == "muscles" else event.value
+        value = None if event.kind in {"muscles", "squeeze"} else event.value
         return msgspec.structs.replace(
             event,
             value=value,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import msgspec
 
-from tega.study.journal import read_events
+from tega.study.journal import read_events, undone_numbers
 from tega.study.lead.questions import QUESTIONS, raw_tlx
 from tega.study.plan import read_plan
 from tega.study.privacy import withdrawn_ids
@@ -54,8 +54,10 @@ def ratings(folder: Path) -> tuple[RatingUse, ...]:
             continue
         condition_of = {trial.trial: trial.condition for trial in plan.of(person)}
         blocks: dict[int, dict[str, float | None]] = {}
-        for event in read_events(events_path(folder, person)):
-            if event.kind == "rating":
+        events = read_events(events_path(folder, person))
+        undone = undone_numbers(events)
+        for event in events:
+            if event.kind == "rating" and event.n not in undone:
                 blocks.setdefault(event.trial, {})[event.item] = event.value
         for trial, answers in blocks.items():
             for item, value in {RAW_TLX: raw_tlx(answers), **answers}.items():

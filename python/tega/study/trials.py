@@ -13,9 +13,10 @@ from tega.study.journal import JournalEvent, Status, counting, read_events
 from tega.study.observers import read_observers, saw_whole
 from tega.study.plan import PlannedTrial, StudyPlan, read_plan
 from tega.study.privacy import withdrawn_ids
+from tega.study.squeeze_score import squeeze_shares
 from tega.study.state import events_path
 
-_CAN_BE_UNDONE = {"lift_off", "lifted", "slip", "deformation", "drop", "note", "override", "redo"}
+_CAN_BE_UNDONE = {"lift_off", "lifted", "slip", "deformation", "drop", "note", "override", "redo", "rating"}
 
 
 class Trial(msgspec.Struct, frozen=True, kw_only=True):
@@ -43,6 +44,8 @@ class Trial(msgspec.Struct, frozen=True, kw_only=True):
         beeps_answered: Of them, in time.
         false_answers: Presses that answered no beep.
         reaction_s: Median from beep to press, seconds; ``None`` where none was answered.
+        squeeze_share: Strength of the newest squeeze in the rest after it, as a share of the person's first; ``None``
+            where there was none.
         first: Whether the condition was the person's first with this object.
         events: Where the row comes from, such as ``sessions/p01/events.jsonl:12``, one for every event used.
     """
@@ -67,6 +70,7 @@ class Trial(msgspec.Struct, frozen=True, kw_only=True):
     beeps_answered: int = 0
     false_answers: int = 0
     reaction_s: float | None = None
+    squeeze_share: float | None = None
     first: bool = False
     events: tuple[str, ...] = ()
 
@@ -142,7 +146,7 @@ def trials_of_events(
     first = {
         name: next(t.condition for t in planned if t.object == name) for name in {t.object for t in planned}
     }
-    trials = []
+    trials, shares = [], squeeze_shares(events)
     for plan in planned:
         runs = [run for run in attempts.get(plan.trial, []) if any(e.kind == "trial_end" for e in run)]
         if runs:
@@ -154,6 +158,8 @@ def trials_of_events(
             if any(event in redone for event in runs[-1]):
                 # It was to be done again and was not: nothing of it is data.
                 done = msgspec.structs.replace(done, status="aborted_technical")
+            squeezed = [None, *(shares[event.n] for event in runs[-1] if event.n in shares)]
+            done = msgspec.structs.replace(done, squeeze_share=squeezed[-1])
             attempt = runs[-1][0].attempt
             for rater, seen in observers.items():
                 if saw_whole(seen, plan.trial, attempt):

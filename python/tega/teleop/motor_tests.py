@@ -23,7 +23,7 @@ _ANSWER_S: Final = 1.0
 
 
 class MotorAnswer(NamedTuple):
-    """What became of a wish.
+    """Answer to a click on a motor.
 
     Attributes:
         done: Whether the motor vibrates.

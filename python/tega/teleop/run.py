@@ -44,6 +44,7 @@ def run_loop(
     stop: Callable[[], bool],
     haptics: Callable[[], bool],
     tests: MotorTests,
+    shown: Callable[[LoopView], LoopView] = lambda view: view,
 ) -> dict[str, Any]:
     """Run the dual loop until it ends, close what is open and write down what was.
 
@@ -55,6 +56,7 @@ def run_loop(
         stop: Asked all the time whether to end.
         haptics: Asked at every vest tick; every motor rests while it says no.
         tests: Wishes to feel a motor while the run is armed.
+        shown: Completes each moment for a display.
 
     Returns:
         The summary.
@@ -159,7 +161,7 @@ def run_loop(
         inputs=rig.inputs,
         guard=guard,
         trace=trace,
-        complete=[part.shown for part in (sinks, rig.steering, station) if part is not None],
+        complete=[*(part.shown for part in (sinks, rig.steering, station) if part is not None), shown],
         endless=rig.steering is not None or station is not None,
         tried=lambda t_ns, frame: tests.frame(
             t_ns, frame, refused=partial(_untried, guard, haptics), bus=rig.bus

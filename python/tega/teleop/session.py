@@ -38,6 +38,7 @@ def run_session(
     tell: Callable[[str], None] = lambda _said: None,
     bus: Bus | None = None,
     motor_tests: MotorTests | None = None,
+    shown: Callable[[LoopView], LoopView] = lambda view: view,
 ) -> dict[str, Any]:
     """Run a session from its settings.
 
@@ -57,6 +58,7 @@ def run_session(
         bus: Told of everything that comes in and goes out, as :mod:`tega.records`; give one with your own
             subscribers.
         motor_tests: Wishes to feel a motor of the vest, heard while the run is armed.
+        shown: Completes each moment for a display with what the loop does not know.
 
     Returns:
         The summary, as it was written to ``summary.json`` where there is a folder for it.
@@ -101,4 +103,5 @@ def run_session(
             stop=stop,
             haptics=haptics,
             tests=motor_tests or MotorTests(),
+            shown=shown,
         )

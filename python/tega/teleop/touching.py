@@ -45,7 +45,7 @@ class Touching:
 
 
 class _Found(NamedTuple):
-    """What is measured of a finger; without a contact the finger is over, at a time."""
+    """Measurement of a finger; without a contact the finger's recording ends, at a time."""
 
     finger: str
     contact: Contact | None

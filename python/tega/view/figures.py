@@ -128,7 +128,7 @@ def draw_touch(axes: Sequence[Axes], finger: str, picture: TouchPicture) -> None
     )
     touch.set_title(caption, fontsize=9)
     if touch_map is not None and touch_map.mask.any():
-        touch.set_xlabel(f"most: {touch_map.height.max():.3g} {touch_map.unit}", fontsize=8)
+        touch.set_xlabel(f"white: {touch_map.height.max():.3g} {touch_map.unit}", fontsize=8)
 
 
 def draw_map(ax: Axes, shape: tuple[int, ...], metrics: ContactMetrics, touch_map: TouchMap | None) -> None:

@@ -73,6 +73,9 @@ class RerunStream:
         else:
             self.url = str(self._file)
             stream.save(self._file, default_blueprint=_layout())
+        for finger in FINGERS:
+            names = self._rerun.SeriesLines(names=[f"{finger} CCI", f"{finger} EDA"])
+            stream.log(f"/tactile/{finger}/contact", names, static=True)
         self._stream = stream
         self._bus.subscribe(Record, self._take, name="rerun", backlog=self._backlog)
         return self

@@ -48,7 +48,7 @@ class CytonBatch:
 
 
 class _NumberedPackets:
-    """What is counted in a stream whose packets carry a number."""
+    """Counters of a stream whose packets carry a number."""
 
     _stream: _native.CytonStream | _native.ChordsStream
 

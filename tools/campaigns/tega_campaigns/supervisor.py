@@ -157,15 +157,20 @@ class Supervisor:
             self._process.stdin.flush()
 
     def fill_disk(self, *, full: bool) -> None:
-        """Let it write no byte beyond what its files have, as on a full disk; or let it write again."""
+        """Let it and its recorder write no byte beyond what their files have, as on a full disk; or write again."""
         import resource  # which Windows has not
 
         if self._process is not None:
-            hard = resource.prlimit(self._process.pid, resource.RLIMIT_FSIZE)[1]
-            resource.prlimit(self._process.pid, resource.RLIMIT_FSIZE, (0 if full else hard, hard))
+            for pid in filter(None, (self._process.pid, self._child("tega.recording.recorder_program"))):
+                hard = resource.prlimit(pid, resource.RLIMIT_FSIZE)[1]
+                resource.prlimit(pid, resource.RLIMIT_FSIZE, (0 if full else hard, hard))
 
     def arm_process(self) -> int | None:
         """Return the number of the process that it has started for the arm; ``None`` if there is none."""
+        return self._child("tega.arm.robot.process")
+
+    def _child(self, module: str) -> int | None:
+        """Return the number of the process that it has started of a module; ``None`` if there is none."""
         if self._process is None:
             return None
         for folder in Path("/proc").glob("[0-9]*"):
@@ -174,7 +179,7 @@ class Supervisor:
                 parent = int((folder / "stat").read_text("ascii").rpartition(")")[2].split()[1])
             except (OSError, ValueError):  # it has ended meanwhile
                 continue
-            if parent == self._process.pid and b"tega.arm.robot.process" in words:
+            if parent == self._process.pid and module.encode() in words:
                 return int(folder.name)
         return None
 

@@ -24,6 +24,7 @@ from typing import IO, Any, Final
 from tega.calibration.wearing import SITES
 from tega.child_process import python_command
 from tega.errors import DeviceUnavailableError, InvalidValueError
+from tega.study.lead.questions import KEYS
 from tega_emulators.wearer import Wearer
 
 __all__ = ["Participant", "Reach", "main"]
@@ -82,7 +83,7 @@ class Participant:
         self._chance = random.Random(seed)
         threshold = {site: self._chance.choice((9, 12, 15)) for site in SITES}
         self._wearer = Wearer(lambda: move("vest")["history"], threshold)
-        self._phase = ""
+        self._seen = "", ""
         self._n_tries = 0
 
     def hear(self, line: str, type_keys: Callable[[str], None]) -> None:
@@ -128,19 +129,21 @@ class Participant:
             time.sleep(_LET_GO_S)
 
     def _answer(self, line: str) -> str:
-        if re.search(r": 0 .* … 100 ", line):
-            return str(5 * self._chance.randrange(21))
         if "what now?" in line:
             self._n_tries += 1
             return "a" if self._n_tries < _TRIES else "q"
         return self._wearer(line) or ""
 
     def _study(self, line: str, type_keys: Callable[[str], None]) -> None:
-        phase = line[1:].partition("]")[0]
-        if phase == self._phase:
+        phase, _, heading = line[1:].partition("]")
+        if (phase, heading) == self._seen:
             return
-        self._phase = phase
-        if phase == "ready":
+        same, self._seen = phase == self._seen[0], (phase, heading)
+        if phase == "questions":
+            type_keys(self._chance.choice(KEYS) if " · question " in heading else "")
+        elif same:
+            return
+        elif phase == "ready":
             self._move("rest")
             type_keys("")
         elif phase == "trial":

@@ -83,7 +83,7 @@ def draw(target: Path, path: HandPath, found: Sequence[tuple[str, Followed]]) ->
             f.course[:, 0], 100 * f.course[:, 3], lw=1, label=name.split(",")[0] if "late," in name else name
         )
     if path.closed_s is not None:
-        whole.axvspan(*path.closed_s, color="0.93", label="told to grip")
+        whole.axvspan(*path.closed_s, color="0.85", label="told to grip")
     whole.set(xlabel="time, s", ylabel="height, cm", title="palm of the simulated arm")
     whole.legend(fontsize=6, frameon=False, loc="center", bbox_to_anchor=(0.52, 0.5))
     start_s = 3.0

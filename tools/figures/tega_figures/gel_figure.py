@@ -31,20 +31,20 @@ def draw_presses(path: Path) -> None:
     Raises:
         MissingExtraError: matplotlib is not installed.
     """
-    figure = new_figure(figsize=(9, 4.4))
+    figure = new_figure(figsize=(9, 4.1))
     axes = figure.subplots(2, len(_SHOWN))
     for seed, (name, force_n) in enumerate(_SHOWN, start=1):
         gel = Gel(seed)
         image, still = gel.frame([shape(name, force_n)], 0), gel.still()
         upper, lower = axes[:, seed - 1]
         upper.imshow(image[..., ::-1])
-        upper.set_title(f"{name}, {force_n} N", fontsize=7)
+        upper.set_title(f"{name}, {force_n} N", fontsize=8)
         lower.imshow(np.clip(128 + 1.5 * (image.astype(int) - still), 0, 255).astype(np.uint8)[..., ::-1])
         lower.contour(gel.contact_mask(), [0.5], colors=TRUE_WHITE, linewidths=0.8)
         lower.contour(contact_mask(image, still), [0.5], colors=AREA_YELLOW, linewidths=0.8)
         for ax in (upper, lower):
             ax.set_axis_off()
-    figure.savefig(path, dpi=64)
+    figure.savefig(path, dpi=110)
 
 
 def draw_readings(path: Path) -> None:

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from tega import hand, haptics
+from tega.config import FINGERS
 from tega.devices.synthetic import SyntheticEmg, SyntheticEmgOptions, SyntheticTouch, SyntheticTouchOptions
 from tega.emg import GraspIntent, channel_maxima
 from tega.tactile import Reading, contact_mask
@@ -41,6 +42,7 @@ def emg_levels(path: Path) -> None:
     t_s = np.arange(len(samples)) / rate_hz
     above.plot(t_s, samples[:, 0], lw=0.4, color=COLOURS[1])
     above.set_title("Synthetic EMG of one channel", fontsize=10)
+    above.set_ylabel("raw value")
     centred = samples - samples.mean(axis=0)
     blocks = np.abs(centred[: len(samples) // tau * tau]).reshape(-1, tau, samples.shape[1]).mean(1)
     for n in range(samples.shape[1]):
@@ -51,11 +53,13 @@ def emg_levels(path: Path) -> None:
     for border in (0.25, 0.5, 0.75):
         middle.axhline(border, color="0.8", lw=0.8, zorder=0)
     middle.set_title("Means of 0.1 s, as shares of the maximum; grey: borders of the levels", fontsize=10)
+    middle.set_ylabel("share")
     middle.legend(fontsize=7, ncols=3, loc="upper left")
     fused = [int(block.level) for block in levels] if hasattr(levels[0], "level") else np.asarray(levels)
     below.step((np.arange(len(fused)) + 1) * tau / rate_hz, fused, where="post", color="#c8202f", lw=2)
     below.set_yticks(range(1, 6))
-    below.set_title("Level", fontsize=10)
+    below.set_ylabel("level")
+    below.set_title("The level that the hand gets", fontsize=10)
     below.set_xlabel("time, s")
     figure.savefig(path, dpi=100)
 
@@ -77,6 +81,7 @@ def emg_faults(path: Path) -> None:
     ):
         axes.plot(t_s, signal, lw=0.4, color=colour)
         axes.set_title(name, fontsize=10)
+        axes.set_ylabel("EMG")
         axes.set_yticks([])
     axes.set_xlabel("time, s (synthetic)")
     figure.savefig(path, dpi=100)
@@ -132,16 +137,19 @@ def vest_law(path: Path) -> None:
     )
     motors = np.asarray(frame.x40(), float).reshape(2, 5, 4)
     for face, name in enumerate(("front: CCI", "back: EDA")):
-        for row in range(5):
-            for column in range(4):
+        for column in range(4):
+            # From outside: the first column, at the wearer's left, is at the right of the front.
+            x = 5.2 * face + (column if face else 3 - column)
+            for row in range(5):
                 right.scatter(
-                    5.2 * face + column, -row, s=190, color=COLOURS[column],
+                    x, -row, s=190, color=COLOURS[column],
                     alpha=max(motors[face, row, column] / 100, 0.04), edgecolors="none",
                 )  # fmt: skip
-                right.scatter(5.2 * face + column, -row, s=190, facecolors="none", edgecolors="0.6", lw=0.8)
+                right.scatter(x, -row, s=190, facecolors="none", edgecolors="0.6", lw=0.8)
+            right.text(x + 0.2, -4.6, FINGERS[column], ha="right", va="top", rotation=45, fontsize=8)
         right.text(5.2 * face + 1.5, 0.8, name, ha="center", fontsize=9)
     right.set_xlim(-0.8, 9)
-    right.set_ylim(-4.8, 1.5)
+    right.set_ylim(-6.2, 1.5)
     right.set_axis_off()
     figure.savefig(path, dpi=100)
 

@@ -24,6 +24,7 @@ __all__ = ["drawn", "main", "picture"]
 PROJECT: Final = Path(__file__).resolve().parents[3]
 TEGA: Final = (sys.executable, "-m", "tega.cli")
 WAIT_S: Final = 180
+_LEAST_COLUMNS = 90
 
 
 def picture(words: list[str], said: str, path: Path, *, most_lines: int = 34) -> None:
@@ -37,8 +38,10 @@ def picture(words: list[str], said: str, path: Path, *, most_lines: int = 34) ->
     """
     lines = said.rstrip().splitlines()
     shown = [*lines[:most_lines], *(["…"] if len(lines) > most_lines else [])]
-    width = min(118, max(len(Text.from_ansi(line).plain) for line in [*shown, "$ " + " ".join(words)]) + 2)
-    path.write_text(drawn(words, shown, width=width, name=path.stem), encoding="utf-8")
+    widest = max(len(Text.from_ansi(line).plain) for line in [*shown, "$ " + " ".join(words)])
+    # An empty line at the end, since the last one is drawn cut; wide enough that no browser blows letters up.
+    svg = drawn(words, [*shown, ""], width=min(118, max(_LEAST_COLUMNS, widest + 2)), name=path.stem)
+    path.write_text(svg, encoding="utf-8")
 
 
 def drawn(words: list[str], lines: list[str], *, width: int, name: str, n_lines: int = 0) -> str:

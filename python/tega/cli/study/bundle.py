@@ -17,15 +17,16 @@ _FILE = click.Path(path_type=Path, dir_okay=False)
 @click.argument("folder", type=_FOLDER)
 @click.argument("participant")
 @click.argument("out", type=_FILE)
+@click.option("--bids", is_flag=True, help="Name its files sub-…_ses-…_task-…_run-…; study open undoes it.")
 @json_option
-def bundle(*, folder: Path, participant: str, out: Path, as_json: bool) -> None:
+def bundle(*, folder: Path, participant: str, out: Path, bids: bool, as_json: bool) -> None:
     """Write a person's session as one ZIP file: plan, events, raters, recordings, versions and a hash of each file.
 
     Muscle signals can identify a person: give a bundle only to whom that person agreed to.
     """
     from tega.study.bundle import write_bundle
 
-    manifest, left_out = write_bundle(folder, participant, out)
+    manifest, left_out = write_bundle(folder, participant, out, bids=bids)
     n_bytes = sum(one.n_bytes for one in manifest.files)
     if as_json:
         echo_json(

@@ -56,7 +56,7 @@ def trials_shown() -> Iterator[Callable[[str, int, int], None]]:
 
 
 class _Shard(click.ParamType[tuple[int, int]]):
-    """Which part of how many."""
+    """Part of a simulation that is shared between machines, such as 2/8."""
 
     name = "i/n"
 

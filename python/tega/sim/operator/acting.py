@@ -41,7 +41,7 @@ _PANELS: tuple[Panel, Panel] = ("front", "back")
 
 @dataclass
 class TrialOfPerson:
-    """What begins anew with each trial."""
+    """State of a simulated person that begins anew with each trial."""
 
     grip: GripDecisions
     eyes: Eyes

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.safety.states import Transition
     from tega.sim.seams import Act, Percept
+    from tega.study.lead.rest_tasks import RestTask
     from tega.study.lead.running_trial import Going
     from tega.study.plan import PlannedTrial, StudyPlan
 from tega.study.state import Where
@@ -44,12 +46,14 @@ class TrialBench(Protocol):
         own_time: Whether it has a time of its own.
         closure: Reads how closed the hand is off its joints; ``None`` where they are not measured.
         where: What the devices are, which the session's events say.
+        rest_tasks: What it offers in a rest.
     """
 
     where: Where
     sees_height: bool
     own_time: bool
     closure: ClosureScale | None
+    rest_tasks: Sequence[RestTask]
 
     def felt(self, condition: str) -> bool:
         """Tell whether the vest shows touch in a condition.
@@ -92,6 +96,8 @@ class LabBench:
         self, config: SessionConfig, *, settings: str = "SETTINGS.toml", where: Where = "lab"
     ) -> None:
         from tega.lifecycle import require
+        from tega.study.lead.squeeze import squeeze_task
+        from tega.study.lead.to_start import start_task
 
         require("foxglove", driver="recording", extra="record")
         if config.emg is None or not config.tactile.in_use():
@@ -100,6 +106,9 @@ class LabBench:
                 "set [emg] and [tactile.thumb]",
             )
         self._config = config
+        self.rest_tasks: Sequence[RestTask] = (squeeze_task(config, settings=settings),)
+        if config.arm is not None and config.arm.start is not None:
+            self.rest_tasks = (*self.rest_tasks, start_task(config))
         self.masking = config.masking
         self._settings = settings
         self.where: Where = where
@@ -167,6 +176,7 @@ class SimulatedBench:
     where: Where = "simulated"
     sees_height = True
     own_time = True
+    rest_tasks: Sequence[RestTask] = ()
 
     def __init__(
         self,

@@ -1,6 +1,7 @@
-"""Show in a rest whether the arm tires: each muscle's median frequency in the newest trials against the first ones.
+"""Show in a rest whether the arm tires: median frequencies against the first trials, a squeeze against the first one.
 
-A tired muscle's spectrum moves down. Each trial's value is an event of the session, so a stop forgets nothing.
+A tired muscle's spectrum moves down, and its strongest squeeze gets weaker. Each value is an event of the session, so a
+stop forgets nothing.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 from tega.emg_condition import FELL_SHARE
+from tega.study.squeeze_score import squeeze_shares
 
 if TYPE_CHECKING:
     from tega.records import MuscleCondition
@@ -61,3 +63,13 @@ def said_of_muscles(events: Sequence[JournalEvent]) -> list[str]:
     tired = sorted(channel for channel, change in changes.items() if change <= -FELL_SHARE)
     lines = [f"median frequency against the first trials: {shown}".replace("-", "−")]
     return lines + ([f"{', '.join(tired)}: tired; let the arm rest longer"] if tired else [])
+
+
+def said_of_squeezes(events: Sequence[JournalEvent]) -> list[str]:
+    """Return how strong the newest squeeze was, to be shown in a rest; nothing before the first.
+
+    Args:
+        events: The session's.
+    """
+    shares = squeeze_shares(events)
+    return [f"squeeze: {100 * shares[max(shares)]:.0f} % of the first"] if len(shares) > 1 else []

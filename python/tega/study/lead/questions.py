@@ -6,17 +6,16 @@ that more is worse on all six and nothing is turned round.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Final, NamedTuple
 
-from tega.study.journal import JournalEvent
+from tega.study.journal import JournalEvent, undone_numbers
 from tega.study.plan import PlannedTrial
 
-if TYPE_CHECKING:
-    from tega.study.lead.experimenter import Desk
-
-
-STEP = 5
+STEP: Final = 5
+KEYS: Final = "abcdefghijklmnopqrstu"
+"""A key for each of the 21 marks of a scale, as the printed form has them."""
+PASS: Final = "-"
 
 
 class Question(NamedTuple):
@@ -55,42 +54,21 @@ COMFORT = (
 QUESTIONS: tuple[Question, ...] = TLX + COMFORT
 
 
-def answer_of(said: str) -> float | None:
-    """Read an answer: a multiple of 5 from 0 to 100, or ``-`` to pass over the question.
+def answer_of(key: str) -> float | None:
+    """Read an answer: ``a`` to ``u`` for 0 to 100 in steps of 5, or ``-`` to pass over the question.
 
     Raises:
         ValueError: It is neither.
 
     Example:
-        >>> answer_of("35"), answer_of("-")
-        (35.0, None)
+        >>> answer_of("a"), answer_of("h"), answer_of("u"), answer_of("-")
+        (0.0, 35.0, 100.0, None)
     """
-    if said.strip() == "-":
+    if key == PASS:
         return None
-    value = int(said.strip())
-    if not 0 <= value <= 100 or value % STEP:
-        raise ValueError(said)
-    return float(value)
-
-
-def ask(question: Question, desk: Desk, stop: Callable[[], bool]) -> float | None:
-    """Ask until there is an answer.
-
-    Args:
-        question: What.
-        desk: Where.
-        stop: Asked before each try whether to give up.
-
-    Raises:
-        KeyboardInterrupt: ``stop`` said so, or nobody is at the desk.
-    """
-    while not stop():
-        said = desk.line(f"{question.title}: 0 {question.left} … 100 {question.right}:")
-        try:
-            return answer_of(said)
-        except ValueError:
-            desk.say(f"{said!r} is not one of 0, 5, 10 … 100, and not -")
-    raise KeyboardInterrupt
+    if len(key) != 1 or key not in KEYS:
+        raise ValueError(key)
+    return float(STEP * KEYS.index(key))
 
 
 def raw_tlx(answers: Mapping[str, float | None]) -> float | None:
@@ -107,21 +85,21 @@ def raw_tlx(answers: Mapping[str, float | None]) -> float | None:
 
 def blocks_to_ask(
     trials: Sequence[PlannedTrial], events: Sequence[JournalEvent], open_trials: set[int]
-) -> list[tuple[int, list[Question]]]:
-    """Return which questions are still to be asked, by the last trial of each block that is over.
+) -> list[int]:
+    """Return the last trial of each block that is over and whose questions are not all answered.
 
     Args:
         trials: The person's.
         events: The session's.
         open_trials: Numbers of the trials that are still to be done.
     """
-    asked = {(event.trial, event.item) for event in events if event.kind == "rating"}
+    undone = undone_numbers(events)
+    asked = {(e.trial, e.item) for e in events if e.kind == "rating" and e.n not in undone}
     ran = {event.trial for event in events if event.kind == "trial_start"}
     found = []
     for block in dict.fromkeys(trial.block for trial in trials):
         mine = [trial.trial for trial in trials if trial.block == block]
-        if open_trials.isdisjoint(mine) and not ran.isdisjoint(mine):
-            left = [question for question in QUESTIONS if (mine[-1], question.item) not in asked]
-            if left:
-                found.append((mine[-1], left))
+        over = open_trials.isdisjoint(mine) and not ran.isdisjoint(mine)
+        if over and any((mine[-1], question.item) not in asked for question in QUESTIONS):
+            found.append(mine[-1])
     return found

@@ -9,6 +9,7 @@ from tega.study.lead.experimenter import Screen
 from tega.study.lead.trial import keys_of
 
 if TYPE_CHECKING:
+    from tega.study.lead.rest_tasks import RunningTask
     from tega.study.lead.trial import LedTrial
 
 
@@ -31,6 +32,17 @@ def waiting(
         return Screen("ready", heading, "Enter to end the session", before, [("Enter", "end"), *keys])
     big = f"put the {thing} in its place; Enter to begin"
     return Screen("ready", heading, big, before, [("Enter", "begin"), stop, *keys])
+
+
+def doing(heading: str, running: RunningTask) -> Screen:
+    """Return the screen of a task in a rest.
+
+    Args:
+        heading: Where in the session this is.
+        running: The task.
+    """
+    left = "" if running.left_s is None else f"  {running.left_s:.0f} s"
+    return Screen("task", heading, running.prompt + left, [running.task.words], [("a", "end it")])
 
 
 def running(heading: str, led: LedTrial, window_s: float, *, sees_height: bool) -> Screen:

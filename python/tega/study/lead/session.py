@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tega.clock import Clock, SystemClock
-from tega.errors import DeviceUnavailableError
+from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.study.beep_score import said_of_beeps
 from tega.study.journal import Journal
+from tega.study.lead.asking import BlockQuestions
 from tega.study.lead.beeps import Beeps, check_answer_key
 from tega.study.lead.between_trials import TrialBefore
 from tega.study.lead.experimenter import ENTER, Desk
-from tega.study.lead.fatigue import said_of_muscles
-from tega.study.lead.questions import QUESTIONS, ask, blocks_to_ask
-from tega.study.lead.screens import running, waiting
+from tega.study.lead.fatigue import said_of_muscles, said_of_squeezes
+from tega.study.lead.questions import blocks_to_ask
+from tega.study.lead.rest_tasks import RestTask, RunningTask
+from tega.study.lead.screens import doing, running, waiting
 from tega.study.lead.session_progress import Telling
 from tega.study.lead.status_file import SessionBoard, board_path
 from tega.study.lead.tell import CommandFile, told_path
@@ -77,8 +79,8 @@ def lead_session(
         How the session stands.
 
     Raises:
-        InvalidValueError: Nobody has that id, the answer key means something else, a planned condition cannot be run on
-            this bench, or the plan is not for sessions on it.
+        InvalidValueError: Nobody has that id, answer key or pedal mean something else, a condition cannot be run
+            on this bench, or the plan is not for sessions on it.
         RecordingError: The study is damaged, or the person has withdrawn.
         DeviceUnavailableError: Another program has the session open, nothing can play the plan's beeps, the masking
             sound has stopped, or a trial cannot begin and nobody is there.
@@ -87,6 +89,8 @@ def lead_session(
     plan = read_plan(folder)
     for condition in plan.settings.conditions:
         bench.felt(condition)
+    if begun := [task.words for task in bench.rest_tasks if task.key == pedal]:
+        raise InvalidValueError(f"pedal {pedal!r}: begins {begun[0]} in a rest", "take b, for example")
     if plan.settings.probe:
         check_answer_key(answer_key, pedal)
         if masking is None:
@@ -215,6 +219,10 @@ class _Lead:
         what = "all trials are over" if trial is None else f"trial {trial.trial} of {len(self._mine)}{again}"
         heading = f"{self._participant} · {what}" + ("" if trial is None else f" · {trial.object}")
         quitting = False
+        tasks = {} if trial is None else {task.key: task for task in self._bench.rest_tasks}
+        offered = [(key, task.words) for key, task in tasks.items()]
+        if ended_ns is not None:
+            self._by_itself(list(tasks.values()), heading)
         while True:
             now_ns = self._clock.now_ns()
             left_s = (until_ns - now_ns) / 1e9
@@ -227,6 +235,8 @@ class _Lead:
                     self._desk.say("q once more to stop here; the same command goes on from here")
                 elif key in {ENTER, self._pedal} and not resting:
                     return True
+                elif trial is not None and key in tasks:
+                    self._rest_task(tasks[key], heading)
                 else:
                     self._before.take(key)
                     if self._state.next != next_before:
@@ -234,12 +244,46 @@ class _Lead:
             if self._auto and not resting:
                 return True
             thing = "" if trial is None else trial.object
-            told = [*self._before.lines(), *said_of_muscles(self._journal.events)]
-            screen = waiting(heading, thing, left_s, told, self._before.keys)
+            events = self._journal.events
+            told = [*self._before.lines(), *said_of_muscles(events), *said_of_squeezes(events)]
+            screen = waiting(heading, thing, left_s, told, [*offered, *self._before.keys])
             self._telling.show(
                 screen, self._as_board(screen.phase, trial, attempt, until_ns=until_ns if resting else None)
             )
             time.sleep(_POLL_S)
+
+    def _by_itself(self, tasks: Sequence[RestTask], heading: str) -> None:
+        """Begin what begins by itself after a trial, where somebody leads."""
+        for task in tasks:
+            if task.after_trials and not self._auto:
+                self._rest_task(task, heading)
+
+    def _rest_task(self, task: RestTask, heading: str) -> None:
+        """Have the bench do something of a rest, and write down what came of it."""
+        running = RunningTask(task)
+        try:
+            while not running.over:
+                if "a" in self._heard():
+                    running.end()
+                self._telling.show(doing(heading, running), self._as_board("task", None))
+                time.sleep(_POLL_S)
+        finally:
+            running.end()
+        found = running.result()
+        if isinstance(found, str):
+            self._desk.say(f"{task.words}: {found}")
+            return
+        number, attempt = self._before.which or (0, 1)
+        self._journal.add(
+            task.kind,
+            t_ns=self._clock.now_ns(),
+            trial=number,
+            attempt=attempt,
+            source="auto",
+            text=found.text,
+            value=found.value,
+        )
+        self._desk.say(f"{task.words}: {found.text or 'done'}")
 
     def _trial(self, trial: PlannedTrial, attempt: int) -> bool:
         """Lead a trial; whether it took place."""
@@ -303,29 +347,30 @@ class _Lead:
         left = {number for number, status in state.status.items() if status in {"planned", "running"}}
         if state.next is not None:
             left.add(state.next[0])
-        for number, questions in blocks_to_ask(self._mine, self._journal.events, left):
-            if not self._auto:
-                self._desk.say(
-                    f"Questions to the participant: 0 to 100 in steps of 5, - to pass over ({len(questions)} of "
-                    f"{len(QUESTIONS)} left)"
-                )
-            for question in questions:
-                self._board("questions")
-                value = None if self._auto else ask(question, self._desk, self._stop)
-                self._journal.add(
-                    "rating",
-                    t_ns=self._clock.now_ns(),
-                    trial=number,
-                    item=question.item,
-                    value=value,
-                    source="participant",
-                )
+        for number in blocks_to_ask(self._mine, self._journal.events, left):
+            asked = BlockQuestions(
+                self._journal, self._clock, number, f"{self._participant} · after trial {number}"
+            )
+            if self._auto:
+                asked.pass_over()
+            while not asked.over:
+                self._heard_by_program()
+                pressed = self._desk.keys()
+                for key in pressed:
+                    asked.press(key)
+                self._telling.show(asked.screen(), self._as_board("questions", None))
+                time.sleep(_POLL_S)
         return True
 
     def _heard(self) -> list[str]:
+        told = self._heard_by_program()
+        return [*self._desk.keys(), *told]
+
+    def _heard_by_program(self) -> list[str]:
+        """Return what another program has pressed; a question is answered by a person, whatever it presses."""
         if self._stop():
             raise KeyboardInterrupt
-        return [*self._desk.keys(), *self._told.take()]
+        return self._told.take()
 
     def _as_board(
         self,

@@ -19,7 +19,8 @@ class SessionBoard(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         t_ns: When it was written, on the session's clock, as all times.
-        phase: ``waiting``, ``rest``, ``ready``, ``countdown``, ``trial``, ``questions`` or ``over``.
+        phase: ``waiting``, ``rest``, ``ready``, ``countdown``, ``trial``, ``task``, ``questions`` or
+            ``over``.
         trial: Number of the trial that goes on or comes next; 0 for none.
         attempt: Its attempt.
         object: What is lifted in it.

@@ -63,7 +63,7 @@ def keys_of(*, sees_height: bool) -> list[tuple[str, str]]:
 
 
 class _TrialEnd(NamedTuple):
-    """How a trial ends: when, in seconds from its start, its status, and why."""
+    """End of a trial: when, in seconds from its start, its status, and why."""
 
     t_s: float
     status: Status

@@ -6,7 +6,8 @@
     agree.py      events matched in time, chance, delay, Cohen's kappa, ICC
     boris.py      BORIS projects out, events coded there in
     boris_file.py  what such a project holds
-    clips.py      blind clips of recordings for BORIS, with proposals; clip_video.py makes them
+    clips.py      blind clips of recordings for BORIS, with proposals
+    recorded.py, trial_pictures.py, clip_video.py   the trials that clips show, their pictures, the video
     clips_coded.py  what was coded of them
 """
 

@@ -20,7 +20,6 @@ from tega.foreign_file import read_foreign
 from tega.plain_name import plain_name
 from tega.study.detecting import DETECTOR, read_detected
 from tega.study.journal import counting, read_events
-from tega.study.observe.recorded import RecordedTrial, recorded_trials
 from tega.study.observers import observer_path
 from tega.study.order import shuffled
 from tega.study.plan import read_plan
@@ -33,6 +32,7 @@ from tega.study.score.boris_file import (
     boris_project,
 )
 from tega.study.score.clip_video import RATE_HZ, write_clip
+from tega.study.score.recorded import RecordedTrial, recorded_trials
 from tega.study.state import events_path
 from tega.whole_file import write_whole
 
@@ -153,7 +153,7 @@ def make_clips(
         try:
             length_s = write_clip(trial, video)
         except RecordingError as error:
-            left_out.append(f"{person} {trial.id}: {error.message}")
+            left_out.append(f"{trial.id}: {error.message}")
             continue
         note_elsewhere(folder, person, video)
         events = _proposals(folder, person, trial) if proposals else []
@@ -195,16 +195,12 @@ def _shown(folder: Path, rater: str) -> tuple[list[tuple[str, RecordedTrial]], l
             continue
         if observer_path(folder, person, rater).exists():
             raise InvalidValueError(f"{rater} has scored {person} already", "give another --rater")
-        try:
-            trials, unseen = recorded_trials(folder, person, rater)
-        except DeviceUnavailableError as error:
-            left_out.append(error.message)
-            continue
-        found += [(person, trial) for trial in sorted(trials, key=lambda one: one.trial)]
-        left_out += [f"{person} {one.id}: {one.why}" for one in unseen]
+        trials, unseen = recorded_trials(folder, person)
+        found += [(person, trial) for trial in trials]
+        left_out += unseen
     if not found:
         raise DeviceUnavailableError(
-            f"no recording to make clips of: {'; '.join(left_out) or 'no session was led'}",
+            f"no recording to make clips of: {'; '.join(left_out) or 'no trial that counts has ended'}",
             "record trials with tega-teleop study run",
         )
     return shuffled(found, seed=plan.settings.seed or 0, purpose=f"clips|{rater}"), left_out

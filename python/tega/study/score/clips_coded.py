@@ -22,7 +22,7 @@ _SAME_S: Final = 0.05
 
 
 class TakenClips(msgspec.Struct, frozen=True, kw_only=True):
-    """What was taken in of a rater's project.
+    """Summary of a rater's project that was taken in.
 
     Attributes:
         trials: Clips taken in, by person.

@@ -17,14 +17,11 @@ from tega.view.browser.seek import SeekSlider
 from tega.view.browser.state_html import (
     BEATS_PER_S,
     FONT,
+    LEGEND,
     PAUSED,
-    SCENE_LEGEND,
-    TOUCH_LEGEND,
     arm_html,
     badge_html,
     captions_html,
-    fingers_html,
-    legend_html,
     lights_html,
     rates_html,
     run_state_html,
@@ -54,8 +51,7 @@ class Page:
     Args:
         server: The viser server.
         title: Heading.
-        controls: What the buttons set; ``None`` for a page on which nobody can tell whether the vest was on: pictures,
-            scene and lines of text, and nothing of the vest, no measure of touch, no signal, no rate, no button.
+        controls: What the buttons set.
         eye_m: Where the camera begins, world frame.
         at_m: What it looks at.
         kept_s: How far back one can look, seconds.
@@ -66,7 +62,7 @@ class Page:
         lights: A light for each device.
         arm: What the arm does, why, what the operator holds, and where the hand is; empty without an arm.
         status: The lines of text.
-        timeline: The moments that can be looked back at; ``None`` on a page without controls.
+        timeline: The moments that can be looked back at.
         seek: The slider over a recording that is played; ``None`` where none is.
         inputs: viser's handles of the buttons and choices that there are: ``object``, ``haptics``, ``pause``, ``go``,
             ``undo``, ``stop``.
@@ -77,15 +73,14 @@ class Page:
         server: viser.ViserServer,
         *,
         title: str,
-        controls: Controls | None,
+        controls: Controls,
         eye_m: Point,
         at_m: Point,
         kept_s: float = KEPT_S,
     ) -> None:
         gui = server.gui
-        self._server, self._blind, self._controls = server, controls is None, controls
+        self._server, self._controls = server, controls
         self._sheet, self._labels, self._delays = TouchSheet(), ContactLabels(), Delays()
-        self.timeline: Timeline | None = None
         self.seek: SeekSlider | None = None
         self._past_sheet: bytes | None = None
         self._small = SmallSheet()
@@ -102,30 +97,26 @@ class Page:
         self.arm = gui.add_html("")
         self.status = gui.add_html("")
         self._rates = gui.add_html("")
-        if controls is not None:
-            self._add_buttons(gui, controls)
-            if controls.playhead is not None:
-                self.seek = SeekSlider(gui, controls.playhead)
-            self.timeline = Timeline(gui, kept_s)
-            self._looking = gui.add_html("")
+        self._add_buttons(gui, controls)
+        if controls.playhead is not None:
+            self.seek = SeekSlider(gui, controls.playhead)
+        self.timeline = Timeline(gui, kept_s)
+        self._looking = gui.add_html("")
         self._muscles = MuscleCharts(gui)
         panel = gui.add_panel()
-        with panel.add_tab("Fingertips" if self._blind else "Fingertips and vest"):
-            self._captions = gui.add_html(fingers_html([""] * len(FINGERS)) if self._blind else "")
+        with panel.add_tab("Fingertips and vest"):
+            self._captions = gui.add_html("")
             n = len(FINGERS)
             blank = np.full((2 * TILE_HEIGHT + GAP, n * TILE_WIDTH + (n - 1) * GAP, 3), 236, np.uint8)
             self._images = gui.add_image(blank, jpeg_quality=85)
-            gui.add_html(
-                legend_html(TOUCH_LEGEND) if self._blind else legend_html(TOUCH_LEGEND, SCENE_LEGEND)
-            )
-            if not self._blind:
-                self._vest = gui.add_html(vest_svg(None))
-                if controls is not None and controls.try_motor is not None:
-                    hint = "while the run is armed, a click on a motor has it vibrate for half a second"
-                    gui.add_html(
-                        f'<div class="{TRIED}" style="{FONT};font-size:11px;padding:0 10px">{hint}</div>'
-                    )
-                self._course = CourseChart(gui, kept_s)
+            gui.add_html(LEGEND)
+            self._vest = gui.add_html(vest_svg(None))
+            if controls.try_motor is not None:
+                hint = "while the run is armed, a click on a motor has it vibrate for half a second"
+                gui.add_html(
+                    f'<div class="{TRIED}" style="{FONT};font-size:11px;padding:0 10px">{hint}</div>'
+                )
+            self._course = CourseChart(gui, kept_s)
         panel.dock_left()
         panel.set_width(_TOUCH_WIDTH)
 
@@ -175,13 +166,12 @@ class Page:
             rates_hz: Measured rates.
             latency_ms: Measured delays.
         """
-        if not self._blind:
-            self._course.note(state)
-            self.paint_state(state.loop)
+        self._course.note(state)
+        self.paint_state(state.loop)
         sheet = None
-        if turn == 0 and (state.images or self._blind):
-            sheet = self._sheet.draw(state.images or {})
-        if turn == 0 and self.timeline is not None:
+        if turn == 0:
+            if state.images:
+                sheet = self._sheet.draw(state.images)
             self.timeline.keep(state, sheet)
         past = self.paint_past()
         with self._server.atomic():
@@ -191,8 +181,6 @@ class Page:
                 if sheet is not None and not past:
                     self._images.image = sheet
                     self._small.take(sheet)
-            elif self._blind:
-                self.status.content = status_html(state)
             elif turn == 1:
                 self.paint_text(state)
                 if self.seek is not None:
@@ -207,16 +195,13 @@ class Page:
                     self._muscles.draw(state.t_ns / 1e9, state.emg)
 
     def _draw_scene(self, state: ViewState) -> None:
-        points, commanded = state.contact_points, None
-        if self._blind:
-            points = None  # who scores what is seen is told nothing that a camera does not see
-        elif state.palm is not None and state.loop.target_rad is not None:
+        commanded = None
+        if state.palm is not None and state.loop.target_rad is not None:
             commanded = state.loop.target_rad, state.palm
-        self.scene.draw(state.shapes, state.poses, points, commanded)
+        self.scene.draw(state.shapes, state.poses, state.contact_points, commanded)
 
     def _torso(self, state: ViewState) -> str:
-        can_try = self._controls is not None and self._controls.try_motor is not None
-        return vest_svg(state.loop.vest, can_try=can_try)
+        return vest_svg(state.loop.vest, can_try=self._controls.try_motor is not None)
 
     def _paint_touch(self, captions: str, vest: str) -> None:
         self._captions.content, self._vest.content = captions, vest
@@ -228,8 +213,6 @@ class Page:
         Returns:
             Whether one is.
         """
-        if self.timeline is None:
-            return False
         past = self.timeline.shown()
         if past is None:
             if self._looking.content:
@@ -254,33 +237,26 @@ class Page:
             )
         return True
 
-    def paint_state(
-        self, loop: LoopView, *, age_s: float = 0.0, problem: str = "", paused: bool = False
-    ) -> None:
+    def paint_state(self, loop: LoopView, *, age_s: float = 0.0, problem: str = "") -> None:
         """Put the run's state on the page, which from then on says by itself how long it has heard nothing.
 
         Args:
             loop: The newest moment.
             age_s: How old it is.
             problem: What went wrong with the page.
-            paused: Whether the page's button has the run stand still, so that no news is no bad news.
         """
-        if not self._blind:
-            beat = int(time.monotonic() * BEATS_PER_S)
-            controls = self._controls
-            self.run_state.content = run_state_html(
-                loop,
-                beat,
-                age_s=age_s,
-                problem=problem,
-                paused=paused or (controls is not None and controls.paused),
-                haptics=controls is None or controls.haptics,
-            )
+        self.run_state.content = run_state_html(
+            loop,
+            int(time.monotonic() * BEATS_PER_S),
+            age_s=age_s,
+            problem=problem,
+            paused=self._controls.paused,  # so that no news is no bad news
+            haptics=self._controls.haptics,
+        )
 
     def paint_text(self, state: ViewState) -> None:
         """Put the run's state and the lines of text on the page."""
         self.paint_state(state.loop)
-        if not self._blind:
-            self.arm.content = arm_html(state.loop)
-            self.lights.content = lights_html(state)
+        self.arm.content = arm_html(state.loop)
+        self.lights.content = lights_html(state)
         self.status.content = status_html(state)

@@ -52,7 +52,6 @@ class BrowserView:
         eye_m: Where the camera of whoever opens the page begins, metres.
         at_m: What it looks at.
         rate_hz: Most moments painted per second.
-        blind: Show pictures, scene and text alone, as for who scores a recording; the page then has no button.
         kept_s: How far back the page can look, seconds.
         allow_remote: Let ``host`` be an address that others can reach. Whoever reaches it can press the buttons.
 
@@ -77,7 +76,6 @@ class BrowserView:
         eye_m: tuple[float, float, float] = (0.92, 0.64, 0.48),
         at_m: tuple[float, float, float] = (-0.03, 0.07, 0.19),
         rate_hz: float = 30.0,
-        blind: bool = False,
         allow_remote: bool = False,
         kept_s: float = 60.0,
     ) -> None:
@@ -92,7 +90,7 @@ class BrowserView:
             raise InvalidValueError(f"rate_hz = {rate_hz} Hz, expected above 0 and at most 60")
         self._title, self._host, self._port, self._allow_remote = title, host, port, allow_remote
         self._period_s = 1 / rate_hz
-        self._complete, self._camera, self._blind = complete, (eye_m, at_m), blind
+        self._complete, self._camera = complete, (eye_m, at_m)
         self._kept_s = kept_s
         self.controls = controls or Controls()
         self.n_painted = 0
@@ -154,13 +152,13 @@ class BrowserView:
             self._port,
             self._title,
             allow_remote=self._allow_remote,
-            try_motor=None if self._blind else self.controls.try_motor,
+            try_motor=self.controls.try_motor,
         )
         eye_m, at_m = self._camera
         self.page = Page(
             self._server,
             title=self._title,
-            controls=None if self._blind else self.controls,
+            controls=self.controls,
             eye_m=eye_m,
             at_m=at_m,
             kept_s=self._kept_s,
@@ -234,9 +232,7 @@ class BrowserView:
             return
         self._told_age_s = now_s
         with contextlib.suppress(Exception):  # as above
-            self.page.paint_state(
-                state.loop, age_s=now_s - offered_s, problem=self.problem, paused=self.controls.paused
-            )
+            self.page.paint_state(state.loop, age_s=now_s - offered_s, problem=self.problem)
 
     def _paint_last(self) -> None:
         """Put the end on the page, which stays open in the browser when nobody serves it any more."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from html import escape
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Final
@@ -32,21 +31,15 @@ PAUSED: Final = "#495057"
 _SILENT_NS = 400_000_000
 FONT: Final = "font-family:system-ui,sans-serif;font-size:12px;color:#343a40"
 
-TOUCH_LEGEND: Final = (
+LEGEND: Final = (
+    f'<div style="{FONT};font-size:11px;line-height:1.4;padding:0 10px;color:#6c757d">'
     'above: cameras · below: touch map, <b style="color:#27a045">○</b> peak, '
-    '<b style="color:#3b8cff">○</b> area that EDA counts'
+    '<b style="color:#3b8cff">○</b> area that EDA counts<br>'
+    f'scene: <b style="color:{GHOST_COLOUR}">blue, translucent</b> the hand as commanded · red arrows: forces</div>'
 )
-SCENE_LEGEND: Final = (
-    f'scene: <b style="color:{GHOST_COLOUR}">blue, translucent</b> the hand as commanded · red arrows: forces'
-)
+"""What the colours mean, in small grey lines."""
 # How often the run's state is painted afresh, also where nothing in it changes: the browser greys one that is not.
 BEATS_PER_S: Final = 2
-
-
-def legend_html(*lines: str) -> str:
-    """Write small grey lines that say what colours mean."""
-    style = f"{FONT};font-size:11px;line-height:1.4;padding:0 10px;color:#6c757d"
-    return f'<div style="{style}">{"<br>".join(lines)}</div>'
 
 
 def run_state_html(
@@ -179,16 +172,9 @@ def captions_html(state: ViewState, labels: ContactLabels) -> str:
                 f"CCI {felt.cci_norm:.2f}<br>EDA {felt.eda_norm:.2f}<br>"
                 f'<b style="color:{_TYPE_COLOURS[kind]}">{word}</b>'
             )
-        cells.append(text)
-    return fingers_html(cells)
-
-
-def fingers_html(texts: Sequence[str]) -> str:
-    """Put a text under each finger's name."""
-    cells = [
-        f'<td style="width:25%;text-align:center;line-height:1.35"><b>{finger}</b><br>{text}</td>'
-        for finger, text in zip(FINGERS, texts, strict=True)
-    ]
+        cells.append(
+            f'<td style="width:25%;text-align:center;line-height:1.35"><b>{finger}</b><br>{text}</td>'
+        )
     style = f"{FONT};width:100%;table-layout:fixed;margin-top:-10px;padding:0 8px"
     return f'<table style="{style}"><tr>{"".join(cells)}</tr></table>'
 

@@ -37,7 +37,7 @@ _BASES = (0.2, 0.5, 0.8)
 _WORN_S = 600.0
 
 
-class Told(NamedTuple):
+class FeltInformation(NamedTuple):
     """What one person can tell of one mapping.
 
     Attributes:
@@ -57,7 +57,7 @@ class Told(NamedTuple):
     bits_worn: float
 
 
-def told_by(seed: int, shown: ComparedMapping) -> Told:
+def told_by(seed: int, shown: ComparedMapping) -> FeltInformation:
     """Return what a simulated person can tell of a mapping."""
     person = draw_person(seed).vest
     rng = stream(seed, "felt", shown.label)
@@ -68,7 +68,7 @@ def told_by(seed: int, shown: ComparedMapping) -> Told:
     worn = BatchSkin(person)
     worn.adapt(worn.moved(steps(frames(shown, person, holding(_WORN_S)))))
     after = _presented(shown, person, TASKS["firmness"], 150, rng=rng, adapted=worn.adapted)
-    return Told(
+    return FeltInformation(
         bits,
         shuffled,
         tuple(_threshold(shown, person, base, rng) for base in _BASES),
@@ -140,7 +140,7 @@ def _cell(values: list[float], digits: int = 2) -> str:
     return f"{one.mean:z.{digits}f} [{one.low:z.{digits}f}, {one.high:z.{digits}f}]"
 
 
-def table(found: dict[str, list[Told]]) -> str:
+def table(found: dict[str, list[FeltInformation]]) -> str:
     """Return both tables as Markdown."""
     tasks = list(TASKS)
     lines = [
@@ -172,7 +172,7 @@ def table(found: dict[str, list[Told]]) -> str:
     return "\n".join(lines)
 
 
-def _draw(found: dict[str, list[Told]], file: Path) -> None:
+def _draw(found: dict[str, list[FeltInformation]], file: Path) -> None:
     """Draw bits a second against dose, and the bits of each task."""
     try:
         from matplotlib.figure import Figure
@@ -212,7 +212,7 @@ def _draw(found: dict[str, list[Told]], file: Path) -> None:
 @click.option("--picture", type=click.Path(path_type=Path, dir_okay=False), help="Draw it there.")
 def main(people: int, picture: Path | None) -> None:
     """Print the tables, and draw the picture where one is named."""
-    found: dict[str, list[Told]] = {}
+    found: dict[str, list[FeltInformation]] = {}
     for shown in COMPARED:
         found[shown.label] = [told_by(seed, shown) for seed in range(people)]
         click.echo(

@@ -29,7 +29,7 @@ def main() -> None:
     for number, corners in TagFinder(scene.layout.family, wanted).find(image).items():
         places = np.rint(corners * 16).astype(np.int32)
         cv2.polylines(colour, [places], True, (115, 158, 0), 3, cv2.LINE_AA, 4)  # noqa: FBT003  # OpenCV's
-        x, y = corners[0].astype(int).tolist()
+        x, y = corners[corners[:, 1].argmin()].astype(int).tolist()  # above the tag, not on it
         cv2.putText(
             colour,
             str(number),

@@ -1,4 +1,4 @@
-"""List a person's recorded trials for a rater: those that count, in an order that hides the plan's."""
+"""List a person's recorded trials that count, and those whose recording cannot be used."""
 
 from __future__ import annotations
 
@@ -7,11 +7,10 @@ from typing import NamedTuple
 
 import msgspec
 
-from tega.errors import DeviceUnavailableError, RecordingError
+from tega.errors import RecordingError
 from tega.foreign_file import read_foreign
 from tega.study.journal import read_events
 from tega.study.lead.trial import recording_folder
-from tega.study.order import shuffled
 from tega.study.plan import read_plan
 from tega.study.score.boris import attempts
 from tega.study.state import events_path
@@ -22,7 +21,7 @@ class RecordedTrial(NamedTuple):
 
     Attributes:
         id: Such as ``p01-t07``.
-        trial: Its number in the plan, which a rater must not see.
+        trial: Its number in the plan, which no rater is told.
         attempt: The one that counts.
         object: What is lifted.
         start_ns: Of the trial, on the session's clock.
@@ -41,15 +40,8 @@ class RecordedTrial(NamedTuple):
     folder: Path
 
 
-class Unseen(NamedTuple):
-    """A trial that cannot be shown, and why."""
-
-    id: str
-    why: str
-
-
 class _Facts(msgspec.Struct):
-    """What ``trial.json`` says of a recording."""
+    """Content of ``trial.json`` that is used."""
 
     trial: str
     attempt: int
@@ -57,39 +49,28 @@ class _Facts(msgspec.Struct):
     started_ns: int
 
 
-def recorded_trials(folder: Path, participant: str, rater: str) -> tuple[list[RecordedTrial], list[Unseen]]:
-    """Return a person's recorded trials that count, in the order in which a rater sees them.
-
-    The order is drawn from the study's seed, the person and the rater, over all trials of the plan: it does not change
-    when trials are added, and tells nothing of the conditions.
+def recorded_trials(folder: Path, participant: str) -> tuple[list[RecordedTrial], list[str]]:
+    """Return a person's recorded trials that count, in the plan's order.
 
     Args:
         folder: The study's folder.
         participant: Whose.
-        rater: Who scores.
 
     Returns:
-        The trials, and those without a recording that can be used, as far as their files tell without being read.
+        The trials, and why others have no recording that can be used, as far as their files tell without being read.
 
     Raises:
         InvalidValueError: Nobody has that id.
-        RecordingError: The study is damaged, or the person has withdrawn.
-        DeviceUnavailableError: No trial can be shown.
+        RecordingError: The study is damaged.
     """
-    from tega.study.privacy import withdrawn_ids
-
-    plan = read_plan(folder)
-    planned = plan.of(participant)
-    if participant in withdrawn_ids(folder):
-        raise RecordingError(f"{participant} has withdrawn", "go on with another participant")
     ended = {
         start.trial: (start, end)
         for start, end in attempts(read_events(events_path(folder, participant)))
         if end.status in {"done", "failed_task"}
     }
     found: list[RecordedTrial] = []
-    unseen: list[Unseen] = []
-    for trial in shuffled(planned, seed=plan.settings.seed or 0, purpose=f"recorded|{participant}|{rater}"):
+    unseen: list[str] = []
+    for trial in sorted(read_plan(folder).of(participant), key=lambda one: one.trial):
         if trial.trial not in ended:
             continue
         start, end = ended[trial.trial]
@@ -97,7 +78,7 @@ def recorded_trials(folder: Path, participant: str, rater: str) -> tuple[list[Re
         try:
             zero_ns = _begins(where, trial.id, start.attempt, start.t_ns)
         except RecordingError as error:
-            unseen.append(Unseen(trial.id, error.message))
+            unseen.append(f"{trial.id}: {error.message}")
             continue
         length_ns = max(end.t_ns - start.t_ns, 1)
         found.append(
@@ -105,13 +86,7 @@ def recorded_trials(folder: Path, participant: str, rater: str) -> tuple[list[Re
                 trial.id, trial.trial, start.attempt, trial.object, start.t_ns, length_ns, zero_ns, where
             )
         )
-    if not found:
-        why = "; ".join(f"{one.id}: {one.why}" for one in unseen) or "no trial that counts has ended"
-        raise DeviceUnavailableError(
-            f"{participant}: no recording to score: {why}",
-            "record trials with tega-teleop study run, or score live without --recorded",
-        )
-    return found, sorted(unseen)
+    return found, unseen
 
 
 def _begins(where: Path, trial_id: str, attempt: int, start_ns: int) -> int:

@@ -16,11 +16,10 @@ import numpy as np
 
 from tega.errors import ConfigError, RecordingError
 from tega.foreign_file import tells_damage
-from tega.lifecycle import require
-from tega.plain_name import plain_name
-from tega.recording.lerobot.episode import Episode, read_episode
-from tega.recording.lerobot.stats import figures
-from tega.recording.lerobot.video import (
+from tega.lerobot.episode import Episode, read_episode
+from tega.lerobot.scene import check_scene, scene_frames
+from tega.lerobot.stats import figures
+from tega.lerobot.video import (
     CODEC,
     FILES_PER_CHUNK,
     PIXELS,
@@ -30,6 +29,9 @@ from tega.recording.lerobot.video import (
     EpisodeCamera,
     VideoPlace,
 )
+from tega.lifecycle import require
+from tega.plain_name import plain_name
+from tega.recording.mcap_folder import recorded_task
 from tega.recording.origin import origins, span
 
 if TYPE_CHECKING:
@@ -40,6 +42,8 @@ FORMAT = "v3.0"
 DATA = f"data/{PLACE}.parquet"
 EPISODES = f"meta/episodes/{PLACE}.parquet"
 _DATA_MB = 100
+UNLABELLED = "grasp"
+"""Task of a recording of which nobody has said what was done."""
 # Columns that every dataset has.
 _COUNTERS = {
     "timestamp": "float32",
@@ -50,14 +54,22 @@ _COUNTERS = {
 }
 
 
-def export_lerobot(paths: Sequence[Path], folder: Path, *, fps: int = 30, task: str = "grasp") -> Path:
+def export_lerobot(
+    paths: Sequence[Path],
+    folder: Path,
+    *,
+    fps: int = 30,
+    task: str | None = None,
+    scenes: Mapping[str, Path] = {},
+) -> Path:
     """Write recordings as a LeRobot dataset, one episode each.
 
     Args:
         paths: The recordings; all with the same inputs.
         folder: Where to; new or empty.
         fps: Frames per second.
-        task: What was done, in words.
+        task: What was done, in words; ``None`` for what each session's index says of a recording, else ``grasp``.
+        scenes: Videos of scene cameras with their time codes, by the cameras' names.
 
     Returns:
         The folder.
@@ -72,27 +84,34 @@ def export_lerobot(paths: Sequence[Path], folder: Path, *, fps: int = 30, task: 
         require(module, driver="export", extra="lerobot")
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise ConfigError(f"{str(folder)!r} is not empty, or is a file", "name a new folder with --out")
+    shapes = {}
+    for name, video in scenes.items():
+        plain_name(name, what="camera", source="--scene")
+        shapes[name] = check_scene(video)
     folder.mkdir(parents=True, exist_ok=True)
-    dataset = _Dataset(folder, fps, task)
+    dataset = _Dataset(folder, fps, scenes, shapes)
     try:
         for path in paths:
-            _add(path, dataset, fps)
+            _add(path, dataset, fps, task or recorded_task(path) or UNLABELLED)
     finally:
         dataset.close()
     return folder
 
 
 @tells_damage
-def _add(path: Path, dataset: _Dataset, fps: int) -> None:
+def _add(path: Path, dataset: _Dataset, fps: int, task: str) -> None:
     """Read a recording and add it; whatever its content leads to on the way is damage of that file."""
-    dataset.add(read_episode(path, fps=fps))
+    dataset.add(read_episode(path, fps=fps), task)
 
 
 class _Dataset:
-    def __init__(self, folder: Path, fps: int, task: str) -> None:
+    def __init__(
+        self, folder: Path, fps: int, scenes: Mapping[str, Path], filmed: Mapping[str, tuple[int, int]]
+    ) -> None:
         self._arrow: Any = require("pyarrow", driver="export", extra="lerobot")
         self._parquet: Any = require("pyarrow.parquet", driver="export", extra="lerobot")
-        self._folder, self._fps, self._task = folder, fps, task
+        self._folder, self._fps, self._scenes, self._filmed = folder, fps, scenes, filmed
+        self._tasks: list[str] = []
         self._cameras: dict[str, EpisodeCamera] = {}
         self._features: dict[str, Any] = {}
         self._place = VideoPlace()
@@ -102,12 +121,14 @@ class _Dataset:
         self._sources: list[dict[str, Any]] = []
         self._n_frames = 0
 
-    def add(self, episode: Episode) -> None:
-        """Add an episode."""
+    def add(self, episode: Episode, task: str) -> None:
+        """Add an episode of a task."""
+        if task not in self._tasks:
+            self._tasks.append(task)
         features = self._described(episode)
         if not self._features:
             self._features = features
-            for finger, shape in episode.shapes.items():
+            for finger, shape in self._shapes(episode).items():
                 plain_name(finger, what="finger", source=episode.path.name)
                 key = f"observation.images.{finger}"
                 self._cameras[finger] = EpisodeCamera(self._folder, key, self._fps, shape)
@@ -129,14 +150,17 @@ class _Dataset:
             "frame_index": frames,
             "episode_index": np.full(n, number),
             "index": self._n_frames + frames,
-            "task_index": np.zeros(n, np.int64),
+            "task_index": np.full(n, self._tasks.index(task)),
         }
         where = self._write(rows)
         for camera in self._cameras.values():
             camera.begin()
         for finger, image, n_times in episode.pictures():
             self._cameras[finger].add(np.ascontiguousarray(image[..., ::-1]), n_times)
-        known: dict[str, Any] = {"episode_index": number, "tasks": [self._task], "length": n}
+        for name, video in self._scenes.items():
+            for image, n_times in scene_frames(video, episode):
+                self._cameras[name].add(np.ascontiguousarray(image[..., ::-1]), n_times)
+        known: dict[str, Any] = {"episode_index": number, "tasks": [task], "length": n}
         known |= {f"data/{name}": value for name, value in where.items()}
         known |= {"dataset_from_index": self._n_frames, "dataset_to_index": self._n_frames + n}
         for camera in self._cameras.values():
@@ -166,16 +190,16 @@ class _Dataset:
         path = self._folder / EPISODES.format(chunk_index=0, file_index=0)
         path.parent.mkdir(parents=True, exist_ok=True)
         self._parquet.write_table(self._arrow.table(names), path)
-        self._tasks()
+        self._write_tasks()
 
     def _json(self, name: str, content: Mapping[str, Any]) -> None:
         path = self._folder / "meta" / f"{name}.json"
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps(content, indent=4, ensure_ascii=False) + "\n", encoding="utf-8")
 
-    def _tasks(self) -> None:
+    def _write_tasks(self) -> None:
         """Write the tasks as pandas writes a table whose rows have names."""
-        table = self._arrow.table({"task_index": self._arrow.array([0]), "task": [self._task]})
+        table = self._arrow.table({"task_index": list(range(len(self._tasks))), "task": self._tasks})
         kinds = (("task_index", "int64", "int64"), ("task", "unicode", "object"))
         columns = [
             {"name": name, "field_name": name, "pandas_type": kind, "numpy_type": numpy, "metadata": None}
@@ -185,9 +209,15 @@ class _Dataset:
         table = table.replace_schema_metadata({"pandas": json.dumps(pandas)})
         self._parquet.write_table(table, self._folder / "meta" / "tasks.parquet")
 
+    def _shapes(self, episode: Episode) -> dict[str, tuple[int, int]]:
+        """Return height and width of the pictures of fingers and scene cameras."""
+        if both := sorted(set(self._filmed) & set(episode.shapes)):
+            raise ConfigError(f"the scene camera {both[0]} is named as a finger", "name it otherwise")
+        return {**episode.shapes, **self._filmed}
+
     def _described(self, episode: Episode) -> dict[str, Any]:
         features: dict[str, Any] = {}
-        for finger, (height, width) in episode.shapes.items():
+        for finger, (height, width) in self._shapes(episode).items():
             if height % 2 or width % 2:
                 raise RecordingError(
                     f"{episode.path.name}: {finger}: {width}×{height} pixels are not even",
@@ -246,7 +276,7 @@ class _Dataset:
             "robot_type": "allegro_hand",
             "total_episodes": n,
             "total_frames": self._n_frames,
-            "total_tasks": 1,
+            "total_tasks": len(self._tasks),
             "chunks_size": FILES_PER_CHUNK,
             "data_files_size_in_mb": _DATA_MB,
             "video_files_size_in_mb": VIDEO_MB,
@@ -268,6 +298,15 @@ def _source(episode: Episode, number: int) -> dict[str, Any]:
         "start_ns": episode.start_ns,
         "epoch_ns": int(head.get("epoch_ns", "0")),
         "config_sha256": head.get("config_sha256", ""),
+        "markers": [
+            {
+                "frame_index": max(0, (marker.t_ns - episode.start_ns) * episode.fps // 1_000_000_000),
+                "timestamp": round((marker.t_ns - episode.start_ns) / 1e9, 6),
+                "text": marker.text,
+                "source": marker.source,
+            }
+            for marker in episode.markers
+        ],
         "span": span(episode.tables).table(),
         "origins": origins(episode.tables),
         "versions": episode.tables.get("versions", {}),

@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from tega.recording.lerobot.dataset import export_lerobot
+from tega.lerobot.dataset import export_lerobot
 
 __all__ = ["export_lerobot"]

@@ -13,12 +13,17 @@ from tega.foreign_file import tells_damage
 from tega.hand import JOINT_NAMES
 from tega.recording.mcap_reader import McapReader, Message, read_picture
 from tega.recording.origin import span
+from tega.records.arm import PoseNumbers
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
 _S = 1_000_000_000
+_MARKERS = {"/run/marker", "/markers"}
+_ARM_MEASURED, _ARM_TARGET = "/arm/measured", "/arm/target"
+# What a contact has in units of length and force, where its metric gives them.
+_MEASURED = ("area_mm2", "depth_mm", "force_n")
 
 
 class Column(NamedTuple):
@@ -33,6 +38,20 @@ class Column(NamedTuple):
     names: list[str]
 
 
+class EpisodeMarker(NamedTuple):
+    """A marked moment.
+
+    Attributes:
+        t_ns: When, nanoseconds since the start of the session.
+        text: What is marked.
+        source: Who marked it.
+    """
+
+    t_ns: int
+    text: str
+    source: str
+
+
 class Episode(NamedTuple):
     """A recording at a fixed rate.
 
@@ -44,6 +63,7 @@ class Episode(NamedTuple):
         columns: By name of the feature, pictures left out.
         shapes: Height and width of the pictures, by finger.
         shown: By finger, how many frames show each of its pictures, in the order of the file.
+        markers: Marked moments, in the order of their times.
         tables: The recording's metadata.
     """
 
@@ -54,6 +74,7 @@ class Episode(NamedTuple):
     columns: dict[str, Column]
     shapes: dict[str, tuple[int, int]]
     shown: dict[str, NDArray[np.int64]]
+    markers: list[EpisodeMarker]
     tables: dict[str, dict[str, str]]
 
     def pictures(self) -> Iterator[tuple[str, NDArray[np.uint8], int]]:
@@ -112,6 +133,7 @@ def read_episode(path: Path, *, fps: int) -> Episode:
     """
     reader, streams = McapReader(path), dict[str, _Stream]()
     shapes: dict[str, tuple[int, int]] = {}
+    markers: list[EpisodeMarker] = []
     epoch_ns = layout = None
     for message in reader.messages(lambda topic: not topic.endswith("/image") or topic not in streams):
         if epoch_ns is None:
@@ -123,6 +145,8 @@ def read_episode(path: Path, *, fps: int) -> Episode:
             if finger not in shapes:
                 shapes[finger] = read_picture(message).shape[:2]
             stream.add(t_ns, None)
+        elif message.topic in _MARKERS:
+            markers.append(EpisodeMarker(message.value.t_ns, message.value.text, message.value.source))
         else:
             _keep(stream, message, t_ns)
     if not layout:
@@ -135,12 +159,13 @@ def read_episode(path: Path, *, fps: int) -> Episode:
             raise RecordingError(
                 f"{path.name}: the records of {topic} hold no numbers", "inspect says how far it can be read"
             )
-    begin_ns = max(*(s.times[0] for s in used.values()), span(reader.metadata).from_ns)
+    # Before somebody has taken hold of the arm it has no target.
+    begun = [stream.times[0] for topic, stream in used.items() if topic != _ARM_TARGET]
+    begin_ns = max(*begun, span(reader.metadata).from_ns)
     samples = _Samples(used.get("/emg/samples"), fps)
     begin_ns = max(begin_ns, samples.begin_ns)
-    end_ns = max(
-        s.times[-1] for topic, s in used.items() if topic.startswith(("/vest/", "/hand/", "/tactile/"))
-    )
+    led = ("/vest/", "/hand/", "/tactile/", "/arm/")
+    end_ns = max((s.times[-1] for topic, s in used.items() if topic.startswith(led)), default=begin_ns)
     n_frames = (end_ns - begin_ns) * fps // _S + 1
     if n_frames < 1:
         raise RecordingError(f"{path.name}: has no time at which all of its streams were there")
@@ -149,7 +174,8 @@ def read_episode(path: Path, *, fps: int) -> Episode:
     for finger in shapes:
         newest = used[f"/tactile/{finger}/image"].newest(grid_ns)
         shown[finger] = np.bincount(newest, minlength=len(used[f"/tactile/{finger}/image"].times))
-    return Episode(path, fps, begin_ns, int(n_frames), columns, shapes, shown, reader.metadata)
+    markers.sort()
+    return Episode(path, fps, begin_ns, int(n_frames), columns, shapes, shown, markers, reader.metadata)
 
 
 def _finger(message: Message, ending: str) -> str:
@@ -161,7 +187,7 @@ def _keep(stream: _Stream, message: Message, t_ns: int) -> None:
     value, topic = message.value, message.topic
     match message.schema:
         case "tega.Contact":
-            stream.add(t_ns, (value.eda, value.cci, value.in_contact))
+            stream.add(t_ns, (value.eda, value.cci, value.in_contact, *(_known(value, n) for n in _MEASURED)))
         case "tega.EmgSamples":
             stream.add(t_ns, np.array(value.samples, np.float32).reshape(-1, value.n_channels))
         case "tega.Levels":
@@ -172,8 +198,17 @@ def _keep(stream: _Stream, message: Message, t_ns: int) -> None:
             stream.add(t_ns, (value.level,))
         case "foxglove.JointStates":
             stream.add(t_ns, tuple(joint.position for joint in value.joints))
+        case "foxglove.PoseInFrame" if topic in {_ARM_MEASURED, _ARM_TARGET}:
+            place, turn = value.pose.position, value.pose.orientation
+            stream.add(t_ns, (place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w))
         case _:
             pass
+
+
+def _known(value: Any, name: str) -> float:
+    """Return a number that a record may have; NaN where it has none, as those of earlier versions."""
+    there = name in value.DESCRIPTOR.fields_by_name and value.HasField(name)
+    return float(getattr(value, name)) if there else np.nan
 
 
 class _Samples:
@@ -206,11 +241,15 @@ def _columns(streams: dict[str, _Stream], grid_ns: NDArray[np.int64], samples: _
         columns["observation.state"] = Column(joints.at(grid_ns), list(JOINT_NAMES))
     contacts = [topic for topic in sorted(streams) if topic.endswith("/contact")]
     if contacts:
-        touch = np.concatenate([streams[topic].at(grid_ns) for topic in contacts], axis=1)
-        names = [
-            f"{topic.split('/')[2]}.{name}" for topic in contacts for name in ("eda", "cci", "in_contact")
-        ]
-        columns["observation.touch"] = Column(touch, names)
+        by_finger = [streams[topic].at(grid_ns) for topic in contacts]
+        for feature, part, what in (
+            ("observation.touch", slice(0, 3), ("eda", "cci", "in_contact")),
+            ("observation.touch_si", slice(3, None), _MEASURED),
+        ):
+            values = np.concatenate([rows[:, part] for rows in by_finger], axis=1)
+            names = [f"{topic.split('/')[2]}.{name}" for topic in contacts for name in what]
+            if part.start == 0 or any(np.isfinite(_all(streams[topic])[:, part]).any() for topic in contacts):
+                columns[feature] = Column(values, names)
     images = [
         topic for topic in sorted(streams) if topic.startswith("/tactile/") and topic.endswith("/image")
     ]
@@ -228,9 +267,33 @@ def _columns(streams: dict[str, _Stream], grid_ns: NDArray[np.int64], samples: _
     if vest := streams.get("/vest/frame"):
         values = vest.at(grid_ns)
         columns["observation.vest"] = Column(values, _numbered("motor", values.shape[1]))
+    arm = streams.get(_ARM_MEASURED)
+    if arm is not None:
+        columns["observation.arm"] = Column(arm.at(grid_ns), [f"arm.{name}" for name in PoseNumbers.table])
+    asked: list[Column] = []
     if hand := streams.get("/hand/frames"):
-        columns["action"] = Column(hand.at(grid_ns), ["grasp_level"])
+        asked.append(Column(hand.at(grid_ns), ["grasp_level"]))
+    if arm is not None:
+        names = [f"arm_target.{name}" for name in PoseNumbers.table]
+        asked.append(Column(_targets(streams.get(_ARM_TARGET), arm, grid_ns), names))
+    if asked:
+        values = np.concatenate([column.values for column in asked], axis=1)
+        columns["action"] = Column(values, [name for column in asked for name in column.names])
     return columns
+
+
+def _targets(target: _Stream | None, arm: _Stream, grid_ns: NDArray[np.int64]) -> NDArray[np.float32]:
+    """Return where the arm was to be at each frame: where it was, until somebody took hold of it."""
+    where = arm.at(grid_ns)
+    if target is None or not target.times:
+        return where
+    known = target.newest(grid_ns) >= 0
+    where[known] = target.at(grid_ns[known])
+    return where
+
+
+def _all(stream: _Stream) -> NDArray[np.float64]:
+    return np.array(stream.values, np.float64)
 
 
 def _age_s(stream: _Stream, grid_ns: NDArray[np.int64]) -> NDArray[np.float32]:

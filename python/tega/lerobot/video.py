@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tega.lerobot.stats import Colours
 from tega.lifecycle import require
-from tega.recording.lerobot.stats import Colours
 from tega.threads import restored
 
 if TYPE_CHECKING:

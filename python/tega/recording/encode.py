@@ -1,0 +1,99 @@
+"""Encode a recording's pictures anew as JPEG into a copy of it; every other record is copied as it is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from tega.errors import RecordingError
+from tega.foreign_file import tells_damage
+from tega.lifecycle import require
+from tega.opencv import load_cv2
+from tega.recording.mcap_copy import McapCopy, McapItem, McapRecords
+from tega.recording.mcap_folder import SessionFolder, recorded_task, session_files
+from tega.recording.mcap_reader import Message, read_picture
+from tega.recording.origin import new_session, origin, span
+from tega.whole_file import new_file
+
+
+def encode_session(session: Path, *, out: Path, quality: int) -> list[Path]:
+    """Copy recordings with smaller pictures.
+
+    Args:
+        session: A recording, or a session's folder.
+        out: Folder of the new session: new or empty.
+        quality: Of the JPEG pictures, 1 to 100.
+
+    Returns:
+        The new recordings.
+
+    Raises:
+        RecordingError: A recording cannot be read, or a picture of it.
+        ConfigError: ``out`` holds something.
+        MissingExtraError: A package of the extra ``record`` is not installed.
+    """
+    files = session_files(session)
+    new_session(out)
+    made = []
+    for number, path in enumerate(files, start=1):
+        target = out / f"trial-{number:03d}.mcap"
+        _encode(path, target, quality)
+        made.append(target)
+    return made
+
+
+@tells_damage
+def _encode(source: Path, target: Path, quality: int) -> None:
+    tables = _tables(source)
+    if "epoch_ns" not in tables.get("tega", {}):
+        raise RecordingError(f"{source.name}: no recording of a session", "name a file made with --record")
+    name, step = origin(tables, source, made_by=f"encode --quality {quality}", part=span(tables))
+    pictures = _SmallerPictures(quality)
+    with source.open("rb") as old, new_file(target) as file:
+        copy, records = McapCopy(file), McapRecords(old)
+        copy.table(name, step)
+        for item in records:
+            copy.take(pictures.smaller(item))
+        copy.finish()
+    if records.problem:
+        raise RecordingError(f"{source.name}: cannot be read to its end: {records.problem}", "trim it before")
+    task = recorded_task(source)
+    facts: dict[str, Any] = {"state": "encoded", "lossless": False, "origin": step}
+    SessionFolder(target.parent).note(target.name, facts if task is None else facts | {"task": task})
+
+
+def _tables(source: Path) -> dict[str, dict[str, str]]:
+    tables: dict[str, dict[str, str]] = {}
+    with source.open("rb") as file:
+        for item in McapRecords(file):
+            if item.kind == "Metadata":
+                tables.setdefault(item.record.name, {}).update(item.record.metadata)
+    return tables
+
+
+class _SmallerPictures:
+    """Encodes what is a picture, and lets everything else pass."""
+
+    def __init__(self, quality: int) -> None:
+        self._cv2 = load_cv2("recording")
+        self._quality = [self._cv2.IMWRITE_JPEG_QUALITY, quality]
+        self._made = require("foxglove.messages", driver="recording", extra="record").CompressedImage
+        self._schema = self._made.get_schema()
+
+    def smaller(self, item: McapItem) -> McapItem:
+        """Return an item with a smaller picture; any other as it is, but for the table that says so."""
+        record = item.record
+        if item.kind == "Metadata" and record.name == "tega":
+            record.metadata = {**record.metadata, "lossless": "false"}
+        topic = "" if item.channel is None else item.channel.topic
+        if not (topic.startswith("/tactile/") and topic.endswith("/image")):
+            return item
+        value = item.decoded()
+        image = read_picture(Message(topic, item.schema.name, record.log_time, len(record.data), value))
+        _, data = self._cv2.imencode(".jpg", image, self._quality)
+        stamp = require("foxglove.messages", driver="recording", extra="record").Timestamp(
+            value.timestamp.seconds, value.timestamp.nanos
+        )
+        made = self._made(timestamp=stamp, frame_id=value.frame_id, data=data.tobytes(), format="jpeg")
+        record.data = made.encode()
+        return item._replace(schema=self._schema)

@@ -1,0 +1,236 @@
+"""Record a live run in a process of its own, so that encoding and writing never hold the run's interpreter lock.
+
+The run's threads put records into a bounded queue, as they do for a recorder in the same process. One thread takes them
+to the process (:mod:`tega.recording.recorder_program`) a hundred times a second; another hears what that says.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import logging
+import subprocess
+import threading
+import time
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from typing import TYPE_CHECKING, Any, Final
+
+from tega.child_process import end_child, own_group, python_command, python_environment
+from tega.errors import RecordingError
+from tega.recording.mcap_queue import BoundedQueue, Item
+from tega.recording.recorder_pipe import receive_object, send_object, widen_pipe
+from tega.threads import run_realtime
+
+if TYPE_CHECKING:
+    from tega.config import RecordingSection
+    from tega.recording.mcap_folder import SessionFolder
+    from tega.records import Record
+
+
+_LOG = logging.getLogger(__name__)
+
+_TURN_S: Final = 0.01
+# Records go in parts of about so much, so that the queue empties while a full pipe waits.
+_PART_BYTES: Final = 4 * 1024 * 1024
+_ANSWER_S: Final = 30.0
+_DRAIN_S: Final = 10.0
+_LEAVE_S: Final = 2.0
+_MIB: Final = 1024 * 1024
+
+
+class RecorderProcess:
+    """Writes one trial of a session through a process of its own; see :class:`~tega.recording.McapRecorder`.
+
+    Args:
+        folder: The session's folder.
+        settings: How to record.
+        realtime: Whether the process may ask for real-time priority.
+
+    Raises:
+        RecordingError: The process does not start, or the file cannot be made.
+        MissingExtraError: A package of the extra ``record`` is not installed.
+
+    Attributes:
+        state: ``recording``, ``stopped`` or ``complete``.
+        reason: Why it stopped.
+        path: The file, when it is complete.
+    """
+
+    def __init__(self, folder: SessionFolder, settings: RecordingSection, *, realtime: bool) -> None:
+        self._folder = folder
+        self._queue = BoundedQueue(most_bytes=round(settings.queue_mib * _MIB))
+        self.state, self.reason = "recording", ""
+        self._told_dropped: Counter[str] = Counter()
+        self._answers: SimpleQueue[tuple[str, Any]] = SimpleQueue()
+        self._closing = threading.Event()
+        self._process = subprocess.Popen(
+            python_command("tega.recording.recorder_program"),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env=python_environment(),
+            **own_group(),
+        )
+        assert isinstance(self._process.stdin, io.BufferedWriter)
+        assert isinstance(self._process.stdout, io.BufferedReader)
+        self._asked, self._said = self._process.stdin, self._process.stdout
+        widen_pipe(self._asked)
+        self._listener = threading.Thread(target=self._listen, name="tega-recorder-answers", daemon=True)
+        self._listener.start()
+        self._thread = threading.Thread(target=self._ship, name="tega-recorder", daemon=True)
+        try:
+            send_object(self._asked, (folder.path, settings, realtime))
+            self.path: Path = self._answer("start")
+        except BaseException:
+            self._end()
+            raise
+
+    @property
+    def pid(self) -> int:
+        """The process's number."""
+        return self._process.pid
+
+    def head(self, facts: Mapping[str, Mapping[str, str]], files: Mapping[str, tuple[str, bytes]]) -> None:
+        """Write what a reader has to know first; returns when it is on the disk."""
+        self._ask("head", facts, files)
+
+    def begin(self, start_ns: int, epoch_ns: int) -> None:
+        """Begin to take records; the session's clock at its start, and the time of day then, nanoseconds."""
+        self._ask("begin", start_ns, epoch_ns)
+        self._thread.start()
+
+    def put(self, record: Record, *, t_ns: int | None = None) -> None:
+        """Hand a record over; returns at once, and what does not fit is dropped and counted."""
+        self._queue.put(Item.of(record, t_ns))
+
+    def problem(self) -> str:
+        """Return why no more is recorded, or how many records were dropped while that goes on; else ``""``."""
+        if self.state == "stopped":
+            return f"recording: stopped: {self.reason}"
+        dropped = self._queue.problem()
+        return f"recording: {dropped}: disk or processor does not keep up" if dropped else ""
+
+    def finish(self, summary: bytes = b"") -> dict[str, Any]:
+        """Have everything written that waits, the index and the summary; end the process, and return what became.
+
+        Args:
+            summary: The run's summary as JSON.
+        """
+        self._queue.close()
+        self._closing.set()
+        if self._thread.is_alive():
+            self._thread.join(_DRAIN_S)
+        try:
+            facts: dict[str, Any] = self._finished(summary)
+        except (RecordingError, OSError) as error:
+            facts = self._lost(str(error))
+        self._end()
+        return facts
+
+    def abandon(self) -> None:
+        """Take the file away; for a recording that has not begun."""
+        with contextlib.suppress(RecordingError, OSError):
+            self._ask("abandon")
+        self._end()
+
+    def _finished(self, summary: bytes) -> dict[str, Any]:
+        if self._thread.is_alive():
+            raise RecordingError(f"the recorder's process took no more within {_DRAIN_S:g} s")
+        facts: dict[str, Any] = self._ask("finish", summary)
+        self.state, self.reason = facts["state"], facts["reason"]
+        return facts
+
+    def _lost(self, why: str) -> dict[str, Any]:
+        """Return what is known of a recording whose process is gone, and write that into the index."""
+        self._process.kill()
+        self._queue.discard()
+        if self.state != "stopped":
+            self._stop(why)
+        name = f"{self.path.name}.part"
+        dropped = dict(sorted(self._queue.dropped.items()))
+        facts = {"state": self.state, "reason": self.reason, "dropped": dropped}
+        with contextlib.suppress(OSError):  # a full disk has no room for the index either
+            self._folder.note(self.path.name, {**facts, "path": name})
+        return {"file": name, **facts}
+
+    def _end(self) -> None:
+        end_child(self._process, _LEAVE_S)
+        self._listener.join()
+        self._said.close()
+
+    def _ask(self, verb: str, *content: Any) -> Any:
+        try:
+            send_object(self._asked, (verb, *content))
+        except OSError as error:
+            raise RecordingError(self._gone(), "see what the recorder said above") from error
+        return self._answer(verb)
+
+    def _answer(self, verb: str) -> Any:
+        try:
+            kind, content = self._answers.get(timeout=_ANSWER_S)
+        except Empty:
+            raise RecordingError(
+                f"the recorder's process did not answer {verb!r} within {_ANSWER_S:g} s"
+            ) from None
+        if kind == "failed":
+            raise content
+        return content
+
+    @run_realtime("beside")
+    def _ship(self) -> None:
+        """Take what waits to the process, until all of it went."""
+        while True:
+            closing = self._closing.is_set()  # looked at first: nothing comes after it
+            items = self._some()
+            dropped = self._queue.dropped - self._told_dropped
+            if items or dropped:
+                self._told_dropped += dropped
+                try:
+                    send_object(
+                        self._asked, ("records", [(item.record, item.t_ns) for item in items], dropped)
+                    )
+                except OSError:
+                    self._stop(self._gone())
+                    self._queue.close()
+                    self._queue.dropped.update(item.record.where for item in items)
+                    return
+                for item in items:
+                    self._queue.done(item)
+            elif closing:
+                return
+            else:
+                time.sleep(_TURN_S)
+
+    def _some(self) -> list[Item]:
+        items: list[Item] = []
+        n_bytes = 0
+        while n_bytes < _PART_BYTES and (item := self._queue.take()) is not None:
+            items.append(item)
+            n_bytes += item.n_bytes
+        return items
+
+    def _listen(self) -> None:
+        """Hear what the process says until it ends."""
+        while True:
+            try:
+                kind, *content = receive_object(self._said)
+            except (EOFError, OSError):
+                self._answers.put(("failed", RecordingError(self._gone())))
+                return
+            if kind == "log":
+                level, name, text = content
+                logging.getLogger(name).log(level, "%s", text)
+            elif kind == "state":
+                self.state, self.reason = content
+            else:
+                self._answers.put((kind, content[0]))
+
+    def _gone(self) -> str:
+        code = self._process.poll()
+        return "the recorder's process ended" + ("" if code is None else f" with code {code}")
+
+    def _stop(self, reason: str) -> None:
+        self.state, self.reason = "stopped", reason
+        _LOG.warning("recording stopped: %s; the run goes on", reason)

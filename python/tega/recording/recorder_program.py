@@ -1,0 +1,113 @@
+"""Run the recorder of one trial as a program: records come in by its input, and are encoded and written here.
+
+:class:`~tega.recording.recorder_process.RecorderProcess` starts it. What it says goes to its output: its answers, the
+lines of its log, and the state of the recording whenever that changes. Where its input ends without a last word, the
+run was killed: what had come is written, and the file stays unfinished for the next start to recover.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import sys
+import threading
+from contextlib import suppress
+from io import BufferedReader, BufferedWriter
+from typing import Any
+
+from tega.recording.mcap_folder import SessionFolder
+from tega.recording.mcap_recorder import McapRecorder
+from tega.recording.recorder_pipe import receive_object, send_object
+from tega.threads import realtime, run_realtime
+
+# What has come through the pipe waits here, and what does not fit waits in the run, where it is dropped and counted.
+_QUEUE_BYTES = 16 * 1024 * 1024
+
+
+class _Answers:
+    """Sends answers, log lines and states to the run, from any thread."""
+
+    def __init__(self, pipe: BufferedWriter) -> None:
+        self._pipe = pipe
+        self._lock = threading.Lock()
+
+    def say(self, *what: Any) -> None:
+        with self._lock, suppress(OSError):  # the run was killed
+            send_object(self._pipe, what)
+
+
+class _LogAnswers(logging.Handler):
+    """Sends the lines of this program's log to the run."""
+
+    def __init__(self, answers: _Answers) -> None:
+        super().__init__(logging.INFO)
+        self._answers = answers
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._answers.say("log", record.levelno, record.name, record.getMessage())
+
+
+def _carry_out(recorder: McapRecorder, verb: str, content: tuple[Any, ...]) -> Any:
+    """Do what the run asks for, and return what it wants to know."""
+    if verb == "records":
+        records, dropped = content
+        for record, t_ns in records:
+            recorder.put(record, t_ns=t_ns)
+        recorder.count_dropped(dropped)
+        return None
+    if verb == "head":
+        return recorder.head(*content)
+    if verb == "begin":
+        return recorder.begin(*content)
+    if verb == "finish":
+        return recorder.finish(*content)
+    return recorder.abandon()
+
+
+def _serve(asked: BufferedReader, answers: _Answers) -> None:
+    path, settings, allowed = receive_object(asked)
+    with realtime(allowed=allowed), run_realtime("beside"):
+        try:
+            recorder = McapRecorder(SessionFolder(path), settings, wait=True, queue_bytes=_QUEUE_BYTES)
+        except Exception as error:  # the run tells it
+            answers.say("failed", error)
+            return
+        answers.say("done", recorder.path)
+        told = (recorder.state, recorder.reason)
+        verb = ""
+        while verb not in {"finish", "abandon"}:
+            try:
+                verb, *content = receive_object(asked)
+            except EOFError:
+                recorder.leave()
+                return
+            try:
+                answer = _carry_out(recorder, verb, tuple(content))
+            except Exception as error:
+                answers.say("failed", error)
+                continue
+            if verb != "records":
+                answers.say("done", answer)
+            if (now := (recorder.state, recorder.reason)) != told:
+                told = now
+                answers.say("state", *now)
+
+
+def main() -> None:
+    """Record until the run says that it is over, or is no more."""
+    # A key press or a shutdown ends the run, which then finishes the recording.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
+    said = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a library prints is no answer
+    answers = _Answers(said)
+    logger = logging.getLogger("tega")
+    logger.setLevel(logging.INFO)
+    logger.addHandler(_LogAnswers(answers))
+    logger.propagate = False
+    _serve(os.fdopen(os.dup(sys.stdin.fileno()), "rb"), answers)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,153 @@
+"""Move arm and hand to their start between trials: through the chain of every motion, while the dead-man is held."""
+
+from __future__ import annotations
+
+import time
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, Final
+
+import msgspec
+import numpy as np
+
+from tega.arm.settings import FilterSettings, MappingSettings
+from tega.arm.way_to_start import SPEED_M_S, TURN_RAD_S, WayToStart
+from tega.bus import Bus
+from tega.devices.base import SteeredHand
+from tega.devices.registry import driver_class
+from tega.errors import ConfigError
+from tega.hand_poses import ClosureScale, load_poses
+from tega.records import ArmTurn
+from tega.teleop.arm import open_arm
+from tega.teleop.sinks import open_inputs
+
+if TYPE_CHECKING:
+    from tega.calibration.guide import Shows
+    from tega.config import SessionConfig
+    from tega.config_sections import ArmConfig
+
+TOLD_S: Final = 3.0
+"""So long it is told before anything may move."""
+PATIENCE_S: Final = 30.0
+"""So long the dead-man is waited for."""
+_LEVELS_PER_S = 2.0
+_LOOK_S = 0.02
+_SETTLE_S = 1.0
+# What leads the arm tells of itself a hundred times a second; a hand is opened by nothing older.
+_FRESH_S = 0.2
+
+
+def go_to_start(
+    config: SessionConfig, shows: Shows, *, told_s: float = TOLD_S, bus: Bus | None = None
+) -> str:
+    """Move the arm to ``arm.start_m`` and open the hand, then let go of both.
+
+    People are told first. Nothing moves before ``told_s`` are over, nor while the dead-man, and the clutch where there
+    is one, is not held; the arm is bound by its workspace, clip, limits and watchdogs, and goes at 0.1 m/s at most.
+
+    Args:
+        config: The settings, with an arm that has a start.
+        shows: Told what goes on; whatever it raises ends the motion.
+        told_s: How long people are told before anything may move.
+        bus: Told of every turn of the arm.
+
+    Returns:
+        How far from its start the arm is, in words.
+
+    Raises:
+        ConfigError: The settings have no arm with a start, or something that the arm needs is missing.
+        DeviceUnavailableError: A device is missing, went away or is at fault.
+        TimeoutError: Nobody held the dead-man for :data:`PATIENCE_S`.
+    """
+    arm = config.arm
+    if arm is None or (start := arm.start) is None:
+        raise ConfigError("the arm has no start to go to", "set arm.start_m")
+    replace = msgspec.structs.replace
+    config = replace(config, arm=_unsteered(arm), session=replace(config.session, pace="real"))
+    with ExitStack() as stack:
+        way = WayToStart(start)
+        bus = Bus() if bus is None else bus
+        bus.subscribe(ArmTurn, way.saw, vital=True)
+        steering = open_arm(
+            stack,
+            config,
+            open_inputs(stack, config),
+            tracker=way,
+        )
+        hand = _Opening(stack, config)
+        told_until_s = time.monotonic() + told_s
+        steering.start(bus, time.monotonic_ns(), may_move=lambda: time.monotonic() >= told_until_s)
+        stack.callback(steering.stop)
+        last_s = held_s = time.monotonic()
+        there_s: float | None = None
+        while True:
+            now_s = time.monotonic()
+            follows = way.state == "following" and now_s - way.seen_s < _FRESH_S
+            held_s = now_s if follows else max(held_s, told_until_s)
+            if now_s - held_s > PATIENCE_S:
+                raise TimeoutError(f"nobody held the dead-man switch for {PATIENCE_S:g} s: {way.reason}")
+            if now_s < told_until_s:
+                shows.show("THE ARM WILL MOVE: everybody out of its reach", (), told_until_s - now_s)
+            elif steering.problem:
+                shows.show(steering.problem, (), None)
+            elif follows:
+                left_m = way.left_m or 0.0
+                shows.show(f"the arm moves to its start: {100 * left_m:.0f} cm to go", (), None)
+            else:
+                shows.show(
+                    f"hold the dead-man switch, and the arm moves to its start ({way.reason})", (), None
+                )
+            hand.look(now_s - last_s, may_move=follows)
+            last_s = now_s
+            there_s = (there_s or now_s) if follows and way.there and hand.is_open else None
+            if there_s is not None and now_s - there_s >= _SETTLE_S:
+                break
+            time.sleep(_LOOK_S)
+        off_mm = 1000 * (way.off_m or 0.0)
+    return f"the arm is at its start, {off_mm:.0f} mm off" + hand.words
+
+
+def _unsteered(arm: ArmConfig) -> ArmConfig:
+    """Return the arm's settings for a way that is given in the base's own axes, no faster than such a way may be."""
+    limits = msgspec.structs.replace(
+        arm.limits,
+        speed_m_s=min(arm.limits.speed_m_s, SPEED_M_S),
+        turn_rad_s=min(arm.limits.turn_rad_s, TURN_RAD_S),
+    )
+    mapping = MappingSettings(frame="base", mirror=False)
+    return msgspec.structs.replace(arm, mapping=mapping, filter=FilterSettings(on=False), limits=limits)
+
+
+class _Opening:
+    """The hand of the settings, opened level by level while things may move; it keeps its pose meanwhile."""
+
+    def __init__(self, stack: ExitStack, config: SessionConfig) -> None:
+        self._hand: SteeredHand | None = None
+        self._level: float | None = None
+        if config.hand.driver is not None:
+            options = config.hand.options
+            made = driver_class(config.hand.driver, "hand")(options)
+            poses = getattr(options, "poses", None)
+            self._closure = ClosureScale(None if poses is None else load_poses(poses))
+            if isinstance(made, SteeredHand):
+                self._hand = stack.enter_context(made)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether it was told its most open pose, or there is none."""
+        return self._hand is None or self._level == 1.0
+
+    @property
+    def words(self) -> str:
+        """What came of it."""
+        return "" if self._hand is None else "; the hand is open"
+
+    def look(self, dt_s: float, *, may_move: bool) -> None:
+        """Go on opening it, or have it stay where it is."""
+        hand = self._hand
+        if hand is None:
+            return
+        if may_move:
+            before = self._closure(np.asarray(hand.angles_rad)) if self._level is None else self._level
+            self._level = max(1.0, before - _LEVELS_PER_S * dt_s)
+        if self._level is not None:
+            hand.step(self._level)

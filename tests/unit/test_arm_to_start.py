@@ -1,0 +1,256 @@
+"""Between trials the arm goes to its start: told first, while the dead-man is held, within every limit of a run."""
+
+from __future__ import annotations
+
+import math
+import sys
+import threading
+import time
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from reference.waiting import until
+from tega.arm import ArmChain, ArmSettings, StampedPose
+from tega.arm.pose import ArmCommand, Pose
+from tega.arm.settings import FilterSettings, LimitSettings, MappingSettings
+from tega.arm.turn import Turn, lead
+from tega.arm.way_to_start import SPEED_M_S, WayToStart
+from tega.arm.workspace import Workspace
+from tega.bus import Bus
+from tega.config import load_config
+from tega.errors import ConfigError
+from tega.records import ArmMeasured, ArmTurn, PoseNumbers
+from tega.study.lead.benches import LabBench
+from tega.study.lead.rest_tasks import RestTaskEndedError, RunningTask
+from tega.study.lead.running_trial import in_thread
+from tega.teleop import homing
+from tega.teleop.homing import go_to_start
+
+_UPRIGHT = (0.0, 0.7071067811865476, 0.0, 0.7071067811865476)
+_LEANS = (0.1305262, 0.7010574, 0.0922959, 0.6903455)
+_TICK_NS = 10_000_000
+
+
+class _Simulated:
+    """A chain that the way leads, and an arm that is where the target was a tick ago."""
+
+    def __init__(self, start: Pose, here: Pose, limits: LimitSettings) -> None:
+        self.way, self.limits = WayToStart(start), limits
+        self.chain = ArmChain(
+            ArmSettings(
+                mapping=MappingSettings(frame="base", mirror=False),
+                filter=FilterSettings(on=False),
+                limits=limits,
+            )
+        )
+        self.here, self.now_ns = here, 0
+        self.course: list[ArmCommand] = []
+
+    def ticks(self, n: int, *, held: bool, blocked: bool = False) -> None:
+        for _ in range(n):
+            self.now_ns += _TICK_NS
+            measured = StampedPose(self.now_ns, self.here.position_m, self.here.quaternion_xyzw)
+            turn = Turn(
+                self.now_ns, tuple(self.way.read(self.now_ns)), clutch=held, dead_man=held, may_move=True,
+                measured=measured,
+            )  # fmt: skip
+            command = lead(self.chain, turn)
+            self.course.append(command)
+            if command.target is not None and not blocked:
+                self.here = command.target
+            self.way.saw(
+                ArmTurn(
+                    t_ns=self.now_ns, poses=(), clutch=held, dead_man=held, may_move=True,
+                    measured=(PoseNumbers(self.now_ns, tuple(measured.position_m), tuple(measured.quaternion_xyzw)),),
+                    stopped="", cleared=False, state=command.state, reason=command.reason,
+                    holds=command.engagements,
+                    target=() if command.target is None else tuple(np.concatenate(command.target).tolist()),
+                    velocity=(*command.velocity_m_s.tolist(), *command.velocity_rad_s.tolist()), phase="following",
+                )
+            )  # fmt: skip
+
+
+def _pose(place: tuple[float, ...], turn: tuple[float, ...] = _UPRIGHT) -> Pose:
+    return Pose(np.array(place), np.array(turn) / math.hypot(*turn))
+
+
+@pytest.mark.parametrize(
+    ("here", "start"),
+    [
+        (_pose((0.62, -0.30, 0.06)), _pose((0.40, 0.20, 0.30))),
+        (_pose((0.40, 0.20, 0.60), _LEANS), _pose((0.62, -0.30, 0.10))),
+        (_pose((0.5, 0.0, 0.3)), _pose((0.5, 0.0, 0.3), _LEANS)),
+        (_pose((0.5, 0.0, 0.3)), _pose((0.5, 0.0, 0.3))),
+        (_pose((0.3, -0.4, 0.03)), _pose((0.7, 0.4, 0.7), _LEANS)),
+    ],
+)
+def test_the_way_leads_up_over_and_down_within_the_limits(here: Pose, start: Pose) -> None:
+    limits = LimitSettings(speed_m_s=SPEED_M_S, turn_rad_s=0.5)
+    arm = _Simulated(start, here, limits)
+    arm.ticks(10, held=False)
+    arm.ticks(2000, held=True)
+    assert arm.way.there
+    assert arm.way.off_m is not None
+    assert arm.way.off_m < 0.003
+    workspace = Workspace(limits)
+    top_m = max(here.position_m[2], start.position_m[2])
+    targets = [command.target for command in arm.course if command.target is not None]
+    for one, other in pairwise(targets):
+        assert not workspace.outside(other)
+        assert math.dist(one.position_m, other.position_m) <= SPEED_M_S * 0.01 + 1e-9
+    for target in targets:
+        aside_m = math.dist(target.position_m[:2], here.position_m[:2])
+        left_m = math.dist(target.position_m[:2], start.position_m[:2])
+        if aside_m > 0.02 and left_m > 0.02:
+            assert target.position_m[2] > top_m - 0.01
+
+
+def test_the_way_stops_with_the_switch_and_goes_on_with_it() -> None:
+    arm = _Simulated(_pose((0.40, 0.20, 0.30)), _pose((0.6, -0.2, 0.1)), LimitSettings(speed_m_s=SPEED_M_S))
+    arm.ticks(200, held=True)
+    assert arm.course[-1].target is None, "a switch that was held from the start moves nothing"
+    arm.ticks(1, held=False)
+    arm.ticks(150, held=True)
+    moved_m = math.dist(arm.here.position_m, (0.6, -0.2, 0.1))
+    assert moved_m > 0.05
+    arm.ticks(20, held=False)
+    rested = arm.here.position_m.copy()
+    arm.ticks(200, held=False)
+    assert math.dist(arm.here.position_m, rested) < 1e-9
+    assert not arm.way.there
+    arm.ticks(1500, held=True)
+    assert arm.way.there
+    assert math.dist(arm.here.position_m, (0.40, 0.20, 0.30)) < 0.003
+
+
+def test_an_arm_that_was_held_back_does_not_catch_up() -> None:
+    arm = _Simulated(_pose((0.40, 0.20, 0.30)), _pose((0.6, -0.2, 0.3)), LimitSettings(speed_m_s=SPEED_M_S))
+    arm.ticks(5, held=False)
+    arm.ticks(1000, held=True, blocked=True)
+    given = [arm.way.read(arm.now_ns)[0].position_m]
+    target = arm.course[-1].target
+    assert target is not None
+    assert math.dist(target.position_m, (0.6, -0.2, 0.3)) <= 0.03 + 1e-9, "the clip"
+    assert math.dist(given[0], (0.40, 0.20, 0.30)) < 0.06, (
+        "the forearm went no further than the clip and a little"
+    )
+    arm.ticks(1500, held=True)
+    assert arm.way.there
+
+
+@pytest.mark.parametrize(
+    ("sets", "said"),
+    [
+        (["arm.start_m=[0.5, 0.0, 0.9]"], "200 mm outside of the workspace along z"),
+        (["arm.start_m=[0.5, 0.0, 0.3]", "arm.start_xyzw=[0, 0, 0, 1]"], "leans"),
+        (["arm.start_m=[0.5, 0.0, 0.3]", "arm.start_xyzw=[0, 0, 0, 0]"], "length 0, not 1"),
+        (["arm.start_m=[0.5, nan, 0.3]"], "no place"),
+    ],
+)
+def test_a_start_that_cannot_be_is_refused(sets: list[str], said: str) -> None:
+    given = [
+        "arm.driver=simulated-arm",
+        "input.dead_man.driver=pedal",
+        "input.dead_man.options.silent_after_ms=100",
+    ]
+    with pytest.raises(ConfigError, match=said):
+        load_config(None, environ={}, sets=[*given, *sets])
+
+
+class _Hearing:
+    """Hears what is told, in the order in which it came."""
+
+    def __init__(self, look: Callable[[str], None] = lambda _prompt: None) -> None:
+        self.said: list[str] = []
+        self._look = look
+
+    def show(self, prompt: str, _bars: Any, _left_s: float | None, /) -> None:
+        words = prompt.split(":", maxsplit=1)[0].split(" (", maxsplit=1)[0]
+        if self.said[-1:] != [words]:
+            self.said.append(words)
+        self._look(prompt)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="needs Linux or macOS")
+def test_the_emulated_arm_and_hand_go_to_their_start_while_the_switch_is_held(tmp_path: Path) -> None:
+    from tega.config import check_tree
+    from tega_emulators.lab import emulated_lab
+
+    with emulated_lab(tmp_path, arm=True, hand=True) as lab:
+        lab.tree["arm"] |= {"start_m": [0.42, 0.08, 0.36]}
+        config = check_tree(lab.tree, {}, base=tmp_path).config
+        places, turns = list[tuple[float, ...]](), list[ArmTurn]()
+        bus = Bus()
+        bus.subscribe(ArmMeasured, lambda pose: places.append(pose.position))
+        bus.subscribe(ArmTurn, turns.append)
+        over, found = threading.Event(), list[str]()
+
+        def look(_prompt: str) -> None:
+            if over.is_set():
+                raise RestTaskEndedError
+
+        hearing = _Hearing(look)
+        for button in (0, 1):  # held before anybody is told
+            lab.cap.say(f"press {button}")
+        going, raised = in_thread(lambda: found.append(go_to_start(config, hearing, told_s=0.5, bus=bus)))
+        try:
+            until(lambda: "hold the dead-man switch, and the arm moves to its start" in hearing.said)
+            time.sleep(0.3)
+            assert not any(turn.state == "following" for turn in turns)
+            assert math.dist(places[-1], places[0]) < 1e-3
+            for button in (0, 1):
+                lab.cap.say(f"lift {button}")
+            until(lambda: "the clutch is open" in turns[-1].reason)
+            for button in (0, 1):
+                lab.cap.say(f"press {button}")
+            until(lambda: math.dist(places[-1], places[0]) > 0.03)
+            lab.cap.say("lift 0")
+            until(lambda: turns[-1].state == "holding")
+            until(lambda: turns[-1].velocity[:3] == (0.0, 0.0, 0.0))
+            rests = turns[-1].target
+            time.sleep(0.3)
+            assert turns[-1].target == pytest.approx(rests, abs=1e-9)
+            lab.cap.say("press 0")
+            until(lambda: not going.is_alive())
+        finally:
+            over.set()
+            going.join(30)
+        assert raised == []
+        (said,) = found
+        assert hearing.said[0] == "THE ARM WILL MOVE"
+        assert said.startswith("the arm is at its start")
+        assert said.endswith("the hand is open")
+        assert math.dist(places[-1], (0.42, 0.08, 0.36)) < 0.01
+        until(lab.limp)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="needs Linux or macOS")
+def test_nobody_at_the_switch_moves_nothing_and_the_experimenter_ends_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("foxglove")
+    from tega.config import check_tree
+    from tega_emulators.lab import emulated_lab
+
+    monkeypatch.setattr(homing, "PATIENCE_S", 1.0)
+    with emulated_lab(tmp_path, emg_hz=250.0, fingers=("thumb",), arm=True) as lab:
+        assert [task.key for task in LabBench(check_tree(lab.tree, {}, base=tmp_path).config).rest_tasks] == [
+            "g"
+        ]
+        lab.tree["arm"] |= {"start_m": [0.42, 0.08, 0.36]}
+        config = check_tree(lab.tree, {}, base=tmp_path).config
+        with pytest.raises(TimeoutError, match="nobody held the dead-man switch for 1 s"):
+            go_to_start(config, _Hearing(), told_s=0.1)
+        squeeze, to_start = LabBench(config).rest_tasks
+        assert (squeeze.after_trials, to_start.after_trials) == (False, True)
+        running = RunningTask(to_start)
+        until(lambda: running.prompt.startswith("THE ARM WILL MOVE"))
+        running.end()
+        assert running.result() == "ended by the experimenter"

@@ -1,0 +1,147 @@
+"""A live run's recorder is a process: what it is given is written, and neither its death nor the run's loses more."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tega.config import RecordingSection
+from tega.errors import ConfigError
+from tega.recording.inspection import inspect_file
+from tega.recording.mcap_folder import SessionFolder
+from tega.recording.recorder_process import RecorderProcess
+from tega.records import Marker, Picture
+
+SETTINGS = RecordingSection(lossless=True, stop_free_mib=0.0, warn_free_mib=0.0)
+EPOCH_NS = 1_700_000_000_000_000_000
+
+
+def picture(k: int) -> Picture:
+    image = np.random.default_rng(k).integers(0, 255, (320, 240, 3), dtype=np.uint8)
+    return Picture(finger="thumb", image=image, t_ns=k, received_ns=k, seq=k, name="")
+
+
+def begun(folder: Path, settings: RecordingSection = SETTINGS) -> RecorderProcess:
+    recorder = RecorderProcess(SessionFolder(folder), settings, realtime=False)
+    recorder.head({"tega": {"format": "test"}}, {})
+    recorder.begin(0, EPOCH_NS)
+    return recorder
+
+
+def until(condition: object, seconds: float = 20.0) -> None:
+    end_s = time.monotonic() + seconds
+    while not condition():  # type: ignore[operator]
+        assert time.monotonic() < end_s
+        time.sleep(0.01)
+
+
+def test_what_it_is_given_is_in_the_file(tmp_path: Path) -> None:
+    recorder = begun(tmp_path)
+    for k in range(50):
+        recorder.put(picture(k))
+        recorder.put(Marker(t_ns=k, text=f"after {k}"))
+    facts = recorder.finish(b"{}")
+    assert (facts["state"], facts["dropped"], recorder.problem()) == ("complete", {}, "")
+    assert (facts["written"]["/run/marker"], facts["file"]) == (50, "trial-001.mcap")
+    found = {stream.topic: stream.messages for stream in inspect_file(recorder.path).streams}
+    assert found["/tactile/thumb/image"] == found["/run/marker"] == 50
+
+
+def test_a_process_that_stands_still_costs_pictures_which_are_counted_and_nobody_waits(
+    tmp_path: Path,
+) -> None:
+    recorder = begun(tmp_path, RecordingSection(lossless=True, queue_mib=4.0, stop_free_mib=0.0))
+    os.kill(recorder.pid, signal.SIGSTOP)
+    for k in range(100):  # 23 MB for a process that takes one or two
+        recorder.put(picture(k))
+        recorder.put(Marker(t_ns=k, text=f"after {k}"))
+    assert "records dropped" in recorder.problem()
+    os.kill(recorder.pid, signal.SIGCONT)
+    facts = recorder.finish()
+    assert set(facts["dropped"]) == {"/tactile/thumb/image"}
+    found = {stream.topic: stream for stream in inspect_file(recorder.path).streams}
+    assert found["/run/marker"].messages == 100
+    pictures = found["/tactile/thumb/image"]
+    assert pictures.dropped == facts["dropped"]["/tactile/thumb/image"] == 100 - pictures.messages > 50
+
+
+def test_a_killed_process_stops_the_recording_with_a_word_and_the_file_is_recovered(tmp_path: Path) -> None:
+    recorder = begun(tmp_path)
+    recorder.put(Marker(t_ns=1, text="before"))
+    time.sleep(0.5)
+    os.kill(recorder.pid, signal.SIGKILL)
+
+    def stopped() -> bool:
+        recorder.put(Marker(t_ns=2, text="lost"))
+        return recorder.state == "stopped"
+
+    until(stopped)
+    assert "recorder's process ended" in recorder.problem()
+    facts = recorder.finish()
+    assert (facts["state"], facts["file"]) == ("stopped", "trial-001.mcap.part")
+    assert facts["dropped"]["/run/marker"] >= 1
+    (recovered,) = SessionFolder(tmp_path).recovered
+    (stream,) = (s for s in inspect_file(recovered.path).streams if s.topic == "/run/marker")
+    assert stream.messages == 1
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+sys.path.insert(0, sys.argv[2])
+from test_recorder_process import begun, picture
+from tega.records import Marker
+import time
+recorder = begun(Path(sys.argv[1]))
+for k in range(40):
+    recorder.put(picture(k))
+    recorder.put(Marker(t_ns=k, text=f"after {k}"))
+while len(recorder._queue):
+    time.sleep(0.01)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_what_had_left_a_killed_run_is_written(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", KILLED, str(tmp_path), str(Path(__file__).parent)],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
+    assert done.returncode == -signal.SIGKILL, done.stderr
+    (recovered,) = SessionFolder(tmp_path).recovered  # which waits for the process to leave the file
+    found = {stream.topic: stream.messages for stream in inspect_file(recovered.path).streams}
+    # What the run was just sending is lost with it: at most one part of 4 MiB.
+    assert found["/run/marker"] >= 20
+    assert found["/tactile/thumb/image"] >= 20
+
+
+def test_a_key_press_or_a_shutdown_does_not_end_it(tmp_path: Path) -> None:
+    recorder = begun(tmp_path)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        os.kill(recorder.pid, number)
+    recorder.put(Marker(t_ns=1, text="still here"))
+    assert recorder.finish()["state"] == "complete"
+
+
+def test_what_the_process_refuses_is_raised_here(tmp_path: Path) -> None:
+    folder = SessionFolder(tmp_path / "session")
+    (tmp_path / "session").rmdir()
+    (tmp_path / "session").write_text("not a folder")
+    with pytest.raises(ConfigError, match="session folder 'session' is a file"):
+        RecorderProcess(folder, SETTINGS, realtime=False)
+
+
+def test_a_recording_that_never_began_leaves_no_file(tmp_path: Path) -> None:
+    recorder = RecorderProcess(SessionFolder(tmp_path), SETTINGS, realtime=False)
+    recorder.abandon()
+    assert list(tmp_path.glob("trial-*")) == []

@@ -1,0 +1,221 @@
+"""Episodes outside studies: a key or pedal starts, keeps, discards and does again; what is discarded leaves a line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("foxglove", reason="comes with the extra record")
+
+from reference.sessions import messages, record, told, tree
+from tega.cli.main import main
+from tega.config import check_tree
+from tega.episodes.journal import EPISODES, EpisodeJournal, read_episodes
+from tega.episodes.take import EpisodeTaker
+from tega.errors import ConfigError, DeviceUnavailableError, InvalidValueError, RecordingError
+from tega.recording.encode import encode_session
+from tega.recording.inspection import inspect_file
+from tega.recording.mcap_folder import SessionFolder, recorded_task
+from tega.recording.mcap_reader import McapReader, read_picture
+from tega.replay import replay_file
+from tega.study.lead.experimenter import ENTER, Screen
+
+
+class _Operator:
+    """Presses at each screen what comes next: a phase, and the key for it once it has lasted."""
+
+    def __init__(self, *steps: tuple[str, str]) -> None:
+        self._steps, self._keys = list(steps), list[str]()
+        self.screens: list[tuple[str, str]] = []
+        self.said: list[str] = []
+
+    def show(self, screen: Screen) -> None:
+        self.screens.append((screen.phase, screen.heading))
+        if self._keys or not self._steps or screen.phase != self._steps[0][0]:
+            return
+        lasts = screen.phase != "episode" or (screen.big.endswith(" s") and float(screen.big[:-2]) > 1.2)
+        if lasts:
+            self._keys += list(self._steps.pop(0)[1])
+
+    def say(self, text: str) -> None:
+        self.said.append(text)
+
+    def keys(self) -> list[str]:
+        keys, self._keys = self._keys, []
+        return keys
+
+    def line(self, prompt: str) -> str:
+        raise AssertionError(prompt)
+
+
+def lab(duration_s: float = 30.0, **settings: Any) -> Any:
+    made = tree(Path("unused"))
+    made["session"] = {"pace": "real"}
+    made["tactile"] = {"thumb": {"driver": "synthetic-touch", "options": {"duration_s": duration_s}}}
+    made["emg"]["options"] = {"duration_s": duration_s}
+    return check_tree(made | settings, {}, base=Path.cwd()).config
+
+
+def files(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+@pytest.mark.slow
+def test_an_episode_is_kept_discarded_and_done_again_by_one_key_at_a_time(tmp_path: Path) -> None:
+    folder = tmp_path / "monday"
+    pedals = "bnm"
+    operator = _Operator(
+        ("ready", ENTER), ("episode", ENTER), ("decide", ENTER),  # kept by key
+        ("ready", "b"), ("episode", "b"), ("decide", "n"),  # discarded by pedal
+        ("ready", "b"), ("episode", "m"),  # discarded, and at once
+        ("episode", "b"), ("decide", "b"),  # done again and kept, all by pedal
+        ("ready", ENTER), ("episode", "x"),  # discarded while it goes on
+        ("ready", "qq"),
+    )  # fmt: skip
+    taken = EpisodeTaker(lab(), folder, operator, task="lift the bottle", pedals=pedals).take()
+    assert [line.step for line in taken] == ["kept", "discarded", "discarded", "kept", "discarded"]
+    # Of the three that were discarded nothing is left but their lines.
+    assert files(folder) == [EPISODES, "session.json", "trial-001.mcap", "trial-002.mcap"]
+    index = json.loads((folder / "session.json").read_text())["trials"]
+    assert [(trial["file"], trial["state"], trial["task"]) for trial in index] == [
+        ("trial-001.mcap", "complete", "lift the bottle"),
+        ("trial-002.mcap", "complete", "lift the bottle"),
+    ]
+    lines = read_episodes(folder)
+    assert [(line.episode, line.step) for line in lines] == [
+        (n, step) for n, end in enumerate([one.step for one in taken], 1) for step in ("begun", end)
+    ]
+    assert [line.file for line in taken if line.step == "kept"] == ["trial-001.mcap", "trial-002.mcap"]
+    assert all((line.duration_s or 0) > 1.0 for line in taken)
+    for name in ("trial-001.mcap", "trial-002.mcap"):
+        found = inspect_file(folder / name)
+        assert found.complete
+        assert found.duration_s > 1.0
+    assert operator.screens[-1] == ("ready", "lift the bottle · 2 kept, 3 discarded")
+
+
+@pytest.mark.slow
+def test_a_run_that_ends_by_itself_is_asked_about_and_one_that_fails_is_discarded(tmp_path: Path) -> None:
+    operator = _Operator(("ready", ENTER), ("decide", ENTER))
+    taken = EpisodeTaker(lab(0.6), tmp_path / "short", operator, task="touch").take(most=1)
+    assert [line.step for line in taken] == ["kept"]
+    broken = lab(
+        emg={"driver": "emg-file", "kind": "raw", "options": {"file": "missing.csv", "rate_hz": 1000.0}}
+    )
+    operator = _Operator(("ready", ENTER), ("ready", "qq"))
+    (line,) = EpisodeTaker(broken, tmp_path / "broken", operator, task="touch").take()
+    assert (line.step, "missing.csv" in line.why) == ("discarded", True)
+    assert files(tmp_path / "broken") == [EPISODES, "session.json"]
+
+
+@pytest.mark.slow
+def test_ctrl_c_discards_the_episode_that_goes_on(tmp_path: Path) -> None:
+    operator = _Operator(("ready", ENTER), ("decide", ENTER), ("ready", ENTER))
+
+    def stop() -> bool:
+        return operator.screens[-2:-1] == [("episode", "touch · episode 2")]
+
+    with pytest.raises(KeyboardInterrupt):
+        EpisodeTaker(lab(0.6), tmp_path / "s", operator, task="touch", stop=stop).take()
+    assert files(tmp_path / "s") == [EPISODES, "session.json", "trial-001.mcap"]
+    assert read_episodes(tmp_path / "s")[-1].why == "the program was told to end"
+
+
+def test_an_episode_that_the_program_did_not_live_to_end_is_kept_and_said_to_be_cut(tmp_path: Path) -> None:
+    folder = SessionFolder(tmp_path / "s")
+    with EpisodeJournal(folder) as journal:
+        journal.add("begun", "trial-001.mcap", "lift")
+        with pytest.raises(DeviceUnavailableError, match="another program takes episodes here"):
+            EpisodeJournal(folder)
+        (folder.path / "trial-001.mcap").write_bytes(b"recovered")
+    with (folder.path / EPISODES).open("ab") as file:
+        file.write(b'{"episode": 2, "st')  # the program was stopped here
+    with EpisodeJournal(folder) as journal:
+        assert [line.step for line in journal.lines] == ["begun", "cut"]
+        journal.add("begun", "trial-002.mcap", "lift")  # and stopped before there was a recording
+    with EpisodeJournal(folder) as journal:
+        assert [line.step for line in journal.lines] == ["begun", "cut", "begun", "discarded"]
+    assert recorded_task(folder.path / "trial-001.mcap") == "lift"
+    (tmp_path / "mine.mcap").write_text("mine")
+    (folder.path / EPISODES).write_text('{"episode":1,"step":"begun","at_s":0,"file":"../mine.mcap.part"}\n')
+    with pytest.raises(RecordingError, match="is no trial of s"):
+        EpisodeJournal(folder)
+    (folder.path / EPISODES).write_text("[]\n")
+    with pytest.raises(RecordingError, match="line 1 is no episode"):
+        EpisodeJournal(folder)
+
+
+@pytest.mark.parametrize("pedals", ["q", "x", "bb", "bnmk", "ba"])
+def test_pedals_that_mean_something_else_are_refused(pedals: str, tmp_path: Path) -> None:
+    with pytest.raises(InvalidValueError, match="pedals"):
+        EpisodeTaker(lab(), tmp_path / "s", _Operator(), task="touch", pedals=pedals)
+    assert not (tmp_path / "s").exists()
+
+
+def test_a_folder_of_something_else_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "mine.txt").write_text("mine")
+    with pytest.raises(ConfigError, match="holds no session"):
+        EpisodeTaker(lab(), tmp_path, _Operator(), task="touch")
+    assert files(tmp_path) == ["mine.txt"]
+
+
+def called(capsys: pytest.CaptureFixture[str], *words: str, code: int = 0) -> str:
+    with pytest.raises(SystemExit) as ended:
+        main(["recording", *words])
+    said = capsys.readouterr()
+    assert ended.value.code == code, said.err
+    return said.out if code == 0 else said.err
+
+
+def test_recordings_are_labelled_anew_and_stay_as_they_are(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "s"
+    for _ in range(2):
+        record(folder)
+    before = [(folder / name).read_bytes() for name in ("trial-001.mcap", "trial-002.mcap")]
+    assert json.loads(called(capsys, "relabel", str(folder), "--task", "lift the bag", "--json")) == [
+        "trial-001.mcap",
+        "trial-002.mcap",
+    ]
+    called(capsys, "relabel", str(folder), "trial-002.mcap", "--task", "press the bag")
+    assert [recorded_task(folder / f"trial-00{n}.mcap") for n in (1, 2, 3)] == [
+        "lift the bag",
+        "press the bag",
+        None,
+    ]
+    assert [(folder / name).read_bytes() for name in ("trial-001.mcap", "trial-002.mcap")] == before
+    assert "holds no trial-009.mcap" in called(
+        capsys, "relabel", str(folder), "trial-009.mcap", "--task", "x", code=1
+    )
+
+
+def test_pictures_are_encoded_anew_and_all_else_is_copied_as_it_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole = record(tmp_path / "whole")
+    SessionFolder(whole.parent).label("lift", [])
+    (small,) = encode_session(whole.parent, out=tmp_path / "small", quality=60)
+
+    def is_picture(topic: str) -> bool:
+        return topic.endswith("/image")
+
+    assert [m for m in messages(small) if not is_picture(m[0])] == [
+        m for m in messages(whole) if not is_picture(m[0])
+    ]
+    ours, theirs = ([m for m in messages(path) if is_picture(m[0])] for path in (small, whole))
+    assert [m[:3] for m in ours] == [m[:3] for m in theirs]
+    assert sum(len(m[3]) for m in ours) < 0.2 * sum(len(m[3]) for m in theirs)
+    pairs = zip(*(McapReader(path).messages(is_picture) for path in (small, whole)), strict=True)
+    shown = [(read_picture(a), read_picture(b)) for a, b in pairs if is_picture(a.topic)]
+    assert all(abs(a.astype(float) - b).mean() < 8 for a, b in shown)
+    assert not inspect_file(small).lossless
+    assert (told(whole)["tega"]["lossless"], told(small)["tega"]["lossless"]) == ("true", "false")
+    assert recorded_task(small) == "lift"
+    # Contacts are taken as recorded, and what follows from them is the same bit for bit.
+    assert replay_file(small).same
+    called(capsys, "encode", str(whole), "--out", str(tmp_path / "again"), "--quality", "60")
+    assert messages(tmp_path / "again/trial-001.mcap") == messages(small)
