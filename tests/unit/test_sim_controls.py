@@ -22,7 +22,9 @@ from tega_figures.information.sessions import (
 from tega_figures.world.feasible import Closure, counts
 
 
-def session(seed: int, condition: str, *slid_mm: float, name: str = "soft-bag", harmed: int = 0) -> BenchSession:
+def session(
+    seed: int, condition: str, *slid_mm: float, name: str = "soft-bag", harmed: int = 0
+) -> BenchSession:
     return BenchSession(
         seed=seed,
         object=name,

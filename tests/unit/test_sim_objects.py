@@ -65,7 +65,12 @@ def test_an_object_of_a_file_is_planned_and_travels_with_its_plan(tmp_path: Path
     ("old", "new", "error", "message"),
     [
         ('harm_m = "the lid springs open"', "", ConfigError, "'tin' has no source for harm_m"),
-        ("mass_kg = [0.3, 0.9]", "mass_kg = [0.5, 0.9]", ConfigError, "mass_kg is not within its range 0.5 to 0.9"),
+        (
+            "mass_kg = [0.3, 0.9]",
+            "mass_kg = [0.5, 0.9]",
+            ConfigError,
+            "mass_kg is not within its range 0.5 to 0.9",
+        ),
         ("harm_m = 0.004", "harm_m = 4", ConfigError, "harm_m"),
         ("height_m", "hieght_m", ConfigError, "hieght_m"),
         ("[tin", '["../tin"', UnsafeNameError, "tin"),
@@ -85,10 +90,18 @@ def test_a_factorial_plan_has_every_combination_once_with_the_same_chance() -> N
     plans = plan_trials(["bag"], ["haptic", "non-haptic"], [7], mass_kg=[0.3, 0.6], friction=[0.4, 0.8])
     assert len({(plan.mass_kg, plan.friction, plan.condition) for plan in plans}) == len(plans) == 8
     assert {plan.object for plan in plans} == {"bag"}, "streams of chance are by the object's name"
-    outcome = {"success": True, "slips": 1, "deformations": 0, "drops": 0, "duration_s": 9.0, "peak_force_n": 2.0}
+    outcome = {
+        "success": True,
+        "slips": 1,
+        "deformations": 0,
+        "drops": 0,
+        "duration_s": 9.0,
+        "peak_force_n": 2.0,
+    }
     rest = {"lift_off_s": 4.0, "lifted_s": 6.0, "slid_m": 0.0, "deformation_m": 0.0, "mean_level": 2.0}
     results = [
-        TrialResult(**msgspec.structs.asdict(plan), **outcome, **rest, events=(), simulated_s=9.0) for plan in plans
+        TrialResult(**msgspec.structs.asdict(plan), **outcome, **rest, events=(), simulated_s=9.0)
+        for plan in plans
     ]
     rows = summarise_trials(results)
     assert [(row.object, row.condition) for row in rows][:2] == [
@@ -108,7 +121,9 @@ def test_objects_are_crossed_under_names_that_tell_them_apart() -> None:
         crossed([OBJECTS["bag"]], friction=[9.0])
 
 
-def test_a_study_s_hash_covers_objects_view_and_program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_study_s_hash_covers_objects_view_and_program(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def digest(where: str, **changes: object) -> str:
         asked = {
             "operators": 1,
@@ -147,7 +162,11 @@ def test_a_study_s_hash_covers_objects_view_and_program(tmp_path: Path, monkeypa
     ],
 )
 def test_the_commands_refuse_objects_and_factors_that_cannot_be(
-    arguments: list[str], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    arguments: list[str],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     written(tmp_path, TIN)
     monkeypatch.chdir(tmp_path)

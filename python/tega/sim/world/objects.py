@@ -187,15 +187,19 @@ def _record(name: str, table: dict[str, Any], where: str) -> ObjectRecord:
     plain_name(name, what="object", source=where)
     ranges = msgspec.convert(table.pop("range", {}), dict[str, tuple[float, float]])
     source = msgspec.convert(table.pop("source", {}), dict[str, str])
-    if missing := sorted({"mass_kg", "stiffness_n_m", "friction", "harm_m"} - {k for k, v in source.items() if v}):
+    if missing := sorted(
+        {"mass_kg", "stiffness_n_m", "friction", "harm_m"} - {k for k, v in source.items() if v}
+    ):
         raise ConfigError(
-            f"{where}: object {name!r} has no source for {', '.join(missing)}", f"write it under [{name}.source]"
+            f"{where}: object {name!r} has no source for {', '.join(missing)}",
+            f"write it under [{name}.source]",
         )
     spec = msgspec.convert({**table, "name": name}, ObjectSpec)
     for what, (low, high) in ranges.items():
         if not low <= getattr(spec, what, high + 1) <= high:
             raise ConfigError(
-                f"{where}: object {name!r}: {what} is not within its range {low:g} to {high:g}", "correct one of them"
+                f"{where}: object {name!r}: {what} is not within its range {low:g} to {high:g}",
+                "correct one of them",
             )
     return ObjectRecord(spec, ranges, source)
 

@@ -73,7 +73,9 @@ def main() -> None:
 @click.option("--object", "names", multiple=True, help="Instead of the design's.")
 def run(file: Path, people: int, first: int, only: str, names: tuple[str, ...]) -> None:
     """Run the sessions that FILE does not hold yet, person by person, and add each as it ends."""
-    known = {(one.seed, one.object, one.view, one.condition) for one in read(file)} if file.exists() else set()
+    known = (
+        {(one.seed, one.object, one.view, one.condition) for one in read(file)} if file.exists() else set()
+    )
     specs = [SOFTEST[name] for name in names or OBJECTS]
     with file.open("ab") as out:
         for seed in range(first, first + people):
@@ -121,17 +123,23 @@ def picture(file: Path, png: Path) -> None:
         axes.set_xlabel(label)
     many = len(names) > 1
     left.set_yticks(
-        range(len(shown)), [f"{name + ', ' if many else ''}{view}: {arm}" for name, view, arm in reversed(shown)]
+        range(len(shown)),
+        [f"{name + ', ' if many else ''}{view}: {arm}" for name, view, arm in reversed(shown)],
     )
     figure.suptitle(
-        "Less than without a vest; mean and 95 % interval over people (simulated)", x=0.02, ha="left", fontsize=10
+        "Less than without a vest; mean and 95 % interval over people (simulated)",
+        x=0.02,
+        ha="left",
+        fontsize=10,
     )
     figure.savefig(png, dpi=110)
 
 
 def read(file: Path) -> list[BenchSession]:
     """Read sessions, one a line."""
-    return [msgspec.json.decode(line, type=BenchSession) for line in read_foreign(file, most_mib=64).splitlines()]
+    return [
+        msgspec.json.decode(line, type=BenchSession) for line in read_foreign(file, most_mib=64).splitlines()
+    ]
 
 
 def cells_of(sessions: list[BenchSession]) -> list[tuple[ViewName, Condition]]:

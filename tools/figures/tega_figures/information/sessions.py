@@ -80,7 +80,14 @@ def bench_session(
 ) -> BenchSession:
     """Let a person who knows nothing yet practise and lift an object some times."""
     plan = TrialPlan.checked(
-        {"object": spec.name, "spec": spec, "condition": condition, "seed": seed, "view": view, "rules": rules}
+        {
+            "object": spec.name,
+            "spec": spec,
+            "condition": condition,
+            "seed": seed,
+            "view": view,
+            "rules": rules,
+        }
     )
     lab = lab_of(seed, plan.preset)
     mind = lab.person(plan)

@@ -109,9 +109,7 @@ def variants(name: str) -> list[ObjectSpec]:
         )
     ]
     soft, stiff = ranges["stiffness_n_m"]
-    walls = [
-        spec.with_(stiffness_n_m=round(float(wall), 1)) for wall in np.geomspace(soft, stiff, N_WALLS)
-    ]
+    walls = [spec.with_(stiffness_n_m=round(float(wall), 1)) for wall in np.geomspace(soft, stiff, N_WALLS)]
     return [spec, *loads, *walls]
 
 
@@ -124,9 +122,7 @@ def main() -> None:
 @click.argument("file", type=click.Path(dir_okay=False, path_type=Path))
 def run(file: Path) -> None:
     """Run the lifts of every object, and write FILE."""
-    found = [
-        [closure(spec, level) for level in LEVELS] for name in read_objects() for spec in variants(name)
-    ]
+    found = [[closure(spec, level) for level in LEVELS] for name in read_objects() for spec in variants(name)]
     file.write_bytes(msgspec.json.format(msgspec.json.encode(found), indent=0))
 
 
