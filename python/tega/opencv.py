@@ -35,6 +35,8 @@ def load_cv2(driver: str) -> Any:
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     # A header may state any size; memory for it is asked for before the first pixel is decoded.
     os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(1 << 26))
+    # A network stream keeps what nobody has read: a few pictures, not the megabytes that the system would give it.
+    os.environ.setdefault("OPENCV_FFMPEG_CAPTURE_OPTIONS", "rtsp_transport;tcp|recv_buffer_size;16384")
     cv2 = require("cv2", driver=driver, extra="lab")
     cv2.setNumThreads(1)
     return cv2

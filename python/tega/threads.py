@@ -36,6 +36,7 @@ Rank = Literal["act", "measure", "beside", "picture"]
 # Low among real-time threads: the kernel's own, of drivers and interrupts, go first.
 _PRIORITY: Final[dict[Rank, int]] = {"act": 8, "measure": 6, "beside": 4, "picture": 2}
 _SWEEP_S = 1.0
+_TURN_S = 0.0005
 
 _state = {"allowed": True}
 
@@ -48,6 +49,20 @@ def realtime(*, allowed: bool) -> Iterator[None]:
         yield
     finally:
         _state["allowed"] = before
+
+
+@contextmanager
+def short_turns() -> Iterator[None]:
+    """Have a thread hold the interpreter lock for half a millisecond at most, for this block and the whole program.
+
+    Python lets it hold the lock for 5 ms, which is longer than a tick of the hand.
+    """
+    before_s = sys.getswitchinterval()
+    sys.setswitchinterval(min(before_s, _TURN_S))
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(before_s)
 
 
 @contextmanager

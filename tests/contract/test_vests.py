@@ -296,6 +296,11 @@ def test_nobody_at_the_other_end_is_a_missing_device(monkeypatch: pytest.MonkeyP
         make("bhaptics-ble").open()
 
 
+def test_a_host_that_is_no_address_is_told() -> None:
+    with pytest.raises(DeviceUnavailableError, match=r"host '\[::1' is no address.*set vest\.options host"):
+        make("bhaptics-player", host="[::1").open()
+
+
 def test_garbage_from_the_player_is_counted_and_the_touch_goes_on() -> None:
     with bench("bhaptics-player") as made, made.vest as vest:
         made.peer.say("garbage")

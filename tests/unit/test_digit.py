@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import tega.devices.digit
 from tega.bus import Bus
 from tega.config import check_tree
 from tega.device_items import TactileFrame
@@ -69,7 +70,12 @@ def test_it_gives_the_newest_picture_once_and_turned() -> None:
 
 
 @pytest.mark.slow
-def test_pictures_that_waited_for_a_busy_program_are_not_taken_for_new_ones() -> None:
+@pytest.mark.parametrize("decodes_at_once", [True, False])
+def test_pictures_that_waited_for_a_busy_program_are_not_taken_for_new_ones(
+    decodes_at_once: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if not decodes_at_once:  # a starved processor takes so long for each that none seems to have waited
+        monkeypatch.setattr(tega.devices.digit, "_AT_ONCE", 0.0)
     goes_on, seen = threading.Event(), list[TactileFrame]()
 
     def take(frame: TactileFrame) -> None:

@@ -18,7 +18,7 @@ from tega.config import check_tree
 from tega.teleop.gc_pause import settle, settled
 from tega.teleop.moment import LoopView
 from tega.teleop.session import run_session
-from tega.threads import all_along, give_way, promote, realtime, run_realtime
+from tega.threads import all_along, give_way, promote, realtime, run_realtime, short_turns
 from tega_emulators.lab import emulated_lab
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="real-time threads are asked for on Linux only")
@@ -133,3 +133,12 @@ def test_a_run_that_is_told_to_takes_no_real_time(tmp_path: Path) -> None:
 def _granted() -> bool:
     with run_realtime("act") as granted:
         return granted
+
+
+def test_threads_take_short_turns_in_a_run_and_as_before_afterwards() -> None:
+    before_s = sys.getswitchinterval()
+    with short_turns():
+        with short_turns():
+            assert sys.getswitchinterval() == pytest.approx(0.0005)
+        assert sys.getswitchinterval() == pytest.approx(0.0005)
+    assert sys.getswitchinterval() == before_s > 0.0005

@@ -87,6 +87,9 @@ def test_a_killed_process_stops_the_recording_with_a_word_and_the_file_is_recove
     facts = recorder.finish()
     assert (facts["state"], facts["file"]) == ("stopped", "trial-001.mcap.part")
     assert facts["dropped"]["/run/marker"] >= 1
+    # A run's last words name them all.
+    assert facts.keys() == begun(tmp_path / "another").finish().keys()
+    assert facts["bytes"] > 0
     (recovered,) = SessionFolder(tmp_path).recovered
     (stream,) = (s for s in inspect_file(recovered.path).streams if s.topic == "/run/marker")
     assert stream.messages == 1

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import threading
+import time
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +24,7 @@ from tega.recording.mcap_folder import SessionFolder, recorded_task
 from tega.recording.mcap_reader import McapReader, read_picture
 from tega.replay import replay_file
 from tega.study.lead.experimenter import ENTER, Screen
+from tega_emulators.lab import emulated_lab
 
 
 class _Operator:
@@ -112,16 +115,34 @@ def test_a_run_that_ends_by_itself_is_asked_about_and_one_that_fails_is_discarde
 
 
 @pytest.mark.slow
-def test_ctrl_c_discards_the_episode_that_goes_on(tmp_path: Path) -> None:
+def test_ctrl_c_cuts_the_episode_that_goes_on_and_deletes_nothing(tmp_path: Path) -> None:
     operator = _Operator(("ready", ENTER), ("decide", ENTER), ("ready", ENTER))
+    began_s = list[float]()
 
     def stop() -> bool:
-        return operator.screens[-2:-1] == [("episode", "touch · episode 2")]
+        if operator.screens[-1:] == [("episode", "touch · episode 2")]:
+            began_s.append(time.monotonic())
+        return bool(began_s) and time.monotonic() > began_s[0] + 3.0
 
     with pytest.raises(KeyboardInterrupt):
         EpisodeTaker(lab(0.6), tmp_path / "s", operator, task="touch", stop=stop).take()
-    assert files(tmp_path / "s") == [EPISODES, "session.json", "trial-001.mcap"]
-    assert read_episodes(tmp_path / "s")[-1].why == "the program was told to end"
+    assert files(tmp_path / "s") == [EPISODES, "session.json", "trial-001.mcap", "trial-002.mcap"]
+    last = read_episodes(tmp_path / "s")[-1]
+    assert (last.step, last.why) == ("cut", "the program was told to end")
+    assert inspect_file(tmp_path / "s/trial-002.mcap").complete
+
+
+@pytest.mark.slow
+def test_what_was_recorded_before_a_device_went_away_is_kept_as_cut(tmp_path: Path) -> None:
+    with emulated_lab(tmp_path, emg_hz=250.0, hand=True) as bench:
+        bench.tree["session"] = {"preset": "live"}
+        config = check_tree(bench.tree, {}, base=tmp_path).config
+        operator = _Operator(("ready", ENTER), ("ready", "qq"))
+        taker = EpisodeTaker(config, tmp_path / "s", operator, task="touch")
+        threading.Timer(6.0, bench.hand.say, ["hot"]).start()
+        (line,) = taker.take()
+    assert (line.step, "allegro" in line.why) == ("cut", True)
+    assert inspect_file(tmp_path / "s" / line.file).complete
 
 
 def test_an_episode_that_the_program_did_not_live_to_end_is_kept_and_said_to_be_cut(tmp_path: Path) -> None:

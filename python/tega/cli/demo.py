@@ -102,8 +102,6 @@ def demo(
       trials: [{object, condition, seed, success, slips, deformations, drops, duration_s, peak_force_n,
                 lift_off_s, lifted_s, slid_m, deformation_m, mean_level, events: [{kind, t_s, size_m}], ...}]
     """  # noqa: D301  # click keeps the lines after \b as they are
-    import sys
-
     import msgspec
 
     from tega.cli.install_line import with_origin
@@ -113,6 +111,7 @@ def demo(
     from tega.safety.ctrl_c import CtrlC
     from tega.sim.demo import draw_demo, prepare_demo, run_demo, write_demo
     from tega.sim.trials import plan_trials
+    from tega.threads import short_turns
 
     if operator == "keyboard" and fast:
         raise click.UsageError("--fast leaves no time for a person at the keyboard")
@@ -128,9 +127,7 @@ def demo(
         require("foxglove", driver="recording", extra="record")
         recorder = LiftRecorder(record, real_time=not fast)
     prepare_folder(out_dir)
-    # Python lets a thread hold the interpreter for 5 ms by default, longer than a tick of the hand.
-    sys.setswitchinterval(0.0005)
-    with CtrlC() as stop, ExitStack() as stack:
+    with CtrlC() as stop, short_turns(), ExitStack() as stack:
         show, more = stack.enter_context(
             _shown(view=view, port=view_port, terminal=not as_json, objects=objects)
         )

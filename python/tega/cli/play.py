@@ -93,8 +93,6 @@ def play(
             f"name one, such as {session / files[-1].name}",
         )
     config = playing_to(to, sets=worn_by(person, sets))
-    # Python lets a thread hold the interpreter for 5 ms by default, longer than a tick of the hand.
-    sys.setswitchinterval(0.0005)
     heading = f"TEGA · {files[0].name}" + (" · space or q: stop" if sys.stdin.isatty() else "")
     playhead = Playhead(from_s)
     played = partial(play_file, files[0], speed=speed, because=because, playhead=playhead)

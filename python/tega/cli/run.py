@@ -114,8 +114,6 @@ def run_settings(
     settings = load_config(config, sets=sets).config
     _check_station(settings, config, station)
     name = shlex.quote(str(config))
-    # Python lets a thread hold the interpreter for 5 ms by default, longer than a tick of the hand.
-    sys.setswitchinterval(0.0005)
     heading = f"TEGA · {config.name}" + (" · space or q: stop" if sys.stdin.isatty() else "")
     started = time.perf_counter()
     with (

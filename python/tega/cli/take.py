@@ -39,7 +39,6 @@ def take(
     start after each, while the dead-man is held. With --json: {"folder", "kept", "discarded"}.
     """
     import json
-    import sys
 
     from tega.config import load_config
     from tega.episodes.take import EpisodeTaker
@@ -49,8 +48,6 @@ def take(
     if person is not None:
         sets = (*sets, f"calibration.person={json.dumps(person)}")
     settings = load_config(config, sets=sets).config
-    # Python lets a thread hold the interpreter for 5 ms by default, longer than a tick of the hand.
-    sys.setswitchinterval(0.0005)
     with CtrlC() as stop, desk_for(stop) as desk:
         taker = EpisodeTaker(
             settings, folder, desk, task=task, pedals=pedals, stop=stop, settings=str(config)

@@ -192,6 +192,11 @@ class _PlayerLink:
                 f"the {self._where} answers HTTP {error.response.status_code} instead of serving {version.path}",
                 f"a Player may serve one version alone: {KEY_HINT}; an older Player and bhaptics-ble need none",
             ) from error
+        except ValueError as error:  # of the address, before anything was sent
+            raise DeviceUnavailableError(
+                f"the host {o.host!r} is no address: {error}",
+                "set vest.options host to a name or an IP address",
+            ) from error
         except self._broken as error:
             raise DeviceUnavailableError(
                 f"the {self._where} cannot be reached: {str(error) or type(error).__name__}",

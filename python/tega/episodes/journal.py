@@ -94,8 +94,12 @@ class EpisodeJournal:
     def _close_cut(self) -> None:
         """Note an episode that the program did not live to end; its recording was finished before."""
         if self.lines and (last := self.lines[-1]).step == "begun":
-            there = (self.folder.path / last.file).is_file()
-            self.add("cut" if there else "discarded", last.file, last.task, why="the program had stopped")
+            self.add(
+                "cut" if self.folder.finished(last.file) else "discarded",
+                last.file,
+                last.task,
+                why="the program had stopped",
+            )
 
     @property
     def n_episodes(self) -> int:

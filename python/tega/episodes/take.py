@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from tega.teleop.moment import LoopView
 
 GO_ON, DISCARD, AGAIN = "g", "x", "r"
+_STEPS: Final[dict[str, EpisodeStep]] = {GO_ON: "kept", DISCARD: "discarded", AGAIN: "discarded"}
 QUIET_S: Final = 1.0
 """So long after an episode has begun the key that began it does not end it."""
 _POLL_S = 0.02
@@ -58,9 +59,10 @@ class _Running:
         self._began_s: float | None = None
         self._ended_s: float | None = None
         self.state, self.alerts = "devices start", tuple[str, ...]()
+        self.file = ""
 
         def run() -> None:
-            run_session(
+            summary = run_session(
                 config,
                 observer=self._see,
                 progress=self._prepare,
@@ -68,6 +70,7 @@ class _Running:
                 settings=settings,
                 on_state=self._change,
             )
+            self.file = summary["recording"]["file"].removesuffix(".part")
 
         self._thread, self.raised = in_thread(run)
 
@@ -199,16 +202,19 @@ class EpisodeTaker:
         try:
             wanted = self._watch(running, journal.n_episodes)
             running.end()
-            if running.raised:
-                wanted, why = DISCARD, _told(running.raised[0])
+            if running.raised and not wanted:
+                why = _told(running.raised[0])
             elif not wanted:
                 wanted = self._decide(running, journal.n_episodes)
         except KeyboardInterrupt:
-            wanted, why = DISCARD, "the program was told to end"
+            why = "the program was told to end"
             raise
         finally:
             running.end()
-            step: EpisodeStep = "kept" if wanted == GO_ON else "discarded"
+            file = running.file or file  # another program may have begun a recording here meanwhile
+            step: EpisodeStep = _STEPS.get(wanted, "cut")  # only a person's word deletes what was recorded
+            if step != "discarded" and not self._folder.finished(file):
+                step, why = "discarded", why or "nothing was recorded"
             line = journal.add(step, file, self._task, duration_s=round(running.elapsed_s, 3), why=why)
         self._desk.say(f"episode {line.episode}: {line.step}" + (f": {why}" if why else ""))
         return line, wanted == AGAIN

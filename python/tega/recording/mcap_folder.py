@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 import re
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import IO, Any, NamedTuple
 
 from tega.errors import ConfigError, RecordingError
 from tega.file_lock import lock_file
@@ -96,6 +96,12 @@ class SessionFolder:
         for file in (self.path / name, self.path / f"{name}{_PART}"):
             file.unlink(missing_ok=True)
 
+    def finished(self, name: str) -> bool:
+        """Tell whether a trial's file is there; one that was left unfinished is recovered first."""
+        if (self.path / f"{name}{_PART}").exists():
+            self.recovered += self._recover()
+        return (self.path / name).is_file()
+
     def begin(self) -> None:
         """Have an index be there, so that the folder is known as a session's before its first trial."""
         self._write(self.index())
@@ -140,7 +146,7 @@ class SessionFolder:
             if part.is_symlink() or not part.is_file():
                 continue  # nothing that a recording left behind
             with part.open("rb") as file:
-                if not _soon(lambda: lock_file(file, part)):  # noqa: B023
+                if not _lock_soon(file, part):
                     continue  # somebody is writing it
                 take_tail(part)
             recovered = recover_file(part, part.with_suffix(""))
@@ -151,12 +157,12 @@ class SessionFolder:
         return done
 
 
-def _soon(done: Callable[[], bool]) -> bool:
-    """Try for as long as a recorder's process may take to leave its file after its run was killed."""
+def _lock_soon(file: IO[bytes], path: Path) -> bool:
+    """Mark a file as being written, once the recorder's process of a killed run has left it; whether that came."""
     end_s = time.monotonic() + _LEAVES_S
-    while not (is_done := done()) and time.monotonic() < end_s:
+    while not (is_ours := lock_file(file, path)) and time.monotonic() < end_s:
         time.sleep(_TRIES_S)
-    return is_done
+    return is_ours
 
 
 def _index(folder: Path) -> dict[str, Any]:

@@ -99,7 +99,8 @@ class BoundedQueue:
 
     def problem(self) -> str:
         """Return how many were dropped while that goes on, ``""`` once no more are."""
-        return told_drops(self.dropped.total(), self._dropped_at_s)
+        dropped = told_drops(self.dropped.total(), self._dropped_at_s)
+        return f"{dropped}: disk or processor does not keep up" if dropped else ""
 
     def close(self) -> None:
         """Take nothing more; what comes is counted as dropped, what waits can still be taken."""

@@ -131,9 +131,8 @@ class McapRecorder:
     def problem(self) -> str:
         """Return why no more is recorded, or how many records were dropped while that goes on; else ``""``."""
         if self.state == "stopped":
-            return f"recording: stopped: {self.reason}"
-        dropped = self._queue.problem()
-        return f"recording: {dropped}: disk or processor does not keep up" if dropped else ""
+            return f"stopped: {self.reason}"
+        return self._queue.problem()
 
     def finish(self, summary: bytes = b"") -> dict[str, Any]:
         """Write what waits, the index and the summary; close the file and give it its name.

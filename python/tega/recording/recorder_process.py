@@ -42,7 +42,9 @@ _MIB: Final = 1024 * 1024
 
 
 class RecorderProcess:
-    """Writes one trial of a session through a process of its own; see :class:`~tega.recording.McapRecorder`.
+    """Writes one trial of a session through a process of its own.
+
+    It is told what :class:`~tega.recording.mcap_recorder.McapRecorder` is told, and answers likewise.
 
     Args:
         folder: The session's folder.
@@ -60,7 +62,9 @@ class RecorderProcess:
     """
 
     def __init__(self, folder: SessionFolder, settings: RecordingSection, *, realtime: bool) -> None:
-        self._folder = folder
+        self._folder, self._settings = folder, settings
+        self._begun = (0, 0)
+        self._sent_ns = 0
         self._queue = BoundedQueue(most_bytes=round(settings.queue_mib * _MIB))
         self.state, self.reason = "recording", ""
         self._told_dropped: Counter[str] = Counter()
@@ -97,8 +101,13 @@ class RecorderProcess:
         self._ask("head", facts, files)
 
     def begin(self, start_ns: int, epoch_ns: int) -> None:
-        """Begin to take records; the session's clock at its start, and the time of day then, nanoseconds."""
-        self._ask("begin", start_ns, epoch_ns)
+        """Begin to take records; returns at once.
+
+        Args:
+            start_ns: The session's clock at its start.
+            epoch_ns: Time of day at that moment, nanoseconds since 1970.
+        """
+        self._begun = (start_ns, epoch_ns)
         self._thread.start()
 
     def put(self, record: Record, *, t_ns: int | None = None) -> None:
@@ -108,9 +117,8 @@ class RecorderProcess:
     def problem(self) -> str:
         """Return why no more is recorded, or how many records were dropped while that goes on; else ``""``."""
         if self.state == "stopped":
-            return f"recording: stopped: {self.reason}"
-        dropped = self._queue.problem()
-        return f"recording: {dropped}: disk or processor does not keep up" if dropped else ""
+            return f"stopped: {self.reason}"
+        return self._queue.problem()
 
     def finish(self, summary: bytes = b"") -> dict[str, Any]:
         """Have everything written that waits, the index and the summary; end the process, and return what became.
@@ -148,12 +156,19 @@ class RecorderProcess:
         self._queue.discard()
         if self.state != "stopped":
             self._stop(why)
-        name = f"{self.path.name}.part"
-        dropped = dict(sorted(self._queue.dropped.items()))
-        facts = {"state": self.state, "reason": self.reason, "dropped": dropped}
+        part = self.path.with_name(f"{self.path.name}.part")
+        facts = {
+            "state": self.state,
+            "reason": self.reason,
+            "lossless": self._settings.lossless,
+            "duration_s": self._sent_ns / 1e9,
+            "bytes": part.stat().st_size if part.exists() else 0,
+            "written": {},  # nobody is left who knows
+            "dropped": dict(sorted(self._queue.dropped.items())),
+        }
         with contextlib.suppress(OSError):  # a full disk has no room for the index either
-            self._folder.note(self.path.name, {**facts, "path": name})
-        return {"file": name, **facts}
+            self._folder.note(self.path.name, {**facts, "path": part.name})
+        return {"file": part.name, **facts}
 
     def _end(self) -> None:
         end_child(self._process, _LEAVE_S)
@@ -181,27 +196,35 @@ class RecorderProcess:
     @run_realtime("beside")
     def _ship(self) -> None:
         """Take what waits to the process, until all of it went."""
+        if not self._say("begin", *self._begun):
+            return
         while True:
             closing = self._closing.is_set()  # looked at first: nothing comes after it
             items = self._some()
             dropped = self._queue.dropped - self._told_dropped
             if items or dropped:
                 self._told_dropped += dropped
-                try:
-                    send_object(
-                        self._asked, ("records", [(item.record, item.t_ns) for item in items], dropped)
-                    )
-                except OSError:
-                    self._stop(self._gone())
-                    self._queue.close()
+                if not self._say("records", [(item.record, item.t_ns) for item in items], dropped):
                     self._queue.dropped.update(item.record.where for item in items)
                     return
                 for item in items:
                     self._queue.done(item)
+                    self._sent_ns = max(self._sent_ns, item.t_ns)
             elif closing:
                 return
             else:
                 time.sleep(_TURN_S)
+
+    def _say(self, verb: str, *content: Any) -> bool:
+        """Tell the process something that it does not answer; whether it is there to hear it."""
+        try:
+            send_object(self._asked, (verb, *content))
+        except OSError:
+            if self.state != "stopped":
+                self._stop(self._gone())
+            self._queue.close()
+            return False
+        return True
 
     def _some(self) -> list[Item]:
         items: list[Item] = []

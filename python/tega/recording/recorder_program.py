@@ -25,6 +25,10 @@ from tega.threads import realtime, run_realtime
 _QUEUE_BYTES = 16 * 1024 * 1024
 
 
+# What comes without anybody waiting for an answer: the run goes on whatever becomes of it.
+_UNANSWERED = {"begin", "records"}
+
+
 class _Answers:
     """Sends answers, log lines and states to the run, from any thread."""
 
@@ -66,7 +70,10 @@ def _carry_out(recorder: McapRecorder, verb: str, content: tuple[Any, ...]) -> A
 
 
 def _serve(asked: BufferedReader, answers: _Answers) -> None:
-    path, settings, allowed = receive_object(asked)
+    try:
+        path, settings, allowed = receive_object(asked)
+    except EOFError:  # the run was killed as soon
+        return
     with realtime(allowed=allowed), run_realtime("beside"):
         try:
             recorder = McapRecorder(SessionFolder(path), settings, wait=True, queue_bytes=_QUEUE_BYTES)
@@ -85,9 +92,13 @@ def _serve(asked: BufferedReader, answers: _Answers) -> None:
             try:
                 answer = _carry_out(recorder, verb, tuple(content))
             except Exception as error:
+                if verb in _UNANSWERED:
+                    answers.say("state", "stopped", f"{verb}: {type(error).__name__}: {error}")
+                    recorder.leave()
+                    return
                 answers.say("failed", error)
                 continue
-            if verb != "records":
+            if verb not in _UNANSWERED:
                 answers.say("done", answer)
             if (now := (recorder.state, recorder.reason)) != told:
                 told = now

@@ -179,7 +179,8 @@ class Recording:
 
     def problem(self) -> str:
         """Return why no more is recorded, or how many records were dropped while that goes on; else ``""``."""
-        return self._recorder.problem()
+        problem = self._recorder.problem()
+        return f"recording: {problem}" if problem else ""
 
     def ended(self, report: LoopReport, n_waits: int) -> None:
         """Record how the loop ended, and after how many deadlines."""

@@ -19,7 +19,7 @@ from tega.teleop.motor_tests import MotorTests
 from tega.teleop.prepare import Progress
 from tega.teleop.rig import open_rig
 from tega.teleop.run import run_loop
-from tega.threads import realtime
+from tega.threads import realtime, short_turns
 
 
 def run_session(
@@ -81,6 +81,7 @@ def run_session(
     with ExitStack() as stack:
         stack.enter_context(realtime(allowed=session.realtime))
         if isinstance(clock, SystemClock):
+            stack.enter_context(short_turns())
             stack.enter_context(settled())
         rig = open_rig(
             stack,

@@ -126,7 +126,6 @@ def main() -> int:
     parser.add_argument("--commands", action="store_true", help="judge the age of every command that is used")
     parser.add_argument("--progress", type=Path, metavar="FILE", help="note there how far the loop has come")
     given = parser.parse_args()
-    sys.setswitchinterval(0.0005)  # as in ``run``
     counts = None
     if given.commands:
         from tega_campaigns.judged_commands import look_on  # which brings the link's packages

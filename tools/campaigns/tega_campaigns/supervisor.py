@@ -161,13 +161,17 @@ class Supervisor:
         import resource  # which Windows has not
 
         if self._process is not None:
-            for pid in filter(None, (self._process.pid, self._child("tega.recording.recorder_program"))):
+            for pid in filter(None, (self._process.pid, self.recorder_process())):
                 hard = resource.prlimit(pid, resource.RLIMIT_FSIZE)[1]
                 resource.prlimit(pid, resource.RLIMIT_FSIZE, (0 if full else hard, hard))
 
     def arm_process(self) -> int | None:
         """Return the number of the process that it has started for the arm; ``None`` if there is none."""
         return self._child("tega.arm.robot.process")
+
+    def recorder_process(self) -> int | None:
+        """Return the number of the process that records for it; ``None`` if there is none."""
+        return self._child("tega.recording.recorder_program")
 
     def _child(self, module: str) -> int | None:
         """Return the number of the process that it has started of a module; ``None`` if there is none."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import http.server
+import socket
 import sys
 import threading
 import time
@@ -226,6 +227,8 @@ def main(arguments: list[str] | None = None) -> None:
     sensor = _Sensor(rate_hz=given.rate_hz, seed=given.seed, look=given.look)
     server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), _handler(sensor))
     server.daemon_threads = True
+    # A sensor has no room for pictures that nobody fetches.
+    server.socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 16_384)
     threading.Thread(target=server.serve_forever, daemon=True).start()
     tell({"source": f"http://127.0.0.1:{server.server_address[1]}/video"})
     for line in sys.stdin:

@@ -55,7 +55,6 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=6.0)
     seconds = parser.parse_args().seconds
-    sys.setswitchinterval(0.0005)  # as in ``run``
     columns = []
     for lossless in (False, True):
         with tempfile.TemporaryDirectory(prefix="tega-sizes-") as name:

@@ -89,8 +89,6 @@ def run(
     used (tega-teleop calibrate LAB.toml --person ID). Ctrl-C breaks a running trial off; the same command goes on. With
     --json: {"participant", "over", "trials", "next"}.
     """
-    import sys
-
     from tega.safety.ctrl_c import CtrlC
     from tega.study import read_plan
     from tega.study.lead import lead_session
@@ -104,8 +102,6 @@ def run(
         raise click.BadParameter(f"{pedal!r} is not one key, such as b", param_hint="--pedal")
     plan = read_plan(folder)
     plan.of(participant)
-    # Python lets a thread hold the interpreter for 5 ms by default, longer than a tick of the hand.
-    sys.setswitchinterval(0.0005)
     with (
         _bench(
             folder, plan, participant, lab=lab, emulated=emulated, sets=sets, preset=preset, config=config

@@ -61,8 +61,8 @@ class Breaker:
                 lab.pedal.say(kind.how)
             case "tracker":
                 lab.headset.say(kind.how)
-            case "arm":
-                self._signal_arm(signal.SIGKILL if kind.how == "kill" else signal.SIGSTOP)
+            case "arm" | "recorder":
+                self._signal(kind.device, signal.SIGKILL if kind.how == "kill" else signal.SIGSTOP)
             case "link":
                 self._worsen(kind.how)
             case "program" | "robot" | "operator":
@@ -94,8 +94,8 @@ class Breaker:
                 lab.pedal.say("plug" if kind.how == "unplug" else "clear")
             case "tracker":
                 lab.headset.say(_TRACKER_AGAIN.get(kind.how, "clear"))
-            case "arm":
-                self._signal_arm(signal.SIGCONT)
+            case "arm" | "recorder":
+                self._signal(kind.device, signal.SIGCONT)
             case "link":
                 self._mend_link(kind.how)
             case "program" | "robot" | "operator":
@@ -109,8 +109,9 @@ class Breaker:
                 lab.sensors[finger].say("clear")
                 lab.sensors[finger].say("press 1")
 
-    def _signal_arm(self, number: signal.Signals) -> None:
-        if (pid := self._programs.main.arm_process()) is not None:
+    def _signal(self, whose: str, number: signal.Signals) -> None:
+        run = self._programs.main
+        if (pid := run.arm_process() if whose == "arm" else run.recorder_process()) is not None:
             os.kill(pid, number)
 
     def _worsen(self, how: str) -> None:

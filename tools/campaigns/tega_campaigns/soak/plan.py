@@ -64,6 +64,7 @@ _TRACKER = (
     f"|arm {_LET_GO} (the forearm is lost|there was no pose yet|no pose came|the tracker has no vote)"
 )
 _ARM = f"simulated-arm: the arm's process has said nothing|arm {_LET_GO} the arm did not tell where it is"
+_RECORDER = "the recorder's process"
 
 KINDS: Final[tuple[Kind, ...]] = (
     *_finger("thumb"),
@@ -105,7 +106,8 @@ KINDS: Final[tuple[Kind, ...]] = (
     Kind("freeze", "arm", "stop", _ARM),
     Kind("kill -9", "arm", "kill", "(arm stopped: )?simulated-arm: the arm's process has ended", "restarts"),
     Kind("clock step", "computer", "clock", "clock:", lasts_s=(0.5, 1.0)),
-    Kind("disk full", "computer", "disk", "recording: stopped", "restarts"),
+    Kind("disk full", "computer", "disk", f"recording: stopped: (?!{_RECORDER})", "restarts"),
+    Kind("kill -9", "recorder", "kill", f"recording: stopped: {_RECORDER}", "restarts"),
     Kind("late", "program", "stop", f"the loop was|{_HAND}", lasts_s=(1.2, 1.8)),
     Kind("kill -9", "program", "kill", "guard", "restarts"),
 )

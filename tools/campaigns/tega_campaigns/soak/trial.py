@@ -15,6 +15,7 @@ from tega.errors import DeviceUnavailableError, TegaError
 from tega.hand import TORQUE_LIMITS
 from tega.haptics import FINGERS
 from tega.recording.mcap_folder import SessionFolder
+from tega.threads import short_turns
 from tega.toml_text import tree_text
 from tega_campaigns.impaired import ImpairedLink
 from tega_campaigns.runner import CampaignCase, run_cases, until
@@ -50,7 +51,7 @@ _STEP_S = 0.005
 _ROOM_S = 6.0
 
 # After these the run goes on by itself, though without what it lost, and is ended and started again.
-_GOES_ON = frozenset({("computer", "disk"), ("arm", "kill")})
+_GOES_ON = frozenset({("computer", "disk"), ("arm", "kill"), ("recorder", "kill")})
 
 Progress = Callable[[str, int, int], None]
 
@@ -127,9 +128,9 @@ def soak(
         )
         breaker = Breaker(lab, programs, link, folder)
         still = stack.enter_context(Standstills())
-        sys.setswitchinterval(
-            0.0005
-        )  # what listens and what stands between stations waits for no other thread
+        stack.enter_context(
+            short_turns()
+        )  # what listens and what stands between stations waits for no thread
         soaked = _Soak(lab, folder, programs, breaker, still, keep=keep)
         report = soaked.report
         report.patient, report.emulators_first, report.stations = patient, first, stations
@@ -219,7 +220,7 @@ class _Soak:
         kind, program = each.fault, self._programs
         fault = SoakFault(kind=kind.kind, device=kind.device, how=kind.how, injected_s=self._now())
         seen_s = time.monotonic()
-        if kind.how == "kill" and kind.device != "arm":
+        if kind.how == "kill" and (kind.device, kind.how) not in _GOES_ON:
             return self._kill(fault)
         at_ns = time.time_ns()
         self.operator.waits = True
@@ -292,7 +293,7 @@ class _Soak:
         program.end()
         if until(lambda: self._lab.limp() and self._lab.at_rest(), _LIMP_S) is None:
             self.report.failures.append(f"after {fault.kind} of {fault.device} hand or vest were not at rest")
-        if kind.how == "disk":
+        if kind.how == "disk" or kind.device == "recorder":
             for recovered in SessionFolder(self._session).recovered:
                 self._lose(recovered.path, at_ns)
         self._restart()

@@ -147,18 +147,14 @@ def loop(
                   the vest's bytes handed over, "own" the same without what is waited for
       pacing      {ticks, overruns, skipped, worst_late_ms}
       vest        {frames, sent, skipped, ...}
-      frames_hz, samples_hz, hand_hz, cpu_cores, held_ticks
+      frames_hz, samples_hz, hand_hz, cpu_cores, run_cores, held_ticks
     """  # noqa: D301  # click keeps the lines after \b as they are
-    import sys
-
     import msgspec
 
     from tega.cli.options import echo_json
     from tega.cli.report import latency_tables
     from tega_figures.bench.live_loop import bench_loop
 
-    # Python lets a thread hold the interpreter for 5 ms by default, longer than a tick of the hand.
-    sys.setswitchinterval(0.0005)
     report = bench_loop(seconds=seconds, record=record, pace=pace, most_hz=most_hz, preset=preset)
     if as_json:
         echo_json(msgspec.to_builtins(report))
@@ -171,7 +167,8 @@ def loop(
     pacing = report.pacing
     out.print(
         f"{report.frames_hz:.0f} pictures, {report.samples_hz:.0f} EMG samples and {report.hand_hz:.0f} ticks "
-        f"of the hand a second; {report.cpu_cores:.2f} cores for our process"
+        f"of the hand a second; {report.run_cores:.2f} cores for the run, {report.cpu_cores:.2f} with "
+        "its recorder and its guard"
     )
     vest = report.vest
     out.print(

@@ -29,7 +29,8 @@ class LoopBench(msgspec.Struct, frozen=True, kw_only=True):
         frames_hz: Pictures a second used, all fingers together.
         samples_hz: EMG samples a second used.
         hand_hz: Ticks of the loop for the hand a second; 333 are due.
-        cpu_cores: Processor time of our process, its recorder and its guard, per second.
+        cpu_cores: Processor time of the run's process, its recorder and its guard, per second.
+        run_cores: That of the run's process alone.
         vest: The summary's table of the vest: frames made, sent and left out.
         held_ticks: Hand ticks on which the muscles did not steer, those before the run was active included.
         devices_ahead: Whether the emulators went before every thread of ours, as devices do, which have processors of
@@ -45,6 +46,7 @@ class LoopBench(msgspec.Struct, frozen=True, kw_only=True):
     samples_hz: float
     hand_hz: float
     cpu_cores: float
+    run_cores: float
     vest: dict[str, Any]
     held_ticks: int
     devices_ahead: bool
@@ -89,7 +91,7 @@ def bench_loop(
                 lab.tree["session"]["out_dir"] = str(folder / "out")
                 lab.tree["recording"] = {"dir": str(folder / "recorded")}
             config = check_tree(lab.tree, {}, base=folder).config
-            cpu_s: list[float] = []
+            cpu_s: list[tuple[float, float]] = []
 
             def progress(what: str, _done: int, _total: int) -> None:
                 if what == "running":
@@ -98,7 +100,7 @@ def bench_loop(
             with pressing(lab):
                 ahead = lab.go_ahead()
                 summary = run_session(config, progress=progress)
-            used_s = _processor_s() - cpu_s[0]
+            used_s, own_s = (after - before for before, after in zip(cpu_s[0], _processor_s(), strict=True))
     wall_s = summary["duration_s"]
     return LoopBench(
         machine=describe_machine(),
@@ -110,12 +112,14 @@ def bench_loop(
         samples_hz=summary["emg"]["samples"] / wall_s,
         hand_hz=summary["hand"]["ticks"] / wall_s,
         cpu_cores=used_s / wall_s,
+        run_cores=own_s / wall_s,
         vest=summary["vest"],
         held_ticks=summary["safety"]["held_ticks"],
         devices_ahead=ahead,
     )
 
 
-def _processor_s() -> float:
-    """Return the processor time of this process and of those that it has started and ended, seconds."""
-    return sum(os.times()[:4])
+def _processor_s() -> tuple[float, float]:
+    """Return the processor time of this process with those that it has started and ended, and its own, seconds."""
+    times = os.times()
+    return sum(times[:4]), times.user + times.system
