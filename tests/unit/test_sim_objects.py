@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from importlib.resources import files
 from pathlib import Path
+from typing import Literal
 
 import msgspec
 import pytest
@@ -11,11 +13,13 @@ pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
 
 from tega.cli.main import main
 from tega.errors import ConfigError, InvalidValueError, UnsafeNameError
+from tega.sim.operator import RulesVersion, ViewName
 from tega.sim.plan import TrialPlan, TrialResult
 from tega.sim.table import summarise_trials
 from tega.sim.trials import plan_trials
 from tega.sim.world import OBJECTS, crossed, read_objects
 from tega.study.silico import read_assumptions
+from tega.study.silico.assumptions import code_sha256
 from tega.study.silico.simulate import made_study
 
 TIN = """
@@ -57,8 +61,12 @@ def test_an_object_of_a_file_is_planned_and_travels_with_its_plan(tmp_path: Path
     assert plan.object_spec == spec.with_(mass_kg=0.6)
     assert msgspec.json.decode(msgspec.json.encode(plan), type=TrialPlan) == plan
     assert TrialPlan(object="bag").object_spec == OBJECTS["bag"]
-    with pytest.raises(InvalidValueError, match="'tin' is not known"):
-        TrialPlan.checked({"object": "tin"})
+    for refused in ({"object": "tin"}, {"object": "bag", "spec": spec}):
+        with pytest.raises(InvalidValueError, match="is not known"):
+            TrialPlan.checked(refused)
+    for mass_kg in (99.0, float("nan")):
+        with pytest.raises(InvalidValueError, match="mass_kg"):
+            TrialPlan.checked({"object": "bag", "mass_kg": mass_kg})
 
 
 @pytest.mark.parametrize(
@@ -90,17 +98,23 @@ def test_a_factorial_plan_has_every_combination_once_with_the_same_chance() -> N
     plans = plan_trials(["bag"], ["haptic", "non-haptic"], [7], mass_kg=[0.3, 0.6], friction=[0.4, 0.8])
     assert len({(plan.mass_kg, plan.friction, plan.condition) for plan in plans}) == len(plans) == 8
     assert {plan.object for plan in plans} == {"bag"}, "streams of chance are by the object's name"
-    outcome = {
-        "success": True,
-        "slips": 1,
-        "deformations": 0,
-        "drops": 0,
-        "duration_s": 9.0,
-        "peak_force_n": 2.0,
-    }
-    rest = {"lift_off_s": 4.0, "lifted_s": 6.0, "slid_m": 0.0, "deformation_m": 0.0, "mean_level": 2.0}
     results = [
-        TrialResult(**msgspec.structs.asdict(plan), **outcome, **rest, events=(), simulated_s=9.0)
+        TrialResult(
+            **msgspec.structs.asdict(plan),
+            success=True,
+            slips=1,
+            deformations=0,
+            drops=0,
+            duration_s=9.0,
+            peak_force_n=2.0,
+            lift_off_s=4.0,
+            lifted_s=6.0,
+            slid_m=0.0,
+            deformation_m=0.0,
+            mean_level=2.0,
+            events=(),
+            simulated_s=9.0,
+        )
         for plan in plans
     ]
     rows = summarise_trials(results)
@@ -121,35 +135,69 @@ def test_objects_are_crossed_under_names_that_tell_them_apart() -> None:
         crossed([OBJECTS["bag"]], friction=[9.0])
 
 
-def test_a_study_s_hash_covers_objects_view_and_program(
+def test_a_study_s_hash_covers_people_rules_objects_view_readings_and_program(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def digest(where: str, **changes: object) -> str:
-        asked = {
-            "operators": 1,
-            "seed": 1,
-            "objects": crossed([OBJECTS["bag"]], mass_kg=[0.3, 0.6]),
-            "conditions": ["oracle", "non-haptic"],
-            "trials": 1,
-        }
-        plan, stated = made_study(tmp_path / where, **{**asked, **changes})  # type: ignore[arg-type]
+    def digest(
+        where: str,
+        *,
+        masses_kg: tuple[float, float] = (0.3, 0.6),
+        parameters: Path | None = None,
+        preset: Literal["paper", "live"] = "live",
+        rules: RulesVersion = 1,
+        view: ViewName = "direct",
+    ) -> str:
+        plan, stated = made_study(
+            tmp_path / where,
+            operators=1,
+            seed=1,
+            objects=crossed([OBJECTS["bag"]], mass_kg=masses_kg),
+            conditions=["oracle", "non-haptic"],
+            trials=1,
+            parameters=parameters,
+            preset=preset,
+            rules=rules,
+            view=view,
+        )
         assert len(plan.trials) == 2 * len(stated.objects)
-        assert read_assumptions(tmp_path / where).digest == stated.digest  # type: ignore[union-attr]
+        read = read_assumptions(tmp_path / where)
+        assert read is not None
+        assert read.digest == stated.digest
         return stated.digest
 
+    people = tmp_path / "people.toml"
+    frozen = files("tega.sim.operator").joinpath("parameters.toml").read_text(encoding="utf-8")
+    people.write_text(frozen.replace("value = 215,", "value = 216,"), encoding="utf-8")
     first = digest("a")
     assert digest("a") == first
     others = [
-        digest("b", objects=crossed([OBJECTS["bag"]], mass_kg=[0.3, 0.7])),
+        digest("b", masses_kg=(0.3, 0.7)),
         digest("c", view="hidden"),
         digest("d", rules=2),
         digest("e", preset="paper"),
+        digest("f", parameters=people),
     ]
     monkeypatch.setattr("tega.study.silico.assumptions.code_sha256", lambda: "0" * 64)
-    others.append(digest("f"))
-    assert len({first, *others}) == 6
+    others.append(digest("g"))
+    assert len({first, *others}) == 7
     with pytest.raises(InvalidValueError, match=r"begun with another simulation\.toml"):
         digest("a")
+
+
+def test_the_program_s_hash_covers_its_python_its_data_and_its_extension(tmp_path: Path) -> None:
+    for name in ("a.py", "world/objects.toml", "_native.abi3.so", "__pycache__/a.cpython-311.pyc"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("1", encoding="utf-8")
+    before = code_sha256(tmp_path)
+    (tmp_path / "__pycache__/a.cpython-311.pyc").write_text("2", encoding="utf-8")
+    assert code_sha256(tmp_path) == before
+    for name in ("a.py", "world/objects.toml", "_native.abi3.so"):
+        (tmp_path / name).write_text("2", encoding="utf-8")
+        assert code_sha256(tmp_path) != before
+        (tmp_path / name).write_text("1", encoding="utf-8")
+    assert code_sha256(tmp_path) == before
+    (tmp_path / "a.py").rename(tmp_path / "b.py")
+    assert code_sha256(tmp_path) != before
 
 
 @pytest.mark.parametrize(

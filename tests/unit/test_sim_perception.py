@@ -47,26 +47,32 @@ def eyes(who: PersonNumbers, seed: int = 0, view: ViewName = "direct") -> Eyes:
         looks=process("looks"),
         poses=process("poses"),
         reaction=process("reaction"),
-        view=VIEWS[view],
+        view=view,
     )
 
 
-def slips_seen(view: ViewName, speed_m_s: float, *, held: bool) -> int:
+def noticed(view: ViewName, speed_m_s: float, *, held: bool) -> list[str]:
+    """Return what is noticed in three seconds of an object that slides and is narrowed by a seventh."""
     sight = eyes(with_(typical_person(), "vision", gaze_grasp=1.0), view=view)
     scene = STILL._replace(slip_m_s=speed_m_s, lift_off=True, deformation_m=0.01)
-    found = []
-    for tick in range(1, 300):
-        found += sight.see(tick / 100, 0.01, scene, carried=False, lifting=False, held=held)
-    return sum(event.kind == "slip" for event in found) + 1000 * sum(e.kind == "deformation" for e in found)
+    return [
+        event.kind
+        for tick in range(1, 300)
+        for event in sight.see(tick / 100, 0.01, scene, carried=False, lifting=False, held=held)
+    ]
 
 
 def test_a_hidden_grip_is_not_seen_while_it_holds_and_an_eccentric_one_only_in_the_large() -> None:
-    assert slips_seen("direct", 0.005, held=True) > 1000
-    assert slips_seen("hidden", 0.1, held=True) == slips_seen("aside", 0.005, held=True) == 0
-    # At 20 degrees a slide is seen that is nine times as fast, and later.
-    assert 0 < slips_seen("aside", 0.05, held=True) < slips_seen("direct", 0.05, held=True) % 1000
-    for view in ("aside", "hidden"):
-        assert slips_seen(view, 0.005, held=False) == slips_seen("direct", 0.005, held=False)  # type: ignore[arg-type]
+    direct, aside, hidden = (noticed(view, 0.05, held=True) for view in VIEWS)
+    assert hidden == []
+    # At 20 degrees a slide is seen that is nine times as fast, and later; a narrowing of a seventh is not.
+    assert 0 < aside.count("slip") < direct.count("slip")
+    assert "deformation" in direct
+    assert "deformation" not in aside
+    assert "slip" not in noticed("aside", 0.005, held=True)
+    assert "slip" in noticed("direct", 0.005, held=True)
+    for view in VIEWS:
+        assert noticed(view, 0.005, held=False) == noticed("direct", 0.005, held=False)
 
 
 @pytest.mark.parametrize(("speed_m_s", "seconds"), [(0.005, 0.446), (0.02, 0.301), (0.1, 0.238)])

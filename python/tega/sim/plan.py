@@ -75,7 +75,7 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
             InvalidValueError: A value is unknown or out of range.
         """
         name, spec = fields.get("object"), fields.get("spec")
-        if name not in OBJECTS and getattr(spec, "name", None) != name:
+        if name not in OBJECTS if spec is None else getattr(spec, "name", None) != name:
             raise InvalidValueError(f"object = {name!r} is not known", f"choose from {', '.join(OBJECTS)}")
         condition = fields.get("condition", "haptic")
         if condition not in CONDITIONS:
@@ -87,6 +87,7 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
         except msgspec.ValidationError as error:
             raise InvalidValueError(f"plan of a trial: {error}") from error
         loop_settings(plan.preset, plan.settings)
+        _ = plan.object_spec  # refuses what is out of range
         return plan
 
 

@@ -18,7 +18,7 @@ from tega.sim.operator.person import (
 from tega.sim.operator.rules import Rules, RulesVersion, people_digest, rules_digest
 from tega.sim.operator.scripted import ScriptedOperator
 from tega.sim.operator.shams import SHAMS, Sham, sham_vest
-from tega.sim.operator.vision import VIEWS, View, ViewName
+from tega.sim.operator.vision import VIEWS, ViewName
 
 __all__ = [
     "CHANNELS",
@@ -38,7 +38,6 @@ __all__ = [
     "RulesVersion",
     "ScriptedOperator",
     "Sham",
-    "View",
     "ViewName",
     "calibrate",
     "clear_skin",

@@ -23,7 +23,7 @@ from tega.sim.operator.person import PersonNumbers, stream
 from tega.sim.operator.renewing import RenewingGrip
 from tega.sim.operator.rules import Rules
 from tega.sim.operator.vest_sense import LOOK_S, Skin
-from tega.sim.operator.vision import VIEWS, Eyes, SeenEvent, ViewName
+from tega.sim.operator.vision import Eyes, SeenEvent, ViewName
 from tega.sim.seams import Act, Percept
 
 PRACTISED_LEVELS = (2, 3, 4, 5, 4, 3, 2, 3, 4, 5)
@@ -97,7 +97,7 @@ class Operator:
         view: ViewName = "direct",
     ) -> None:
         self._rules = rules or Rules()
-        self._view = VIEWS[view]
+        self._view = view
         self.person = person
         self.pulses = False
         self._seed, self._feels = seed, feels
@@ -152,7 +152,7 @@ class Operator:
             lifting=grip.phase == "lift",
             held=grip.held,
         )
-        if percept.scene.dropped and grip.held and not self._view.looks and not trial.lost:
+        if percept.scene.dropped and grip.held and self._view != "direct" and not trial.lost:
             trial.lost = True
             grip.belief.slipped(grip.closure.x, grip.closure.var)
         if self._feels:

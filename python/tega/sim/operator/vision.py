@@ -24,38 +24,19 @@ _TOUCHING_N = 0.02
 ViewName: TypeAlias = Literal["direct", "aside", "hidden"]
 """Where the eyes are while the object is held."""
 
+VIEWS: Final[dict[ViewName, float]] = {"direct": 0.0, "aside": 20.0, "hidden": math.inf}
+"""How far the eyes are from the hand then, degrees. ``direct``: on it, away for a look at a time. ``aside``: on the place
+where the object is to go, as in people who move what they hold (Johansson and others 2001, J Neurosci 21:6917); 20
+degrees are 0.55 m at 1.5 m. ``hidden``: the grip is out of sight, behind the hand or a screen."""
+
 # Eccentricity at which a threshold is twice the fovea's, degrees. Motion and size thresholds rise linearly with
 # eccentricity (McKee and Nakayama 1984, doi 10.1016/0042-6989(84)90140-8); 2.5 is a guess, 1.5 to 6 in the literature.
 _DOUBLED_DEG: Final = 2.5
 
 
-class View(NamedTuple):
-    """Sight of the hand from the lift until the object is put down.
-
-    Attributes:
-        looks: Whether the eyes come back to the hand as often as the person's share of looks says.
-        seen: Whether the hand is seen at all.
-        eccentricity_deg: How far the eyes are from it where they do not come back, degrees.
-    """
-
-    looks: bool = True
-    seen: bool = True
-    eccentricity_deg: float = 0.0
-
-    @property
-    def blur(self) -> float:
-        """How many times larger a motion or a size has to be than where the eyes are."""
-        return 1 + self.eccentricity_deg / _DOUBLED_DEG
-
-
-VIEWS: Final[dict[ViewName, View]] = {
-    "direct": View(),
-    "aside": View(looks=False, eccentricity_deg=20.0),
-    "hidden": View(looks=False, seen=False),
-}
-"""``direct``: eyes on the hand, away for a look at a time. ``aside``: on the place where the object is to go, as in
-people who move what they hold (Johansson and others 2001, J Neurosci 21:6917): 20 degrees are 0.55 m at 1.5 m.
-``hidden``: the grip is out of sight, behind the hand or a screen, or the eyes have another task."""
+def blur(eccentricity_deg: float) -> float:
+    """Return how many times larger a motion or a size has to be than where the eyes are, to be seen as well."""
+    return 1 + eccentricity_deg / _DOUBLED_DEG
 
 
 class SeenEvent(NamedTuple):
@@ -100,7 +81,7 @@ class Eyes:
         looks: Stream of what a look finds.
         poses: Stream of how the hand's pose is misread.
         reaction: Stream of the reaction times.
-        view: Sight of the hand while the object is held.
+        view: Where the eyes are while the object is held.
     """
 
     def __init__(
@@ -112,9 +93,9 @@ class Eyes:
         looks: np.random.Generator,
         poses: np.random.Generator,
         reaction: np.random.Generator,
-        view: View = VIEWS["direct"],
+        view: ViewName = "direct",
     ) -> None:
-        self._view, self._elsewhere = view, False
+        self._aside_deg, self._elsewhere = VIEWS[view], False
         self._p, self._width_m = vision, width_m
         self._gaze, self._looks, self._poses, self._reaction = gaze, looks, poses, reaction
         self._motion = 0.0
@@ -136,7 +117,7 @@ class Eyes:
             held: Whether the person takes the object to be in the hand.
         """
         events: list[SeenEvent] = []
-        self._elsewhere = held and not self._view.looks
+        self._elsewhere = held and self._aside_deg > 0
         self._integrate(dt_s, self._relative_speed_m_s(dt_s, scene, lifting=lifting))
         if self._motion > self._p.motion_c:
             self._motion = -self._p.motion_c / 2
@@ -156,7 +137,7 @@ class Eyes:
     @property
     def _looking(self) -> bool:
         """Whether the hand is seen now."""
-        return self._view.seen if self._elsewhere else self.on_hand
+        return math.isfinite(self._aside_deg) if self._elsewhere else self.on_hand
 
     def _look(self, t_s: float, scene: WorldTruth) -> list[SeenEvent]:
         deformed, touched = self._looks.random(2)
@@ -165,7 +146,7 @@ class Eyes:
         found: list[SeenEvent] = []
         share = scene.deformation_m / self._width_m
         if self._elsewhere:
-            share /= self._view.blur
+            share /= blur(self._aside_deg)
         if share > 0:
             seen = normal_cdf(math.log(share / self._p.deform_theta) / self._p.deform_log_sd)
             if deformed < seen:
@@ -185,7 +166,7 @@ class Eyes:
     def _integrate(self, dt_s: float, speed_m_s: float) -> None:
         w = _DEGREES * speed_m_s / self._p.distance_m
         if self._elsewhere:
-            w /= self._view.blur
+            w /= blur(self._aside_deg)
         gained = w ** (2 / 3) * dt_s if self._looking and w > self._p.motion_floor_deg_s else 0.0
         self._motion += gained - self._motion * dt_s / self._p.motion_leak_s
 

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from functools import cache
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import msgspec
 
+import tega
 from tega.errors import RecordingError
 from tega.foreign_file import parse_toml, read_foreign, read_words
 from tega.sim.operator.vision import ViewName
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 
 SIMULATION, PARAMETERS = "simulation.toml", "parameters.toml"
+PACKAGE: Final = Path(tega.__file__).parent
 
 
 class Assumptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -43,8 +44,7 @@ class Assumptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
         people_sha256: Of the people's numbers, and by version 2 of their rules as well; empty in older studies.
         objects: What was lifted, attributes by name, as in :class:`tega.sim.world.ObjectSpec`.
         view: Sight of the hand while it held, see :data:`tega.sim.operator.VIEWS`.
-        code_sha256: Of the program's Python files, which hold the people's rules, the gel and the readings; empty in
-            older studies.
+        code_sha256: Of the program's files: people's rules, world, gel and readings; empty in older studies.
     """
 
     version: str
@@ -65,10 +65,19 @@ class Assumptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
         return hashlib.sha256(tree_text(msgspec.to_builtins(self)).encode()).hexdigest()
 
     def spec(self, name: str) -> ObjectSpec:
-        """Return an object as it was lifted."""
+        """Return an object as it was lifted.
+
+        Raises:
+            RecordingError: The statement has no such object, or one that cannot be.
+        """
         from tega.sim.world import ObjectSpec
 
-        return msgspec.convert(self.objects[name], ObjectSpec)
+        try:
+            return msgspec.convert(self.objects[name], ObjectSpec)
+        except (KeyError, msgspec.ValidationError) as error:
+            raise RecordingError(
+                f"{SIMULATION}: object {name!r}: {error}", "restore the folder from a copy"
+            ) from error
 
 
 def assume(
@@ -128,15 +137,17 @@ def assume(
     return stated, content
 
 
-@cache
-def code_sha256() -> str:
-    """Return the SHA-256 of the program's Python files, which decide what a session gives."""
-    import tega
+def code_sha256(root: Path = PACKAGE) -> str:
+    """Return the SHA-256 of the installed program: Python, data such as the objects, and the compiled extension.
 
-    root = Path(tega.__file__).parent
+    Args:
+        root: The package's folder.
+    """
     digest = hashlib.sha256()
-    for path in sorted(root.rglob("*.py")):
-        digest.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
+    for path in sorted(root.rglob("*")):
+        if path.is_file() and "__pycache__" not in path.parts:
+            content = path.read_bytes()
+            digest.update(f"{path.relative_to(root).as_posix()} {len(content)}\n".encode() + content)
     return digest.hexdigest()
 
 

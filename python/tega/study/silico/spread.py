@@ -90,7 +90,7 @@ def _over_dask(jobs: Sequence[SessionJob], address: str) -> Iterator[tuple[Sessi
 
 
 def _about() -> str:
-    """Return the program's version and a digest of its Python files, which decide what a session gives."""
+    """Return the program's version and a digest of its files, which decide what a session gives."""
     import tega
 
     return f"{tega.__version__} ({code_sha256()[:12]})"

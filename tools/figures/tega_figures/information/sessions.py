@@ -6,7 +6,6 @@ count. Each condition has a session of its own, so that nothing learned under on
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -22,7 +21,8 @@ from tega.sim.plan import TrialPlan
 from tega.sim.practice import practise
 from tega.sim.world import ObjectSpec
 from tega_figures.information.bench import OFF
-from tega_figures.information.compare import Paired
+from tega_figures.information.compare import MARGIN as PLANT_MARGIN
+from tega_figures.information.compare import Paired, null
 
 LOST_MM = 30.0
 """An object that slides this far counts as dropped; one that never left the table counts as far."""
@@ -31,7 +31,7 @@ OUTCOMES = ("slid", "lost", "slips", "harm", "effort", "cost")
 """Way slid a lift, mm, cut at 30; share of lifts lost; slips a lift; share with deformation; mean level held, share of
 full; slips, harm and effort as the person weighs them."""
 
-MARGIN: dict[str, float] = {"slid": 3.0, "lost": 0.1, "slips": 0.1, "harm": 0.05, "effort": 0.02, "cost": 0.1}
+MARGIN: dict[str, float] = {"slid": 3.0, "lost": 0.1, **PLANT_MARGIN}
 """A sham is null where every interval lies within this; 3 mm is the least way that counts as a slip."""
 
 
@@ -131,44 +131,6 @@ def outcomes(session: BenchSession) -> list[float]:
     return [slid, lost, slips, harm, effort, slips + grip.harm_cost * harm + grip.effort_cost * effort]
 
 
-def differences(
-    sessions: Sequence[BenchSession],
-    *,
-    view: ViewName,
-    condition: Condition,
-    name: str,
-    without: Condition = OFF,
-    confidence: float = 0.95,
-) -> dict[str, Paired]:
-    """Return how a condition differs from another within people who were run under both, with intervals of Student's t.
-
-    Args:
-        sessions: All.
-        view: In which both were.
-        condition: The arm.
-        name: Of the object.
-        without: What it is compared with.
-        confidence: Of the intervals; infinite with fewer than two people.
-    """
-    from scipy.stats import t as student
-
-    told, off = (arm_rows(sessions, view=view, condition=one, name=name) for one in (condition, without))
-    people = sorted(told.keys() & off.keys())
-    apart: NDArray[np.float64] = np.subtract(
-        [told[seed] for seed in people] or np.zeros((1, len(OUTCOMES))),
-        [off[seed] for seed in people] or np.zeros((1, len(OUTCOMES))),
-    )
-    n = len(people)
-    half = np.full(len(OUTCOMES), np.inf)
-    if n > 1:
-        half = float(student.ppf(0.5 + confidence / 2, n - 1)) * apart.std(axis=0, ddof=1) / math.sqrt(n)
-    mean = apart.mean(axis=0)
-    return {
-        what: Paired(float(mean[k]), float(mean[k] - half[k]), float(mean[k] + half[k]))
-        for k, what in enumerate(OUTCOMES)
-    }
-
-
 def arm_rows(
     sessions: Sequence[BenchSession], *, view: ViewName, condition: Condition, name: str
 ) -> dict[int, list[float]]:
@@ -180,12 +142,21 @@ def arm_rows(
     }
 
 
+def pairs(
+    sessions: Sequence[BenchSession], *, view: ViewName, condition: Condition, name: str
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return outcomes under a condition, and without a vest, of the people who were run under both; a row a person."""
+    told, off = (arm_rows(sessions, view=view, condition=one, name=name) for one in (condition, OFF))
+    people = sorted(told.keys() & off.keys())
+    return np.array([told[seed] for seed in people]), np.array([off[seed] for seed in people])
+
+
 def verdict(found: dict[str, Paired]) -> str:
     """Return what an arm's differences say: ``null``, ``helps``, ``harms`` or ``not told apart``.
 
     ``helps``: it slid less and deformation did not rise. ``null``: every interval within its margin.
     """
-    if all(-MARGIN[what] <= one.low and one.high <= MARGIN[what] for what, one in found.items()):
+    if null(found, MARGIN):
         return "null"
     if found["slid"].high < 0 and found["harm"].low <= 0:
         return "helps"

@@ -1,4 +1,4 @@
-"""Map which closures lose, let slip, hold and harm each object, from scripted lifts without a person.
+"""Map which levels lose, let slip, hold and harm each object, from scripted lifts without a person.
 
 ``python -m tega_figures.world.feasible run map.json`` runs the lifts, ``… table map.json`` prints them as Markdown and
 ``… picture map.json map.png`` draws them.
@@ -6,14 +6,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 
 import click
 import msgspec
 import numpy as np
 
+from tega.foreign_file import read_foreign
 from tega.sim.operator import VIEWS, ViewName, typical_person
+from tega.sim.operator.vision import Eyes
 from tega.sim.score import SLIP_M_S
 from tega.sim.seams import WorldTruth
 from tega.sim.world import ObjectSpec, read_objects
@@ -26,9 +29,11 @@ HOLD_S = 5.0
 N_LOADS, N_WALLS = 7, 5
 
 Grip = Literal["lost", "slips", "holds"]
+Failure = Literal["slips", "harm"]
+FAILURES: tuple[Failure, ...] = get_args(Failure)
 
 
-class Closure(msgspec.Struct, frozen=True, kw_only=True):
+class LevelOutcome(msgspec.Struct, frozen=True, kw_only=True):
     """Outcome of one scripted lift.
 
     Attributes:
@@ -57,20 +62,16 @@ class Closure(msgspec.Struct, frozen=True, kw_only=True):
     slid_mm: float
     fastest_mm_s: float
     narrowed_mm: float
-    seen_ms: dict[str, float]
-    slid_unseen_mm: dict[str, float]
+    seen_ms: dict[ViewName, float]
+    slid_unseen_mm: dict[ViewName, float]
 
 
-def closure(spec: ObjectSpec, level: int) -> Closure:
+def try_level(spec: ObjectSpec, level: int) -> LevelOutcome:
     """Lift an object at one level and say what came of it."""
     one = lift(spec, level, hold_s=HOLD_S)
     up = [truth for truth in one.trace if truth.lift_off]
-    seen, unseen = {}, {}
-    for view in VIEWS:
-        found = _seen(up, view)
-        if found is not None:
-            seen[view], unseen[view] = (round(number, 1) for number in found)
-    return Closure(
+    seen = {view: found for view in VIEWS if (found := _seen(up, view)) is not None}
+    return LevelOutcome(
         object=spec.name,
         mass_kg=spec.mass_kg,
         friction=spec.friction,
@@ -81,19 +82,19 @@ def closure(spec: ObjectSpec, level: int) -> Closure:
         slid_mm=round(1e3 * max((truth.slip_m for truth in up), default=0.0), 2),
         fastest_mm_s=round(1e3 * max((truth.slip_m_s for truth in up), default=0.0), 1),
         narrowed_mm=round(1e3 * one.narrowing_m, 2),
-        seen_ms=seen,
-        slid_unseen_mm=unseen,
+        seen_ms={view: round(after_ms, 1) for view, (after_ms, _) in seen.items()},
+        slid_unseen_mm={view: round(slid_mm, 1) for view, (_, slid_mm) in seen.items()},
     )
 
 
-def counts(closures: list[Closure], what: Literal["slips", "harm"]) -> bool:
-    """Return whether a direction counts on an object: some closure fails in it, and some closure does not.
+def counts(levels: Sequence[LevelOutcome], what: Failure) -> bool:
+    """Return whether a direction counts on an object: some level fails in it, and some level does not.
 
     Args:
-        closures: Of one object at one mass, friction and stiffness, at every level.
+        levels: Of one object at one mass, friction and stiffness, at every level.
         what: ``slips``: fails by slipping or being lost. ``harm``: fails by harm.
     """
-    failed = {one.grip != "holds" if what == "slips" else one.harmed for one in closures}
+    failed = {one.grip != "holds" if what == "slips" else one.harmed for one in levels}
     return failed == {True, False}
 
 
@@ -102,15 +103,13 @@ def variants(name: str) -> list[ObjectSpec]:
     record = read_objects()[name]
     spec, ranges = record.spec, record.range
     (light, heavy), (slick, rough) = ranges["mass_kg"], ranges["friction"]
-    loads = [
-        spec.with_(mass_kg=round(float(mass), 4), friction=round(float(mu), 4))
-        for mass, mu in zip(
-            np.geomspace(light, heavy, N_LOADS), np.geomspace(rough, slick, N_LOADS), strict=True
-        )
-    ]
     soft, stiff = ranges["stiffness_n_m"]
-    walls = [spec.with_(stiffness_n_m=round(float(wall), 1)) for wall in np.geomspace(soft, stiff, N_WALLS)]
-    return [spec, *loads, *walls]
+    loads = zip(np.geomspace(light, heavy, N_LOADS), np.geomspace(rough, slick, N_LOADS), strict=True)
+    return [
+        spec,
+        *(spec.with_(mass_kg=round(float(mass), 4), friction=round(float(mu), 4)) for mass, mu in loads),
+        *(spec.with_(stiffness_n_m=round(float(wall), 1)) for wall in np.geomspace(soft, stiff, N_WALLS)),
+    ]
 
 
 @click.group(help=__doc__)
@@ -122,8 +121,8 @@ def main() -> None:
 @click.argument("file", type=click.Path(dir_okay=False, path_type=Path))
 def run(file: Path) -> None:
     """Run the lifts of every object, and write FILE."""
-    found = [[closure(spec, level) for level in LEVELS] for name in read_objects() for spec in variants(name)]
-    file.write_bytes(msgspec.json.format(msgspec.json.encode(found), indent=0))
+    found = [[try_level(spec, level) for level in LEVELS] for name in read_objects() for spec in variants(name)]
+    file.write_bytes(b"[\n" + b",\n".join(msgspec.json.encode(rows) for rows in found) + b"\n]\n")
 
 
 @main.command()
@@ -137,7 +136,7 @@ def table(file: Path) -> None:
 @click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 @click.argument("png", type=click.Path(dir_okay=False, path_type=Path))
 def picture(file: Path, png: Path) -> None:
-    """Draw FILE: closure level against load and against stiffness, a row an object."""
+    """Draw FILE: level against load and against stiffness, a row an object."""
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch, Rectangle
 
@@ -170,12 +169,12 @@ def picture(file: Path, png: Path) -> None:
         ncols=3,
         frameon=False,
     )
-    figure.suptitle("What scripted closures do to each object (simulated)", x=0.02, ha="left", fontsize=10)
+    figure.suptitle("What each level does to each object, by script (simulated)", x=0.02, ha="left", fontsize=10)
     figure.savefig(png, dpi=110)
 
 
-def table_text(found: list[list[Closure]]) -> str:
-    """Return the map as Markdown: closures of each object as it is, and what counts in every variant."""
+def table_text(found: list[list[LevelOutcome]]) -> str:
+    """Return the map as Markdown: levels of each object as it is, and what counts in every variant."""
     lines = [
         "| object | level | | slid mm | fastest mm/s | seen after ms: direct, aside | slid by then mm | narrower mm |",
         "|---|---|---|---|---|---|---|---|",
@@ -183,13 +182,10 @@ def table_text(found: list[list[Closure]]) -> str:
     names = list(dict.fromkeys(rows[0].object for rows in found))
     for name in names:
         for one in next(rows for rows in found if rows[0].object == name):
-            shown = [
-                ", ".join(f"{of[view]:.0f}" if view in of else "–" for view in ("direct", "aside"))
-                for of in (one.seen_ms, one.slid_unseen_mm)
-            ]
+            seen, slid = (_by_view(of) for of in (one.seen_ms, one.slid_unseen_mm))
             lines.append(
-                f"| {name} | {one.level} | {one.grip}{', harmed' if one.harmed else ''} | {one.slid_mm:.1f} "
-                f"| {one.fastest_mm_s:.0f} | {shown[0]} | {shown[1]} | {one.narrowed_mm:.1f} |"
+                f"| {name} | {one.level} | {_said(one)} | {one.slid_mm:.1f} | {one.fastest_mm_s:.0f} | {seen} | {slid} "
+                f"| {one.narrowed_mm:.1f} |"
             )
     lines += [
         "",
@@ -200,8 +196,8 @@ def table_text(found: list[list[Closure]]) -> str:
     ]
     for rows in found:
         one = rows[0]
-        cells = [f"{r.grip}{', harmed' if r.harmed else ''}" for r in rows]
-        verdicts = ["yes" if counts(rows, what) else "no" for what in ("slips", "harm")]
+        cells = [_said(r) for r in rows]
+        verdicts = ["yes" if counts(rows, what) else "no" for what in FAILURES]
         lines.append(
             f"| {one.object} | {one.mass_kg:.2f} | {one.friction:.2f} | {one.stiffness_n_m / 1e3:.2f} | "
             f"{' | '.join([*cells, *verdicts])} |"
@@ -215,25 +211,35 @@ def _grip(one: LiftResult) -> Grip:
     return "slips" if one.slips else "holds"
 
 
-def _seen(up: list[WorldTruth], view: ViewName) -> tuple[float, float] | None:
+def _seen(up: Sequence[WorldTruth], view: ViewName) -> tuple[float, float] | None:
     """Return when, after the first slide began, eyes have seen it, ms, and how far it had slid since, mm."""
-    eyes, sight = typical_person().vision, VIEWS[view]
     onset = next((k for k, truth in enumerate(up) if truth.slip_m_s >= SLIP_M_S), None)
-    if onset is None or not sight.seen:
+    if onset is None:
         return None
-    motion, last = 0.0, up[onset]
+    first = last = up[onset]
+    chance = np.random.default_rng(0)
+    # Who looks, looks all the time.
+    sight = msgspec.structs.replace(typical_person().vision, gaze_grasp=1.0)
+    eyes = Eyes(sight, width_m=1.0, gaze=chance, looks=chance, poses=chance, reaction=chance, view=view)
     for truth in up[onset:]:
-        dt_s, last = truth.t_s - last.t_s, truth
-        w = np.degrees(max(truth.slip_m_s, 0.0)) / eyes.distance_m / sight.blur
-        motion += (w ** (2 / 3) if w > eyes.motion_floor_deg_s else 0.0) * dt_s
-        motion -= motion * dt_s / eyes.motion_leak_s
-        if motion > eyes.motion_c:
-            return 1e3 * (truth.t_s - up[onset].t_s), 1e3 * (truth.slip_m - up[onset].slip_m)
+        found = eyes.see(truth.t_s, truth.t_s - last.t_s, truth, carried=False, lifting=False, held=True)
+        if any(event.kind == "slip" for event in found):
+            return 1e3 * (truth.t_s - first.t_s), 1e3 * (truth.slip_m - first.slip_m)
+        last = truth
     return None
 
 
-def _read(file: Path) -> list[list[Closure]]:
-    return msgspec.json.decode(file.read_bytes(), type=list[list[Closure]])
+def _said(one: LevelOutcome) -> str:
+    return f"{one.grip}{', harmed' if one.harmed else ''}"
+
+
+def _by_view(numbers: dict[ViewName, float]) -> str:
+    looking: tuple[ViewName, ...] = ("direct", "aside")
+    return ", ".join(f"{numbers[view]:.0f}" if view in numbers else "–" for view in looking)
+
+
+def _read(file: Path) -> list[list[LevelOutcome]]:
+    return msgspec.json.decode(read_foreign(file, most_mib=4), type=list[list[LevelOutcome]])
 
 
 if __name__ == "__main__":
