@@ -50,7 +50,7 @@ def plan_trials(
         InvalidValueError: A name, condition or setting is unknown or out of range.
     """
     plans = []
-    specs = objects if isinstance(objects, Mapping) else {}
+    specs: Mapping[str, ObjectSpec] = objects if isinstance(objects, Mapping) else {}
     factors = itertools.product(mass_kg, stiffness_n_m, friction)
     for seed, name, changes, condition in itertools.product(seeds, objects, factors, conditions):
         changed = dict(zip(("mass_kg", "stiffness_n_m", "friction"), changes, strict=True))
