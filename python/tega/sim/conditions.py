@@ -10,8 +10,8 @@ in everything else: a benefit that they show too does not come from what the ves
 The positive controls tell what is so, which no sensor has to find out: a person who gains nothing from these could not
 have gained from a vest. ``oracle`` pulses at true slips, ``true-force`` shows the pads' true forces by the law of the
 real vest, ``ideal-vest`` shows them in proportion, on a skin that misses nothing. From one to the next, ``ideal-vest``,
-``true-force``, ``haptic`` add the real vest with its wearer's skin, and the real reading of pictures. ``mistimed`` is the
-sham of ``oracle``: the pulses of another trial.
+``true-force``, ``haptic`` add the real vest with its wearer's skin, and the real reading of pictures. The sham of
+``oracle`` is ``mistimed``: the pulses of another trial.
 """
 
 from __future__ import annotations

@@ -25,9 +25,9 @@ ViewName: TypeAlias = Literal["direct", "aside", "hidden"]
 """Where the eyes are while the object is held."""
 
 VIEWS: Final[dict[ViewName, float]] = {"direct": 0.0, "aside": 20.0, "hidden": math.inf}
-"""How far the eyes are from the hand then, degrees. ``direct``: on it, away for a look at a time. ``aside``: on the place
-where the object is to go, as in people who move what they hold (Johansson and others 2001, J Neurosci 21:6917); 20
-degrees are 0.55 m at 1.5 m. ``hidden``: the grip is out of sight, behind the hand or a screen."""
+"""How far the eyes are from the hand then, degrees. ``direct``: on it, away for a look at a time. ``aside``: on the
+place where the object is to go, as in people who move what they hold (Johansson and others 2001, J Neurosci 21:6917);
+20 degrees are 0.55 m at 1.5 m. ``hidden``: the grip is out of sight, behind the hand or a screen."""
 
 # Eccentricity at which a threshold is twice the fovea's, degrees. Motion and size thresholds rise linearly with
 # eccentricity (McKee and Nakayama 1984, doi 10.1016/0042-6989(84)90140-8); 2.5 is a guess, 1.5 to 6 in the literature.

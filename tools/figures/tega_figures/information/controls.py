@@ -1,6 +1,7 @@
 """Fix the design of the bench's positive controls, run it, and print and draw what came out.
 
-``python -m tega_figures.information.controls run FILE`` goes on where it was stopped; ``table FILE``, ``picture FILE PNG``.
+``python -m tega_figures.information.controls run FILE`` goes on where it was stopped; ``table FILE`` and
+``picture FILE PNG`` show what it holds.
 """
 
 from __future__ import annotations

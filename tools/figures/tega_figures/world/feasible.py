@@ -121,7 +121,9 @@ def main() -> None:
 @click.argument("file", type=click.Path(dir_okay=False, path_type=Path))
 def run(file: Path) -> None:
     """Run the lifts of every object, and write FILE."""
-    found = [[try_level(spec, level) for level in LEVELS] for name in read_objects() for spec in variants(name)]
+    found = [
+        [try_level(spec, level) for level in LEVELS] for name in read_objects() for spec in variants(name)
+    ]
     file.write_bytes(b"[\n" + b",\n".join(msgspec.json.encode(rows) for rows in found) + b"\n]\n")
 
 
@@ -169,7 +171,9 @@ def picture(file: Path, png: Path) -> None:
         ncols=3,
         frameon=False,
     )
-    figure.suptitle("What each level does to each object, by script (simulated)", x=0.02, ha="left", fontsize=10)
+    figure.suptitle(
+        "What each level does to each object, by script (simulated)", x=0.02, ha="left", fontsize=10
+    )
     figure.savefig(png, dpi=110)
 
 
