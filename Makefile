@@ -112,6 +112,8 @@ pictures: ## the drawn pictures of the docs, and the demo's animation; needs lab
 	$(BIN)/python -m tega_figures.study_console docs/images/study-console.svg
 	$(BIN)/python -m tega_figures.information picture tools/figures/tega_figures/information/fresh.json \
 		docs/images/value-of-information.png
+	$(BIN)/python -m tega_figures.world.feasible picture tools/figures/tega_figures/world/feasible.json \
+		docs/images/feasible.png
 	$(BIN)/tega-teleop demo --fast --out target/demo
 	cp target/demo/demo.png docs/images/demo.png
 

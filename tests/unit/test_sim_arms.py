@@ -31,6 +31,7 @@ from tega.sim.seams import Act, Percept, WorldTruth
 from tega.sim.streams import Streams
 from tega.sim.trial import run_trial
 from tega.sim.true_touch import FULL_N, TrueTouch
+from tega.sim.world import OBJECTS
 from tega.study.silico.simulate import made_study
 
 TOUCH = (*DEFAULT_COURSE[:3], Step(3.8, "done", 3, (0.0, 0.0), 0.0))
@@ -43,6 +44,8 @@ LET_FALL = (
     Step(9.0, "done", 1, (0.22, 0.0), 0.0),
 )
 """Open the hand up there."""
+AWAY = (Step(0.0, "reach", 1, (0.0, 0.15), 0.1), Step(9.0, "done", 1, (0.0, 0.15), 0.0))
+"""Touch nothing."""
 VEST_TICK_S = 1 / 30
 
 
@@ -175,6 +178,43 @@ def test_a_replayed_vest_is_another_trial_s_byte_for_byte_and_knows_nothing_of_t
         assert untouched.worn[look] == recorded[newest][1]
 
 
+def test_mistimed_pulses_are_those_of_another_trial_and_know_nothing_of_this_one(lab: Lab) -> None:
+    plan = TrialPlan(object="bag", condition="mistimed", seed=3, operator="scripted", view="hidden")
+    other = other_trial(plan)
+    assert (other.object, other.condition, other.view) == ("bottle", "oracle", "hidden")
+    recorded = other_vest(lab, plan, 0)
+    assert any(frame.intensities.any() for _, frame in recorded)
+    falling, streams = lift(lab, "mistimed", LET_FALL, name="bag")
+    assert (streams.array("truth", "slip_m_s") >= SLIP_M_S).any()
+    untouched, _ = lift(lab, "mistimed", AWAY, name="bag")
+    looks = min(len(falling.worn), len(untouched.worn))
+    assert falling.worn[1:looks] == untouched.worn[1:looks]
+    assert any(worn is not None and worn.intensities.any() for worn in untouched.worn)
+
+
+def test_an_object_of_a_file_is_replayed_the_bench_s_first() -> None:
+    spec = OBJECTS["bag"].with_(name="soft-bag", stiffness_n_m=100)
+    other = other_trial(TrialPlan(object="soft-bag", spec=spec, condition="replayed"))
+    assert (other.object, other.spec) == ("bottle", None)
+
+
+def test_who_does_not_see_the_slide_learns_from_the_fall(lab: Lab) -> None:
+    def need(view: str) -> tuple[float, float]:
+        plan = TrialPlan.checked({"object": "bag", "seed": 3, "condition": "non-haptic", "view": view})
+        person = lab.person(plan)
+        assert isinstance(person, Operator)
+        person.begin("bag", width_m=0.1)
+        trial = person._trial
+        assert trial is not None
+        trial.grip.phase = "hold"
+        for tick in range(20):
+            person.act(Percept(tick / 100, truth(0.0, dropped=True), None, 2.0))
+        return person.beliefs["bag"].need
+
+    assert need("hidden") == need("aside")
+    assert need("hidden")[0] > need("direct")[0]
+
+
 def test_a_vest_of_the_truth_is_not_recorded_as_one_of_pictures(lab: Lab, tmp_path: Path) -> None:
     plan = TrialPlan(object="bag", condition="oracle", seed=3, operator="scripted")
     with pytest.raises(InvalidValueError, match="'oracle' cannot be recorded"):
@@ -262,7 +302,7 @@ def fingerprint(plan: TrialPlan) -> str:
     """Return a digest of a trial's result, of what was true at each look, and of each frame that was sent."""
     streams = Streams()
     told = msgspec.to_builtins(run_trial(plan, streams=streams))
-    assert told.pop("rules") == 1
+    assert (told.pop("rules"), told.pop("view"), told.pop("spec")) == (1, "direct", None)
     content = json.dumps([told, streams.rows["truth"], streams.rows["vest"]], default=float)
     return hashlib.sha256(content.encode()).hexdigest()[:16]
 

@@ -10,7 +10,7 @@ import pytest
 from scipy import stats
 
 from tega.haptics import MotorLevels, vest_frame
-from tega.sim.operator import PersonNumbers, typical_person
+from tega.sim.operator import VIEWS, PersonNumbers, ViewName, typical_person
 from tega.sim.operator.motor import MuscleMotor
 from tega.sim.operator.person import stream
 from tega.sim.operator.vest_sense import Skin
@@ -36,7 +36,7 @@ def test_reaction_times_are_skewed_about_the_mean_and_never_immediate() -> None:
     assert drawn.min() >= 0.1
 
 
-def eyes(who: PersonNumbers, seed: int = 0) -> Eyes:
+def eyes(who: PersonNumbers, seed: int = 0, view: ViewName = "direct") -> Eyes:
     def process(name: str) -> np.random.Generator:
         return stream(seed, name)
 
@@ -47,7 +47,32 @@ def eyes(who: PersonNumbers, seed: int = 0) -> Eyes:
         looks=process("looks"),
         poses=process("poses"),
         reaction=process("reaction"),
+        view=view,
     )
+
+
+def noticed(view: ViewName, speed_m_s: float, *, held: bool) -> list[str]:
+    """Return what is noticed in three seconds of an object that slides and is narrowed by a seventh."""
+    sight = eyes(with_(typical_person(), "vision", gaze_grasp=1.0), view=view)
+    scene = STILL._replace(slip_m_s=speed_m_s, lift_off=True, deformation_m=0.01)
+    return [
+        event.kind
+        for tick in range(1, 300)
+        for event in sight.see(tick / 100, 0.01, scene, carried=False, lifting=False, held=held)
+    ]
+
+
+def test_a_hidden_grip_is_not_seen_while_it_holds_and_an_eccentric_one_only_in_the_large() -> None:
+    direct, aside, hidden = (noticed(view, 0.05, held=True) for view in VIEWS)
+    assert hidden == []
+    # At 20 degrees a slide is seen that is nine times as fast, and later; a narrowing of a seventh is not.
+    assert 0 < aside.count("slip") < direct.count("slip")
+    assert "deformation" in direct
+    assert "deformation" not in aside
+    assert "slip" not in noticed("aside", 0.005, held=True)
+    assert "slip" in noticed("direct", 0.005, held=True)
+    for view in VIEWS:
+        assert noticed(view, 0.005, held=False) == noticed("direct", 0.005, held=False)
 
 
 @pytest.mark.parametrize(("speed_m_s", "seconds"), [(0.005, 0.446), (0.02, 0.301), (0.1, 0.238)])

@@ -7,11 +7,15 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from tega.errors import InvalidValueError
 from tega.safety.stop import Stop as AnyStop
+
+if TYPE_CHECKING:
+    from tega.sim.world import ObjectSpec
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
@@ -47,6 +51,65 @@ class NameList(click.ParamType[list[str]]):
         if not all(names):
             self.fail(f"{value!r} is not a list of names, such as bottle,bag", param, ctx)
         return list(dict.fromkeys(names))
+
+
+class NumberList(click.ParamType[list[float]]):
+    """Numbers, comma separated."""
+
+    name = "number,..."
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> list[float]:
+        """Read the numbers, or fail with a usage error."""
+        if isinstance(value, list):
+            return value
+        try:
+            return list(dict.fromkeys(float(part) for part in str(value).split(",")))
+        except ValueError:
+            self.fail(f"{value!r} is not a list of numbers, such as 0.3,0.6", param, ctx)
+
+
+def object_options(function: _Function) -> _Function:
+    """Add what the lifted objects of simulated trials can be asked: a file of them, and factors to cross them with."""
+    for option in (
+        click.option("--friction", type=NumberList(), help="Between it and the gel."),
+        click.option("--stiffness-n-m", type=NumberList(), help="Of its wall."),
+        click.option(
+            "--mass-kg",
+            type=NumberList(),
+            help="Instead of each object's own; all combinations with the two below.",
+        ),
+        click.option(
+            "--objects-file",
+            type=click.Path(path_type=Path, dir_okay=False, exists=True),
+            metavar="FILE.toml",
+            help="Where --objects are described, as in tega/sim/world/objects.toml.",
+        ),
+        click.option(
+            "--view",
+            type=click.Choice(["direct", "aside", "hidden"]),
+            default="direct",
+            show_default=True,
+            help="Sight of the hand while it holds.",
+        ),
+    ):
+        function = option(function)
+    return function
+
+
+def chosen_objects(names: list[str], file: Path | None) -> dict[str, ObjectSpec]:
+    """Return the objects of these names in a file, or in the package's own.
+
+    Raises:
+        ConfigError: The file is not valid.
+        InvalidValueError: It has no such object.
+    """
+    from tega.sim.world.objects import read_objects
+
+    known = read_objects(file)
+    for name in names:
+        if name not in known:
+            raise InvalidValueError(f"object {name!r} is not known", f"choose from {', '.join(known)}")
+    return {name: known[name].spec for name in names}
 
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON on stdout.")

@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.cli.options import NameList, json_option, loop_options, loop_sets
+from tega.cli.options import (
+    NameList,
+    chosen_objects,
+    json_option,
+    loop_options,
+    loop_sets,
+    object_options,
+)
 from tega.sim.conditions import CONDITIONS
 
 if TYPE_CHECKING:
@@ -53,9 +60,7 @@ def sim() -> None:
     show_default=True,
     help="Version of the rules that the persons follow; by 2 they practise first.",
 )
-@click.option("--mass-kg", type=float, help="Instead of each object's own, as the two below.")
-@click.option("--stiffness-n-m", type=float, help="Of its wall.")
-@click.option("--friction", type=float, help="Between it and the gel.")
+@object_options
 @loop_options
 @click.option(
     "--jobs",
@@ -78,9 +83,11 @@ def trials(
     operator: str,
     practice: int,
     rules: int,
-    mass_kg: float | None,
-    stiffness_n_m: float | None,
-    friction: float | None,
+    view: str,
+    objects_file: Path | None,
+    mass_kg: list[float] | None,
+    stiffness_n_m: list[float] | None,
+    friction: list[float] | None,
     preset: str,
     config: Path | None,
     sets: tuple[str, ...],
@@ -111,16 +118,17 @@ def trials(
     from tega.sim.trials import plan_trials, run_trials
 
     plans = plan_trials(
-        objects,
+        objects if objects_file is None else chosen_objects(objects, objects_file),
         conditions,
         range(first_seed, first_seed + n_seeds),
         operator=operator,
         practice=practice,
         rules=rules,
         preset=preset,
-        mass_kg=mass_kg,
-        stiffness_n_m=stiffness_n_m,
-        friction=friction,
+        view=view,
+        mass_kg=mass_kg or (None,),
+        stiffness_n_m=stiffness_n_m or (None,),
+        friction=friction or (None,),
         settings=loop_sets(config, sets),
     )
     jobs = jobs or os.cpu_count() or 1

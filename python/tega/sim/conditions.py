@@ -10,7 +10,8 @@ in everything else: a benefit that they show too does not come from what the ves
 The positive controls tell what is so, which no sensor has to find out: a person who gains nothing from these could not
 have gained from a vest. ``oracle`` pulses at true slips, ``true-force`` shows the pads' true forces by the law of the
 real vest, ``ideal-vest`` shows them in proportion, on a skin that misses nothing. From one to the next, ``ideal-vest``,
-``true-force``, ``haptic`` add the real vest with its wearer's skin, and the real reading of pictures.
+``true-force``, ``haptic`` add the real vest with its wearer's skin, and the real reading of pictures. The sham of
+``oracle`` is ``mistimed``: the pulses of another trial.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ Condition = Literal[
     "oracle",
     "true-force",
     "ideal-vest",
+    "mistimed",
 ]
 
 CONDITIONS: tuple[Condition, ...] = get_args(Condition)
@@ -84,6 +86,7 @@ ARMS: Final[dict[Condition, Arm]] = {
     "oracle": Arm("true slips"),
     "true-force": Arm("true force"),
     "ideal-vest": Arm("true force, linear", skin="clear"),
+    "mistimed": Arm("true slips", sham="replayed"),
 }
 """What each condition is."""
 

@@ -122,6 +122,7 @@ class Lab:
             feels=skin != "none",
             full_effort=full_effort,
             rules=Rules(version=plan.rules),
+            view=plan.view,
         )
 
     def metric(self, finger: str) -> Metric:

@@ -93,14 +93,9 @@ class Lift:
         lift_by_s: float = LIFT_WINDOW_S,
     ) -> None:
         from tega.sim.operator import Operator
-        from tega.sim.world import FULL_DUTY_NM, GRASP_POSES_RAD, OBJECTS, World, hand_controller
+        from tega.sim.world import FULL_DUTY_NM, GRASP_POSES_RAD, World, hand_controller
 
-        changes = {
-            name: value
-            for name in ("mass_kg", "stiffness_n_m", "friction")
-            if (value := getattr(plan, name)) is not None
-        }
-        spec = OBJECTS[plan.object].with_(**changes)
+        spec = plan.object_spec
         self._lab, self._plan, self._person = lab, plan, person
         self._streams, self._recorder = streams, recorder
         self._full_duty_nm = FULL_DUTY_NM

@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 
 from tega.haptics import MotorLevels
+from tega.sim.conditions import ARMS
 
 if TYPE_CHECKING:
     from tega.sim.lab import Lab
@@ -16,19 +17,23 @@ if TYPE_CHECKING:
 
 
 def other_trial(plan: TrialPlan) -> TrialPlan:
-    """Return the trial whose vest stands in for a plan's: the same person's, with the next object and a real vest."""
+    """Return the trial whose vest stands in for a plan's: the same person's, with the next object.
+
+    The vest is the real one; in the place of pulses at true slips it is the other trial's pulses.
+    """
     from tega.sim.world import OBJECTS
 
     names = list(OBJECTS)
-    name = names[(names.index(plan.object) + 1) % len(names)]
+    name = names[(names.index(plan.object) + 1) % len(names)] if plan.object in names else names[0]
     return msgspec.structs.replace(
         plan,
         object=name,
-        condition="haptic",
+        condition="oracle" if ARMS[plan.condition].pulses else "haptic",
         operator="scripted" if plan.operator == "scripted" else "simulated",
         mass_kg=None,
         stiffness_n_m=None,
         friction=None,
+        spec=None,
     )
 
 

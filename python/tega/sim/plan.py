@@ -11,14 +11,16 @@ from tega.config import LOOP_KEYS, SessionConfig, load_config
 from tega.errors import ConfigError, InvalidValueError
 from tega.sim.beside import BesideResult
 from tega.sim.conditions import CONDITIONS, Condition
+from tega.sim.operator.vision import ViewName
 from tega.sim.score import TrialEvent
+from tega.sim.world.objects import OBJECTS, ObjectSpec
 
 
 class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Plan of a trial; equal plans give equal results, bit for bit.
 
     Attributes:
-        object: Name in :data:`tega.sim.world.OBJECTS`.
+        object: Name in :data:`tega.sim.world.OBJECTS`, or of ``spec``.
         condition: What the vest does.
         seed: Who the person is, and all chance: the same for all objects and conditions.
         operator: ``simulated``: a person drawn from the population. ``scripted``: a fixed course. ``keyboard``:
@@ -32,6 +34,8 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
             :data:`tega.config.LOOP_KEYS`.
         rules: Version of the rules that a simulated person follows, see :class:`tega.sim.operator.Rules`; 2 practises
             with object and vest first, see :mod:`tega.sim.practice`.
+        view: Sight of the hand while the object is held, see :data:`tega.sim.operator.VIEWS`.
+        spec: The object, where it is none of :data:`tega.sim.world.OBJECTS`.
     """
 
     object: str
@@ -45,6 +49,23 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     friction: float | None = None
     settings: tuple[str, ...] = ()
     rules: Literal[1, 2] = 1
+    view: ViewName = "direct"
+    spec: ObjectSpec | None = None
+
+    @property
+    def object_spec(self) -> ObjectSpec:
+        """The object, with what the plan changes in it.
+
+        Raises:
+            InvalidValueError: A value is out of range.
+        """
+        changes = {name: value for name, value in self.changes.items() if value is not None}
+        return (self.spec or OBJECTS[self.object]).with_(**changes)
+
+    @property
+    def changes(self) -> dict[str, float | None]:
+        """What the plan changes in the object, by attribute."""
+        return {name: getattr(self, name) for name in ("mass_kg", "stiffness_n_m", "friction")}
 
     @classmethod
     def checked(cls, fields: dict[str, Any]) -> Self:
@@ -53,10 +74,8 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
         Raises:
             InvalidValueError: A value is unknown or out of range.
         """
-        from tega.sim.world import OBJECTS
-
-        name = fields.get("object")
-        if name not in OBJECTS:
+        name, spec = fields.get("object"), fields.get("spec")
+        if name not in OBJECTS if spec is None else getattr(spec, "name", None) != name:
             raise InvalidValueError(f"object = {name!r} is not known", f"choose from {', '.join(OBJECTS)}")
         condition = fields.get("condition", "haptic")
         if condition not in CONDITIONS:
@@ -64,10 +83,11 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
                 f"condition = {condition!r} is not known", f"choose from {', '.join(CONDITIONS)}"
             )
         try:
-            plan = msgspec.convert(fields, cls)
+            plan = msgspec.convert({**fields, "spec": msgspec.to_builtins(spec)}, cls)
         except msgspec.ValidationError as error:
             raise InvalidValueError(f"plan of a trial: {error}") from error
         loop_settings(plan.preset, plan.settings)
+        _ = plan.object_spec  # refuses what is out of range
         return plan
 
 

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
+from tega.sim.world.objects import variant_name
+
 if TYPE_CHECKING:
     from tega.sim.trial import TrialResult
 
@@ -15,7 +17,7 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
     """One object under one condition.
 
     Attributes:
-        object: Its name.
+        object: Its name, with what the plan changed in it.
         condition: The arm.
         n: Trials.
         success: Share of them that were lifted and held.
@@ -41,7 +43,7 @@ def summarise_trials(results: Sequence[TrialResult]) -> list[Row]:
     """Average trials by object and condition, in the order in which these first come."""
     groups: dict[tuple[str, str], list[TrialResult]] = {}
     for result in results:
-        groups.setdefault((result.object, result.condition), []).append(result)
+        groups.setdefault((variant_name(result.object, result.changes), result.condition), []).append(result)
     return [
         Row(
             object=name,

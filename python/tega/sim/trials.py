@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import IO
 
@@ -18,29 +18,44 @@ from tega.errors import RecordingError
 from tega.foreign_file import read_foreign
 from tega.sim.trial import TrialPlan, TrialResult, run_trial
 from tega.sim.workers import over_cores
+from tega.sim.world.objects import ObjectSpec
 from tega.whole_file import write_whole
 
 
 def plan_trials(
-    objects: Sequence[str], conditions: Sequence[str], seeds: Iterable[int], **settings: object
+    objects: Sequence[str] | Mapping[str, ObjectSpec],
+    conditions: Sequence[str],
+    seeds: Iterable[int],
+    *,
+    mass_kg: Sequence[float | None] = (None,),
+    stiffness_n_m: Sequence[float | None] = (None,),
+    friction: Sequence[float | None] = (None,),
+    **settings: object,
 ) -> list[TrialPlan]:
-    """Plan every object under every condition with every seed.
+    """Plan every object, with every mass, stiffness and friction, under every condition with every seed.
 
-    A seed is a person with all their chance: trials that differ only in object or condition are of the same person.
+    A seed is a person with all their chance: trials that differ only in object or condition are of the same person,
+    and those that differ only in mass, stiffness, friction or condition have the same chance, too.
 
     Args:
-        objects: Names in :data:`tega.sim.world.OBJECTS`.
+        objects: Names in :data:`tega.sim.world.OBJECTS`, or other objects by name.
         conditions: The arms to compare.
         seeds: Seeds, 0 or more.
+        mass_kg: Masses of each object; ``None`` is its own, as with the following.
+        stiffness_n_m: Of its wall.
+        friction: Between it and the gel.
         settings: Further attributes of :class:`TrialPlan`, the same for all.
 
     Raises:
         InvalidValueError: A name, condition or setting is unknown or out of range.
     """
     plans = []
-    for seed, name, condition in itertools.product(seeds, objects, conditions):
-        plan = {"object": name, "condition": condition, "seed": seed, **settings}
-        plans.append(TrialPlan.checked(plan))
+    specs: Mapping[str, ObjectSpec] = objects if isinstance(objects, Mapping) else {}
+    factors = itertools.product(mass_kg, stiffness_n_m, friction)
+    for seed, name, changes, condition in itertools.product(seeds, objects, factors, conditions):
+        changed = dict(zip(("mass_kg", "stiffness_n_m", "friction"), changes, strict=True))
+        plan = {"object": name, "condition": condition, "seed": seed, **changed, **settings}
+        plans.append(TrialPlan.checked({**plan, "spec": specs.get(name)}))
     return plans
 
 

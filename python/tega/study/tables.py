@@ -106,6 +106,9 @@ def _provenance(analysis: Analysis, files: Mapping[str, str]) -> list[list[str]]
             ["rules", str(stated.rules)],
             ["people_sha256", stated.people_sha256],
             ["preset", stated.preset],
+            ["view", stated.view],
+            ["code_sha256", stated.code_sha256],
+            ["assumptions_sha256", stated.digest],
             ["version", stated.version],
         ]
     return lines + [[name, hashlib.sha256(text.encode()).hexdigest()] for name, text in files.items()]

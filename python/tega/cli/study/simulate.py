@@ -7,11 +7,22 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
-from tega.cli.options import NameList, echo_json, json_option, loop_options, loop_sets
+from tega.cli.options import (
+    NameList,
+    chosen_objects,
+    echo_json,
+    json_option,
+    loop_options,
+    loop_sets,
+    object_options,
+)
+
+if TYPE_CHECKING:
+    from tega.sim.operator import ViewName
 
 LINE_EVERY_S = 30.0
 
@@ -89,6 +100,7 @@ SHARD = _Shard()
     "--rules", type=click.IntRange(1, 2), default=1, show_default=True,
     help="Version of the rules that the people follow; by 2 they practise first.",
 )  # fmt: skip
+@object_options
 @loop_options
 @json_option
 def simulate(
@@ -104,6 +116,11 @@ def simulate(
     dask: str,
     parameters: Path | None,
     rules: Literal[1, 2],
+    view: ViewName,
+    objects_file: Path | None,
+    mass_kg: list[float] | None,
+    stiffness_n_m: list[float] | None,
+    friction: list[float] | None,
     preset: Literal["paper", "live"],
     config: Path | None,
     sets: tuple[str, ...],
@@ -115,16 +132,23 @@ def simulate(
     The results are the same with any number of workers, shards and machines. Run it again to go on where it was
     stopped; a session that was cut short is run anew. The report says which parameter file the people are from.
     """
+    from tega.sim.world import crossed
     from tega.study.report import write_report
     from tega.study.silico import simulate as run
     from tega.study.silico import unfinished
 
+    specs = crossed(
+        list(chosen_objects(objects, objects_file).values()),
+        mass_kg=mass_kg or (),
+        stiffness_n_m=stiffness_n_m or (),
+        friction=friction or (),
+    )
     with trials_shown() as progress:
         plan = run(
             out,
             operators=operators,
             seed=seed,
-            objects=objects,
+            objects=specs,
             conditions=conditions,
             trials=trials,
             jobs=jobs,
@@ -134,6 +158,7 @@ def simulate(
             preset=preset,
             settings=loop_sets(config, sets),
             rules=rules,
+            view=view,
             progress=progress,
         )
     left = unfinished(out, plan)

@@ -18,6 +18,7 @@ from tega.sim.operator.person import (
 from tega.sim.operator.rules import Rules, RulesVersion, people_digest, rules_digest
 from tega.sim.operator.scripted import ScriptedOperator
 from tega.sim.operator.shams import SHAMS, Sham, sham_vest
+from tega.sim.operator.vision import VIEWS, ViewName
 
 __all__ = [
     "CHANNELS",
@@ -25,6 +26,7 @@ __all__ = [
     "KEYS_HELP",
     "SHAMS",
     "TICK_HZ",
+    "VIEWS",
     "Calibrated",
     "ForearmEmg",
     "KeyboardOperator",
@@ -36,6 +38,7 @@ __all__ = [
     "RulesVersion",
     "ScriptedOperator",
     "Sham",
+    "ViewName",
     "calibrate",
     "clear_skin",
     "draw_person",

@@ -23,7 +23,7 @@ from tega.sim.operator.person import PersonNumbers, stream
 from tega.sim.operator.renewing import RenewingGrip
 from tega.sim.operator.rules import Rules
 from tega.sim.operator.vest_sense import LOOK_S, Skin
-from tega.sim.operator.vision import Eyes, SeenEvent
+from tega.sim.operator.vision import Eyes, SeenEvent, ViewName
 from tega.sim.seams import Act, Percept
 
 PRACTISED_LEVELS = (2, 3, 4, 5, 4, 3, 2, 3, 4, 5)
@@ -50,6 +50,7 @@ class TrialOfPerson:
     last_s: float = -_TICK_S
     next_decision_s: float = 0.0
     next_vest_read_s: float = 0.0
+    lost: bool = False
 
 
 class Operator:
@@ -64,6 +65,8 @@ class Operator:
         full_effort: Excitation at which a channel's mean is Emax, which practice with the calibrated system has
             taught (:func:`tega.sim.operator.calibrate`); none means the effort of the calibration itself.
         rules: Which rules are followed.
+        view: Sight of the hand while the object is held. Who is not told by the eyes learns from an object that falls,
+            which nobody misses, that the grip was too loose.
 
     Attributes:
         pulses: Whether the vest tells contact, slip and release only, which the person has been told: nothing is then
@@ -91,8 +94,10 @@ class Operator:
         feels: bool = True,
         full_effort: float | None = None,
         rules: Rules | None = None,
+        view: ViewName = "direct",
     ) -> None:
         self._rules = rules or Rules()
+        self._view = view
         self.person = person
         self.pulses = False
         self._seed, self._feels = seed, feels
@@ -140,8 +145,16 @@ class Operator:
         trial.last_s = t_s
         grip = trial.grip
         trial.pending += trial.eyes.see(
-            t_s, dt_s, percept.scene, carried=grip.carrying, lifting=grip.phase == "lift"
+            t_s,
+            dt_s,
+            percept.scene,
+            carried=grip.carrying,
+            lifting=grip.phase == "lift",
+            held=grip.held,
         )
+        if percept.scene.dropped and grip.held and self._view != "direct" and not trial.lost:
+            trial.lost = True
+            grip.belief.slipped(grip.closure.x, grip.closure.var)
         if self._feels:
             self._skin.feel(t_s, dt_s, percept.vest)
         if t_s >= trial.next_decision_s - 1e-9:
@@ -288,6 +301,7 @@ class Operator:
                 looks=process("vision"),
                 poses=process("pose"),
                 reaction=process("visual reaction"),
+                view=self._view,
             ),
             motor=MuscleMotor(
                 person.motor, full_effort=self._full, aim=process("aim"), sense=process("effort sense")

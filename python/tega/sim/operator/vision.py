@@ -7,7 +7,7 @@ Slip follows the law of Dzhafarov, Sekuler and Allik (1993): the reaction time t
 from __future__ import annotations
 
 import math
-from typing import Literal, NamedTuple
+from typing import Final, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -19,6 +19,24 @@ Kind = Literal["slip", "deformation", "contact", "weaker", "onset"]
 _DEGREES = 180 / math.pi
 # A pad that carries this much is visibly against the object, newtons.
 _TOUCHING_N = 0.02
+
+
+ViewName: TypeAlias = Literal["direct", "aside", "hidden"]
+"""Where the eyes are while the object is held."""
+
+VIEWS: Final[dict[ViewName, float]] = {"direct": 0.0, "aside": 20.0, "hidden": math.inf}
+"""How far the eyes are from the hand then, degrees. ``direct``: on it, away for a look at a time. ``aside``: on the
+place where the object is to go, as in people who move what they hold (Johansson and others 2001, J Neurosci 21:6917);
+20 degrees are 0.55 m at 1.5 m. ``hidden``: the grip is out of sight, behind the hand or a screen."""
+
+# Eccentricity at which a threshold is twice the fovea's, degrees. Motion and size thresholds rise linearly with
+# eccentricity (McKee and Nakayama 1984, doi 10.1016/0042-6989(84)90140-8); 2.5 is a guess, 1.5 to 6 in the literature.
+_DOUBLED_DEG: Final = 2.5
+
+
+def blur(eccentricity_deg: float) -> float:
+    """Return how many times larger a motion or a size has to be than where the eyes are, to be seen as well."""
+    return 1 + eccentricity_deg / _DOUBLED_DEG
 
 
 class SeenEvent(NamedTuple):
@@ -63,6 +81,7 @@ class Eyes:
         looks: Stream of what a look finds.
         poses: Stream of how the hand's pose is misread.
         reaction: Stream of the reaction times.
+        view: Where the eyes are while the object is held.
     """
 
     def __init__(
@@ -74,7 +93,9 @@ class Eyes:
         looks: np.random.Generator,
         poses: np.random.Generator,
         reaction: np.random.Generator,
+        view: ViewName = "direct",
     ) -> None:
+        self._aside_deg, self._elsewhere = VIEWS[view], False
         self._p, self._width_m = vision, width_m
         self._gaze, self._looks, self._poses, self._reaction = gaze, looks, poses, reaction
         self._motion = 0.0
@@ -83,7 +104,7 @@ class Eyes:
         self.on_hand = True
 
     def see(
-        self, t_s: float, dt_s: float, scene: WorldTruth, *, carried: bool, lifting: bool
+        self, t_s: float, dt_s: float, scene: WorldTruth, *, carried: bool, lifting: bool, held: bool = False
     ) -> list[SeenEvent]:
         """Return the events that have been noticed since the last call.
 
@@ -93,8 +114,10 @@ class Eyes:
             scene: What is before the eyes.
             carried: Whether the hand is moving the object about: the eyes are less on it.
             lifting: Whether the hand is going up, so that an object that stays behind is seen to move against it.
+            held: Whether the person takes the object to be in the hand.
         """
         events: list[SeenEvent] = []
+        self._elsewhere = held and self._aside_deg > 0
         self._integrate(dt_s, self._relative_speed_m_s(dt_s, scene, lifting=lifting))
         if self._motion > self._p.motion_c:
             self._motion = -self._p.motion_c / 2
@@ -109,14 +132,21 @@ class Eyes:
     def pose(self, closure: float) -> tuple[float, float] | None:
         """Return the hand's closure as read by eye and the variance of that, levels; none while looking away."""
         error = float(self._poses.standard_normal())
-        return (closure + self._p.pose_sd * error, self._p.pose_sd**2) if self.on_hand else None
+        return (closure + self._p.pose_sd * error, self._p.pose_sd**2) if self._looking else None
+
+    @property
+    def _looking(self) -> bool:
+        """Whether the hand is seen now."""
+        return math.isfinite(self._aside_deg) if self._elsewhere else self.on_hand
 
     def _look(self, t_s: float, scene: WorldTruth) -> list[SeenEvent]:
         deformed, touched = self._looks.random(2)
-        if not self.on_hand:
+        if not self._looking:
             return []
         found: list[SeenEvent] = []
         share = scene.deformation_m / self._width_m
+        if self._elsewhere:
+            share /= blur(self._aside_deg)
         if share > 0:
             seen = normal_cdf(math.log(share / self._p.deform_theta) / self._p.deform_log_sd)
             if deformed < seen:
@@ -135,7 +165,9 @@ class Eyes:
 
     def _integrate(self, dt_s: float, speed_m_s: float) -> None:
         w = _DEGREES * speed_m_s / self._p.distance_m
-        gained = w ** (2 / 3) * dt_s if self.on_hand and w > self._p.motion_floor_deg_s else 0.0
+        if self._elsewhere:
+            w /= blur(self._aside_deg)
+        gained = w ** (2 / 3) * dt_s if self._looking and w > self._p.motion_floor_deg_s else 0.0
         self._motion += gained - self._motion * dt_s / self._p.motion_leak_s
 
     def _noticed(self, t_s: float, kind: Kind) -> SeenEvent:

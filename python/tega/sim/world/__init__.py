@@ -16,7 +16,7 @@ What is in it, and what isn't: ``docs/evidence/sim-world.md``. Needs the extra `
 from __future__ import annotations
 
 from tega.hand_mjcf import FULL_DUTY_NM, TORQUE_LIMITS_NM
-from tega.sim.world.objects import OBJECTS, ObjectSpec
+from tega.sim.world.objects import OBJECTS, ObjectRecord, ObjectSpec, crossed, read_objects
 from tega.sim.world.poses import GRASP_POSES_RAD, hand_controller
 from tega.sim.world.scene import Physics
 from tega.sim.world.world import Shape, World
@@ -26,9 +26,12 @@ __all__ = [
     "GRASP_POSES_RAD",
     "OBJECTS",
     "TORQUE_LIMITS_NM",
+    "ObjectRecord",
     "ObjectSpec",
     "Physics",
     "Shape",
     "World",
+    "crossed",
     "hand_controller",
+    "read_objects",
 ]

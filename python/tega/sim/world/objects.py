@@ -1,19 +1,28 @@
-"""Define the objects that the hand lifts: three of everyday life, and any variation of them.
+"""Read the objects that the hand lifts from a file: three of everyday life, others, and variations of them.
 
 Mass, stiffness and friction are independent of one another and of the size, so that a study can vary one alone.
-The defaults come from the ranges of household objects; none was measured for this program.
+Values, ranges and sources of the three stand in ``objects.toml`` beside this module.
 """
 
 from __future__ import annotations
 
-from typing import Annotated, Final, Literal
+import itertools
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal
 
 import msgspec
 
-from tega.errors import InvalidValueError
+from tega.errors import ConfigError, InvalidValueError, TegaError
+from tega.foreign_file import parse_toml, read_foreign
+from tega.plain_name import plain_name
 
 PALM_FACE_M: Final = 0.0111
 """How far the palm's face is before the palm's frame."""
+
+# Factor and form of a value in a name: a study's objects have letters, digits, + - _ in theirs.
+_IN_NAME: Final = {"mass_kg": (1e3, "{}g"), "stiffness_n_m": (1.0, "{}npm"), "friction": (1e2, "mu{}")}
 
 
 class ObjectSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -84,45 +93,116 @@ class ObjectSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             raise InvalidValueError(f"object {self.name!r}: {error}") from error
 
 
-OBJECTS: Final[dict[str, ObjectSpec]] = {
-    spec.name: spec
-    for spec in (
-        ObjectSpec(
-            name="bottle",
-            mass_kg=1.04,
-            stiffness_n_m=3000.0,
-            friction=0.6,
-            diameter_m=0.082,
-            height_m=0.26,
-            rgba=(0.35, 0.62, 0.85, 1.0),
-        ),
-        ObjectSpec(
-            name="container",
-            mass_kg=0.50,
-            stiffness_n_m=1500.0,
-            friction=0.7,
-            diameter_m=0.09,
-            height_m=0.19,
-            plastic_share=0.33,
-            yield_m=0.003,
-            harm_m=0.008,
-            rgba=(0.93, 0.93, 0.90, 1.0),
-        ),
-        ObjectSpec(
-            name="bag",
-            mass_kg=0.40,
-            stiffness_n_m=250.0,
-            friction=0.5,
-            diameter_m=0.10,
-            height_m=0.20,
-            stiffening_n_m3=2e5,
-            damping_ratio=0.7,
-            plastic_share=0.33,
-            yield_m=0.003,
-            harm_m=0.0215,
-            forward_m=-0.005,
-            rgba=(0.86, 0.70, 0.45, 1.0),
-        ),
-    )
-}
+class ObjectRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One object of a file.
+
+    Attributes:
+        spec: The object.
+        range: Lowest and highest plausible value by attribute; for maps and factorial plans.
+        source: Where values come from, by attribute; the harm rule's has to be there.
+    """
+
+    spec: ObjectSpec
+    range: dict[str, tuple[float, float]]
+    source: dict[str, str]
+
+
+def read_objects(path: Path | None = None) -> dict[str, ObjectRecord]:
+    """Read a file of objects.
+
+    Args:
+        path: The file; none means the package's own.
+
+    Raises:
+        ConfigError: The file is not valid, a value is out of range, or mass, stiffness, friction or the harm rule has
+            no source.
+        UnsafeNameError: An object's name could not name a file.
+    """
+    source = files("tega.sim.world") / "objects.toml" if path is None else path
+    content = source.read_bytes() if path is None else read_foreign(path, most_mib=1, error=ConfigError)
+    try:
+        tree: dict[str, Any] = parse_toml(content.decode("utf-8-sig"))
+        records = {name: _record(name, dict(table), source.name) for name, table in tree.items()}
+    except TegaError:
+        raise
+    except (TypeError, ValueError) as error:  # of TOML and of msgspec
+        raise ConfigError(
+            f"{source.name}: {error}", "write one table an object, as in tega/sim/world/objects.toml"
+        ) from error
+    if not records:
+        raise ConfigError(f"{source.name}: has no object", "write one table an object, such as [bottle]")
+    return records
+
+
+def crossed(
+    specs: Sequence[ObjectSpec],
+    *,
+    mass_kg: Sequence[float] = (),
+    stiffness_n_m: Sequence[float] = (),
+    friction: Sequence[float] = (),
+) -> dict[str, ObjectSpec]:
+    """Cross objects with values of mass, stiffness and friction, for a factorial plan.
+
+    Args:
+        specs: The objects.
+        mass_kg: Values of it; none leaves each object's own, as with the following.
+        stiffness_n_m: Of the wall.
+        friction: Between object and gel.
+
+    Returns:
+        A variant for each combination, by a name that tells it, such as ``bag_600g_mu30``.
+
+    Raises:
+        InvalidValueError: A value is out of range.
+
+    Example:
+        >>> list(crossed([OBJECTS["bag"]], mass_kg=[0.3, 0.6], friction=[0.5]))
+        ['bag_300g_mu50', 'bag_600g_mu50']
+    """
+    factors = {"mass_kg": mass_kg, "stiffness_n_m": stiffness_n_m, "friction": friction}
+    asked = {what: tuple(dict.fromkeys(values)) for what, values in factors.items() if values}
+    variants: dict[str, ObjectSpec] = {}
+    for spec, values in itertools.product(specs, itertools.product(*asked.values())):
+        changes = dict(zip(asked, values, strict=True))
+        name = variant_name(spec.name, changes)
+        variants[name] = spec.with_(name=name, **changes)
+    return variants
+
+
+def variant_name(name: str, changes: Mapping[str, float | None]) -> str:
+    """Return the name of an object with mass, stiffness or friction changed; ``None`` is no change.
+
+    Example:
+        >>> variant_name("bag", {"mass_kg": 0.6, "stiffness_n_m": None, "friction": 0.45})
+        'bag_600g_mu45'
+    """
+    for what, value in changes.items():
+        if value is not None:
+            factor, form = _IN_NAME[what]
+            name += "_" + form.format(f"{factor * value:g}".replace(".", "-"))
+    return name
+
+
+def _record(name: str, table: dict[str, Any], where: str) -> ObjectRecord:
+    plain_name(name, what="object", source=where)
+    ranges = msgspec.convert(table.pop("range", {}), dict[str, tuple[float, float]])
+    source = msgspec.convert(table.pop("source", {}), dict[str, str])
+    if missing := sorted(
+        {"mass_kg", "stiffness_n_m", "friction", "harm_m"} - {k for k, v in source.items() if v}
+    ):
+        raise ConfigError(
+            f"{where}: object {name!r} has no source for {', '.join(missing)}",
+            f"write it under [{name}.source]",
+        )
+    spec = msgspec.convert({**table, "name": name}, ObjectSpec)
+    for what, (low, high) in ranges.items():
+        if not low <= getattr(spec, what, high + 1) <= high:
+            raise ConfigError(
+                f"{where}: object {name!r}: {what} is not within its range {low:g} to {high:g}",
+                "correct one of them",
+            )
+    return ObjectRecord(spec, ranges, source)
+
+
+OBJECTS: Final[dict[str, ObjectSpec]] = {name: record.spec for name, record in read_objects().items()}
 """Bottle (heavy, rigid), container (medium) and bag (light, soft), by name."""

@@ -7,22 +7,27 @@ SHA-256 and what else decides the outcome. A report is made from these two, not 
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import msgspec
 
+import tega
 from tega.errors import RecordingError
 from tega.foreign_file import parse_toml, read_foreign, read_words
+from tega.sim.operator.vision import ViewName
 from tega.toml_text import tree_text
 
 if TYPE_CHECKING:
     from tega.sim.operator import RulesVersion
     from tega.sim.operator.person import Parameter
+    from tega.sim.world import ObjectSpec
 
 
 SIMULATION, PARAMETERS = "simulation.toml", "parameters.toml"
+PACKAGE: Final = Path(tega.__file__).parent
 
 
 class Assumptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -38,6 +43,8 @@ class Assumptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
         rules: Version of the rules that the people followed.
         people_sha256: Of the people's numbers, and by version 2 of their rules as well; empty in older studies.
         objects: What was lifted, attributes by name, as in :class:`tega.sim.world.ObjectSpec`.
+        view: Sight of the hand while it held, see :data:`tega.sim.operator.VIEWS`.
+        code_sha256: Of the program's files: people's rules, world, gel and readings; empty in older studies.
     """
 
     version: str
@@ -49,26 +56,50 @@ class Assumptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     rules: Literal[1, 2] = 1
     people_sha256: str = ""
     objects: dict[str, dict[str, Any]] = {}
+    view: ViewName = "direct"
+    code_sha256: str = ""
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of all that the outcome hangs on besides the plan, as written in ``simulation.toml``."""
+        return hashlib.sha256(tree_text(msgspec.to_builtins(self)).encode()).hexdigest()
+
+    def spec(self, name: str) -> ObjectSpec:
+        """Return an object as it was lifted.
+
+        Raises:
+            RecordingError: The statement has no such object, or one that cannot be.
+        """
+        from tega.sim.world import ObjectSpec
+
+        try:
+            return msgspec.convert(self.objects[name], ObjectSpec)
+        except (KeyError, msgspec.ValidationError) as error:
+            raise RecordingError(
+                f"{SIMULATION}: object {name!r}: {error}", "restore the folder from a copy"
+            ) from error
 
 
 def assume(
-    objects: list[str] | tuple[str, ...],
+    objects: Mapping[str, ObjectSpec],
     *,
     parameters: Path | None = None,
     everyone: dict[str, float] | None = None,
     preset: Literal["paper", "live"] = "live",
     settings: tuple[str, ...] = (),
     rules: RulesVersion = 1,
+    view: ViewName = "direct",
 ) -> tuple[Assumptions, bytes]:
     """State what a study takes for granted.
 
     Args:
-        objects: Names in :data:`tega.sim.world.OBJECTS`.
+        objects: What is lifted, by name.
         parameters: A parameter file; none means the package's own.
         everyone: As in :class:`Assumptions`.
         preset: Likewise.
         settings: Likewise.
         rules: Likewise.
+        view: Likewise.
 
     Returns:
         The statement, and the parameter file.
@@ -81,7 +112,6 @@ def assume(
     from tega._native import __version__
     from tega.sim.operator import load_parameters, people_digest
     from tega.sim.plan import loop_settings
-    from tega.sim.world import OBJECTS
 
     source = files("tega.sim.operator") / PARAMETERS if parameters is None else parameters
     try:
@@ -100,9 +130,25 @@ def assume(
         settings=settings,
         rules=rules,
         people_sha256=people_digest(loaded.digest, rules),
-        objects={name: msgspec.to_builtins(OBJECTS[name]) for name in objects},
+        objects={name: msgspec.to_builtins(spec) for name, spec in objects.items()},
+        view=view,
+        code_sha256=code_sha256(),
     )
     return stated, content
+
+
+def code_sha256(root: Path = PACKAGE) -> str:
+    """Return the SHA-256 of the installed program: Python, data such as the objects, and the compiled extension.
+
+    Args:
+        root: The package's folder.
+    """
+    digest = hashlib.sha256()
+    for path in sorted(root.rglob("*")):
+        if path.is_file() and "__pycache__" not in path.parts:
+            content = path.read_bytes()
+            digest.update(f"{path.relative_to(root).as_posix()} {len(content)}\n".encode() + content)
+    return digest.hexdigest()
 
 
 def assumption_files(stated: Assumptions, parameters: bytes) -> dict[str, bytes]:

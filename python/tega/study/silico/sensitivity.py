@@ -121,13 +121,14 @@ def run_sensitivity(
             where,
             operators=operators,
             seed=settings.seed or 0,
-            objects=settings.objects,
+            objects={name: stated.spec(name) for name in settings.objects},
             conditions=(change.first, "non-haptic"),
             trials=trials,
             parameters=folder / PARAMETERS,
             everyone=change.everyone,
             preset=change.preset,
             rules=stated.rules,
+            view=stated.view,
         )
         made.append((change, where, plan))
         if (len(made) - 1) % parts == part - 1:

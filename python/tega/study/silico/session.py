@@ -93,10 +93,17 @@ def _go(job: SessionJob, folder: Path) -> None:
     from tega.sim.streams import Streams
 
     stated = job.assumptions
-    same = {"preset": stated.preset, "settings": stated.settings, "rules": stated.rules}
+    same = {
+        "preset": stated.preset,
+        "settings": stated.settings,
+        "rules": stated.rules,
+        "view": stated.view,
+    }
     seed = person_seed(job.settings.seed or 0, job.person)
     lab = Lab(seed, stated.preset, job.parameters, settings=stated.settings)
-    mind = lab.person(TrialPlan.checked({"object": job.settings.objects[0], "seed": seed, **same}))
+    specs = {name: stated.spec(name) for name in stated.objects}
+    first = job.settings.objects[0]
+    mind = lab.person(TrialPlan.checked({"object": first, "spec": specs[first], "seed": seed, **same}))
     practised: set[tuple[str, str]] = set()
     fatigue, t_ns = 0.0, 0
     pictured: set[str] = set()
@@ -106,7 +113,13 @@ def _go(job: SessionJob, folder: Path) -> None:
             t_ns += round(trial.rest_s * 1e9)
             streams = Streams()
             asked = TrialPlan.checked(
-                {"object": trial.object, "condition": trial.condition, "seed": seed, **same}
+                {
+                    "object": trial.object,
+                    "spec": specs[trial.object],
+                    "condition": trial.condition,
+                    "seed": seed,
+                    **same,
+                }
             )
             if (trial.object, trial.condition) not in practised:
                 practised.add((trial.object, trial.condition))

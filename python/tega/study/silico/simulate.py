@@ -21,7 +21,8 @@ from tega.study.silico.spread import Progress, run_sessions
 from tega.study.state import derive, events_path
 
 if TYPE_CHECKING:
-    from tega.sim.operator import RulesVersion
+    from tega.sim.operator import RulesVersion, ViewName
+    from tega.sim.world import ObjectSpec
 
 
 def ensure_plan(plan: StudyPlan, folder: Path, files: Mapping[str, bytes] = {}) -> None:
@@ -62,13 +63,14 @@ def simulate(
     *,
     operators: int,
     seed: int = 1,
-    objects: Sequence[str] = ("bottle", "container", "bag"),
+    objects: Sequence[str] | Mapping[str, ObjectSpec] = ("bottle", "container", "bag"),
     conditions: Sequence[str] = ("haptic", "non-haptic"),
     trials: int = 10,
     parameters: Path | None = None,
     preset: Literal["paper", "live"] = "live",
     settings: tuple[str, ...] = (),
     rules: RulesVersion = 1,
+    view: ViewName = "direct",
     jobs: int = 0,
     shard: tuple[int, int] = (1, 1),
     dask: str = "",
@@ -80,13 +82,15 @@ def simulate(
         folder: The study's folder, new or of the same study.
         operators: How many people.
         seed: Of everything.
-        objects: Names in :data:`tega.sim.world.OBJECTS`.
+        objects: Names in :data:`tega.sim.world.OBJECTS`, or other objects by name, such as those of
+            :func:`tega.sim.world.crossed`.
         conditions: Of :data:`tega.sim.conditions.SESSION_CONDITIONS`; the first is compared with the second.
         trials: Per person, object and condition.
         parameters: A changed parameter file for the people; none means the frozen one.
         preset: Readings of the loop.
         settings: Of the loop, as ``key=value``: stages, layout and mirror.
         rules: Version of the rules that the people follow.
+        view: Sight of the hand while the object is held.
         jobs: Worker processes; 0 for as many as there are cores.
         shard: ``(i, n)``: only the i-th of n parts of the people, from 1.
         dask: Address of a dask scheduler, whose workers are used instead of this machine's cores.
@@ -114,6 +118,7 @@ def simulate(
         preset=preset,
         settings=settings,
         rules=rules,
+        view=view,
     )
     mine = plan.participants[part - 1 :: parts]
     run_sessions(jobs_of(folder, plan, stated, mine), workers=jobs, dask=dask, progress=progress)
@@ -127,7 +132,7 @@ def made_study(
     *,
     operators: int,
     seed: int,
-    objects: Sequence[str],
+    objects: Sequence[str] | Mapping[str, ObjectSpec],
     conditions: Sequence[str],
     trials: int,
     parameters: Path | None = None,
@@ -135,17 +140,18 @@ def made_study(
     preset: Literal["paper", "live"] = "live",
     settings: tuple[str, ...] = (),
     rules: RulesVersion = 1,
+    view: ViewName = "direct",
 ) -> tuple[StudyPlan, Assumptions]:
     """Plan a study in silico and write plan and assumptions, or find the same ones; see :func:`simulate`.
 
-    ``everyone``, ``preset``, ``settings`` and ``rules`` are those of
+    ``everyone``, ``preset``, ``settings``, ``rules`` and ``view`` are those of
     :class:`tega.study.silico.assumptions.Assumptions`.
     """
     from tega.sim.conditions import SESSION_CONDITIONS
     from tega.sim.world import OBJECTS
 
     for what, names, known in (
-        ("objects", objects, list(OBJECTS)),
+        ("objects", objects, [*OBJECTS, *(objects if isinstance(objects, Mapping) else ())]),
         ("conditions", conditions, SESSION_CONDITIONS),
     ):
         for name in names:
@@ -156,18 +162,19 @@ def made_study(
     plan = make_plan(
         participants=operators,
         seed=seed,
-        objects=objects,
+        objects=list(objects),
         conditions=conditions,
         trials=trials,
         simulated=True,
     )
     stated, content = assume(
-        list(objects),
+        objects if isinstance(objects, Mapping) else {name: OBJECTS[name] for name in objects},
         parameters=parameters,
         everyone=everyone,
         preset=preset,
         settings=settings,
         rules=rules,
+        view=view,
     )
     ensure_plan(plan, folder, assumption_files(stated, content))
     return plan, stated

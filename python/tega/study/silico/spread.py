@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib
 import os
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 from tega.errors import DeviceUnavailableError, MissingExtraError, WrongDeviceError
 from tega.sim.workers import over_cores
+from tega.study.silico.assumptions import code_sha256
 from tega.study.silico.session import RUNNING, SessionJob, keep_session, run_session
 
 Progress = Callable[[str, int, int], None]
@@ -90,14 +89,10 @@ def _over_dask(jobs: Sequence[SessionJob], address: str) -> Iterator[tuple[Sessi
 
 
 def _about() -> str:
-    """Return the program's version and a digest of its Python files, which decide what a session gives."""
+    """Return the program's version and a digest of its files, which decide what a session gives."""
     import tega
 
-    root = Path(tega.__file__).parent
-    digest = hashlib.sha256()
-    for path in sorted(root.rglob("*.py")):
-        digest.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
-    return f"{tega.__version__} ({digest.hexdigest()[:12]})"
+    return f"{tega.__version__} ({code_sha256()[:12]})"
 
 
 @contextmanager

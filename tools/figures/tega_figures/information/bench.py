@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from tega.sim.operator import RulesVersion, draw_person
 from tega.sim.plan import TrialResult
 from tega_figures.information.compare import OUTCOMES, null, paired
 
-OFF = "non-haptic"
+OFF: Final = "non-haptic"
 
 
 class ArmOutcomes(NamedTuple):

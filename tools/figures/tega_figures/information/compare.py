@@ -28,7 +28,7 @@ _Vest = Callable[[float, MotorLevels], MotorLevels | None]
 
 
 class Paired(NamedTuple):
-    """Difference of an arm from being told nothing, over people, with its 95 % interval."""
+    """Difference of an arm from being told nothing, over people, with its interval."""
 
     mean: float
     low: float
@@ -92,23 +92,38 @@ def agent_outcomes(told: Told, seeds: Sequence[int], *, n_trials: int = N_TRIALS
     return np.array(rows)
 
 
-def paired(arm: NDArray[np.float64], off: NDArray[np.float64]) -> dict[str, Paired]:
-    """Return the mean difference of each outcome over people, with the 95 % interval of Student's t."""
+def paired(
+    arm: NDArray[np.float64],
+    off: NDArray[np.float64],
+    *,
+    names: Sequence[str] = OUTCOMES,
+    confidence: float = 0.95,
+) -> dict[str, Paired]:
+    """Return the mean difference of each outcome over people, with the interval of Student's t.
+
+    Args:
+        arm: Outcomes under it, a row a person.
+        off: The same people's without it.
+        names: Of the outcomes, in their order.
+        confidence: Of the intervals, which are infinite with one person.
+    """
     from scipy.stats import t as student
 
     difference = arm - off
     n = len(difference)
-    half = float(student.ppf(0.975, n - 1)) * difference.std(axis=0, ddof=1) / math.sqrt(n)
+    half = np.full(len(names), np.inf)
+    if n > 1:
+        half = float(student.ppf(0.5 + confidence / 2, n - 1)) * difference.std(axis=0, ddof=1) / math.sqrt(n)
     mean = difference.mean(axis=0)
     return {
         name: Paired(float(mean[k]), float(mean[k] - half[k]), float(mean[k] + half[k]))
-        for k, name in enumerate(OUTCOMES)
+        for k, name in enumerate(names)
     }
 
 
-def null(found: dict[str, Paired]) -> bool:
+def null(found: dict[str, Paired], margin: dict[str, float] = MARGIN) -> bool:
     """Whether every outcome's interval lies within its margin."""
-    return all(-MARGIN[name] <= one.low and one.high <= MARGIN[name] for name, one in found.items())
+    return all(-margin[name] <= one.low and one.high <= margin[name] for name, one in found.items())
 
 
 def _shown(worn: _Vest, told: Callable[[float], MotorLevels]) -> Callable[[float, float], MotorLevels | None]:

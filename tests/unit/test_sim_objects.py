@@ -1,0 +1,225 @@
+"""Objects by file, factorial plans of them, and what a study's frozen hash covers."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+import pytest
+
+pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
+
+from tega.cli.main import main
+from tega.errors import ConfigError, InvalidValueError, UnsafeNameError
+from tega.sim.operator import RulesVersion, ViewName
+from tega.sim.plan import TrialPlan, TrialResult
+from tega.sim.table import summarise_trials
+from tega.sim.trials import plan_trials
+from tega.sim.world import OBJECTS, crossed, read_objects
+from tega.study.silico import read_assumptions
+from tega.study.silico.assumptions import code_sha256
+from tega.study.silico.simulate import made_study
+
+TIN = """
+[tin]
+mass_kg = 0.45
+stiffness_n_m = 6000.0
+friction = 0.4
+diameter_m = 0.075
+height_m = 0.15
+harm_m = 0.004
+[tin.range]
+mass_kg = [0.3, 0.9]
+[tin.source]
+mass_kg = "weighed"
+stiffness_n_m = "a probe"
+friction = "a slope"
+harm_m = "the lid springs open"
+"""
+
+
+def written(folder: Path, text: str) -> Path:
+    path = folder / "things.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_the_bench_s_own_objects_lie_in_their_ranges_and_say_where_their_harm_rule_is_from() -> None:
+    records = read_objects()
+    assert {name: record.spec for name, record in records.items()} == OBJECTS
+    assert list(OBJECTS) == ["bottle", "container", "bag"]
+    for record in records.values():
+        assert record.source["harm_m"]
+        assert set(record.range) == {"mass_kg", "stiffness_n_m", "friction"}
+
+
+def test_an_object_of_a_file_is_planned_and_travels_with_its_plan(tmp_path: Path) -> None:
+    spec = read_objects(written(tmp_path, TIN))["tin"].spec
+    plan = TrialPlan.checked({"object": "tin", "spec": spec, "mass_kg": 0.6})
+    assert plan.object_spec == spec.with_(mass_kg=0.6)
+    assert msgspec.json.decode(msgspec.json.encode(plan), type=TrialPlan) == plan
+    assert TrialPlan(object="bag").object_spec == OBJECTS["bag"]
+    for refused in ({"object": "tin"}, {"object": "bag", "spec": spec}):
+        with pytest.raises(InvalidValueError, match="is not known"):
+            TrialPlan.checked(refused)
+    for mass_kg in (99.0, float("nan")):
+        with pytest.raises(InvalidValueError, match="mass_kg"):
+            TrialPlan.checked({"object": "bag", "mass_kg": mass_kg})
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "error", "message"),
+    [
+        ('harm_m = "the lid springs open"', "", ConfigError, "'tin' has no source for harm_m"),
+        (
+            "mass_kg = [0.3, 0.9]",
+            "mass_kg = [0.5, 0.9]",
+            ConfigError,
+            "mass_kg is not within its range 0.5 to 0.9",
+        ),
+        ("harm_m = 0.004", "harm_m = 4", ConfigError, "harm_m"),
+        ("height_m", "hieght_m", ConfigError, "hieght_m"),
+        ("[tin", '["../tin"', UnsafeNameError, "tin"),
+        (TIN, "", ConfigError, "has no object"),
+        (TIN, "tin = 3", ConfigError, "one table an object"),
+    ],
+)
+def test_a_file_that_is_no_objects_says_what_is_wrong(
+    tmp_path: Path, old: str, new: str, error: type[Exception], message: str
+) -> None:
+    text = TIN.replace(old, new)
+    with pytest.raises(error, match=message):
+        read_objects(written(tmp_path, text))
+
+
+def test_a_factorial_plan_has_every_combination_once_with_the_same_chance() -> None:
+    plans = plan_trials(["bag"], ["haptic", "non-haptic"], [7], mass_kg=[0.3, 0.6], friction=[0.4, 0.8])
+    assert len({(plan.mass_kg, plan.friction, plan.condition) for plan in plans}) == len(plans) == 8
+    assert {plan.object for plan in plans} == {"bag"}, "streams of chance are by the object's name"
+    results = [
+        TrialResult(
+            **msgspec.structs.asdict(plan),
+            success=True,
+            slips=1,
+            deformations=0,
+            drops=0,
+            duration_s=9.0,
+            peak_force_n=2.0,
+            lift_off_s=4.0,
+            lifted_s=6.0,
+            slid_m=0.0,
+            deformation_m=0.0,
+            mean_level=2.0,
+            events=(),
+            simulated_s=9.0,
+        )
+        for plan in plans
+    ]
+    rows = summarise_trials(results)
+    assert [(row.object, row.condition) for row in rows][:2] == [
+        ("bag_300g_mu40", "haptic"),
+        ("bag_300g_mu40", "non-haptic"),
+    ]
+    assert [row.n for row in rows] == [1] * 8
+
+
+def test_objects_are_crossed_under_names_that_tell_them_apart() -> None:
+    variants = crossed([OBJECTS["bag"], OBJECTS["bottle"]], mass_kg=[0.3, 0.6], stiffness_n_m=[400, 800])
+    assert len(variants) == 8
+    assert variants["bottle_600g_400npm"].mass_kg == 0.6
+    assert variants["bottle_600g_400npm"].name == "bottle_600g_400npm"
+    assert crossed([OBJECTS["bag"]]) == {"bag": OBJECTS["bag"]}
+    with pytest.raises(InvalidValueError, match="friction"):
+        crossed([OBJECTS["bag"]], friction=[9.0])
+
+
+def test_a_study_s_hash_covers_people_rules_objects_view_readings_and_program(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def digest(
+        where: str,
+        *,
+        masses_kg: tuple[float, float] = (0.3, 0.6),
+        parameters: Path | None = None,
+        preset: Literal["paper", "live"] = "live",
+        rules: RulesVersion = 1,
+        view: ViewName = "direct",
+    ) -> str:
+        plan, stated = made_study(
+            tmp_path / where,
+            operators=1,
+            seed=1,
+            objects=crossed([OBJECTS["bag"]], mass_kg=masses_kg),
+            conditions=["oracle", "non-haptic"],
+            trials=1,
+            parameters=parameters,
+            preset=preset,
+            rules=rules,
+            view=view,
+        )
+        assert len(plan.trials) == 2 * len(stated.objects)
+        read = read_assumptions(tmp_path / where)
+        assert read is not None
+        assert read.digest == stated.digest
+        return stated.digest
+
+    people = tmp_path / "people.toml"
+    frozen = files("tega.sim.operator").joinpath("parameters.toml").read_text(encoding="utf-8")
+    people.write_text(frozen.replace("value = 215,", "value = 216,"), encoding="utf-8")
+    first = digest("a")
+    assert digest("a") == first
+    others = [
+        digest("b", masses_kg=(0.3, 0.7)),
+        digest("c", view="hidden"),
+        digest("d", rules=2),
+        digest("e", preset="paper"),
+        digest("f", parameters=people),
+    ]
+    monkeypatch.setattr("tega.study.silico.assumptions.code_sha256", lambda: "0" * 64)
+    others.append(digest("g"))
+    assert len({first, *others}) == 7
+    with pytest.raises(InvalidValueError, match=r"begun with another simulation\.toml"):
+        digest("a")
+
+
+def test_the_program_s_hash_covers_its_python_its_data_and_its_extension(tmp_path: Path) -> None:
+    for name in ("a.py", "world/objects.toml", "_native.abi3.so", "__pycache__/a.cpython-311.pyc"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("1", encoding="utf-8")
+    before = code_sha256(tmp_path)
+    (tmp_path / "__pycache__/a.cpython-311.pyc").write_text("2", encoding="utf-8")
+    assert code_sha256(tmp_path) == before
+    for name in ("a.py", "world/objects.toml", "_native.abi3.so"):
+        (tmp_path / name).write_text("2", encoding="utf-8")
+        assert code_sha256(tmp_path) != before
+        (tmp_path / name).write_text("1", encoding="utf-8")
+    assert code_sha256(tmp_path) == before
+    (tmp_path / "a.py").rename(tmp_path / "b.py")
+    assert code_sha256(tmp_path) != before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["sim", "trials", "--objects", "bag", "--objects-file", "things.toml"], "object 'bag' is not known"),
+        (["study", "simulate", "--operators", "1", "--out", "s", "--mass-kg", "0.3,99"], "mass_kg"),
+        (["sim", "trials", "--mass-kg", "a,b"], "'a,b' is not a list of numbers"),
+        (["sim", "trials", "--view", "closed"], "closed"),
+    ],
+)
+def test_the_commands_refuse_objects_and_factors_that_cannot_be(
+    arguments: list[str],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    written(tmp_path, TIN)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    assert ended.value.code
+    assert message in capsys.readouterr().err
+    assert not (tmp_path / "s").exists()
