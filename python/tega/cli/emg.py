@@ -14,6 +14,7 @@ from tega.cli.emg_score import emg_score
 from tega.cli.options import ChannelList, NameList, echo_json, json_option
 
 if TYPE_CHECKING:
+    from tega.calibration.tracked import Tracked
     from tega.decoders.compare import DecoderTold, Log
 
 
@@ -77,15 +78,11 @@ def fit(
     import msgspec
 
     from tega.decoders import fit as fit_decoder
-    from tega.decoders.compare import Log as Given
     from tega.decoders.judge import judge
 
     full, names = None, tuple[str, ...]()
     if log.suffix == ".toml":
-        from tega.calibration.tracked import read_tracked
-
-        tracked = read_tracked(log)
-        given = Given(log.name, tracked.samples, tracked.target, tracked.rate_hz, tracked.kind)
+        given, tracked = _practised(log)
         full, names, person = 1.0, tracked.channels, person or tracked.person
     else:
         if target is None or rate_hz is None:
@@ -136,7 +133,7 @@ def fit(
 )
 @click.argument("logs", nargs=-1, required=True, metavar="LOG [LOG ...]")
 @click.option("--target", help="Closure or force: a variable of a .mat file, else a column from 1.")
-@click.option("--rate-hz", required=True, type=click.FloatRange(0, 10_000_000, min_open=True))
+@click.option("--rate-hz", type=click.FloatRange(0, 10_000_000, min_open=True), help="Samples per second.")
 @click.option("--kind", type=_KINDS, default="raw", show_default=True)
 @click.option("--channels", type=ChannelList(), help="EMG columns, counted from 1.")
 @click.option(
@@ -166,7 +163,7 @@ def compare(
     *,
     logs: tuple[str, ...],
     target: str | None,
-    rate_hz: float,
+    rate_hz: float | None,
     kind: Any,
     channels: list[int] | None,
     best: int | None,
@@ -181,7 +178,8 @@ def compare(
     """Compare decoders on logs of EMG beside a force or a closure.
 
     Each LOG is cut in time: decoders are calibrated on its first half and judged on its second, and the other way
-    round beside it (swapped). Files of one class each are joined into a log: rest.csv=0,close.csv=1,rest2.csv=0.
+    round beside it (swapped). A record of `tega-teleop practice` knows its rate and target. Files of one class each
+    are joined into a log: rest.csv=0,close.csv=1,rest2.csv=0.
 
     \b
     --json prints a list, an object a log, part and decoder:
@@ -227,13 +225,20 @@ def compare(
 
 
 def _read_any(  # noqa: PLR0917  # one argument an option
-    log: str, target: str | None, rate_hz: float, kind: Any, channels: list[int] | None, variable: str
+    log: str, target: str | None, rate_hz: float | None, kind: Any, channels: list[int] | None, variable: str
 ) -> Log:
     import numpy as np
 
     from tega.decoders.compare import Log as Given
     from tega.devices.emg_formats import read_emg_file
 
+    if log.endswith(".toml"):
+        practised, known = _practised(Path(log))
+        if channels and max(channels) > len(known.channels):
+            raise click.UsageError(f"--channels {max(channels)}: {log} has {len(known.channels)} channels")
+        return practised.columns([c - 1 for c in channels]) if channels else practised
+    if rate_hz is None:
+        raise click.UsageError(f"{log} is no practice record: name its --rate-hz")
     if "=" not in log:
         if target is None:
             raise click.UsageError(f"{log}: name its --target, or give FILE=CLOSURE for files of one class")
@@ -250,6 +255,14 @@ def _read_any(  # noqa: PLR0917  # one argument an option
         goal.append(np.full(len(found), meant))
     name = f"{Path(log.split(',', maxsplit=1)[0].rpartition('=')[0]).name} and {len(samples) - 1} more"
     return Given(name, np.concatenate(samples), np.concatenate(goal), rate_hz, kind)
+
+
+def _practised(record: Path) -> tuple[Log, Tracked]:
+    from tega.calibration.tracked import read_tracked
+    from tega.decoders.compare import Log as Given
+
+    tracked = read_tracked(record)
+    return Given(record.name, tracked.samples, tracked.target, tracked.rate_hz, tracked.kind), tracked
 
 
 def _read(  # noqa: PLR0917  # one argument an option
