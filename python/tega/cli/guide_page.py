@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import queue
 import time
 from collections.abc import Mapping, Sequence
@@ -137,10 +138,8 @@ class PageGuide(LineGuide):
             button.on_click(lambda _event, key=key: pressed.put(key))
         try:
             while True:
-                try:
+                with contextlib.suppress(queue.Empty):
                     return pressed.get(timeout=0.2)  # so that Ctrl-C is heard
-                except queue.Empty:
-                    continue
         finally:
             for button in self.buttons.values():
                 button.remove()
@@ -162,10 +161,11 @@ class PageGuide(LineGuide):
 def _bar_html(bar: Bar) -> str:
     low, high = (100 * min(1.0, max(0.0, end)) for end in (bar.low, bar.share))
     colour = _TARGET if bar.low > 0 else _FILLED
-    filled = f'<div style="position:absolute;left:{low:.1f}%;width:{max(high - low, 0.0):.1f}%;height:100%;background:{colour}">'
+    place = f"position:absolute;left:{low:.1f}%;width:{max(high - low, 0.0):.1f}%;height:100%"
     return (
         '<div style="display:flex;align-items:center;gap:12px;margin:8px 0;font-size:16px">'
         f'<span style="width:5em;text-align:right">{escape(bar.name)}</span>'
-        f'<div style="position:relative;flex:1;height:34px;background:#e9ecef">{filled}</div></div>'
+        '<div style="position:relative;flex:1;height:34px;background:#e9ecef">'
+        f'<div style="{place};background:{colour}"></div></div>'
         f'<span style="width:9em;text-align:left">{escape(bar.text)}</span></div>'
     )
