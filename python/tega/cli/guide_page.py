@@ -112,6 +112,7 @@ class PageGuide(LineGuide):
     def ready(self, prompt: str) -> None:
         """Wait for the button."""
         if self._yes:
+            self._paint(prompt, [], "")
             super().ready(prompt)
         else:
             self._pressed(prompt, {"ready": "Ready"})
