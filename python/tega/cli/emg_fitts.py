@@ -67,9 +67,9 @@ def emg_fitts(
     """Hit targets with the closure that the muscles ask for (ISO 9241-411); keep the result with the calibration.
 
     Bring the end of the lower bar into the upper one and stay. Nothing but the EMG is needed. With --json: {"person",
-    "decoder", "throughput_bits_s", "completion", "path_efficiency", "overshoots", "movement_time_s", "movements", "conditions":
-    [{distance, width, id_bits, effective_distance, effective_width, effective_id_bits, movement_time_s,
-    throughput_bits_s, completed, movements}], "file"}.
+    "decoder", "throughput_bits_s", "completion", "path_efficiency", "overshoots", "movement_time_s", "movements",
+    "conditions": [{distance, width, id_bits, effective_distance, effective_width, effective_id_bits,
+    movement_time_s, throughput_bits_s, completed, movements}], "file"}.
     """
     import msgspec
 

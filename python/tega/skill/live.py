@@ -72,7 +72,7 @@ def fitts_test(
     with MuscleLoop(config, settings=settings, what="a Fitts test") as muscles:
         guide.part(
             "Fitts test",
-            f"Bring the end of the lower bar into the upper one and keep it there for {dwell_s:g} s: fast, and exactly.",
+            f"Bring the end of the lower bar into the upper one, and keep it there for {dwell_s:g} s: fast and exact.",
         )
         guide.ready("Arm as in use")
         muscles.start()
