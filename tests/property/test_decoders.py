@@ -143,7 +143,7 @@ def test_what_is_like_nothing_known_is_held() -> None:
     assert (decoder.confidence[3:] <= 0.5).all()
 
 
-def test_the_settings_state_which_share_is_held_at_most(options: LearnedOptions, tmp_path: Path) -> None:
+def test_the_settings_state_which_share_is_held_at_most(options: LearnedOptions) -> None:
     assert options.model is not None
     model = load_model(options.model)
     rng = np.random.default_rng(7)
@@ -339,7 +339,9 @@ def test_an_unsure_proportional_closure_is_held_where_the_settings_say_so() -> N
     emg = rng.normal(size=(len(shares), 3)) * shares[:, np.newaxis] * 100
     times_ns = np.arange(1, len(emg) + 1) * 1_000_000
     plain, held = (
-        ProportionalStage(setup(), ProportionalOptions(smoothing_s=0.05, hold_below=least)).decode(emg, times_ns)
+        ProportionalStage(setup(), ProportionalOptions(smoothing_s=0.05, hold_below=least)).decode(
+            emg, times_ns
+        )
         for least in (0.0, 0.8)
     )
     assert [one.confidence for one in plain] == [one.confidence for one in held]

@@ -88,7 +88,8 @@ def test_poses_are_heard_with_their_places_and_turns(tmp_path: Path) -> None:
         assert len(rows) > 20
         np.testing.assert_allclose(np.diff(rows[:, 0]), 0.01, atol=1e-12)  # in order, none lost
         np.testing.assert_array_equal(rows[:, 1:], np.tile([0.2, 0.3, 0.0, 0.0, 0.6, 0.8], (len(rows), 1)))
-        np.testing.assert_allclose(np.diff(stream["time_stamps"]), 0.05, atol=1e-6)  # of the records, not of arrival
+        # Of the records, not of their arrival.
+        np.testing.assert_allclose(np.diff(stream["time_stamps"]), 0.05, atol=1e-6)
 
 
 def test_what_liblsl_hears_is_what_is_recorded(tmp_path: Path) -> None:

@@ -89,7 +89,9 @@ def emg_fitts(
             seed=seed,
             settings=str(settings),
         )
-        path = "" if score.path_efficiency is None else f", path {100 * score.path_efficiency:.0f} % efficient"
+        path = (
+            "" if score.path_efficiency is None else f", path {100 * score.path_efficiency:.0f} % efficient"
+        )
         guide.say(
             f"{record.decoder}: {score.throughput_bits_s:.2f} bits/s; hit {100 * score.completion:.0f} % of "
             f"{score.movements}{path}, {score.overshoots:.1f} overshoots a movement",

@@ -22,7 +22,7 @@ class Latch:
 
     What a block is beyond the drift is added up over time, each way for itself and never below 0. Where a sum reaches
     the area, the level goes to the one nearest to the newest block: four levels away at the first block, one level away
-    after 0.8 s, if no block is back before.
+    after 0.9 s, if no block is back before.
 
     Args:
         block_s: Time from one closure to the next, s.

@@ -100,7 +100,13 @@ class ProportionalDecoder:
             level = nearest_level(self._last)
             self.decoded.append(
                 Decoded(
-                    self._last, level, 0.0 if bad else self._confidence, bool(bad), told, block.end, self._last
+                    self._last,
+                    level,
+                    0.0 if bad else self._confidence,
+                    bool(bad),
+                    told,
+                    block.end,
+                    self._last,
                 )
             )
         return np.array([one.closure for one in self.decoded])
