@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 _LEVEL = 0.25
 """Closure of one level."""
+_FARTHEST = 10.0
 
 
 class ProportionalDecoder:
@@ -73,9 +74,8 @@ class ProportionalDecoder:
         self._blocks = Blocks(rate_hz, tau, kind, len(self._maxima))
         self._state: NDArray[np.float64] | None = None
         self._last = self._confidence = 0.0
-        # Of the block's drive about the smoothed one; the smoothed one's own is less by the smoothing.
+        # Of a block's drive less the smoothed one before it; half the gain of that is the smoothed one's own.
         self._variance = 0.0
-        self._kept = self._gain / (2.0 - self._gain)
         self.decoded: list[Decoded] = []
 
     def process(self, samples: ArrayLike) -> NDArray[np.float64]:
@@ -85,14 +85,15 @@ class ProportionalDecoder:
             bad = block.bad[self._used].any()
             if not bad:
                 shares = np.add.reduce(np.abs(block.samples)) / len(block.samples) / self._maxima
-                away = 0.0 if self._state is None else self._drive(shares - self._state)
+                away = 0.0 if self._state is None else abs(self._drive(shares - self._state))
+                away = min(away, _FARTHEST)
                 self._state = (
                     shares if self._state is None else self._state + self._gain * (shares - self._state)
                 )
                 self._variance += self._gain * (away * away - self._variance)
                 span = self._full - self._dead_band
                 self._last = min(1.0, max(0.0, (self._drive(self._state) - self._dead_band) / span))
-                deviation = math.sqrt(self._kept * self._variance) / span
+                deviation = math.sqrt(0.5 * self._gain * self._variance) / span
                 self._confidence = math.erf(_LEVEL / deviation / math.sqrt(2.0)) if deviation > 0 else 1.0
             now = np.zeros(len(self._maxima)) if self._state is None else self._state
             levels = np.where(block.bad, 0, 1 + np.minimum(4 * now, 4).astype(int))
