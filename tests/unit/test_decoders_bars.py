@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from tega.decoders import fit
 from tega.decoders.compare import DecoderTold, Log, compare, two_halves
 from tega.decoders.judge import judge
-from tega_figures import closing_shifted
 
 ROOT = Path(__file__).resolve().parents[2]
 DATA = Path(os.environ.get("TEGA_DATA", ROOT.parent / "shared" / "data")) / "emg"
@@ -116,10 +115,20 @@ def test_a_cue_that_is_followed_late_teaches_nearly_as_well(name: str) -> None:
 # Hand closing against rest.
 
 
+def trials(day: int, motion: int, names: tuple[int, ...] = (1, 2, 3, 4)) -> list[NDArray[np.float64]]:
+    return [
+        np.loadtxt(there(DATA / "longterm_myo" / f"D{day}M{motion}T{trial}.csv"), delimiter=",")
+        for trial in names
+    ]
+
+
 def closing(day: int, which: tuple[int, ...]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    there(DATA / "longterm_myo")
-    log = closing_shifted.closing(DATA.parent, which, day)
-    return log.samples, log.target
+    """Return rest and closing in turns, as a person would do them."""
+    parts, target = [], []
+    for rest, closed in zip(trials(day, 1, which), trials(day, 8, which), strict=True):
+        parts += [rest, closed]
+        target += [np.zeros(len(rest)), np.ones(len(closed))]
+    return np.concatenate(parts), np.concatenate(target)
 
 
 def balanced(closure: NDArray[np.float64], target: NDArray[np.float64]) -> float:
@@ -136,16 +145,6 @@ def test_closing_is_told_from_rest_within_a_day() -> None:
         emg, target = closing(1, (kept_back,))
         found.append(balanced(decoder.process(emg), target))
     assert np.mean(found) >= 0.9
-
-
-@pytest.mark.parametrize(("places", "least"), [(0.0, 0.98), (0.3, 0.95), (0.5, 0.9)])
-def test_closing_is_told_from_rest_after_the_ring_was_turned(places: float, least: float) -> None:
-    """Simulated: the ring of electrodes is turned and gains are drawn anew, as from one donning to the next."""
-    pytest.importorskip("sklearn", reason="scikit-learn is not installed")
-    there(DATA / "longterm_myo")
-    before, after = closing_shifted.told(DATA.parent, places)
-    assert np.mean(before) >= least
-    assert np.mean(after) >= 0.95
 
 
 def test_closing_is_told_from_rest_across_days() -> None:

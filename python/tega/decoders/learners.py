@@ -14,17 +14,12 @@ if TYPE_CHECKING:
 
 RIDGE: Final = 2e-3
 """Strength of the ridge for each training block, on features in standard deviations."""
-RIDGE_CLASSES: Final = 1.0
-"""The same where the target is rest or effort and nothing between: every channel that goes with effort then counts, and
-not those few that tell it best today."""
 TARGET_POWER: Final = 0.65
 """The linear part is fitted to closure^0.65: amplitude grows faster than force; the monotone stage takes it back."""
 SUPPORTS: Final = 300
 LEAST_NOVELTY: Final = 3.0
 """Standard deviations beyond the training data that are always let pass: another day, a stronger squeeze."""
 _FOLDS = 5
-_OF_A_CLASS = 0.1
-_LEAST_BETWEEN = 0.05
 
 
 def ridge(z: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
@@ -80,12 +75,10 @@ class EffortLearner:
     def __call__(self, z: NDArray[np.float64], y: NDArray[np.float64]) -> EffortModel:
         """Fit it to standardised features ``(n, features)`` and closure ``(n,)``."""
         wanted = y**TARGET_POWER
-        between = ((y > _OF_A_CLASS) & (y < 1 - _OF_A_CLASS)).mean()
-        strength = (RIDGE if between >= _LEAST_BETWEEN else RIDGE_CLASSES) * len(y)
         if self._model == "ridge":
             from sklearn.linear_model import Ridge
 
-            line = Ridge(alpha=strength).fit(z, wanted)
+            line = Ridge(alpha=RIDGE * len(y)).fit(z, wanted)
             return EffortModel(line.coef_, line.intercept_)
         if self._model == "huber":
             from sklearn.exceptions import ConvergenceWarning
@@ -94,7 +87,7 @@ class EffortLearner:
             with warnings.catch_warnings():
                 # It also warns where its line search cannot make the last digits any better.
                 warnings.simplefilter("ignore", ConvergenceWarning)
-                line = HuberRegressor(alpha=strength, max_iter=2000).fit(z, wanted)
+                line = HuberRegressor(alpha=RIDGE * len(y), max_iter=2000).fit(z, wanted)
             return EffortModel(line.coef_, line.intercept_)
         from sklearn.kernel_ridge import KernelRidge
 
