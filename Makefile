@@ -122,6 +122,7 @@ pictures: ## the drawn pictures of the docs, and the demo's animation; needs lab
 shots: ## the pictures that take a Chromium (Debian: apt install chromium) and the extra browser: page, report, calibration, site
 	$(BIN)/python -m tega_figures.page_shots docs/images
 	$(BIN)/python -m tega_figures.calibrate_shots docs/images/calibrate-emg.webp
+	$(BIN)/python -m tega_figures.fitts_shots docs/images
 	$(BIN)/python -m tega_figures.stream_shots docs/images/stream-rerun.webp
 	$(BIN)/tega-teleop study simulate --operators 4 --trials 3 --seed 1 --out target/study
 	$(BIN)/python -m tega_figures.report_shots target/study/report.html docs/images

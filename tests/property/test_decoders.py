@@ -143,6 +143,37 @@ def test_what_is_like_nothing_known_is_held() -> None:
     assert (decoder.confidence[3:] <= 0.5).all()
 
 
+def test_the_settings_state_which_share_is_held_at_most(options: LearnedOptions) -> None:
+    assert options.model is not None
+    model = load_model(options.model)
+    rng = np.random.default_rng(7)
+    closure = np.tile(np.repeat([0.0, 1.0, 0.5, 0.0], 1500), 20)
+    emg = rng.normal(size=(len(closure), 3)) * (5 + 90 * closure[:, None])
+    shares = []
+    for reject in (0.0, 0.05, 0.2):
+        decoder = LearnedDecoder(model.rejecting(reject, "m.json"))
+        decoder.process(emg)
+        shares.append(float(decoder.held.mean()))
+        assert shares[-1] <= reject + 0.02
+        stage = LearnedStage(setup(), msgspec.structs.replace(options, reject=reject))
+        intents = stage.decode(emg, np.arange(1, len(emg) + 1) * 1_000_000)
+        assert [intent.closure for intent in intents] == [one.closure for one in decoder.decoded]
+    assert shares == sorted(shares)
+    assert shares[-1] > shares[0]
+
+
+def test_a_model_that_does_not_know_its_share_runs_and_is_refused_one(
+    options: LearnedOptions, tmp_path: Path
+) -> None:
+    assert options.model is not None
+    before = msgspec.structs.replace(load_model(options.model), novelty=())
+    LearnedDecoder(before).save(tmp_path / "old.json")
+    old = msgspec.structs.replace(options, model=tmp_path / "old.json")
+    LearnedStage(setup(), old)
+    with pytest.raises(CalibrationError, match=r"old\.json: does not know which share"):
+        LearnedStage(setup(), msgspec.structs.replace(old, reject=0.05))
+
+
 def test_a_model_is_a_file_that_gives_the_same(tmp_path: Path) -> None:
     emg, _ = squeezes(seed=5)
     for model in ("ridge", "kernel"):
@@ -283,6 +314,41 @@ def test_proportional_is_open_at_rest_and_closed_at_full() -> None:
         ProportionalDecoder(200, [1.0], tau=20, channels=(0, 1))
     with pytest.raises(ShapeError):
         ProportionalDecoder(200, [0.0], tau=20)
+
+
+def test_a_trembling_effort_is_less_sure_than_a_steady_one() -> None:
+    rng = np.random.default_rng(1)
+    steady, trembling = (
+        ProportionalDecoder(200, [1.0], tau=20, kind="envelope", smoothing_s=0.05) for _ in range(2)
+    )
+    effort = np.full((4000, 1), 0.5)
+    steady.process(effort)
+    assert steady.decoded[-1].confidence == 1.0
+    # Every third closure is off by more than a level, and says so.
+    trembles = np.repeat(rng.normal(0.5, 0.2, 1000).clip(0, 1), 20)[:, np.newaxis]
+    closure = trembling.process(trembles)
+    sure = np.array([one.confidence for one in trembling.decoded])[20:]
+    right = np.abs(closure[20:] - (0.5 - 0.1) / 0.7) <= 0.25
+    assert 0.5 < right.mean() < 0.85
+    assert sure.mean() == pytest.approx(right.mean(), abs=0.1)
+
+
+def test_an_unsure_proportional_closure_is_held_where_the_settings_say_so() -> None:
+    rng = np.random.default_rng(2)
+    shares = np.repeat(np.concatenate([np.full(100, 0.5), rng.choice([0.02, 1.0], 100)]), 100)
+    emg = rng.normal(size=(len(shares), 3)) * shares[:, np.newaxis] * 100
+    times_ns = np.arange(1, len(emg) + 1) * 1_000_000
+    plain, held = (
+        ProportionalStage(setup(), ProportionalOptions(smoothing_s=0.05, hold_below=least)).decode(
+            emg, times_ns
+        )
+        for least in (0.0, 0.8)
+    )
+    assert [one.confidence for one in plain] == [one.confidence for one in held]
+    assert np.abs(np.diff([one.closure for one in plain[120:]])).mean() > 0.1
+    unsure = [k for k in range(1, len(held)) if (held[k].confidence or 0) < 0.8]
+    assert len(unsure) > 50
+    assert all(held[k].closure == held[k - 1].closure for k in unsure)
 
 
 def test_logs_of_other_sources_are_not_compared() -> None:

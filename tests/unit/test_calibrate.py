@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import msgspec
 import pytest
 
+from reference.chromium import launched, opened
 from reference.waiting import until
 from reference.wizard import OnScreen, Wizard, presses, records
 from tega.calibration.folder import CalibrationFolder
@@ -414,6 +415,7 @@ def test_a_refresh_follows_the_scale_of_the_day_and_practice_is_scored(
     assert 20 < tracked.told["in_target_percent"] < 70
     assert tracked.told["rms_error_levels"] > 0.5
     assert tracked.told["delay_s"] is None
+    assert tracked.told["decoder"] == "rules"
     assert Path(tracked.told["file"]).is_file()
 
 
@@ -446,3 +448,19 @@ def test_a_fitts_test_of_a_hand_at_rest_hits_nothing_and_is_kept(calibrated: Mus
     assert all(one["completion"] < 0.5 and one["throughput_bits_s"] == 0 for one in told)
     kept = sorted((tmp_path / "calibrations/people/p01/fitts").iterdir())
     assert [str(path) for path in kept] == [one["file"] for one in told]
+
+
+def test_a_fitts_test_is_done_on_a_page(calibrated: Muscles, tmp_path: Path) -> None:
+    file = calibrated.copied(tmp_path)
+    words = ["--movements=1", "--dwell-s=0.3", "--timeout-s=2", "--view", "--view-port=0", "--json"]
+    tested = Wizard(["emg", "fitts", str(file), "--person", "p01", *words], lambda _prompt: "")
+    with launched() as browser, ThreadPoolExecutor(1) as pool:
+        running = pool.submit(tested.run)
+        until(lambda: any(line.startswith("view: ") for line in tested.lines) or running.done())
+        address = next(line for line in tested.lines if line.startswith("view: ")).removeprefix("view: ")
+        with opened(browser, address.strip()) as page:
+            page.get_by_role("button", name="Ready").click()
+            page.get_by_text(re.compile(r"± 0\.\d\d level")).wait_for()
+            page.get_by_text("bits/s").wait_for()
+        assert running.result(30) == 0, tested.said
+    assert tested.told["movements"] == 6

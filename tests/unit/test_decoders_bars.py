@@ -1,7 +1,7 @@
 """What the learned decoder reaches on real recordings: fitted on one part in time, judged on another.
 
-Constants of the decoder (time constants, ridge, the latch) were chosen on the second halves of these
-recordings: the bars are in-sample in that sense. The swapped halves stand beside them, and
+Constants of the decoder (time constants, ridge) were chosen on the second halves of these recordings: the bars
+are in-sample in that sense. Those of the latch were chosen on the first halves. The swapped halves stand beside them, and
 docs/evidence/emg-decoders.md says how far constants may move.
 """
 
@@ -62,10 +62,9 @@ def test_the_closure_is_hardly_later_than_print(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", FOLLOWED_BY_THE_RULE)
-def test_the_level_comes_later_than_its_closure(name: str) -> None:
-    """The bar of 120 ms holds for the closure alone; docs/evidence/emg-decoders.md says by how much levels miss it."""
-    figures = told(name)["learned"].figures
-    assert figures.delay_s < figures.level_delay_s < (0.45 if name == "v2" else 0.16)
+def test_the_level_is_hardly_later_than_print(name: str) -> None:
+    """The level of v2 misses the bar of 120 ms; docs/evidence/emg-decoders.md says why."""
+    assert told(name)["learned"].figures.level_delay_s <= (0.22 if name == "v2" else 0.120)
 
 
 @pytest.mark.parametrize("name", BARS)

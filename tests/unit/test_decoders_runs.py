@@ -111,6 +111,25 @@ def test_a_tracked_curve_without_emg_is_told(tmp_path: Path) -> None:
         read_tracked(record)
 
 
+def test_decoders_are_compared_on_what_a_person_practised(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    record = tracked(tmp_path, ("a", "b", "c"), 200.0)
+    assert teleop("emg", "compare", str(record), "--decoders", "rules,learned", "--json") == 0
+    rows = json.loads(capsys.readouterr().out)
+    assert [(row["decoder"], row["judged_on"]) for row in rows] == [
+        ("rules", "second half"),
+        ("learned", "second half"),
+        ("rules", "first half (swapped)"),
+        ("learned", "first half (swapped)"),
+    ]
+    assert all(row["rank_correlation"] > 0.8 for row in rows if row["decoder"] == "learned")
+    assert teleop("emg", "compare", str(record), "--channels", "1,4") == 2
+    assert "has 3 channels" in capsys.readouterr().err
+    assert teleop("emg", "compare", "log.npy", "--target", "4", "--channels", "1") == 2
+    assert "name its --rate-hz" in capsys.readouterr().err
+
+
 def test_compare_prints_draws_and_gives_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("matplotlib", reason="matplotlib is not installed")
     rng = np.random.default_rng(1)

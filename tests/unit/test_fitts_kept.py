@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -10,11 +11,13 @@ import pytest
 pytest.importorskip("scipy", reason="intervals need SciPy")
 
 from tega.calibration.folder import CalibrationFolder
-from tega.calibration.records import read_record
+from tega.calibration.records import PracticeRecord, read_record
+from tega.cli.main import main
 from tega.errors import CalibrationError, TegaError
 from tega.skill.fitts import Movement
 from tega.skill.interval import mean_interval
 from tega.skill.kept import FittsRecord, compare_kept, keep_fitts, kept_fitts, movement_row
+from tega.skill.kept_tracking import compare_tracked, kept_practices
 
 MADE = datetime(2026, 11, 23, 12, 0, 0, tzinfo=UTC)
 
@@ -78,6 +81,68 @@ def test_decoders_are_compared_within_people_and_over_them(tmp_path: Path) -> No
         learned.throughput_bits_s.mean - rules.throughput_bits_s.mean
     )
     assert [one.person for one in compare_kept(kept_fitts(folder, "p02"))] == ["p02", "p02"]
+
+
+def practice(person: str, decoder: str, error: float, *, minutes: int) -> PracticeRecord:
+    return PracticeRecord(
+        person=person,
+        device="bench",
+        driver="ascii-emg",
+        made=MADE + timedelta(minutes=minutes),
+        preset="live",
+        seed=0,
+        duration_s=60.0,
+        in_target_percent=50.0,
+        rms_error_levels=error,
+        decoder=decoder,
+    )
+
+
+def test_practices_are_compared_by_decoder_within_people_and_over_them(tmp_path: Path) -> None:
+    folder = CalibrationFolder(tmp_path)
+    for n, (person, decoder, error) in enumerate(
+        (
+            ("p01", "rules", 1.0),
+            ("p01", "rules", 1.2),
+            ("p01", "learned", 0.5),
+            ("p02", "rules", 0.9),
+            ("p02", "learned", 0.6),
+            ("p02", "", 3.0),  # of a version that did not say with which
+        )
+    ):
+        folder.keep_practice(practice(person, decoder, error, minutes=n))
+    found = compare_tracked(kept_practices(folder), ["rules", "learned"])
+    assert [(one.person, one.decoder, one.practices, one.unit) for one in found] == [
+        ("p01", "rules", 2, "practices"),
+        ("p01", "learned", 1, "practices"),
+        ("p02", "rules", 1, "practices"),
+        ("p02", "learned", 1, "practices"),
+        (None, "rules", 3, "people"),
+        (None, "learned", 2, "people"),
+    ]
+    assert found[0].rms_error_levels.mean == pytest.approx(1.1)
+    difference = found[-1].difference_levels
+    assert difference is not None
+    assert (difference.mean, difference.n) == (pytest.approx((-0.6 - 0.3) / 2), 2)
+    assert [one.person for one in compare_tracked(kept_practices(folder, "p02"))] == ["p02", "p02"]
+    assert compare_tracked([]) == []
+
+
+def test_the_verb_compares_tests_and_practices(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = CalibrationFolder(tmp_path)
+    folder.keep_practice(practice("p01", "rules", 1.0, minutes=0))
+    words = ["emg", "skill", str(tmp_path)]
+    with pytest.raises(SystemExit):
+        main([*words, "--json"])
+    told = json.loads(capsys.readouterr().out)
+    assert told["fitts"] == []
+    assert told["tracking"][0]["rms_error_levels"]["mean"] == 1.0
+    keep_fitts(result("p01", "learned", 1.0), folder)
+    with pytest.raises(SystemExit):
+        main(words)
+    said = capsys.readouterr().out
+    assert "Fitts tests" in said
+    assert "Practice" in said
 
 
 def test_what_is_not_there_or_damaged_is_refused(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,11 @@ import numpy as np
 import pytest
 
 from reference.xdf_file import Received, write_xdf
+from tega.bus import Backlog, Bus
 from tega.config import check_tree
+from tega.lsl_events.lsl_streams import LslStreams
 from tega.recording.mcap_reader import McapReader
+from tega.records import ArmMeasured, ArmTarget, ForearmPose
 from tega.teleop import run_session
 
 pylsl = pytest.importorskip("pylsl")
@@ -51,6 +55,41 @@ class Listener:
         self._over.set()
         for thread in self._threads:
             thread.join(10.0)
+
+
+def test_poses_are_heard_with_their_places_and_turns(tmp_path: Path) -> None:
+    zero_ns = time.monotonic_ns()
+    bus, waiting = Bus(), Backlog("test")
+    streams = LslStreams(("poses",), "tega-poses-test", bus, waiting, at_ns=lambda t_ns: zero_ns + t_ns)
+    streams.begin(None)
+    waiting.start()
+    kinds = (ForearmPose, ArmMeasured, ArmTarget)
+    listener = Listener([f"tega-poses-test{kind.topic}" for kind in kinds])
+    try:
+        for n in range(100):
+            for kind in kinds:
+                place, turn = (0.01 * n, 0.2, 0.3), (0.0, 0.0, 0.6, 0.8)
+                bus.publish(
+                    kind(t_ns=n * 50_000_000, taken_ns=0, frame="base", position=place, quaternion=turn)
+                )
+            time.sleep(0.05)
+    finally:
+        waiting.close()
+        time.sleep(0.3)  # what was sent last is on its way
+        listener.close()
+        streams.close()
+    file = tmp_path / "poses.xdf"
+    write_xdf(file, listener.heard.values())
+    heard, _ = pyxdf.load_xdf(file, dejitter_timestamps=False)
+    assert {s["info"]["name"][0] for s in heard} == {f"tega-poses-test{kind.topic}" for kind in kinds}
+    for stream in heard:
+        assert stream["info"]["type"][0] == "MoCap"
+        rows = np.asarray(stream["time_series"])
+        assert len(rows) > 20
+        np.testing.assert_allclose(np.diff(rows[:, 0]), 0.01, atol=1e-12)  # in order, none lost
+        np.testing.assert_array_equal(rows[:, 1:], np.tile([0.2, 0.3, 0.0, 0.0, 0.6, 0.8], (len(rows), 1)))
+        # Of the records, not of their arrival.
+        np.testing.assert_allclose(np.diff(stream["time_stamps"]), 0.05, atol=1e-6)
 
 
 def test_what_liblsl_hears_is_what_is_recorded(tmp_path: Path) -> None:

@@ -13,11 +13,13 @@ class Bar(NamedTuple):
         name: What it is.
         share: How far it is filled, 0 to 1.
         text: Its value in words.
+        low: Where the filling begins, 0 to 1: above 0 for a target with two ends.
     """
 
     name: str
     share: float
     text: str = ""
+    low: float = 0.0
 
 
 class Undecided(Exception):  # noqa: N818  # no error: nobody is there to answer

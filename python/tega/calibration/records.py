@@ -197,6 +197,8 @@ class PracticeRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="fo
         kind: What the samples are that lie beside the record (``.npy``: the channels, then the closure asked for).
         rate_hz: Samples per second.
         channels: Names of the channels.
+        decoder: Which made levels of the muscles; with the rules, the preset's too. Empty in records before 0.2.
+        options: Its options, as JSON.
     """
 
     comments: ClassVar[dict[str, str]] = {
@@ -214,6 +216,8 @@ class PracticeRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="fo
     kind: Literal["raw", "rectified", "envelope"] | None = None
     rate_hz: float | None = None
     channels: tuple[str, ...] = ()
+    decoder: str = ""
+    options: str = ""
 
 
 class OnsetRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format", tag="tega-motor-onset"):

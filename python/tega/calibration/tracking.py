@@ -11,6 +11,7 @@ from tega.calibration.person import whose
 from tega.calibration.practice import Curve, score
 from tega.calibration.records import PracticeRecord, utc_now
 from tega.calibration.tracked import keep_tracked, tracked_samples
+from tega.stages.choose import decoder_told
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig
@@ -58,6 +59,7 @@ def track(
             guide.show("Follow", bars, duration_s - gone_s)
     found = score(times, levels, curve)
     person, folder = whose(config.calibration)
+    decoder, options = decoder_told(config)
     record = PracticeRecord(
         person=person,
         device=muscles.device,
@@ -72,6 +74,8 @@ def track(
         kind=muscles.maxima.kind,
         rate_hz=muscles.maxima.rate_hz,
         channels=muscles.maxima.channels,
+        decoder=decoder,
+        options=options,
     )
     path = folder.keep_practice(record)
     keep_tracked(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tega.cli.emg_fitts import emg_fitts, emg_skill
+from tega.cli.emg_logs import force_log, practised_log, read_log
 from tega.cli.emg_people import emg_people
 from tega.cli.emg_recalibrate import emg_recalibrate
 from tega.cli.emg_score import emg_score
@@ -77,20 +78,16 @@ def fit(
     import msgspec
 
     from tega.decoders import fit as fit_decoder
-    from tega.decoders.compare import Log as Given
     from tega.decoders.judge import judge
 
     full, names = None, tuple[str, ...]()
     if log.suffix == ".toml":
-        from tega.calibration.tracked import read_tracked
-
-        tracked = read_tracked(log)
-        given = Given(log.name, tracked.samples, tracked.target, tracked.rate_hz, tracked.kind)
+        given, tracked = practised_log(log)
         full, names, person = 1.0, tracked.channels, person or tracked.person
     else:
         if target is None or rate_hz is None:
             raise click.UsageError(f"{log.name} is no practice record: name --target and --rate-hz")
-        given = _read(log, target, rate_hz, kind, channels, variable)
+        given = force_log(log, target, rate_hz, kind, channels, variable)
         if channels:
             names = tuple(f"ch{c}" for c in channels)
     tau = max(4, round(tau_ms / 1000 * given.rate_hz))
@@ -136,7 +133,7 @@ def fit(
 )
 @click.argument("logs", nargs=-1, required=True, metavar="LOG [LOG ...]")
 @click.option("--target", help="Closure or force: a variable of a .mat file, else a column from 1.")
-@click.option("--rate-hz", required=True, type=click.FloatRange(0, 10_000_000, min_open=True))
+@click.option("--rate-hz", type=click.FloatRange(0, 10_000_000, min_open=True), help="Samples per second.")
 @click.option("--kind", type=_KINDS, default="raw", show_default=True)
 @click.option("--channels", type=ChannelList(), help="EMG columns, counted from 1.")
 @click.option(
@@ -166,7 +163,7 @@ def compare(
     *,
     logs: tuple[str, ...],
     target: str | None,
-    rate_hz: float,
+    rate_hz: float | None,
     kind: Any,
     channels: list[int] | None,
     best: int | None,
@@ -181,7 +178,8 @@ def compare(
     """Compare decoders on logs of EMG beside a force or a closure.
 
     Each LOG is cut in time: decoders are calibrated on its first half and judged on its second, and the other way
-    round beside it (swapped). Files of one class each are joined into a log: rest.csv=0,close.csv=1,rest2.csv=0.
+    round beside it (swapped). A record of `tega-teleop practice` knows its rate and target. Files of one class each
+    are joined into a log: rest.csv=0,close.csv=1,rest2.csv=0.
 
     \b
     --json prints a list, an object a log, part and decoder:
@@ -194,7 +192,7 @@ def compare(
     from tega.decoders.compare import compare as compared
 
     def read(log: str) -> Log:
-        return _read_any(log, target, rate_hz, kind, channels, variable)
+        return read_log(log, target, rate_hz, kind, channels, variable)
 
     rows: list[dict[str, Any]] = []
     drawn: list[tuple[str, float, list[DecoderTold]]] = []
@@ -224,61 +222,6 @@ def compare(
         echo_json(rows)
     else:
         _print(rows)
-
-
-def _read_any(  # noqa: PLR0917  # one argument an option
-    log: str, target: str | None, rate_hz: float, kind: Any, channels: list[int] | None, variable: str
-) -> Log:
-    import numpy as np
-
-    from tega.decoders.compare import Log as Given
-    from tega.devices.emg_formats import read_emg_file
-
-    if "=" not in log:
-        if target is None:
-            raise click.UsageError(f"{log}: name its --target, or give FILE=CLOSURE for files of one class")
-        return _read(Path(log), target, rate_hz, kind, channels, variable)
-    samples, goal = [], []
-    for part in log.split(","):
-        file, _, closure = part.rpartition("=")
-        try:
-            meant = float(closure)
-        except ValueError:
-            raise click.UsageError(f"{part!r} is not FILE=CLOSURE, such as rest.csv=0") from None
-        found, _ = read_emg_file(Path(file), channels or (), variable=variable)
-        samples.append(found)
-        goal.append(np.full(len(found), meant))
-    name = f"{Path(log.split(',', maxsplit=1)[0].rpartition('=')[0]).name} and {len(samples) - 1} more"
-    return Given(name, np.concatenate(samples), np.concatenate(goal), rate_hz, kind)
-
-
-def _read(  # noqa: PLR0917  # one argument an option
-    file: Path, target: str, rate_hz: float, kind: Any, channels: list[int] | None, variable: str
-) -> Log:
-    import numpy as np
-
-    from tega.decoders.compare import Log as Given
-    from tega.devices.emg_formats import read_emg_file
-    from tega.errors import RecordingError
-
-    if file.suffix.lower() == ".mat":
-        samples, _ = read_emg_file(file, channels or (), variable=variable)
-        measured, _ = read_emg_file(file, (1,), variable=target)
-    elif target.isdecimal() and int(target) > 0:
-        if not channels:
-            raise click.UsageError(
-                f"{file.name} is a table, where --target {target} is a column beside the EMG: name that with --channels"
-            )
-        both, _ = read_emg_file(file, (*channels, int(target)))
-        samples, measured = both[:, :-1], both[:, -1:]
-    else:
-        raise click.UsageError(f"--target {target!r}: {file.name} is no .mat file, so name a column from 1")
-    if len(samples) != len(measured):
-        raise RecordingError(
-            f"{file.name}: {len(samples)} samples and {len(measured)} targets: they are not on one clock",
-            "give one target a sample",
-        )
-    return Given(file.name, samples, np.asarray(measured[:, 0], np.float64), rate_hz, kind)
 
 
 _COLUMNS = (

@@ -10,9 +10,11 @@ import click
 
 from tega.cli.emg_people import interval_told
 from tega.cli.options import NameList, echo_json, json_option
+from tega.cli.page import view_options
 
 if TYPE_CHECKING:
     from tega.skill.kept import DecoderSkill
+    from tega.skill.kept_tracking import TrackingSkill
 
 __all__ = ["emg_fitts", "emg_skill"]
 
@@ -46,6 +48,7 @@ __all__ = ["emg_fitts", "emg_skill"]
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the order.")
 @click.option("--yes", is_flag=True, help="Begin without waiting for Enter.")
 @click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
+@view_options
 @json_option
 def emg_fitts(
     *,
@@ -57,24 +60,26 @@ def emg_fitts(
     seed: int,
     yes: bool,
     sets: tuple[str, ...],
+    view: bool,
+    view_port: int,
     as_json: bool,
 ) -> None:
     """Hit targets with the closure that the muscles ask for (ISO 9241-411); keep the result with the calibration.
 
-    Bring the lower bar to the upper one and stay. Nothing but the EMG is needed. With --json: {"person", "decoder",
-    "throughput_bits_s", "completion", "path_efficiency", "overshoots", "movement_time_s", "movements", "conditions":
-    [{distance, width, id_bits, effective_distance, effective_width, effective_id_bits, movement_time_s,
-    throughput_bits_s, completed, movements}], "file"}.
+    Bring the end of the lower bar into the upper one and stay. Nothing but the EMG is needed. With --json: {"person",
+    "decoder", "throughput_bits_s", "completion", "path_efficiency", "overshoots", "movement_time_s", "movements",
+    "conditions": [{distance, width, id_bits, effective_distance, effective_width, effective_id_bits,
+    movement_time_s, throughput_bits_s, completed, movements}], "file"}.
     """
     import msgspec
 
-    from tega.cli.guide import TerminalGuide, guide_for
+    from tega.cli.guide import guided
     from tega.config import load_config
     from tega.skill.live import fitts_test
 
     config = load_config(settings, sets=(*sets, f"calibration.person={json.dumps(person)}")).config
-    guide = guide_for(yes=yes, get_ready_s=1.0)
-    try:
+    port = view_port if view else None
+    with guided(f"TEGA Fitts test of {person}", yes=yes, get_ready_s=1.0, view_port=port) as guide:
         record, score, file = fitts_test(
             config,
             guide,
@@ -84,15 +89,14 @@ def emg_fitts(
             seed=seed,
             settings=str(settings),
         )
-    finally:
-        if isinstance(guide, TerminalGuide):
-            guide.close()
-    path = "" if score.path_efficiency is None else f", path {100 * score.path_efficiency:.0f} % efficient"
-    guide.say(
-        f"{record.decoder}: {score.throughput_bits_s:.2f} bits/s; hit {100 * score.completion:.0f} % of "
-        f"{score.movements}{path}, {score.overshoots:.1f} overshoots a movement",
-        tone="good",
-    )
+        path = (
+            "" if score.path_efficiency is None else f", path {100 * score.path_efficiency:.0f} % efficient"
+        )
+        guide.say(
+            f"{record.decoder}: {score.throughput_bits_s:.2f} bits/s; hit {100 * score.completion:.0f} % of "
+            f"{score.movements}{path}, {score.overshoots:.1f} overshoots a movement",
+            tone="good",
+        )
     if as_json:
         echo_json(
             {"person": person, "decoder": record.decoder, **msgspec.to_builtins(score), "file": str(file)}
@@ -107,22 +111,55 @@ def emg_fitts(
 )
 @json_option
 def emg_skill(*, folder: Path, person: str | None, decoders: list[str] | None, as_json: bool) -> None:
-    """Compare decoders by the Fitts tests kept in a folder of calibrations, with 95 % intervals.
+    """Compare decoders by the Fitts tests and practices kept in a folder of calibrations, with 95 % intervals.
 
-    Within a person the interval goes over distances and widths; over people, where there are two or more, it goes over
-    people. With --json a list: decoder, person (null: over people), tests, unit, throughput_bits_s {mean, low, high,
-    n}, completion, path_efficiency, overshoots, difference_bits_s (to the first decoder, paired).
+    Within a person the interval goes over distances and widths of the Fitts tests, and over practices; over people,
+    where there are two or more, it goes over people. With --json {"fitts": [decoder, person (null: over people), tests,
+    unit, throughput_bits_s {mean, low, high, n}, completion, path_efficiency, overshoots, difference_bits_s (to the
+    first decoder, paired)], "tracking": [decoder, person, practices, unit, rms_error_levels {mean, low, high, n},
+    in_target, difference_levels]}.
     """
     import msgspec
 
     from tega.calibration.folder import CalibrationFolder
     from tega.skill.kept import compare_kept, kept_fitts
+    from tega.skill.kept_tracking import compare_tracked, kept_practices
 
-    found = compare_kept(kept_fitts(CalibrationFolder(folder), person), decoders or ())
+    home, named = CalibrationFolder(folder), decoders or ()
+    tracked = compare_tracked(kept_practices(home, person), named)
+    tests = kept_fitts(home, person)
+    found = compare_kept(tests, named) if tests or not tracked else []
     if as_json:
-        echo_json(msgspec.to_builtins(found))
-    else:
+        echo_json({"fitts": msgspec.to_builtins(found), "tracking": msgspec.to_builtins(tracked)})
+        return
+    if found:
         _print(found)
+    if tracked:
+        _print_tracked(tracked)
+
+
+def _print_tracked(found: list[TrackingSkill]) -> None:
+    from rich.box import SIMPLE
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(
+        box=SIMPLE, title="Practice: RMS error, levels of 1 to 5; [95 % interval]", title_justify="left"
+    )
+    for name in ("person", "decoder"):
+        table.add_column(name, no_wrap=True)
+    for name in ("practices", "error", "against first", "on the level %"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for one in found:
+        table.add_row(
+            one.person or "over people",
+            one.decoder,
+            str(one.practices),
+            interval_told(one.rms_error_levels),
+            interval_told(one.difference_levels),
+            f"{100 * one.in_target:.0f}",
+        )
+    Console(highlight=False, width=110).print(table)
 
 
 def _print(found: list[DecoderSkill]) -> None:

@@ -43,18 +43,14 @@ def emg_recalibrate(
     from tega.calibration.recalibrate import HALF_S, recalibrate
     from tega.calibration.records import utc_now
     from tega.calibration.times import Times
-    from tega.cli.guide import TerminalGuide, guide_for
+    from tega.cli.guide import guided
     from tega.config import load_config
 
     config = load_config(settings, sets=(*sets, f"calibration.person={json.dumps(person)}")).config
     home = CalibrationFolder(config.calibration.folder or settings.absolute().parent / "calibrations")
     times = Times(rest_s=HALF_S, squeeze_s=HALF_S).scaled(time_scale)
-    guide = guide_for(yes=yes, get_ready_s=times.get_ready_s)
-    try:
+    with guided("TEGA recalibration", yes=yes, get_ready_s=times.get_ready_s) as guide:
         found = recalibrate(config, person, home, guide, times=times, now=utc_now(), model_out=out)
-    finally:
-        if isinstance(guide, TerminalGuide):
-            guide.close()
     if as_json:
         model = None if found.model is None else str(found.model)
         echo_json({"person": person, "record": str(found.record), "model": model})

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Container, Mapping, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -31,6 +32,32 @@ def guide_for(*, yes: bool, get_ready_s: float) -> Guide:
     if sys.stderr.isatty() and (yes or sys.stdin.isatty()):
         return TerminalGuide(yes=yes, get_ready_s=get_ready_s)
     return LineGuide(yes=yes, get_ready_s=get_ready_s)
+
+
+@contextmanager
+def guided(title: str, *, yes: bool, get_ready_s: float, view_port: int | None = None) -> Iterator[Guide]:
+    """Guide a person on a page, or on the terminal, and give either back at the end.
+
+    Args:
+        title: Heading of the page.
+        yes: Go on without waiting for anybody.
+        get_ready_s: How long each prompt then stands.
+        view_port: TCP port of the page; ``None``: no page.
+    """
+    if view_port is not None:
+        from tega.cli.guide_page import PageGuide
+        from tega.cli.page import open_page, page_address
+
+        with PageGuide(title, yes=yes, get_ready_s=get_ready_s, port=view_port, **page_address()) as page:
+            open_page(page.url)
+            yield page
+        return
+    guide = guide_for(yes=yes, get_ready_s=get_ready_s)
+    try:
+        yield guide
+    finally:
+        if isinstance(guide, TerminalGuide):
+            guide.close()
 
 
 class LineGuide:
@@ -81,7 +108,7 @@ class LineGuide:
             return
         self._shown_s = now_s
         left = "" if left_s is None else f" {left_s:3.0f} s "
-        _line(f"   {prompt}{left} " + "  ".join(f"{b.name} {_bar(b.share, 8)} {b.text}" for b in bars))
+        _line(f"   {prompt}{left} " + "  ".join(f"{b.name} {_bar(b, 8)} {b.text}" for b in bars))
 
 
 class TerminalGuide:
@@ -176,7 +203,7 @@ class TerminalGuide:
             table = Table.grid(padding=(0, 2))
             for bar in bars:
                 colour = "green" if bar.share < 0.95 else "bright_green"
-                table.add_row(bar.name, Text(_bar(bar.share, 40), style=colour), bar.text)
+                table.add_row(bar.name, Text(_bar(bar, 40), style=colour), bar.text)
             rows += [Align.center(table), Text()]
         return Panel(Group(*rows), subtitle=below or None, border_style="cyan", padding=(0, 2))
 
@@ -191,9 +218,11 @@ class TerminalGuide:
         self._still()
 
 
-def _bar(share: float, width: int) -> str:
-    filled = round(min(1.0, max(0.0, share)) * width)
-    return "█" * filled + "·" * (width - filled)
+def _bar(bar: Bar, width: int) -> str:
+    empty, filled = (round(min(1.0, max(0.0, end)) * width) for end in (bar.low, bar.share))
+    # However narrow a target is, there is something to hit.
+    empty = min(empty, filled - 1) if bar.low > 0 and filled else empty
+    return "·" * empty + "█" * (filled - empty) + "·" * (width - filled)
 
 
 def _line(text: str) -> None:

@@ -39,7 +39,7 @@ def view_options(function: _Function) -> _Function:
     view = click.option(
         "--view",
         is_flag=True,
-        help="Show the run on a page in the browser, which is opened; on this machine only.",
+        help="Show this on a page in the browser, which is opened; on this machine only.",
     )
     return view(port(address(function)))
 
@@ -48,8 +48,16 @@ def _keep_address(context: click.Context, _option: click.Parameter, value: str |
     context.meta[_ADDRESS] = value
 
 
-def _open(url: str) -> None:
-    """Open the page in the browser, where somebody sits at a terminal of a desktop."""
+def page_address() -> dict[str, Any]:
+    """Return where ``--view-address`` has a page served, as arguments of a server: nothing for this machine only."""
+    context = click.get_current_context(silent=True)
+    address = None if context is None else context.meta.get(_ADDRESS)
+    return {} if address is None else {"host": address, "allow_remote": True}
+
+
+def open_page(url: str) -> None:
+    """Tell a page's address on stderr, and open it in the browser where somebody sits at a terminal of a desktop."""
+    click.echo(f"view: {url}", err=True)
     has_desktop = sys.platform in {"win32", "darwin"} or {"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ)
     if sys.stderr.isatty() and has_desktop and "SSH_CONNECTION" not in os.environ:
         webbrowser.open(url)
@@ -80,13 +88,8 @@ def browser_observer(
     """
     from tega.view.browser import BrowserView
 
-    context = click.get_current_context(silent=True)
-    address = None if context is None else context.meta.get(_ADDRESS)
-    if address is not None:
-        options |= {"host": address, "allow_remote": True}
-    with BrowserView(title, port=port, controls=controls, **options) as view:
-        click.echo(f"view: {view.url}", err=True)
-        _open(view.url)
+    with BrowserView(title, port=port, controls=controls, **(options | page_address())) as view:
+        open_page(view.url)
         yield view
     if view.problem:
         click.echo(f"view: {view.problem}", err=True)

@@ -45,7 +45,7 @@ def learn(
     """
     from tega.calibration.folder import CalibrationFolder
     from tega.calibration.guide import Undecided
-    from tega.cli.guide import TerminalGuide, guide_for
+    from tega.cli.guide import guided
     from tega.cli.options import echo_json, worn_by
     from tega.config import load_config
     from tega.errors import CalibrationError, ConfigError
@@ -56,9 +56,11 @@ def learn(
     config = load_config(settings, sets=worn_by(person, sets)).config
     if config.vest.driver is None:
         raise ConfigError("no vest: vest.driver is not set", "for example --set vest.driver=bhaptics-player")
-    guide = guide_for(yes=False, get_ready_s=1.0)
     try:
-        with worn_vest(config.vest, dose_file(config.calibration)) as vest:
+        with (
+            guided("TEGA vest lesson", yes=False, get_ready_s=1.0) as guide,
+            worn_vest(config.vest, dose_file(config.calibration)) as vest,
+        ):
             record, file = learn_vest(
                 config, vest, guide, questions=questions, seed=seed, test_only=test_only
             )
@@ -66,9 +68,6 @@ def learn(
         raise CalibrationError(
             "nobody answers: a lesson needs somebody who does", "run it in a terminal"
         ) from None
-    finally:
-        if isinstance(guide, TerminalGuide):
-            guide.close()
     for one in record.scores():
         guide.say(
             f"{one.aspect}: {100 * one.right:.0f} % right of {one.asked} (guessing: {100 * one.chance:.0f} %)"

@@ -42,7 +42,11 @@ class Decoded(msgspec.Struct, frozen=True):
 
 
 class BlockScorer:
-    """Turn a block's features into smoothed, scaled values and an effort; keeps the smoothing's state."""
+    """Turn a block's features into smoothed, scaled values and an effort; keeps the smoothing's state.
+
+    Attributes:
+        newest: Features of the last block: what the smoothed ones would become if the muscles stayed as in it.
+    """
 
     def __init__(self, model: Model) -> None:
         n, channels = 0, len(model.channels)
@@ -58,6 +62,7 @@ class BlockScorer:
         self._floor = np.array(model.floor)
         self._gains = -np.expm1(-model.tau / model.rate_hz / np.array(model.smoothing_s))[:, np.newaxis]
         self._state: NDArray[np.float64] | None = None
+        self.newest: NDArray[np.float64] = np.empty(0)
         self.use(model)
 
     def use(self, model: Model) -> None:
@@ -75,6 +80,7 @@ class BlockScorer:
             self._state = np.repeat(values[np.newaxis], len(self._gains), axis=0)
         else:
             self._state = self._state + self._gains * (values - self._state)
+        self.newest = np.tile(values, len(self._gains))
         return self._state.ravel()
 
     def scaled(self, smoothed: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -184,7 +190,7 @@ class LearnedDecoder:
         held = novelty > self.model.hold_beyond
         if not held:
             self._last = wanted
-            self._latch.take(wanted)
+            self._latch.take(self.closure_of(self._scorer.effort(self._scorer.scaled(self._scorer.newest))))
         level = max(1, self._latch.level)
         return Decoded(self._last, level, confidence, held, channels, block.end, effort)
 

@@ -132,8 +132,8 @@ def rising_polyline(
 
 
 def judge_kept_back(
-    learner: EffortLearner, z: NDArray[np.float64], y: NDArray[np.float64], reject: float
-) -> tuple[tuple[float, float, float, float, float], float]:
+    learner: EffortLearner, z: NDArray[np.float64], y: NDArray[np.float64]
+) -> tuple[tuple[float, float, float, float, float], NDArray[np.float64]]:
     """Judge blocks in time by models that have not seen them: how often they are right, how far they lie outside."""
     closures, novelty = np.empty_like(y), np.empty_like(y)
     for part in np.array_split(np.arange(len(y)), _FOLDS):
@@ -156,4 +156,4 @@ def judge_kept_back(
         float(shares[2]),
         float(shares[3]),
         float(shares[4]),
-    ), max(LEAST_NOVELTY, float(np.quantile(novelty, 1.0 - reject)))
+    ), novelty

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 import msgspec
 import numpy as np
@@ -17,6 +17,9 @@ _Finite = Annotated[float, msgspec.Meta(ge=-1e300, le=1e300)]
 _Positive = Annotated[float, msgspec.Meta(gt=0, le=1e300)]
 _Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
 _MOST_MIB = 16
+_LEAST_NOVELTY = 1e-3
+REJECTED: Final = tuple(percent / 100 for percent in range(21))
+"""Shares of the training blocks whose novelty a model knows."""
 
 
 class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -50,6 +53,8 @@ class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         knots_closure: Its closures, not falling.
         dead_band: Below it the closure is 0.
         hold_beyond: Novelty, standard deviations, beyond which the closure is held.
+        novelty: Beyond these lay 0, 1, ... 20 % of the training blocks, each compared with the others' range; empty in
+            models before 0.2.
         confidence: Share of training blocks, kept back in turn, that came within one level, by fifths of closure.
         channel_full: Mean absolute value of each channel at strong effort, for display.
         lag_s: How much later the target was than the muscles.
@@ -84,6 +89,7 @@ class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     knots_closure: tuple[_Share, ...]
     dead_band: _Share
     hold_beyond: _Positive
+    novelty: tuple[_Finite, ...] = ()
     confidence: tuple[_Share, _Share, _Share, _Share, _Share]
     channel_full: tuple[_Positive, ...]
     lag_s: _Finite
@@ -108,6 +114,7 @@ class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
             "floor": (len(self.floor), amplitudes),
             "channel_full": (len(self.channel_full), channels),
             "knots_closure": (len(self.knots_closure), len(self.knots_effort)),
+            "novelty": (len(self.novelty) or len(REJECTED), len(REJECTED)),
             "weights": (len(self.weights), len(self.support) if self.model == "kernel" else values),
         }
         lengths |= {f: (len(getattr(self, f)), values) for f in ("mean", "scale", "lowest", "highest")}
@@ -117,6 +124,17 @@ class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
                 raise CalibrationError(f"{name}: {what} has {found} numbers, {wanted} are needed", _AGAIN)
         if (np.diff(self.knots_effort) <= 0).any() or (np.diff(self.knots_closure) < 0).any():
             raise CalibrationError(f"{name}: its monotone stage does not rise", _AGAIN)
+
+    def rejecting(self, share: float, name: str) -> Model:
+        """Return the model that holds this share of blocks like those of its training, 0 to 0.2.
+
+        Raises:
+            CalibrationError: It was fitted before models knew how novel their training blocks were to each other.
+        """
+        if not self.novelty:
+            raise CalibrationError(f"{name}: does not know which share of blocks it would hold", _AGAIN)
+        beyond = float(np.interp(share, REJECTED, self.novelty))
+        return msgspec.structs.replace(self, hold_beyond=max(beyond, _LEAST_NOVELTY))
 
     def check_fits(
         self, *, kind: str, rate_hz: float, channels: tuple[str, ...], name: str, person: str = ""

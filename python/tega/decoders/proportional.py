@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,12 +20,18 @@ if TYPE_CHECKING:
     from tega.emg import InputKind
 
 
+_LEVEL = 0.25
+"""Closure of one level."""
+_FARTHEST = 10.0
+
+
 class ProportionalDecoder:
     """Mean absolute value of one channel, or of a closing less an opening one, between a dead band and full effort.
 
     closure = (share - dead_band) / (full - dead_band), clamped to 0..1; share = s_1 or s_1 - s_2, with s a channel's
-    mean absolute value over its maximum, smoothed. Confidence is 1, or 0 in a block in which a channel is bad: the
-    closure is then held.
+    mean absolute value over its maximum, smoothed. Confidence is the chance that the closure is within one level of
+    what the effort means, by the scatter of the blocks about the smoothed drive: near 1 in a steady effort, less while
+    it trembles or changes. It is 0 in a block in which a channel is bad: the closure is then held.
 
     Args:
         rate_hz: Samples per second.
@@ -66,7 +73,9 @@ class ProportionalDecoder:
         self._gain = -float(np.expm1(-tau / rate_hz / smoothing_s))
         self._blocks = Blocks(rate_hz, tau, kind, len(self._maxima))
         self._state: NDArray[np.float64] | None = None
-        self._last = 0.0
+        self._last = self._confidence = 0.0
+        # Of a block's drive less the smoothed one before it; half the gain of that is the smoothed one's own.
+        self._variance = 0.0
         self.decoded: list[Decoded] = []
 
     def process(self, samples: ArrayLike) -> NDArray[np.float64]:
@@ -76,21 +85,37 @@ class ProportionalDecoder:
             bad = block.bad[self._used].any()
             if not bad:
                 shares = np.add.reduce(np.abs(block.samples)) / len(block.samples) / self._maxima
+                away = 0.0 if self._state is None else abs(self._drive(shares - self._state))
+                away = min(away, _FARTHEST)
                 self._state = (
                     shares if self._state is None else self._state + self._gain * (shares - self._state)
                 )
-                drive = float(self._state[self._used[0]])
-                if len(self._used) == 2:
-                    drive -= float(self._state[self._used[1]])
-                self._last = min(1.0, max(0.0, (drive - self._dead_band) / (self._full - self._dead_band)))
+                self._variance += self._gain * (away * away - self._variance)
+                span = self._full - self._dead_band
+                self._last = min(1.0, max(0.0, (self._drive(self._state) - self._dead_band) / span))
+                deviation = math.sqrt(0.5 * self._gain * self._variance) / span
+                self._confidence = math.erf(_LEVEL / deviation / math.sqrt(2.0)) if deviation > 0 else 1.0
             now = np.zeros(len(self._maxima)) if self._state is None else self._state
             levels = np.where(block.bad, 0, 1 + np.minimum(4 * now, 4).astype(int))
             told = (0,) * len(levels) if bad else tuple(levels.tolist())
             level = nearest_level(self._last)
             self.decoded.append(
-                Decoded(self._last, level, 0.0 if bad else 1.0, bool(bad), told, block.end, self._last)
+                Decoded(
+                    self._last,
+                    level,
+                    0.0 if bad else self._confidence,
+                    bool(bad),
+                    told,
+                    block.end,
+                    self._last,
+                )
             )
         return np.array([one.closure for one in self.decoded])
+
+    def _drive(self, shares: NDArray[np.float64]) -> float:
+        """Return the share of the closing channel, less that of the opening one."""
+        drive = float(shares[self._used[0]])
+        return drive - float(shares[self._used[1]]) if len(self._used) == 2 else drive
 
     @property
     def levels(self) -> NDArray[np.int64]:

@@ -32,11 +32,14 @@ class LearnedOptions(StageOptions, frozen=True):
         model: File of the model, as ``tega-teleop emg fit`` writes it; a run is refused without.
         person: Whose model it has to be; none means whoever's it is.
         hold_below: Confidence below which the closure is held, besides what the model itself holds.
+        reject: The largest share of blocks like those of the training that the model holds as unlike them; none means
+            as it was fitted: a hundredth, and nothing within three standard deviations of the training data.
     """
 
     model: Path | None = None
     person: str | None = None
     hold_below: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.0
+    reject: Annotated[float, msgspec.Meta(ge=0, le=0.2)] | None = None
 
 
 class ProportionalOptions(StageOptions, frozen=True):
@@ -49,6 +52,7 @@ class ProportionalOptions(StageOptions, frozen=True):
         full: Share of the maximum at which it is closed.
         smoothing_s: Time constant of the smoothing.
         tau_s: Length of a block.
+        hold_below: Confidence below which the closure is held.
     """
 
     channel: Annotated[int, msgspec.Meta(ge=1, le=64)] = 1
@@ -57,6 +61,7 @@ class ProportionalOptions(StageOptions, frozen=True):
     full: Annotated[float, msgspec.Meta(gt=0, le=2)] = 0.8
     smoothing_s: Annotated[float, msgspec.Meta(ge=0.01, le=2)] = 0.15
     tau_s: Annotated[float, msgspec.Meta(ge=0.02, le=2)] = 0.1
+    hold_below: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.0
 
 
 class _Core(Protocol):
@@ -150,6 +155,8 @@ class LearnedStage(_BlockStage):
             name=options.model.name,
             person=options.person or "",
         )
+        if options.reject is not None:
+            model = model.rejecting(options.reject, options.model.name)
         self._full = model.channel_full
         self._core = LearnedDecoder(model)
         self._pace = _Pace(model.tau / model.rate_hz * 1e9)
@@ -185,6 +192,7 @@ class ProportionalStage(_BlockStage):
             smoothing_s=options.smoothing_s,
         )
         self._pace = _Pace(max(4, round(options.tau_s * setup.rate_hz)) / setup.rate_hz * 1e9)
+        self._hold_below = options.hold_below
 
     @classmethod
     def block_s(cls, options: StageOptions) -> float:

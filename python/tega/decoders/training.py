@@ -12,8 +12,15 @@ import numpy as np
 
 from tega.decoders.features import AMPLITUDES, FEATURES, Blocks, as_samples, block_features
 from tega.decoders.learned import LearnedDecoder
-from tega.decoders.learners import TARGET_POWER, EffortLearner, judge_kept_back, ridge, rising_polyline
-from tega.decoders.model import Model
+from tega.decoders.learners import (
+    LEAST_NOVELTY,
+    TARGET_POWER,
+    EffortLearner,
+    judge_kept_back,
+    ridge,
+    rising_polyline,
+)
+from tega.decoders.model import REJECTED, Model
 from tega.errors import CalibrationError, InvalidValueError, ShapeError
 
 if TYPE_CHECKING:
@@ -99,7 +106,8 @@ def fit(
     parts = learner(z, y)
     efforts = parts.efforts(z)
     knots_effort, knots_closure = rising_polyline(efforts, y)
-    confidence, hold_beyond = judge_kept_back(learner, z, y, reject)
+    confidence, novelty = judge_kept_back(learner, z, y)
+    hold_beyond = max(LEAST_NOVELTY, float(np.quantile(novelty, 1.0 - reject)))
     mav = np.array([np.abs(block.samples).mean(axis=0) for block in blocks])
     found = Model(
         kind=kind,
@@ -124,6 +132,7 @@ def fit(
         knots_closure=_tuple(knots_closure),
         dead_band=DEAD_BAND,
         hold_beyond=hold_beyond,
+        novelty=_tuple(np.quantile(novelty, 1.0 - np.array(REJECTED))),
         confidence=confidence,
         channel_full=_tuple(np.maximum(np.percentile(mav, 98, axis=0), 1e-12)),
         lag_s=lag * block_s,

@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-import msgspec
-
 from tega.calibration.guide import Bar, Guide
 from tega.calibration.muscle_loop import MuscleLoop
 from tega.calibration.person import whose
@@ -15,13 +13,13 @@ from tega.errors import DeviceUnavailableError
 from tega.skill.fitts import FittsScore, fitts_score
 from tega.skill.fitts_course import FittsCourse, fitts_plan
 from tega.skill.kept import FittsRecord, keep_fitts, movement_row
-from tega.stages.choose import chosen_stage
+from tega.stages.choose import decoder_told
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.skill.fitts_course import Target
 
-__all__ = ["CLOSURE_STEP", "LEVEL_STEP", "cursor_of", "decoder_told", "fitts_test"]
+__all__ = ["CLOSURE_STEP", "LEVEL_STEP", "cursor_of", "fitts_test"]
 
 LEVEL_STEP: Final = 0.25
 """Of the cursor of a decoder that knows five levels."""
@@ -36,13 +34,6 @@ def cursor_of(level: int, closure: float | None) -> tuple[float, float]:
     if closure is None:
         return (level - 1) / 4, LEVEL_STEP
     return min(1.0, max(0.0, closure)), CLOSURE_STEP
-
-
-def decoder_told(config: SessionConfig) -> tuple[str, str]:
-    """Return the name under which a decoder's results are kept, and its options as JSON."""
-    chosen = chosen_stage("decoder", config.stages, config.session.preset)
-    name = "rules-paper" if (chosen.name, config.session.preset) == ("rules", "paper") else chosen.name
-    return name, msgspec.json.encode(chosen.options, order="sorted", enc_hook=str).decode()
 
 
 def fitts_test(
@@ -81,7 +72,7 @@ def fitts_test(
     with MuscleLoop(config, settings=settings, what="a Fitts test") as muscles:
         guide.part(
             "Fitts test",
-            f"Bring the lower bar to the upper one, and keep it there for {dwell_s:g} s: fast, and exactly.",
+            f"Bring the end of the lower bar into the upper one, and keep it there for {dwell_s:g} s: fast and exact.",
         )
         guide.ready("Arm as in use")
         muscles.start()
@@ -126,12 +117,9 @@ def fitts_test(
 
 
 def _bars(target: Target, closure: float) -> list[Bar]:
-    """Show levels, 1 to 5, as practice does."""
+    """Show levels, 1 to 5, as practice does; the target from its lower to its upper end."""
+    said = f"{1 + 4 * target.centre:.1f} ± {2 * target.width:.2f} level"
     return [
-        Bar(
-            "target",
-            (1 + 4 * target.centre) / 5,
-            f"{1 + 4 * target.centre:.1f} ± {2 * target.width:.2f} level",
-        ),
+        Bar("target", (1 + 4 * target.high) / 5, said, low=(1 + 4 * target.low) / 5),
         Bar("you", (1 + 4 * closure) / 5, f"{1 + 4 * closure:.2f}"),
     ]

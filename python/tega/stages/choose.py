@@ -139,6 +139,13 @@ def muscle_decoder(stages: StagesSection, preset: Preset, calibration: EmgMaxima
     return decoder
 
 
+def decoder_told(config: SessionConfig) -> tuple[str, str]:
+    """Return the name under which a decoder's results are kept, and its options as JSON."""
+    chosen = chosen_stage("decoder", config.stages, config.session.preset)
+    name = "rules-paper" if (chosen.name, config.session.preset) == ("rules", "paper") else chosen.name
+    return name, msgspec.json.encode(chosen.options, order="sorted", enc_hook=str).decode()
+
+
 def is_outside(beside: BesideConfig) -> bool:
     """Tell whether a stage beside the connected ones gets what it says from another process."""
     return beside.group == "decoder" and chosen_stage("decoder", beside.stages, "live").kind.outside is True

@@ -65,10 +65,16 @@ class LocalServer(viser.ViserServer):
         try_motor: Callable[[int], MotorAnswer] | None = None,
     ) -> None:
         self.token = secrets.token_urlsafe(16)
+        self._url_host = f"[{host}]" if ":" in host else host
         # What a page sends is not the operator's business, who has the terminal.
         warnings.filterwarnings("ignore", r"\[viser\] .* does not match annotation", UserWarning)
         with _quiet(), _guarded(self.token, label, try_motor, allow_remote=allow_remote):
             super().__init__(host, port, label, verbose=False)
+
+    @property
+    def url(self) -> str:
+        """Address of the page, with the token that it needs."""
+        return f"http://{self._url_host}:{self.get_port()}/{self.token}/"
 
     def request_share_url(self, verbose: bool = True) -> str | None:  # noqa: ARG002, FBT001, FBT002
         """Refuse: the page stays on this machine."""

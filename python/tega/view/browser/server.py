@@ -111,10 +111,7 @@ class BrowserView:
     @property
     def url(self) -> str:
         """Address of the page, with the token that it needs; empty while closed."""
-        if self._server is None:
-            return ""
-        host = f"[{self._host}]" if ":" in self._host else self._host
-        return f"http://{host}:{self._server.get_port()}/{self._server.token}/"
+        return "" if self._server is None else str(self._server.url)
 
     @property
     def painting(self) -> bool:
