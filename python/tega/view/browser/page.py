@@ -10,6 +10,7 @@ import numpy as np
 
 from tega.errors import InvalidValueError
 from tega.haptics import FINGERS
+from tega.view.browser.camera_pictures import CameraPictures, camera_sheet
 from tega.view.browser.charts import CourseChart, MuscleCharts
 from tega.view.browser.delays import Delays
 from tega.view.browser.scene import Point, Scene
@@ -64,6 +65,7 @@ class Page:
         status: The lines of text.
         timeline: The moments that can be looked back at.
         seek: The slider over a recording that is played; ``None`` where none is.
+        cameras: The scene cameras' pictures.
         inputs: viser's handles of the buttons and choices that there are: ``object``, ``haptics``, ``pause``, ``go``,
             ``undo``, ``stop``.
     """
@@ -82,7 +84,7 @@ class Page:
         self._server, self._controls = server, controls
         self._sheet, self._labels, self._delays = TouchSheet(), ContactLabels(), Delays()
         self.seek: SeekSlider | None = None
-        self._past_sheet: bytes | None = None
+        self._past_ns: int | None = None
         self._small = SmallSheet()
         self.scene = Scene(server, eye_m=eye_m, at_m=at_m)
         self.inputs: dict[str, Any] = {}
@@ -102,6 +104,7 @@ class Page:
             self.seek = SeekSlider(gui, controls.playhead)
         self.timeline = Timeline(gui, kept_s)
         self._looking = gui.add_html("")
+        self.cameras = CameraPictures(gui)
         self._muscles = MuscleCharts(gui)
         panel = gui.add_panel()
         with panel.add_tab("Fingertips and vest"):
@@ -168,11 +171,12 @@ class Page:
         """
         self._course.note(state)
         self.paint_state(state.loop)
-        sheet = None
+        sheet = filmed = None
         if turn == 0:
             if state.images:
                 sheet = self._sheet.draw(state.images)
-            self.timeline.keep(state, sheet)
+            filmed = camera_sheet(state.cameras)
+            self.timeline.keep(state, sheet, filmed)
         past = self.paint_past()
         with self._server.atomic():
             if not past:
@@ -181,6 +185,8 @@ class Page:
                 if sheet is not None and not past:
                     self._images.image = sheet
                     self._small.take(sheet)
+                if not past:
+                    self.cameras.draw(filmed, tuple(state.cameras))
             elif turn == 1:
                 self.paint_text(state)
                 if self.seek is not None:
@@ -216,16 +222,19 @@ class Page:
         past = self.timeline.shown()
         if past is None:
             if self._looking.content:
-                self._looking.content, self._past_sheet = "", None
+                self._looking.content, self._past_ns = "", None
             return False
-        state, sheet, emg = past
+        state, sheet, filmed, emg = past
         with self._server.atomic():
             self._draw_scene(state)
-            if sheet is not None and sheet is not self._past_sheet:
+            if state.t_ns != self._past_ns:
                 import imageio.v3
 
-                self._images.image = imageio.v3.imread(sheet)
-                self._past_sheet = sheet
+                self._past_ns = state.t_ns
+                if sheet is not None:
+                    self._images.image = imageio.v3.imread(sheet)
+                if filmed is not None:
+                    self.cameras.draw(imageio.v3.imread(filmed))
             # Labels of its own: those of now remember what came before.
             self._paint_touch(captions_html(state, ContactLabels()), self._torso(state))
             self._course.draw(state.t_ns / 1e9)

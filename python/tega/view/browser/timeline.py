@@ -35,11 +35,13 @@ class PastMoment(NamedTuple):
     Attributes:
         state: All of it, without pictures and signal.
         sheet: The fingertips as a JPEG; ``None`` where there were none.
+        cameras: The scene cameras likewise.
         emg: The muscle signal, and its newest time, seconds; ``None`` where there was none.
     """
 
     state: ViewState
     sheet: bytes | None
+    cameras: bytes | None
     emg: tuple[float, EmgTail] | None
 
 
@@ -68,12 +70,15 @@ class Timeline:
         self.loop: Any = gui.add_checkbox("loop from there", initial_value=False)
         self.back.on_update(lambda _event: self._look())
 
-    def keep(self, state: ViewState, sheet: NDArray[np.uint8] | None) -> None:
+    def keep(
+        self, state: ViewState, sheet: NDArray[np.uint8] | None, cameras: NDArray[np.uint8] | None = None
+    ) -> None:
         """Keep a moment; one of an earlier time is of another run, and the first of it.
 
         Args:
             state: The moment.
             sheet: The fingertips as they are painted, uint8 (H, W, 3), RGB.
+            cameras: The scene cameras likewise.
         """
         if self._kept:
             newest = self._kept[-1].state
@@ -86,8 +91,9 @@ class Timeline:
         emg = self._kept[-1].emg if self._kept else None
         if state.emg is not None and (emg is None or t_s - emg[0] >= _EMG_STEP_S):
             emg = t_s, state.emg
-        jpeg = None if sheet is None else jpeg_of(sheet)
-        self._kept.append(PastMoment(state._replace(images=None, emg=None), jpeg, emg))
+        jpeg, filmed = (None if one is None else jpeg_of(one) for one in (sheet, cameras))
+        bare = state._replace(images=None, emg=None, cameras={})
+        self._kept.append(PastMoment(bare, jpeg, filmed, emg))
         while t_s - self._kept[0].state.t_ns / 1e9 > self._kept_s:
             self._kept.popleft()
 
