@@ -18,6 +18,9 @@ from tega.scene.record import scene_epoch
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    import numpy as np
+    from numpy.typing import NDArray
+
     from tega.bus import Bus
     from tega.recording.mcap_reader import Message
 
@@ -78,16 +81,16 @@ class PlayedCamera:
             self._tells_none = False
             raise RecordingError(_NO_KEY)
         newest = None if self._decoder is None else self._decoder.image()
-        image, at_ns = None, moment.at_ns
-        if newest is not None:
+        if newest is not None and moment.at_ns - newest[0] <= _OLD_NS:
             self._shown_ns, image = newest
-            at_ns = self._shown_ns
             self.n_told += 1
-        elif self._shown_ns is None or 0 <= moment.at_ns - self._shown_ns <= _OLD_NS:
-            return
-        else:
+            self._tell(self._shown_ns + moment.shift_ns, image)
+        elif self._shown_ns is not None and not 0 <= moment.at_ns - self._shown_ns <= _OLD_NS:
             self._shown_ns = None
-        self._bus.publish(ScenePicture(camera=self.name, t_ns=at_ns + moment.shift_ns, image=image))
+            self._tell(moment.at_ns + moment.shift_ns, None)
+
+    def _tell(self, t_ns: int, image: NDArray[np.uint8] | None) -> None:
+        self._bus.publish(ScenePicture(camera=self.name, t_ns=t_ns, image=image))
 
     def skip(self, known_ns: int) -> None:
         """Go on with the next picture that stands alone."""

@@ -57,7 +57,8 @@ class PlayedFinger:
 
     def __init__(self, finger: str, meter: Callable[[], FrameMeter], bus: Bus) -> None:
         self.name, self.since_ns, self.n_told = finger, 0, 0
-        self._make, self._meter, self._bus = meter, meter(), bus
+        self._make, self._bus = meter, bus
+        self._meter: FrameMeter | None = None
         self._picture: Message | None = None
         self._shown_ns = 0
 
@@ -65,7 +66,7 @@ class PlayedFinger:
         """Begin a second before a place, or leave out what is before it."""
         self._picture, self._shown_ns, self.since_ns = None, at_ns, at_ns
         if jumped:
-            self._meter, self.since_ns = self._make(), at_ns - _WARM_NS
+            self._meter, self.since_ns = None, at_ns - _WARM_NS
 
     def take(self, message: Message, known_ns: int, moment: PlayedMoment) -> None:
         """Take a picture, or the number and times that follow it."""
@@ -76,13 +77,15 @@ class PlayedFinger:
         if picture is None:
             return
         told = message.value
-        self._meter.metric.loaded = getattr(told, "loaded", False)  # earlier recordings do not say
+        if self._meter is None:
+            self._meter = self._make()
+        metric = self._meter.metric
+        metric.loaded = getattr(told, "loaded", False)  # earlier recordings do not say
         image = read_picture(picture)
         contact = self._meter.take(TactileFrame(told.t_ns, told.seq, image, told.name))
         if contact is None or known_ns < self._shown_ns:
             return
         t_ns, metrics = contact
-        metric = self._meter.metric
         self._bus.publish(
             MeasuredPicture(
                 finger=self.name, t_ns=t_ns + moment.shift_ns, image=image, metrics=metrics, metric=metric

@@ -103,8 +103,13 @@ def _damage(error: Exception) -> RecordingError:
 
 
 def stands_alone(video: str, packet: bytes) -> bool:
-    """Tell whether a decoder can begin with a packet: the format's parameters and a picture that refers to no other."""
-    return _av1_alone(packet) if video == "av1" else _h264_alone(packet)
+    """Tell whether a decoder can begin with a packet: the format's parameters and a picture that refers to no other.
+
+    Of another format than ``h264`` or ``av1`` none does.
+    """
+    if video == "av1":
+        return _av1_alone(packet)
+    return video == "h264" and _h264_alone(packet)
 
 
 def _h264_alone(packet: bytes) -> bool:
