@@ -116,7 +116,11 @@ class FollowedFile:
             self._advance()
 
     def _advance(self) -> None:
-        self._next = next((one for one in self._messages if one.topic in self._followers), None)
+        try:
+            self._next = next((one for one in self._messages if one.topic in self._followers), None)
+        except TegaError as error:  # the file is there no more
+            self._next, self._messages = None, iter(())
+            self.problems[self._reader.path.name] = error.message
         if self._next is not None:
             self._next_ns = self._next.log_ns - self._zero_ns
 
