@@ -28,7 +28,7 @@ class PlayedMoment(NamedTuple):
     shift_ns: int
 
 
-class Follower(Protocol):
+class StreamFollower(Protocol):
     """Takes the messages of some topics, and tells the run what they hold.
 
     Attributes:
@@ -72,7 +72,7 @@ class FollowedFile:
     """
 
     def __init__(
-        self, reader: McapReader, zero_ns: int, followers: Mapping[str, Follower], *, behind_ns: int
+        self, reader: McapReader, zero_ns: int, followers: Mapping[str, StreamFollower], *, behind_ns: int
     ) -> None:
         self._reader, self._zero_ns, self._followers = reader, zero_ns, dict(followers)
         self.followers = list({id(one): one for one in followers.values()}.values())
@@ -124,7 +124,7 @@ class FollowedFile:
         if self._next is not None:
             self._next_ns = self._next.log_ns - self._zero_ns
 
-    def _pass_over(self, follower: Follower, error: Exception) -> None:
+    def _pass_over(self, follower: StreamFollower, error: Exception) -> None:
         n = self._n_unusable[follower.name] = self._n_unusable.get(follower.name, 0) + 1
         why = error.message if isinstance(error, TegaError) else f"{type(error).__name__}: {str(error)[:200]}"
         self.problems[follower.name] = f"{follower.name}: {n} of its messages cannot be shown, at last: {why}"

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 from tega.errors import ConfigError, RecordingError
 from tega.foreign_file import tells_damage
 from tega.recording.mcap_reader import McapReader
-from tega.replay.followed_file import NEVER_NS, FollowedFile, Follower, PlayedMoment
+from tega.replay.followed_file import NEVER_NS, FollowedFile, StreamFollower, PlayedMoment
 from tega.scene.decode import SceneDecoder, ScenePicture, note_key
 from tega.scene.record import scene_epoch
 
@@ -136,14 +136,14 @@ def followed_scene(
             f"recording of {end_ns / 1e9:.1f} s",
             "name the scene that was recorded beside it, on the same machine",
         )
-    followers: Mapping[str, Follower] = {
+    followers: Mapping[str, StreamFollower] = {
         topic: PlayedCamera(topic, (key_ns - zero_ns for key_ns in found), bus)
         for topic, found in keys.items()
     }
     return FollowedFile(reader, zero_ns, followers, behind_ns=behind_ns)
 
 
-def refuse_namesakes(followers: Iterable[Follower]) -> None:
+def refuse_namesakes(followers: Iterable[StreamFollower]) -> None:
     """Refuse two streams of one name.
 
     Raises:

@@ -21,7 +21,7 @@ from tega.inbox.frames import FrameMeter
 from tega.inbox.sources import SourceReport
 from tega.recording.mcap_reader import read_picture, table_ns
 from tega.records import EmgSamples
-from tega.replay.followed_file import FollowedFile, Follower, PlayedMoment
+from tega.replay.followed_file import FollowedFile, StreamFollower, PlayedMoment
 from tega.replay.played_scene import PlayedCamera, followed_scene, refuse_namesakes
 from tega.scene.decode import ScenePicture
 from tega.stages.attached import with_attached
@@ -257,9 +257,9 @@ def _told_ns(path: Path, facts: Mapping[str, str], name: str) -> int:
     return told
 
 
-def _topics(recorded: Recorded, measured: Measured, bus: Bus) -> dict[str, Follower]:
+def _topics(recorded: Recorded, measured: Measured, bus: Bus) -> dict[str, StreamFollower]:
     """Return who takes which of the recording's topics."""
-    head, topics = recorded.head, dict[str, Follower]()
+    head, topics = recorded.head, dict[str, StreamFollower]()
     if bus.wants(MeasuredPicture):
         for finger, baseline in head.baselines.items():
             one = PlayedFinger(finger, partial(_meter, recorded, measured, finger, baseline), bus)
