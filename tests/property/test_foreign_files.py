@@ -421,7 +421,9 @@ def _looked_at(path: Path) -> None:
         bus.subscribe(kind, lambda _one: None)
     out = path.parent / "played"
     shutil.rmtree(out, ignore_errors=True)
-    play_file(path, check_tree({"session": {"out_dir": str(out)}}, {}, base=path.parent).config, speed=None, bus=bus)
+    play_file(
+        path, check_tree({"session": {"out_dir": str(out)}}, {}, base=path.parent).config, speed=None, bus=bus
+    )
 
 
 def _scene_at(path: Path) -> None:

@@ -26,7 +26,9 @@ def number_of(image: NDArray[np.uint8]) -> int:
     return round((float(image.mean()) - 40) / 4)
 
 
-def packets(times_ns: Sequence[int], video: VideoFormat = "h264", rate_hz: float = 10.0) -> list[tuple[int, bytes]]:
+def packets(
+    times_ns: Sequence[int], video: VideoFormat = "h264", rate_hz: float = 10.0
+) -> list[tuple[int, bytes]]:
     """Return a video, one of so many pictures a second standing alone."""
     encoder = SceneEncoder(*SIZE, rate_hz=rate_hz, video=video)
     made = []
@@ -42,7 +44,8 @@ def write_scene(
     file = McapFile(path, lossless=True)
     file.metadata("tega.scene", {"clock": "monotonic", "epoch_ns": str(EPOCH_NS)} if table is None else table)
     open_channels = {
-        name: channels.CompressedVideoChannel(f"/scene/{name}/video", context=file.context) for name in cameras
+        name: channels.CompressedVideoChannel(f"/scene/{name}/video", context=file.context)
+        for name in cameras
     }
     every = sorted((t_ns, name, data) for name, found in cameras.items() for t_ns, data in found)
     for k, (t_ns, name, data) in enumerate(every):

@@ -90,7 +90,9 @@ def jumping(playhead: Playhead, jumps: dict[float, float]) -> Callable[[LoopView
 # Pictures and samples.
 
 
-def test_pictures_are_measured_again_with_the_maps_of_the_run_s_metric(lossless: Path, tmp_path: Path) -> None:
+def test_pictures_are_measured_again_with_the_maps_of_the_run_s_metric(
+    lossless: Path, tmp_path: Path
+) -> None:
     seen: list[tuple[str, int, np.ndarray, Any, np.ndarray]] = []
     bus = Bus()
 
@@ -100,7 +102,9 @@ def test_pictures_are_measured_again_with_the_maps_of_the_run_s_metric(lossless:
     bus.subscribe(MeasuredPicture, see, vital=True)
     summary = play_file(lossless, nowhere(tmp_path), speed=None, bus=bus)
     given: list[tuple[str, int, np.ndarray]] = []
-    recorded = read_recorded(lossless, frame=lambda f, picture, _: given.append((f, picture.t_ns, picture.image)))
+    recorded = read_recorded(
+        lossless, frame=lambda f, picture, _: given.append((f, picture.t_ns, picture.image))
+    )
     assert [(f, t_ns) for f, t_ns, *_ in seen] == [(f, t_ns) for f, t_ns, _ in given]
     assert all(np.array_equal(one[2], other[2]) for one, other in zip(seen, given, strict=True))
     head = recorded.head
@@ -161,7 +165,9 @@ def test_samples_are_told_as_they_came_and_numbered_by_the_run_s_time(lossless: 
             assert chunk.first_index + n == round(chunk.t_ns / 1e6)  # of a thousand a second
 
 
-def test_after_a_jump_pictures_and_samples_are_of_there_and_stamped_by_the_run(lossless: Path, tmp_path: Path) -> None:
+def test_after_a_jump_pictures_and_samples_are_of_there_and_stamped_by_the_run(
+    lossless: Path, tmp_path: Path
+) -> None:
     playhead, heard = Playhead(), _Heard(MeasuredPicture, EmgSamples)
     images: dict[bytes, int] = {}
     read_recorded(
@@ -426,7 +432,9 @@ def test_the_page_shows_scene_pictures_and_looks_back_at_them() -> None:
         assert not page.cameras.image.visible
 
 
-def test_a_scene_without_a_page_is_refused(moved: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_scene_without_a_page_is_refused(
+    moved: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     scene = write_scene(tmp_path / "scene.mcap", {"front": packets(filmed(range(0, 500, 100)))})
     with pytest.raises(SystemExit) as left:
         main(["play", str(moved), "--scene", str(scene)])

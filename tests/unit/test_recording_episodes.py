@@ -271,7 +271,9 @@ def test_a_keyboard_pedal_that_types_too_counts_once_and_without_it_keys_do(tmp_
 def test_a_marker_that_is_not_named_among_the_pedals_only_marks(tmp_path: Path) -> None:
     with emulated("pedal-joystick", (0x05F3, 0x00FF)) as peer:
         config = lab(input={"marker": {"driver": "pedal", "options": _JOYSTICK}})
-        operator = _Foot(peer, ("ready", ENTER), ("episode", 0), ("episode", ENTER), ("decide", ENTER), ("ready", "qq"))
+        operator = _Foot(
+            peer, ("ready", ENTER), ("episode", 0), ("episode", ENTER), ("decide", ENTER), ("ready", "qq")
+        )
         (line,) = EpisodeTaker(config, tmp_path / "s", operator, task="lift").take()
     assert line.step == "kept"
     reader = McapReader(tmp_path / "s" / line.file)

@@ -1,4 +1,4 @@
-"""Hear the pedal of the seat ``input.marker`` while episodes are taken: by the run that has it open, and between runs."""
+"""Hear the pedal at ``input.marker`` while episodes are taken: through the run that has it open, and between runs."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 _SEAT: Final = "marker"
 _QUIET_S: Final = 0.5
-"""So long after a screen has come up a press is still that of the screen before: a pedal may tell it again and again."""
+"""So long after a screen has come up a press is still that of the screen before: a pedal may repeat it."""
 _MOST: Final = 64
 
 
@@ -81,7 +81,9 @@ class EpisodePedal:
         if self._source is not None:
             with suppress(TegaError):
                 button = None if self._seat is None else self._seat.button
-                pressed = [e.button for e in self._source.events() if e.pressed and button in {None, e.button}]
+                pressed = [
+                    e.button for e in self._source.events() if e.pressed and button in {None, e.button}
+                ]
                 found = pressed if time.monotonic() >= self._since_s else []
         while self._pressed:
             found.append(self._pressed.popleft())
@@ -108,7 +110,8 @@ def pedal_names(pedals: str, seat: InputConfig | None, taken: frozenset[str]) ->
         )
     if seat is None and (longer := [name for name in names if len(name) > 1]):
         raise InvalidValueError(
-            f"pedals {pedals!r}: {longer[0]!r} is no key", "set input.marker to the device that has this button"
+            f"pedals {pedals!r}: {longer[0]!r} is no key",
+            "set input.marker to the device that has this button",
         )
     if seat is not None and seat.button in names and len(names) > 1:
         raise InvalidValueError(

@@ -141,9 +141,7 @@ def play_file(
     haptics = Switched(recorded, clock, playhead, options.pop("haptics", lambda: True))
     if scenes:
         progress("reading the scene", 0, 0)
-    with PlayedStreams(
-        path, recorded, measured, playhead, bus, scenes=scenes, speed=speed
-    ) as streams:
+    with PlayedStreams(path, recorded, measured, playhead, bus, scenes=scenes, speed=speed) as streams:
         summary = run_session(
             config,
             clock=clock,

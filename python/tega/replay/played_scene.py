@@ -100,9 +100,7 @@ class PlayedCamera:
 
 
 @tells_damage
-def followed_scene(
-    path: Path, bus: Bus, *, start_ns: int, end_ns: int, behind_ns: int
-) -> FollowedFile:
+def followed_scene(path: Path, bus: Bus, *, start_ns: int, end_ns: int, behind_ns: int) -> FollowedFile:
     """Open a scene recording, to be played beside a recording of the same machine.
 
     Args:

@@ -253,7 +253,9 @@ class PlayedStreams:
 
 def _told_ns(path: Path, facts: Mapping[str, str], name: str) -> int:
     if (told := table_ns(facts, name)) is None:
-        raise RecordingError(f"{path.name}: does not say when it began: {name} = {facts.get(name, '')[:40]!r}")
+        raise RecordingError(
+            f"{path.name}: does not say when it began: {name} = {facts.get(name, '')[:40]!r}"
+        )
     return told
 
 
