@@ -23,7 +23,8 @@ def grey(number: int) -> int:
 
 def number_of(image: NDArray[np.uint8]) -> int:
     """Return which picture of the first 48 this is."""
-    return round((float(image.mean()) - 40) / 4)
+    # Limited range and rounding make a grey up to three darker.
+    return round((float(image.mean()) - 38.5) / 4)
 
 
 def packets(

@@ -181,7 +181,7 @@ def test_pedals_that_mean_something_else_are_refused(pedals: str, tmp_path: Path
 
 def test_a_marker_that_lets_one_button_through_is_no_pedal_of_two(tmp_path: Path) -> None:
     config = lab(input={"marker": {"driver": "spacemouse", "button": "left"}})
-    with pytest.raises(InvalidValueError, match="marker.button = 'left' lets no other button through"):
+    with pytest.raises(InvalidValueError, match=r"marker\.button = 'left' lets no other button through"):
         EpisodeTaker(config, tmp_path / "s", _Operator(), task="touch", pedals="left,right")
 
 

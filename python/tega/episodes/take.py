@@ -161,7 +161,8 @@ class EpisodeTaker:
         """Return the keys pressed, the pedals by what they mean."""
         if self._stop():
             raise KeyboardInterrupt
-        typed = [key for key in self._desk.keys() if key not in self._pedals or not self._pedal.types(key)]
+        keys = self._desk.keys()
+        typed = [key for key in keys if key not in self._pedals or not self._pedal.types(key)]
         pressed = [self._pedals[button] for button in self._pedal.presses() if button in self._pedals]
         return [self._means.get(key, key) for key in typed] + pressed
 

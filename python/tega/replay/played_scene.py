@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from array import array
 from bisect import bisect_right
 from collections.abc import Iterable
 from pathlib import Path
@@ -11,11 +10,12 @@ from typing import TYPE_CHECKING, Final
 from tega.errors import ConfigError, RecordingError
 from tega.foreign_file import tells_damage
 from tega.recording.mcap_reader import McapReader
-from tega.replay.followed_file import NEVER_NS, FollowedFile, StreamFollower, PlayedMoment
+from tega.replay.followed_file import NEVER_NS, FollowedFile, PlayedMoment, StreamFollower
 from tega.scene.decode import SceneDecoder, ScenePicture, note_key
 from tega.scene.record import scene_epoch
 
 if TYPE_CHECKING:
+    from array import array
     from collections.abc import Mapping
 
     import numpy as np
@@ -60,7 +60,7 @@ class PlayedCamera:
         else:
             self.since_ns = self._decoded_ns + 1
 
-    def take(self, message: Message, known_ns: int, moment: PlayedMoment) -> None:
+    def take(self, message: Message, known_ns: int, moment: PlayedMoment) -> None:  # noqa: ARG002  # it is told in settle
         """Decode the next picture.
 
         Raises:
@@ -115,7 +115,8 @@ def followed_scene(path: Path, bus: Bus, *, start_ns: int, end_ns: int, behind_n
         MissingExtraError: A package of the extra ``record`` is not installed.
     """
     reader = McapReader(path)
-    keys, first_ns, last_ns = dict[str, array[int]](), NEVER_NS, 0
+    keys: dict[str, array[int]] = {}
+    first_ns, last_ns = NEVER_NS, 0
     for message in reader.messages(lambda topic: not topic.endswith("/image")):
         if message.schema == VIDEO and message.value is not None:
             note_key(keys, message)

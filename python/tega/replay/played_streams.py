@@ -21,7 +21,7 @@ from tega.inbox.frames import FrameMeter
 from tega.inbox.sources import SourceReport
 from tega.recording.mcap_reader import read_picture, table_ns
 from tega.records import EmgSamples
-from tega.replay.followed_file import FollowedFile, StreamFollower, PlayedMoment
+from tega.replay.followed_file import FollowedFile, PlayedMoment, StreamFollower
 from tega.replay.played_scene import PlayedCamera, followed_scene, refuse_namesakes
 from tega.scene.decode import ScenePicture
 from tega.stages.attached import with_attached
@@ -96,7 +96,7 @@ class PlayedFinger:
     def settle(self, moment: PlayedMoment) -> None:
         """Do nothing: every picture is told as it is measured."""
 
-    def skip(self, known_ns: int) -> None:
+    def skip(self, known_ns: int) -> None:  # noqa: ARG002  # the next one will do
         """Go on with the next picture."""
         self._picture = None
 
@@ -114,7 +114,7 @@ class PlayedSamples:
         self._n_channels, self._rate_hz, self._bus = len(maxima.channels), maxima.rate_hz, bus
         self._offset: int | None = None
 
-    def begin(self, at_ns: int, *, jumped: bool) -> None:
+    def begin(self, at_ns: int, *, jumped: bool) -> None:  # noqa: ARG002  # no memory
         """Go on at a place."""
         self.since_ns = at_ns
         self._offset = None
@@ -147,7 +147,7 @@ class PlayedSamples:
     def settle(self, moment: PlayedMoment) -> None:
         """Do nothing: samples are told as they come."""
 
-    def skip(self, known_ns: int) -> None:
+    def skip(self, known_ns: int) -> None:  # noqa: ARG002  # the next one will do
         """Go on with the next samples."""
         self._offset = None
 
@@ -262,6 +262,7 @@ def _told_ns(path: Path, facts: Mapping[str, str], name: str) -> int:
 def _topics(recorded: Recorded, measured: Measured, bus: Bus) -> dict[str, StreamFollower]:
     """Return who takes which of the recording's topics."""
     head, topics = recorded.head, dict[str, StreamFollower]()
+    zero_ns = table_ns(head.facts, "epoch_ns") or 0
     if bus.wants(MeasuredPicture):
         for finger, baseline in head.baselines.items():
             one = PlayedFinger(finger, partial(_meter, recorded, measured, finger, baseline), bus)
@@ -269,7 +270,7 @@ def _topics(recorded: Recorded, measured: Measured, bus: Bus) -> dict[str, Strea
     if bus.wants(EmgSamples) and (maxima := measured.calibration.emg) is not None:
         topics[EmgSamples.topic] = PlayedSamples(maxima, bus)
     if bus.wants(ScenePicture):
-        topics |= {topic: PlayedCamera(topic, keys, bus) for topic, keys in recorded.video_keys.items()}
+        topics |= {topic: PlayedCamera(topic, [key_ns - zero_ns for key_ns in keys], bus) for topic, keys in recorded.video_keys.items()}
     return topics
 
 
