@@ -13,6 +13,7 @@ import re
 import shutil
 import socket
 import tempfile
+import threading
 from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
@@ -28,9 +29,11 @@ from hypothesis import strategies as st
 from mcap.reader import NonSeekingReader
 from mcap.writer import Writer
 
+from reference.filmed import packets, write_scene
 from reference.recordings import pressed, write_video
 from reference.sessions import tree
 from tega.arm.sources.recorded import read_poses
+from tega.bus import Bus
 from tega.calibration import Calibration, FingerMaxima, load_calibration, save_calibration
 from tega.calibration.folder import CalibrationFolder, Unfinished
 from tega.calibration.records import TouchRecord, read_record
@@ -46,8 +49,13 @@ from tega.opencv import read_image
 from tega.recording.folder import prepare_folder
 from tega.recording.inspection import inspect_file
 from tega.recording.mcap_folder import SessionFolder
+from tega.records import EmgSamples
 from tega.replay import replay_file
+from tega.replay.followed_file import PlayedMoment
+from tega.replay.play import play_file
+from tega.replay.played_scene import followed_scene
 from tega.safety import dose_file
+from tega.scene.decode import ScenePicture
 from tega.scene.layout import example_layout, load_layout, save_layout
 from tega.scene.lens import Lens, load_lens, save_lens
 from tega.scene.pictures import read_pictures, read_times
@@ -58,6 +66,7 @@ from tega.sim.score import TrialEvent
 from tega.sim.trials import read_results
 from tega.skill import people
 from tega.skill.fitts import FittsCondition, FittsScore
+from tega.stages.base import MeasuredPicture
 from tega.study import make_plan, read_plan, write_plan
 from tega.study.bundle import open_bundle, write_bundle
 from tega.study.coupling import TouchCourse, read_course, write_course
@@ -564,6 +573,49 @@ def _odd(source: Path, target: Path, spot: float, changes: list[Any], kinds: set
         writer.finish()
 
 
+def _looked_at(path: Path) -> None:
+    """Play a recording as fast as it goes while somebody looks at its pictures and samples."""
+    from tega.config import check_tree
+
+    bus = Bus()
+    for kind in (MeasuredPicture, EmgSamples, ScenePicture):
+        bus.subscribe(kind, lambda _one: None)
+    out = path.parent / "played"
+    shutil.rmtree(out, ignore_errors=True)
+    play_file(
+        path, check_tree({"session": {"out_dir": str(out)}}, {}, base=path.parent).config, speed=None, bus=bus
+    )
+
+
+def _scene_at(path: Path) -> None:
+    """Look at a scene recording here and there."""
+    bus = Bus()
+    bus.subscribe(ScenePicture, lambda _one: None)
+    file = followed_scene(path, bus, start_ns=0, end_ns=3_000_000_000, behind_ns=2**62)
+    for n, at_ns in enumerate((0, 1_400_000_000, 300_000_000, 2_900_000_000)):
+        file.follow(PlayedMoment(n, at_ns, 0), threading.Event())
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    film = packets([k * 50_000_000 for k in range(40)])
+    return write_scene(tmp_path_factory.mktemp("scene") / "scene.mcap", {"front": film, "side": film[:20]})
+
+
+@_FEW
+@given(changes=st.lists(_CHANGE, max_size=4), spot=_SPOT, whole=st.booleans())
+def test_a_scene_recording_that_is_odd_is_told_to_be(
+    scene: Path, changes: list[Any], spot: float, whole: bool, tmp_path: Path
+) -> None:
+    path = tmp_path / "odd.mcap"
+    if whole:
+        _odd(scene, path, spot, changes, {"message"})
+    else:
+        path.write_bytes(mutated(scene.read_bytes(), changes))
+    with contextlib.suppress(TegaError):
+        _scene_at(path)
+
+
 @settings(parent=_FEW, max_examples=40)
 @given(
     spot=_SPOT,
@@ -578,6 +630,6 @@ def test_a_recording_that_is_odd_is_told_to_be(
         _odd(recording, path, spot, changes, kinds)
     else:
         path.write_bytes(mutated(recording.read_bytes(), changes))
-    for use in (inspect_file, replay_file):
+    for use in (inspect_file, replay_file, _looked_at):
         with contextlib.suppress(TegaError):
             use(path)

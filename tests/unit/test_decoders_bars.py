@@ -1,7 +1,7 @@
 """What the learned decoder reaches on real recordings: fitted on one part in time, judged on another.
 
-Constants of the decoder (time constants, ridge) were chosen on the second halves of these recordings: the bars
-are in-sample in that sense. Those of the latch were chosen on the first halves. The swapped halves stand beside them, and
+Constants of the decoder (time constants, ridge) were chosen on the second halves of these recordings: the bars are
+in-sample in that sense. Those of the latch were chosen on the first halves. The swapped halves stand beside them, and
 docs/evidence/emg-decoders.md says how far constants may move.
 """
 

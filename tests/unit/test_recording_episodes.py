@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 import threading
 import time
 from pathlib import Path
@@ -12,6 +13,7 @@ import pytest
 
 pytest.importorskip("foxglove", reason="comes with the extra record")
 
+from reference.held import PEDAL, emulated
 from reference.sessions import messages, record, told, tree
 from tega.cli.main import main
 from tega.config import check_tree
@@ -25,6 +27,7 @@ from tega.recording.mcap_reader import McapReader, read_picture
 from tega.replay import replay_file
 from tega.study.lead.experimenter import ENTER, Screen
 from tega_emulators.lab import emulated_lab
+from tega_emulators.process import Emulator
 
 
 class _Operator:
@@ -169,11 +172,112 @@ def test_an_episode_that_the_program_did_not_live_to_end_is_kept_and_said_to_be_
         EpisodeJournal(folder)
 
 
-@pytest.mark.parametrize("pedals", ["q", "x", "bb", "bnmk", "ba"])
+@pytest.mark.parametrize("pedals", ["q", "x", "bb", "bnmk", "ba", "b,b", "b,,n", "left,x", "left,right"])
 def test_pedals_that_mean_something_else_are_refused(pedals: str, tmp_path: Path) -> None:
     with pytest.raises(InvalidValueError, match="pedals"):
         EpisodeTaker(lab(), tmp_path / "s", _Operator(), task="touch", pedals=pedals)
     assert not (tmp_path / "s").exists()
+
+
+def test_a_marker_that_lets_one_button_through_is_no_pedal_of_two(tmp_path: Path) -> None:
+    config = lab(input={"marker": {"driver": "spacemouse", "button": "left"}})
+    with pytest.raises(InvalidValueError, match=r"marker\.button = 'left' lets no other button through"):
+        EpisodeTaker(config, tmp_path / "s", _Operator(), task="touch", pedals="left,right")
+
+
+class _Foot(_Operator):
+    """Presses and lets go a button of an emulated pedal, or a key, at each screen."""
+
+    def __init__(self, peer: Emulator, *steps: tuple[str, str | int]) -> None:
+        super().__init__()
+        self._peer, self._left = peer, list(steps)
+        self._shown: tuple[str, float] = ("", 0.0)
+        self.wrong = list[str]()
+
+    def show(self, screen: Screen) -> None:
+        super().show(screen)
+        self.wrong += screen.wrong
+        now_s = time.monotonic()
+        if screen.phase != self._shown[0]:
+            self._shown = screen.phase, now_s
+        if not self._left or screen.phase != self._left[0][0] or now_s - self._shown[1] < 0.8:
+            return
+        if screen.phase == "episode" and not (screen.big.endswith(" s") and float(screen.big[:-2]) > 1.2):
+            return
+        _, what = self._left.pop(0)
+        self._shown = ("", 0.0)
+        if isinstance(what, str):
+            self._keys += list(what)
+            return
+        self._peer.say(f"press {what}")
+        time.sleep(0.05)  # no bounce
+        self._peer.say(f"lift {what}")
+
+
+_JOYSTICK = {"report": "joystick", "vendor_id": 0x05F3, "button_byte": 3}
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="the emulators need Linux")
+def test_a_hardware_pedal_starts_ends_keeps_discards_and_does_again(tmp_path: Path) -> None:
+    folder = tmp_path / "s"
+    with emulated("pedal-joystick", (0x05F3, 0x00FF)) as peer:
+        config = lab(input={"marker": {"driver": "pedal", "options": _JOYSTICK}})
+        operator = _Foot(
+            peer,
+            ("ready", 0), ("episode", 0), ("decide", 0),  # kept
+            ("ready", 0), ("episode", 0), ("decide", 1),  # discarded
+            ("ready", 0), ("episode", 2),  # discarded, and at once
+            ("episode", 1),  # discarded while it goes on
+            ("ready", ENTER), ("episode", ENTER), ("decide", 0),  # keys do as before
+            ("ready", "qq"),
+        )  # fmt: skip
+        taken = EpisodeTaker(config, folder, operator, task="lift", pedals="1,2,3").take()
+    assert [line.step for line in taken] == ["kept", "discarded", "discarded", "discarded", "kept"]
+    assert files(folder) == [EPISODES, "session.json", "trial-001.mcap", "trial-002.mcap"]
+    # The press that ended an episode stands in it.
+    reader = McapReader(folder / "trial-001.mcap")
+    marked = [one.value.text for one in reader.messages() if one.topic == "/run/marker"]
+    assert marked == ["1"]
+    assert operator.wrong == []
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="the emulators need Linux")
+def test_a_keyboard_pedal_that_types_too_counts_once_and_without_it_keys_do(tmp_path: Path) -> None:
+    with emulated("pedal-keyboard", PEDAL) as peer:
+        config = lab(input={"marker": {"driver": "pedal"}})
+
+        class Typing(_Foot):
+            """Types what the pedal types, as the system does with a keyboard."""
+
+            def show(self, screen: Screen) -> None:
+                n = len(self._left)
+                super().show(screen)
+                if len(self._left) < n and not self._keys:
+                    self._keys.append("b")
+
+        operator = Typing(peer, ("ready", 0), ("episode", 0), ("decide", 0), ("ready", "qq"))
+        taken = EpisodeTaker(config, tmp_path / "s", operator, task="lift", pedals="b").take()
+        assert [line.step for line in taken] == ["kept"]
+        peer.say("unplug")
+        unplugged = _Foot(peer, ("ready", "qq"))
+        EpisodeTaker(config, tmp_path / "s", unplugged, task="lift", pedals="b").take()
+        assert any("no pedal that is known" in said for said in unplugged.wrong)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="the emulators need Linux")
+def test_a_marker_that_is_not_named_among_the_pedals_only_marks(tmp_path: Path) -> None:
+    with emulated("pedal-joystick", (0x05F3, 0x00FF)) as peer:
+        config = lab(input={"marker": {"driver": "pedal", "options": _JOYSTICK}})
+        operator = _Foot(
+            peer, ("ready", ENTER), ("episode", 0), ("episode", ENTER), ("decide", ENTER), ("ready", "qq")
+        )
+        (line,) = EpisodeTaker(config, tmp_path / "s", operator, task="lift").take()
+    assert line.step == "kept"
+    reader = McapReader(tmp_path / "s" / line.file)
+    assert [one.value.text for one in reader.messages() if one.topic == "/run/marker"] == ["1"]
 
 
 def test_a_folder_of_something_else_is_refused(tmp_path: Path) -> None:

@@ -20,10 +20,10 @@ from tega.cli.main import cli  # noqa: E402
 from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError  # noqa: E402
 from tega.recording.mcap_file import McapFile  # noqa: E402
 from tega.recording.mcap_reader import McapReader  # noqa: E402
+from tega.scene.decode import SceneDecoder  # noqa: E402
 from tega.scene.pictures import read_pictures, read_times, times_path  # noqa: E402
 from tega.scene.record import export_camera, record_cameras  # noqa: E402
 from tega.scene.video import SceneEncoder, VideoFormat  # noqa: E402
-from tega_figures.scene.decoder import SceneDecoder  # noqa: E402
 
 SIZE = (160, 120)
 
@@ -49,8 +49,10 @@ def test_every_packet_is_one_picture_and_none_waits(video: VideoFormat) -> None:
         packets = encoder.encode(np.full((SIZE[1], SIZE[0]), _shade(number), np.uint8), 1000 * number + 7)
         assert [t_ns for t_ns, _ in packets] == [1000 * number + 7]
         for packet in packets:
-            seen += [(t_ns, float(image.mean())) for t_ns, image in decoder.decode(*packet)]
-    seen += [(t_ns, float(image.mean())) for t_ns, image in decoder.close()]
+            decoder.take(*packet)
+            shown = decoder.image()
+            assert shown is not None
+            seen.append((shown[0], float(shown[1].mean())))
     assert [t_ns for t_ns, _ in seen] == [1000 * number + 7 for number in range(10)]
     assert all(abs(mean - _shade(number)) < 3 for number, (_, mean) in enumerate(seen))
 

@@ -49,6 +49,10 @@ class _Speed(click.ParamType[float | None]):
     "--from", "from_s", type=click.FloatRange(min=0), default=0.0, show_default=True, metavar="SECONDS",
     help="Where in the recording to begin; with --view a slider goes anywhere.",
 )  # fmt: skip
+@click.option(
+    "--scene", "scenes", type=click.Path(path_type=Path, dir_okay=False), multiple=True, metavar="SCENE.mcap",
+    help="Scene cameras that scene record kept beside it, shown with --view; repeatable.",
+)  # fmt: skip
 @view_options
 @json_option
 def play(
@@ -60,6 +64,7 @@ def play(
     speed: float | None,
     because: str,
     from_s: float,
+    scenes: tuple[Path, ...],
     view: bool,
     view_port: int,
     as_json: bool,
@@ -86,6 +91,8 @@ def play(
     from tega.replay.playhead import Playhead
     from tega.safety.ctrl_c import CtrlC
 
+    if scenes and not view:
+        raise click.UsageError("--scene is shown on the page, so it needs --view")
     files = session_files(session)
     if len(files) > 1:
         raise ConfigError(
@@ -95,7 +102,7 @@ def play(
     config = playing_to(to, sets=worn_by(person, sets))
     heading = f"TEGA · {files[0].name}" + (" · space or q: stop" if sys.stdin.isatty() else "")
     playhead = Playhead(from_s)
-    played = partial(play_file, files[0], speed=speed, because=because, playhead=playhead)
+    played = partial(play_file, files[0], speed=speed, because=because, playhead=playhead, scenes=scenes)
     drawn_here = config.vest.driver == "on-screen-vest" and config.vest.options.terminal is None
     started = time.perf_counter()
     with (

@@ -16,8 +16,9 @@ _PATH = click.Path(path_type=Path)
 @click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
 @click.option("--task", required=True, help="What is done in the episodes, in words.")
 @click.option(
-    "--pedals", default="", metavar="KEYS", help="What a foot switch types to go on, discard, do again: bnm."
-)
+    "--pedals", default="", metavar="KEYS",
+    help="What a foot switch types to go on, discard, do again: bnm; or buttons of input.marker: left,right.",
+)  # fmt: skip
 @click.option("--person", metavar="ID", help="Whose calibration to use (calibration.person).")
 @click.option("--episodes", "most", type=click.IntRange(1), help="End after so many were kept.")
 @click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")

@@ -5,12 +5,15 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from contextlib import closing
 from typing import TYPE_CHECKING, Final
 
 import msgspec
 
+from tega.bus import Bus
 from tega.episodes.journal import EpisodeJournal
-from tega.errors import InvalidValueError, TegaError
+from tega.episodes.pedal import EpisodePedal, pedal_names
+from tega.errors import TegaError
 from tega.recording.mcap_folder import SessionFolder
 from tega.study.lead.experimenter import ENTER, Desk, Screen
 from tega.study.lead.rest_tasks import RunningTask
@@ -32,29 +35,13 @@ _STEPS: Final[dict[str, EpisodeStep]] = {GO_ON: "kept", DISCARD: "discarded", AG
 QUIET_S: Final = 1.0
 """So long after an episode has begun the key that began it does not end it."""
 _POLL_S = 0.02
-
-
-def check_pedals(pedals: str) -> None:
-    """Refuse keys of pedals that mean something else.
-
-    Raises:
-        InvalidValueError: They are not one to three keys of their own.
-    """
-    if (
-        len(set(pedals)) != len(pedals)
-        or len(pedals) > 3
-        or set(pedals) & set("q" + GO_ON + DISCARD + AGAIN + "a")
-    ):
-        raise InvalidValueError(
-            f"pedals {pedals!r}: they are not one to three keys that mean nothing else",
-            "name what a foot switch types to go on, to discard and to do again, such as bnm",
-        )
+_KEYS: Final = frozenset({"q", GO_ON, DISCARD, AGAIN, "a"})
 
 
 class _Running:
     """An episode that goes on: a run in a thread of its own."""
 
-    def __init__(self, config: SessionConfig, settings: str) -> None:
+    def __init__(self, config: SessionConfig, settings: str, bus: Bus) -> None:
         self._over = threading.Event()
         self._began_s: float | None = None
         self._ended_s: float | None = None
@@ -64,6 +51,7 @@ class _Running:
         def run() -> None:
             summary = run_session(
                 config,
+                bus=bus,
                 observer=self._see,
                 progress=self._prepare,
                 stop=self._over.is_set,
@@ -113,7 +101,8 @@ class EpisodeTaker:
         folder: The session's folder: new, or one that holds recordings already.
         desk: What the operator sees and presses.
         task: What is done in the episodes, in words.
-        pedals: What a foot switch types: to go on, to discard, to do again; as many of them as there are.
+        pedals: What a foot switch types, or which buttons of ``input.marker`` are pressed with commas between: to go
+            on, to discard, to do again; as many of them as there are.
         stop: Asked all the time whether to end.
         settings: How the settings' file is named in what an error suggests.
 
@@ -135,7 +124,7 @@ class EpisodeTaker:
         stop: Callable[[], bool] = lambda: False,
         settings: str = "SETTINGS.toml",
     ) -> None:
-        check_pedals(pedals)
+        names = pedal_names(pedals, config.input.marker, _KEYS)
         replace = msgspec.structs.replace
         self._config = replace(
             config,
@@ -143,7 +132,9 @@ class EpisodeTaker:
             recording=replace(config.recording, dir=folder.absolute()),
         )
         self._desk, self._task, self._stop, self._settings = desk, task, stop, settings
-        self._means = {ENTER: GO_ON, " ": GO_ON} | dict(zip(pedals, (GO_ON, DISCARD, AGAIN), strict=False))
+        self._pedals = dict(zip(names, (GO_ON, DISCARD, AGAIN), strict=False))
+        self._means = {ENTER: GO_ON, " ": GO_ON} | self._pedals
+        self._pedal = EpisodePedal(config.input.marker if self._pedals else None)
         self._folder = SessionFolder(folder)
 
     def take(self, *, most: int | None = None) -> list[EpisodeLine]:
@@ -156,7 +147,7 @@ class EpisodeTaker:
             How each ended.
         """
         ended: list[EpisodeLine] = []
-        with EpisodeJournal(self._folder) as journal:
+        with EpisodeJournal(self._folder) as journal, closing(self._pedal):
             again = False
             while most is None or sum(line.step == "kept" for line in ended) < most:
                 if not again and not self._wait(journal, ended):
@@ -170,12 +161,15 @@ class EpisodeTaker:
         """Return the keys pressed, the pedals by what they mean."""
         if self._stop():
             raise KeyboardInterrupt
-        pressed = self._desk.keys()
-        return [self._means.get(key, key) for key in pressed]
+        keys = self._desk.keys()
+        typed = [key for key in keys if key not in self._pedals or not self._pedal.types(key)]
+        pressed = [self._pedals[button] for button in self._pedal.presses() if button in self._pedals]
+        return [self._means.get(key, key) for key in typed] + pressed
 
     def _wait(self, journal: EpisodeJournal, ended: list[EpisodeLine]) -> bool:
         """Wait for the start; whether there is one."""
         quitting = False
+        self._pedal.listen()
         kept = sum(line.step == "kept" for line in ended)
         heading = f"{self._task} · {kept} kept, {len(ended) - kept} discarded"
         last = "" if not ended else f"episode {ended[-1].episode}: {ended[-1].step} {ended[-1].why}".strip()
@@ -190,14 +184,15 @@ class EpisodeTaker:
                     quitting = True
                     self._desk.say("q once more to end")
             big = f"Enter to start episode {journal.n_episodes + 1}"
-            self._desk.show(Screen("ready", heading, big, [last] if last else [], keys))
+            self._desk.show(Screen("ready", heading, big, [last] if last else [], keys, self._wrong))
             time.sleep(_POLL_S)
 
     def _episode(self, journal: EpisodeJournal) -> tuple[EpisodeLine, bool]:
         """Take one; how it ended, and whether it is to be done again at once."""
         file = self._folder.new_trial().name
         journal.add("begun", file, self._task)
-        running = _Running(self._config, self._settings)
+        self._pedal.close()
+        running = _Running(self._config, self._settings, self._bus())
         wanted, why = "", ""
         try:
             wanted = self._watch(running, journal.n_episodes)
@@ -219,6 +214,15 @@ class EpisodeTaker:
         self._desk.say(f"episode {line.episode}: {line.step}" + (f": {why}" if why else ""))
         return line, wanted == AGAIN
 
+    def _bus(self) -> Bus:
+        bus = Bus()
+        self._pedal.watch(bus)
+        return bus
+
+    @property
+    def _wrong(self) -> list[str]:
+        return [self._pedal.problem] if self._pedal.problem else []
+
     def _watch(self, running: _Running, number: int) -> str:
         """Look on until it ends; what was said of it meanwhile, ``""`` for nothing yet."""
         keys = [("Enter", "end"), (DISCARD, "discard"), (AGAIN, "discard, and again")]
@@ -237,17 +241,19 @@ class EpisodeTaker:
     def _decide(self, running: _Running, number: int) -> str:
         keys = [("Enter", "keep"), (DISCARD, "discard"), (AGAIN, "discard, and again")]
         heading = f"{self._task} · episode {number}, {running.elapsed_s:.1f} s"
+        self._pedal.listen()
         while True:
             for key in self._heard():
                 if key in {GO_ON, DISCARD, AGAIN}:
                     return key
-            self._desk.show(Screen("decide", heading, "keep it?", (), keys))
+            self._desk.show(Screen("decide", heading, "keep it?", (), keys, self._wrong))
             time.sleep(_POLL_S)
 
     def _to_start(self) -> None:
         """Have arm and hand go to their start, where the settings have one; nobody moves without the dead-man."""
         if self._config.arm is None or self._config.arm.start is None:
             return
+        self._pedal.close()
         running = RunningTask(start_task(self._config))
         try:
             while not running.over:

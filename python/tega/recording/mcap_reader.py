@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Iterator
+from bisect import bisect_left
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
@@ -56,7 +57,7 @@ def open_recording(path: Path) -> IO[bytes]:
 
 
 class McapReader:
-    """One pass over a file. Needs no index, so that a cut file is read as far as it goes.
+    """Passes over a file. Needs no index, so that a cut file is read as far as it goes.
 
     Args:
         path: The file.
@@ -73,15 +74,23 @@ class McapReader:
         self.path = path
         self._data = data
         self._check_sums = check_sums
+        self._schemas: dict[int, Any] = {}
+        self._channels: dict[int, Any] = {}
+        # Of each part of the file: where it begins, and the newest log time up to its end.
+        self._parts: list[tuple[int, int]] = []
         self.metadata: dict[str, dict[str, str]] = {}
         self.files: dict[str, bytes] = {}
         self.cut = ""
 
-    def messages(self, wanted: Callable[[str], bool] = lambda _topic: True) -> Iterator[Message]:
+    def messages(
+        self, wanted: Callable[[str], bool] = lambda _topic: True, *, since_ns: int = 0
+    ) -> Iterator[Message]:
         """Return the messages in the order in which they were written.
 
         Args:
             wanted: Asked per topic whether to decode.
+            since_ns: Leave out parts of the file that are known, by an earlier pass, to end before this log time;
+                what is left may still begin earlier.
 
         Raises:
             RecordingError: The file cannot be opened, or is no MCAP.
@@ -90,19 +99,26 @@ class McapReader:
         reading = require("mcap.stream_reader", driver="replay", extra="record")
         records = require("mcap.records", driver="replay", extra="record")
         faults = require("mcap.exceptions", driver="replay", extra="record")
-        schemas: dict[int, Any] = {}
-        channels: dict[int, Any] = {}
         with open_recording(self.path) if self._data is None else io.BytesIO(self._data) as file:
+            begins = file.seek(self._place(since_ns))
             source = iter(
                 reading.StreamReader(
-                    file, validate_crcs=self._check_sums, record_size_limit=MOST_RECORD
+                    file,
+                    skip_magic=begins > 0,
+                    emit_chunks=True,
+                    validate_crcs=self._check_sums,
+                    record_size_limit=MOST_RECORD,
                 ).records
             )
             while True:
+                begins = file.tell()
                 try:
                     record = next(source, None)
+                    inside = [record]
+                    if isinstance(record, records.Chunk):
+                        inside = reading.breakup_chunk(record, validate_crc=self._check_sums)
                 except faults.InvalidMagic:
-                    if not channels and not self.metadata:
+                    if not self._channels and not self.metadata:
                         raise RecordingError(
                             f"{self.path.name}: no MCAP file", "name a recording made with --record"
                         ) from None
@@ -113,22 +129,36 @@ class McapReader:
                     return
                 if record is None:
                     return
-                if isinstance(record, records.Message):
+                if isinstance(record, records.Chunk):
+                    self._note(begins, [one.log_time for one in inside if isinstance(one, records.Message)])
+                for one in inside:
+                    if not isinstance(one, records.Message):
+                        self._keep(one, records)
+                        continue
                     try:
-                        message = _message(record, channels[record.channel_id], schemas, wanted)
+                        message = _message(one, self._channels[one.channel_id], self._schemas, wanted)
                     except Exception as error:  # of a damaged schema or message, or one of an unknown channel
                         self.cut = type(error).__name__
                         return
                     yield message
-                elif isinstance(record, records.Schema):
-                    schemas[record.id] = record
-                elif isinstance(record, records.Channel):
-                    channels[record.id] = record
-                else:
-                    self._keep(record, records)
+
+    def _place(self, since_ns: int) -> int:
+        """Return where the first part begins that may hold a log time or a later one."""
+        place = bisect_left(self._parts, since_ns, key=lambda part: part[1])
+        return self._parts[min(place, len(self._parts) - 1)][0] if place else 0
+
+    def _note(self, begins: int, times_ns: list[int]) -> None:
+        """Note a part of the file; in a later pass it is known already."""
+        before = self._parts[-1] if self._parts else (-1, 0)
+        if begins > before[0]:
+            self._parts.append((begins, max([before[1], *times_ns])))
 
     def _keep(self, record: Any, records: Any) -> None:
-        if isinstance(record, records.Metadata):
+        if isinstance(record, records.Schema):
+            self._schemas[record.id] = record
+        elif isinstance(record, records.Channel):
+            self._channels[record.id] = record
+        elif isinstance(record, records.Metadata):
             self.metadata.setdefault(record.name, {}).update(record.metadata)
         elif isinstance(record, records.Attachment):
             self.files[record.name] = record.data
@@ -140,6 +170,12 @@ def _message(record: Any, channel: Any, schemas: dict[int, Any], wanted: Callabl
         value = decoder(schema.name, schema.data).FromString(record.data)
     name = "" if schema is None else schema.name
     return Message(channel.topic, name, record.log_time, len(record.data), value)
+
+
+def table_ns(table: Mapping[str, str], name: str) -> int | None:
+    """Return a number of nanoseconds that a table of a file tells; ``None`` where that is no such number."""
+    text = table.get(name, "")
+    return int(text) if text.isascii() and text.isdecimal() and len(text) < 20 else None
 
 
 def read_picture(message: Message) -> NDArray[np.uint8]:

@@ -23,6 +23,7 @@ from tega.replay.measured import Measured
 from tega.replay.play_clock import PlayClock
 from tega.replay.played_beside import PlayedBeside
 from tega.replay.played_input import Switched, played_input
+from tega.replay.played_streams import PlayedStreams
 from tega.replay.playhead import Playhead
 from tega.replay.recorded import read_recorded
 from tega.teleop import run_session
@@ -70,6 +71,7 @@ def play_file(
     speed: float | None = 1.0,
     because: str = "",
     playhead: Playhead | None = None,
+    scenes: Sequence[Path] = (),
     progress: Progress = lambda _what, _done, _total: None,
     **options: Any,
 ) -> dict[str, Any]:
@@ -85,6 +87,7 @@ def play_file(
         speed: Seconds of the session a second, 0.05 to 20; ``None`` for as fast as it goes.
         because: Why a real vest or hand is played to at more than the recording's speed.
         playhead: Where to begin, and takes wishes for another moment meanwhile; ``None`` for all from the beginning.
+        scenes: Scene recordings made beside it on the same machine, for who has subscribed to their pictures.
         progress: Told how preparation goes.
         options: Further arguments of ``run_session``.
 
@@ -136,16 +139,19 @@ def play_file(
     bus = options.pop("bus", None) or Bus()
     beside = PlayedBeside(recorded, playhead, bus)
     haptics = Switched(recorded, clock, playhead, options.pop("haptics", lambda: True))
-    summary = run_session(
-        config,
-        clock=clock,
-        prepared=prepared,
-        haptics=haptics,
-        progress=progress,
-        bus=bus,
-        shown=beside.shown,
-        **options,
-    )
+    if scenes:
+        progress("reading the scene", 0, 0)
+    with PlayedStreams(path, recorded, measured, playhead, bus, scenes=scenes, speed=speed) as streams:
+        summary = run_session(
+            config,
+            clock=clock,
+            prepared=prepared,
+            haptics=haptics,
+            progress=progress,
+            bus=bus,
+            shown=lambda view: streams.shown(beside.shown(view)),
+            **options,
+        )
     summary["played"] = {
         "file": path.name,
         "speed": "max" if speed is None else speed,
@@ -155,6 +161,8 @@ def play_file(
         "lead_s": lead_ns / 1e9,
         "from_s": playhead.from_ns / 1e9,
         "jumps": playhead.n_jumps,
+        "shown": streams.summary(),
+        "not_shown": list(streams.problems),
     }
     if speed is not None:
         # The loop counts in the session's time; who waits for a tick waits in real time.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -33,6 +34,7 @@ from tega.records import (
     Intent,
 )
 from tega.records.schema import read
+from tega.scene.decode import note_key
 
 
 class Head(msgspec.Struct, frozen=True):
@@ -98,6 +100,8 @@ class Recorded(msgspec.Struct):
         from_ns: Where it begins, nanoseconds since the start of the session; what is from before that is its lead-in.
         n_early: Items of the lead-in, by finger, ``emg`` for levels, ``hand`` for exchanges, ``arm`` for its
             turns.
+        reader: Passes over the file again; ``None`` before the first message.
+        video_keys: Log times of scene pictures from which a decoder can begin, by topic.
     """
 
     head: Head
@@ -122,6 +126,8 @@ class Recorded(msgspec.Struct):
     n_frames: dict[str, int] = {}
     from_ns: int = 0
     n_early: dict[str, int] = {}
+    reader: McapReader | None = None
+    video_keys: dict[str, array[int]] = {}
 
     @property
     def last_tick_ns(self) -> int:
@@ -191,7 +197,10 @@ def _begin(reader: McapReader, begin: Callable[[Head], None], chunk: Callable[[E
     """Take in what comes before the first message, and of a trimmed recording its lead-in."""
     head = _head(reader)
     recorded = Recorded(
-        head, {finger: [] for finger in head.baselines}, from_ns=span(reader.metadata).from_ns
+        head,
+        {finger: [] for finger in head.baselines},
+        from_ns=span(reader.metadata).from_ns,
+        reader=reader,
     )
     begin(head)
     if recorded.from_ns > 0:
@@ -221,6 +230,8 @@ def _take(recorded: Recorded, message: Message, chunk: Callable[[EmgChunk], None
             chunk(EmgChunk(value.t_ns, value.first_index, samples))
         case "tega.ArmTurn":
             recorded.turns.append(value)
+        case "foxglove.CompressedVideo":
+            note_key(recorded.video_keys, message)
         case "tega.Marker":
             recorded.markers.append((value.t_ns, value.text))
         case "tega.TriedMotor":

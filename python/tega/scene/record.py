@@ -23,7 +23,7 @@ from tega.foreign_file import tells_damage
 from tega.lifecycle import require
 from tega.plain_name import plain_name
 from tega.recording.mcap_file import McapFile
-from tega.recording.mcap_reader import McapReader
+from tega.recording.mcap_reader import McapReader, table_ns
 from tega.scene.pictures import times_path
 from tega.scene.sources import is_camera, open_pictures
 from tega.scene.video import SceneEncoder, VideoFormat
@@ -226,12 +226,7 @@ def export_camera(recording: Path, name: str, out: Path) -> int:
         if not times or kind not in {"h264", "av1"}:
             there = ", ".join(sorted(others)) or "none"
             raise RecordingError(f"{recording.name}: no camera {name!r}", f"its topics: {there}")
-        told = reader.metadata.get(TABLE, {}).get("epoch_ns", "")
-        if not (told.isascii() and told.isdecimal() and len(told) < 20):
-            raise RecordingError(
-                f"{recording.name}: {TABLE} has no epoch_ns, so its times have no clock: {told[:40]!r}"
-            )
-        epoch_ns = int(told)
+        epoch_ns = scene_epoch(reader)
         try:
             number = _mux(av, stream, kind, times, out)
         except Exception as error:  # of a damaged stream the library raises what it likes
@@ -242,6 +237,21 @@ def export_camera(recording: Path, name: str, out: Path) -> int:
     lines = [f"{k},{t_ns - epoch_ns}\n" for k, t_ns in enumerate(times)]
     write_whole(times_path(out), "picture,t_ns\n" + "".join(lines))
     return len(times)
+
+
+def scene_epoch(reader: McapReader) -> int:
+    """Return the log time at which the machine's monotonic clock was 0, by a scene recording that has been read.
+
+    Raises:
+        RecordingError: It does not say.
+    """
+    table = reader.metadata.get(TABLE, {})
+    if (epoch_ns := table_ns(table, "epoch_ns")) is None:
+        told = table.get("epoch_ns", "")[:40]
+        raise RecordingError(
+            f"{reader.path.name}: {TABLE} has no epoch_ns, so its times have no clock: {told!r}"
+        )
+    return epoch_ns
 
 
 def _mux(av: Any, stream: Path, kind: str, times: list[int], out: Path) -> int:

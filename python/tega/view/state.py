@@ -78,6 +78,7 @@ class ViewState(NamedTuple):
         emg: The newest muscle signal.
         rows: Lines of text, such as object, condition, phase.
         latency_ms: Delays to show, by name.
+        cameras: Pictures of scene cameras by name, uint8 (H, W, 3), BGR.
     """
 
     t_ns: int
@@ -90,3 +91,4 @@ class ViewState(NamedTuple):
     emg: EmgTail | None = None
     rows: Mapping[str, str] = {}
     latency_ms: Mapping[str, float] = {}
+    cameras: Mapping[str, NDArray[np.uint8]] = {}

@@ -1,4 +1,4 @@
-"""Add pictures, muscle signal and hand to the loop's own view, for the page.
+"""Add pictures, muscle signal, markers and hand to the loop's own view, for the page.
 
 The bus tells every picture that is measured, in the thread that measures it, which asks the metric for its map there
 and then: what is drawn is what the loop was given, and the loop's own thread has no part in it. Pictures of a
@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tega.records import Button, EmgSamples, Picture
+from tega.records import Button, EmgSamples, Marker, Picture
+from tega.scene.decode import ScenePicture
 from tega.stages.base import MeasuredPicture
 from tega.teleop.adapting import UNDO_SEAT
 from tega.teleop.touch import STALE_NS
@@ -21,6 +22,8 @@ from tega.view.browser.muscle_rows import MuscleRows
 from tega.view.state import EmgTail, TouchImage, ViewState
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from tega.bus import Bus
     from tega.inbox.prepared import Muscles, Prepared
 
@@ -32,6 +35,9 @@ _KEPT_S = 5.0
 _AHEAD_S = 10.0
 # Pictures of a finger that wait to be shown; a recording's thread is at most 64 ahead, the rest is for a slow page.
 _MOST_PICTURES = 128
+# A marker is told for so long, and no more than its beginning: another program may have written it.
+_MARKED_NS = 10_000_000_000
+_MARKED_LETTERS = 40
 
 
 class SessionFeed:
@@ -41,7 +47,7 @@ class SessionFeed:
 
     Args:
         rows: Lines of text to show.
-        bus: Tells pictures and samples.
+        bus: Tells pictures, samples and markers.
     """
 
     def __init__(self, rows: dict[str, str], bus: Bus) -> None:
@@ -54,6 +60,10 @@ class SessionFeed:
         bus.subscribe(Picture, self._see, name="page")
         bus.subscribe(MeasuredPicture, self._measured, name="page")
         bus.subscribe(EmgSamples, self._hear, name="page")
+        self._cameras: dict[str, NDArray[np.uint8]] = {}
+        self._marker: Marker | None = None
+        bus.subscribe(ScenePicture, self._filmed, name="page")
+        bus.subscribe(Marker, self._mark, name="page")
         self._bus, self._t_ns, self._muscle_rows = bus, 0, MuscleRows(bus)
 
     def watch(self, prepared: Prepared) -> Prepared:
@@ -97,8 +107,9 @@ class SessionFeed:
             poses=poses,
             palm=palm,
             emg=None if muscles is None else self._tail(state.t_ns, muscles),
-            rows={**self._rows, **self._muscle_rows.rows(holds), **state.rows},
+            rows={**self._rows, **self._muscle_rows.rows(holds), **self._marked(state.t_ns), **state.rows},
             latency_ms={"picture to vest": float(np.mean(ages_ms))} if ages_ms else {},
+            cameras=self._cameras,
         )
 
     def undo(self) -> None:
@@ -114,6 +125,22 @@ class SessionFeed:
         if (shown := self._pictures.get(picture.finger)) is not None:
             image = TouchImage(picture.image, picture.metrics, picture.metric.touch_map())
             shown.put(picture.t_ns, image)
+
+    def _filmed(self, picture: ScenePicture) -> None:
+        cameras = {name: image for name, image in self._cameras.items() if name != picture.camera}
+        if picture.image is not None:
+            cameras[picture.camera] = picture.image
+        self._cameras = cameras  # another thread may be reading the one before
+
+    def _mark(self, marker: Marker) -> None:
+        self._marker = marker
+
+    def _marked(self, t_ns: int) -> dict[str, str]:
+        """Say which moment was marked last, and how long ago."""
+        if (marker := self._marker) is None or t_ns - marker.t_ns > _MARKED_NS:
+            return {}
+        text = marker.text[:_MARKED_LETTERS]
+        return {"marker": f"{text}, {max(t_ns - marker.t_ns, 0) / 1e9:.1f} s ago"}
 
     def _hear(self, chunk: EmgSamples) -> None:
         """Keep the newest signal and no more, whether or not anybody paints it."""

@@ -7,8 +7,10 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from tega.errors import InvalidValueError
+from tega.view.browser.camera_pictures import CameraPictures, cameras_html
 from tega.view.browser.charts import CourseChart, MuscleCharts
 from tega.view.browser.delays import Delays
+from tega.view.browser.picture_html import picture_html
 from tega.view.browser.scene import Point, Scene
 from tega.view.browser.seek import SeekSlider
 from tega.view.browser.state_html import (
@@ -26,7 +28,7 @@ from tega.view.browser.state_html import (
 )
 from tega.view.browser.style import STYLE
 from tega.view.browser.timeline import KEPT_S, Timeline
-from tega.view.browser.touch import TouchSheet, jpeg_of, sheet_html
+from tega.view.browser.touch import TouchSheet
 from tega.view.browser.vest import TRIED, vest_svg
 from tega.view.labels import ContactLabels
 
@@ -40,6 +42,7 @@ if TYPE_CHECKING:
 __all__ = ["Page"]
 
 _TOUCH_WIDTH, _CHART_WIDTH = 420, 400
+_SHEET = "cameras and touch maps"
 
 
 class Page:
@@ -61,6 +64,7 @@ class Page:
         status: The lines of text.
         timeline: The moments that can be looked back at.
         seek: The slider over a recording that is played; ``None`` where none is.
+        cameras: The scene cameras' pictures.
         inputs: viser's handles of the buttons and choices that there are: ``object``, ``haptics``, ``pause``, ``go``,
             ``undo``, ``stop``.
     """
@@ -79,6 +83,7 @@ class Page:
         self._server, self._controls = server, controls
         self._sheet, self._labels, self._delays = TouchSheet(), ContactLabels(), Delays()
         self.seek: SeekSlider | None = None
+        self._past_ns: int | None = None
         self.scene = Scene(server, eye_m=eye_m, at_m=at_m)
         self.inputs: dict[str, Any] = {}
         gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(31, 95, 191))
@@ -97,11 +102,12 @@ class Page:
             self.seek = SeekSlider(gui, controls.playhead)
         self.timeline = Timeline(gui, kept_s)
         self._looking = gui.add_html("")
+        self.cameras = CameraPictures(gui)
         self._muscles = MuscleCharts(gui)
         panel = gui.add_panel()
         with panel.add_tab("Fingertips and vest"):
             self._captions = gui.add_html("")
-            self._pictures = gui.add_html(sheet_html(jpeg_of(self._sheet.draw({}))))
+            self._pictures = gui.add_html(picture_html(self._sheet.draw({}), _SHEET))
             gui.add_html(LEGEND)
             self._vest = gui.add_html(vest_svg(None))
             if controls.try_motor is not None:
@@ -161,18 +167,21 @@ class Page:
         """
         self._course.note(state)
         self.paint_state(state.loop)
-        sheet = None
+        sheet = filmed = None
         if turn == 0:
             if state.images:
-                sheet = jpeg_of(self._sheet.draw(state.images))
-            self.timeline.keep(state, sheet)
+                sheet = picture_html(self._sheet.draw(state.images), _SHEET)
+            filmed = cameras_html(state.cameras)
+            self.timeline.keep(state, sheet, filmed)
         past = self.paint_past()
         with self._server.atomic():
             if not past:
                 self._draw_scene(state)
             if turn == 0:
                 if sheet is not None and not past:
-                    self._pictures.content = sheet_html(sheet)
+                    self._pictures.content = sheet
+                if not past:
+                    self.cameras.draw(filmed)
             elif turn == 1:
                 self.paint_text(state)
                 if self.seek is not None:
@@ -208,13 +217,16 @@ class Page:
         past = self.timeline.shown()
         if past is None:
             if self._looking.content:
-                self._looking.content = ""
+                self._looking.content, self._past_ns = "", None
             return False
-        state, sheet, emg = past
+        state, sheet, filmed, emg = past
         with self._server.atomic():
             self._draw_scene(state)
-            if sheet is not None:
-                self._pictures.content = sheet_html(sheet)
+            if state.t_ns != self._past_ns:
+                self._past_ns = state.t_ns
+                if sheet is not None:
+                    self._pictures.content = sheet
+                self.cameras.draw(filmed)
             # Labels of its own: those of now remember what came before.
             self._paint_touch(captions_html(state, ContactLabels()), self._torso(state))
             self._course.draw(state.t_ns / 1e9)

@@ -12,6 +12,7 @@ from tega.view.browser.ghost import GHOST_COLOUR
 from tega.view.run_state import MEANINGS, NO_NEWS, NO_NEWS_S, lines_beside
 
 if TYPE_CHECKING:
+    from tega.tactile import ContactMetrics
     from tega.teleop.moment import LoopView
     from tega.view.labels import ContactLabels
     from tega.view.state import ViewState
@@ -167,7 +168,7 @@ def captions_html(state: ViewState, labels: ContactLabels) -> str:
             text = '<b style="color:#e67700">silent:</b><br>no fresh<br>picture'
         else:
             kind = labels.name(finger, felt, in_contact=contact[1].in_contact)
-            word = "no contact" if kind == "none" else kind
+            word = "no contact" if kind == "none" else f"{kind}{_depth(contact[1])}"
             text = (
                 f"CCI {felt.cci_norm:.2f}<br>EDA {felt.eda_norm:.2f}<br>"
                 f'<b style="color:{_TYPE_COLOURS[kind]}">{word}</b>'
@@ -177,6 +178,11 @@ def captions_html(state: ViewState, labels: ContactLabels) -> str:
         )
     style = f"{FONT};width:100%;table-layout:fixed;margin-top:-10px;padding:0 8px"
     return f'<table style="{style}"><tr>{"".join(cells)}</tr></table>'
+
+
+def _depth(metrics: ContactMetrics) -> str:
+    """Say how deep a dent is, where the metric knows."""
+    return next((f", {one.value:.2f} mm" for one in metrics.more if one.name == "depth_mm"), "")
 
 
 def rates_html(rates_hz: dict[str, float]) -> str:

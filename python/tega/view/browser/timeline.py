@@ -29,12 +29,14 @@ class PastMoment(NamedTuple):
 
     Attributes:
         state: All of it, without pictures and signal.
-        sheet: The fingertips as a JPEG; ``None`` where there were none.
+        sheet: The fingertips as HTML; ``None`` where there were none.
+        cameras: The scene cameras likewise.
         emg: The muscle signal, and its newest time, seconds; ``None`` where there was none.
     """
 
     state: ViewState
-    sheet: bytes | None
+    sheet: str | None
+    cameras: str | None
     emg: tuple[float, EmgTail] | None
 
 
@@ -63,12 +65,13 @@ class Timeline:
         self.loop: Any = gui.add_checkbox("loop from there", initial_value=False)
         self.back.on_update(lambda _event: self._look())
 
-    def keep(self, state: ViewState, sheet: bytes | None) -> None:
+    def keep(self, state: ViewState, sheet: str | None, cameras: str | None = None) -> None:
         """Keep a moment; one of an earlier time is of another run, and the first of it.
 
         Args:
             state: The moment.
-            sheet: The fingertips as they are painted, a JPEG; ``None`` where there are none.
+            sheet: The fingertips as they are painted, HTML; ``None`` where there are none.
+            cameras: The scene cameras likewise.
         """
         if self._kept:
             newest = self._kept[-1].state
@@ -81,7 +84,8 @@ class Timeline:
         emg = self._kept[-1].emg if self._kept else None
         if state.emg is not None and (emg is None or t_s - emg[0] >= _EMG_STEP_S):
             emg = t_s, state.emg
-        self._kept.append(PastMoment(state._replace(images=None, emg=None), sheet, emg))
+        bare = state._replace(images=None, emg=None, cameras={})
+        self._kept.append(PastMoment(bare, sheet, cameras, emg))
         while t_s - self._kept[0].state.t_ns / 1e9 > self._kept_s:
             self._kept.popleft()
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, TypeAlias
@@ -25,13 +24,10 @@ __all__ = [
     "TILE_HEIGHT",
     "TILE_WIDTH",
     "TouchSheet",
-    "jpeg_of",
-    "sheet_html",
 ]
 
 # Of one finger's tile, px: half of a DIGIT's QVGA picture, a little more than the page shows.
 TILE_HEIGHT, TILE_WIDTH, GAP = 160, 120, 6
-SHEET_HEIGHT, SHEET_WIDTH = 2 * TILE_HEIGHT + GAP, len(FINGERS) * (TILE_WIDTH + GAP) - GAP
 # RGB.
 PEAK_GREEN, EDA_BLUE = (39, 208, 69), (59, 140, 255)
 _PAPER, _NO_SENSOR = 255, 236
@@ -54,7 +50,8 @@ class TouchSheet:
 
     def draw(self, images: Mapping[str, TouchImage]) -> NDArray[np.uint8]:
         """Return the sheet, uint8 (326, 498, 3), RGB; a finger without a picture is two grey tiles."""
-        sheet = np.full((SHEET_HEIGHT, SHEET_WIDTH, 3), _PAPER, np.uint8)
+        width = len(FINGERS) * (TILE_WIDTH + GAP) - GAP
+        sheet = np.full((2 * TILE_HEIGHT + GAP, width, 3), _PAPER, np.uint8)
         for column, finger in enumerate(FINGERS):
             left = column * (TILE_WIDTH + GAP)
             upper = sheet[:TILE_HEIGHT, left : left + TILE_WIDTH]
@@ -93,27 +90,6 @@ class TouchSheet:
             _circle(tile, middle_x, middle_y, math.sqrt(metrics.eda / math.pi * scale_x * scale_y), EDA_BLUE)
         x, y = metrics.peak_xy
         _circle(tile, x * scale_x, y * scale_y, _PEAK_RADIUS_PX, PEAK_GREEN)
-
-
-def jpeg_of(sheet: NDArray[np.uint8]) -> bytes:
-    """Return a picture, uint8 (H, W, 3), RGB, as a JPEG file."""
-    import imageio.v3
-
-    made: bytes = imageio.v3.imwrite("<bytes>", sheet, extension=".jpg", quality=75)
-    return made
-
-
-def sheet_html(jpeg: bytes) -> str:
-    """Return a sheet, a JPEG file, as an image element that brings its picture along.
-
-    viser's own images are loaded from an address of their own, some steps of the browser after the words around them;
-    one that draws slowly is told of the next before that.
-    """
-    data = base64.b64encode(jpeg).decode()
-    return (
-        f'<img class="tega-sheet" alt="cameras and touch maps" width="{SHEET_WIDTH}" height="{SHEET_HEIGHT}"'
-        f' decoding="sync" src="data:image/jpeg;base64,{data}">'
-    )
 
 
 def _sampling(shape: tuple[int, ...]) -> tuple[Pixels, Pixels]:

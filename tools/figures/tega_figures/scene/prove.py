@@ -22,6 +22,7 @@ import numpy as np
 
 from tega.opencv import load_cv2
 from tega.scene.calibrate import LensCalibration
+from tega.scene.decode import SceneDecoder
 from tega.scene.layout import PlacedTag, TagBody, TagLayout
 from tega.scene.lens import Lens, load_lens, save_lens
 from tega.scene.outcomes import (
@@ -38,7 +39,6 @@ from tega.scene.video import SceneEncoder
 from tega.sim.plan import TrialPlan
 from tega.sim.score import TrialScorer
 from tega_figures.scene.bench import LENS, WRIST_MM, Occluder, RenderedTrial, bench_layout, board_pictures
-from tega_figures.scene.decoder import SceneDecoder
 from tega_figures.scene.render import Film
 from tega_figures.scene.trials import TrueTrial, true_trial
 
@@ -138,10 +138,9 @@ def through_h264(
     for t_s, image in pictures:
         encoder = encoder or SceneEncoder(image.shape[1], image.shape[0], rate_hz=rate_hz)
         for t_ns, packet in encoder.encode(image, round(t_s * 1e9)):
-            for at_ns, decoded in decoder.decode(t_ns, packet):
-                yield at_ns / 1e9, decoded
-    for at_ns, decoded in decoder.close():
-        yield at_ns / 1e9, decoded
+            decoder.take(t_ns, packet)
+            if (decoded := decoder.image()) is not None:
+                yield decoded[0] / 1e9, decoded[1]
 
 
 def window(trial: TrueTrial, *, placed: bool) -> tuple[float, float]:

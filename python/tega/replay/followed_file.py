@@ -1,0 +1,131 @@
+"""Follow the playhead through an MCAP file: read on as it moves, from elsewhere in the file where it jumps."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+from tega.errors import TegaError
+
+if TYPE_CHECKING:
+    from tega.recording.mcap_reader import McapReader, Message
+
+NEVER_NS = 2**63 - 1
+
+
+class PlayedMoment(NamedTuple):
+    """Moment of a recording that is played.
+
+    Attributes:
+        n_jumps: Of the playhead so far.
+        at_ns: Time of the recording.
+        shift_ns: Time of the run minus time of the recording.
+    """
+
+    n_jumps: int
+    at_ns: int
+    shift_ns: int
+
+
+class StreamFollower(Protocol):
+    """Takes the messages of some topics, and tells the run what they hold.
+
+    Attributes:
+        name: What to call it where its messages cannot be used.
+        since_ns: Messages that came before are not given to it; set by :meth:`begin` and :meth:`skip`.
+        n_told: How often it told the run something.
+    """
+
+    name: str
+    since_ns: int
+    n_told: int
+
+    def begin(self, at_ns: int, *, jumped: bool) -> None:
+        """Go on at a time of the recording, to which the playhead has jumped, or which reading is behind."""
+        ...
+
+    def take(self, message: Message, known_ns: int, moment: PlayedMoment) -> None:
+        """Take the next message, which came at a time of the recording that the playhead has reached."""
+        ...
+
+    def settle(self, moment: PlayedMoment) -> None:
+        """Tell what waits: there is no more message before this moment."""
+        ...
+
+    def skip(self, known_ns: int) -> None:
+        """Go on after a message that cannot be used."""
+        ...
+
+
+class FollowedFile:
+    """A file that is read as far as the playhead is, a part of the file at a time.
+
+    Args:
+        reader: Has passed over the file once.
+        zero_ns: Log time at the beginning of the recording.
+        followers: Of each topic that is wanted.
+        behind_ns: Reading that is further behind leaves out what lies between, time of the recording.
+
+    Attributes:
+        problems: What cannot be used, by the follower's name.
+    """
+
+    def __init__(
+        self, reader: McapReader, zero_ns: int, followers: Mapping[str, StreamFollower], *, behind_ns: int
+    ) -> None:
+        self._reader, self._zero_ns, self._followers = reader, zero_ns, dict(followers)
+        self.followers = list({id(one): one for one in followers.values()}.values())
+        self._behind_ns = behind_ns
+        self._n_jumps = -1
+        self._messages: Iterator[Message] = iter(())
+        self._next: Message | None = None
+        self._next_ns = 0
+        self._n_unusable: dict[str, int] = {}
+        self.problems: dict[str, str] = {}
+
+    def follow(self, moment: PlayedMoment, closing: threading.Event) -> None:
+        """Give out what came up to a moment, and have it told."""
+        if jumped := moment.n_jumps != self._n_jumps:
+            self._n_jumps = moment.n_jumps
+        if jumped or (self._next is not None and moment.at_ns - self._next_ns > self._behind_ns):
+            self._place(moment.at_ns, jumped=jumped)
+        while self._next is not None and self._next_ns <= moment.at_ns and not closing.is_set():
+            follower = self._followers[self._next.topic]
+            if self._next_ns >= follower.since_ns:
+                try:
+                    follower.take(self._next, self._next_ns, moment)
+                except Exception as error:  # whatever a file leads to that others may have made
+                    self._pass_over(follower, error)
+            self._advance()
+        for follower in self.followers:
+            try:
+                follower.settle(moment)
+            except Exception as error:  # as above
+                self._pass_over(follower, error)
+
+    def _place(self, at_ns: int, *, jumped: bool) -> None:
+        """Go to where the followers want to go on; to where reading is already, if that is not behind it."""
+        for follower in self.followers:
+            follower.begin(at_ns, jumped=jumped)
+        since_ns = min((one.since_ns for one in self.followers), default=NEVER_NS)
+        if jumped or since_ns > self._next_ns:
+            self._messages = self._reader.messages(
+                self._followers.__contains__, since_ns=max(self._zero_ns + since_ns, 0)
+            )
+            self._advance()
+
+    def _advance(self) -> None:
+        try:
+            self._next = next((one for one in self._messages if one.topic in self._followers), None)
+        except TegaError as error:  # the file is there no more
+            self._next, self._messages = None, iter(())
+            self.problems[self._reader.path.name] = error.message
+        if self._next is not None:
+            self._next_ns = self._next.log_ns - self._zero_ns
+
+    def _pass_over(self, follower: StreamFollower, error: Exception) -> None:
+        n = self._n_unusable[follower.name] = self._n_unusable.get(follower.name, 0) + 1
+        why = error.message if isinstance(error, TegaError) else f"{type(error).__name__}: {str(error)[:200]}"
+        self.problems[follower.name] = f"{follower.name}: {n} of its messages cannot be shown, at last: {why}"
+        follower.skip(self._next_ns)

@@ -1,0 +1,76 @@
+"""Draw the scene cameras' pictures below each other in one picture."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from html import escape
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from tega.view.browser.picture_html import picture_html
+from tega.view.browser.state_html import FONT
+
+if TYPE_CHECKING:
+    import viser
+    from numpy.typing import NDArray
+
+__all__ = ["CameraPictures", "camera_sheet", "cameras_html"]
+
+WIDTH_PX: Final = 360
+"""Of the sheet, a little less than the panel."""
+_HIGHEST_PX, _GAP_PX = 270, 6
+_PAPER: Final = 255
+
+
+class CameraPictures:
+    """Show the newest picture of each scene camera.
+
+    Args:
+        gui: viser's GUI; an element is added to its main panel with the first of them.
+    """
+
+    def __init__(self, gui: viser.GuiApi) -> None:
+        self._gui = gui
+        self.element: Any = None
+
+    def draw(self, html: str | None) -> None:
+        """Show what :func:`cameras_html` gave; nothing where that is none."""
+        if self.element is None and html is not None:
+            self.element = self._gui.add_html(html)
+        elif self.element is not None:
+            self.element.content = html or ""
+
+
+def cameras_html(pictures: Mapping[str, NDArray[np.uint8]]) -> str | None:
+    """Return pictures by their cameras' names, uint8 (H, W, 3) in BGR, as HTML; ``None`` without any."""
+    sheet = camera_sheet(pictures)
+    if sheet is None:
+        return None
+    names = escape(" · ".join(pictures))
+    told = f'<div style="{FONT};padding:4px 10px 0">scene: {names}</div>'
+    return told + picture_html(sheet, f"scene: {names}")
+
+
+def camera_sheet(pictures: Mapping[str, NDArray[np.uint8]]) -> NDArray[np.uint8] | None:
+    """Return pictures, uint8 (H, W, 3) in BGR, below each other as uint8 (H, W, 3) in RGB; ``None`` without any."""
+    tiles = [_fitted(picture) for picture in pictures.values() if picture.size]
+    if not tiles:
+        return None
+    height = sum(len(tile) for tile in tiles) + _GAP_PX * (len(tiles) - 1)
+    sheet = np.full((height, WIDTH_PX, 3), _PAPER, np.uint8)
+    top = 0
+    for tile in tiles:
+        sheet[top : top + len(tile), : tile.shape[1]] = tile[..., ::-1]
+        top += len(tile) + _GAP_PX
+    return sheet
+
+
+def _fitted(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return a picture as large as it fits into its place, by the nearest pixels."""
+    height, width = picture.shape[:2]
+    scale = min(WIDTH_PX / width, _HIGHEST_PX / height)
+    rows, columns = (max(1, int(side * scale)) for side in (height, width))
+    return picture[
+        (np.arange(rows) * height // rows)[:, None], (np.arange(columns) * width // columns)[None, :]
+    ]

@@ -1,0 +1,33 @@
+"""Turn a picture into an image element of a page that brings its pixels along.
+
+viser's own images are loaded from an address of their own, some steps of the browser after the words around them; a
+browser that draws slowly is told of the next picture before that, and shows none.
+"""
+
+from __future__ import annotations
+
+import base64
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+__all__ = ["picture_html"]
+
+
+def picture_html(picture: NDArray[np.uint8], alt: str) -> str:
+    """Return a picture as an image element as wide as where it stands.
+
+    Args:
+        picture: uint8 (H, W, 3), RGB.
+        alt: What it shows, for who does not see it; HTML.
+    """
+    import imageio.v3
+
+    jpeg: bytes = imageio.v3.imwrite("<bytes>", picture, extension=".jpg", quality=75)
+    height, width = picture.shape[:2]
+    return (
+        f'<img class="tega-sheet" alt="{alt}" width="{width}" height="{height}" decoding="sync"'
+        f' src="data:image/jpeg;base64,{base64.b64encode(jpeg).decode()}">'
+    )
