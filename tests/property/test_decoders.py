@@ -65,6 +65,7 @@ def test_chunks_do_not_matter_to_the_last_bit(model: str, cuts: list[int], holes
     assert repr(told) == repr([msgspec.structs.replace(one, end=0) for one in whole.decoded])
 
 
+@pytest.mark.slow
 @given(gains=st.lists(st.floats(1e-3, 1e3), min_size=3, max_size=3))
 def test_a_channel_s_gain_is_taken_out_by_fitting_with_it(gains: list[float]) -> None:
     emg, closure = squeezes(seconds=12)

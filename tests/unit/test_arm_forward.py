@@ -46,6 +46,7 @@ def test_forward_is_found_and_checked(tmp_path: Path) -> None:
     assert (told["ok"], told["words"]) == (True, "forward is forward")
 
 
+@pytest.mark.slow
 def test_the_operator_sees_how_the_check_goes_and_what_to_set(tmp_path: Path) -> None:
     with moving(tmp_path, -0.3) as file:
         said = CliRunner().invoke(forward, [str(file)])

@@ -52,12 +52,14 @@ def test_the_filter_takes_jitter_and_costs_time(followed: dict[str, Followed]) -
     assert raw.lag_ms < default.lag_ms <= raw.lag_ms + 60
 
 
+@pytest.mark.slow
 def test_late_poses_come_late_and_too_late_ones_not_at_all(followed: dict[str, Followed]) -> None:
     later_ms = followed["50 ms late"].lag_ms - followed["default, for as long"].lag_ms
     assert later_ms == pytest.approx(50, abs=25)
     assert followed["200 ms late"].following == 0
 
 
+@pytest.mark.slow
 def test_a_tracker_that_fails_for_moments_changes_little(followed: dict[str, Followed]) -> None:
     default, failed = followed["default, for as long"], followed["a tracker that fails each second"]
     # It jumps by 73 cm three times on this way; the gate lets none of that through.
@@ -65,11 +67,13 @@ def test_a_tracker_that_fails_for_moments_changes_little(followed: dict[str, Fol
     assert failed.shape_mm < default.shape_mm + 5
 
 
+@pytest.mark.slow
 def test_the_table_says_where_the_arm_stays(followed: dict[str, Followed]) -> None:
     lines = table(list(followed.items()))
     assert "| 200 ms late | – | – | – | – | – | – | 0 %: the arm stays | stays |" in lines
 
 
+@pytest.mark.slow
 def test_the_picture_names_every_line_and_the_grey_behind_them(followed: dict[str, Followed]) -> None:
     pytest.importorskip("matplotlib", reason="pip install '.[pictures]'")
     path = hand_path()

@@ -108,6 +108,7 @@ def test_what_led_the_arm_computes_again_to_the_same_bits(session: Path) -> None
     assert {"idle", "following", "holding", "stopped"} <= states
 
 
+@pytest.mark.slow
 def test_a_changed_setting_and_what_comes_of_it_are_named(session: Path, tmp_path: Path) -> None:
     other = tmp_path / "other.toml"
     other.write_text('[arm]\ndriver = "simulated-arm"\n[arm.filter]\nbeta_per_m = 10.01\n', encoding="utf-8")

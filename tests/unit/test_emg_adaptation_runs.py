@@ -104,6 +104,7 @@ def test_the_condition_of_the_muscles_is_recorded_and_changes_nothing(run: tuple
     assert stream(replay_file(run[0]), "/emg/levels").differ == 0
 
 
+@pytest.mark.slow
 def test_a_change_that_was_not_so_is_found(run: tuple[Path, list[Any]], tmp_path: Path) -> None:
     def other(topic: str, value: Any) -> Any:
         if topic == "/emg/adaptation":
@@ -126,6 +127,7 @@ def test_the_switches_are_what_it_is_computed_from(run: tuple[Path, list[Any]], 
     assert stream(found, "/emg/adaptation").replayed == 1  # the key
 
 
+@pytest.mark.slow
 def test_a_part_of_it_is_computed_again_too(run: tuple[Path, list[Any]], tmp_path: Path) -> None:
     part = trim_session(run[0], from_s=40.0, to_s=62.0, out=tmp_path / "part")
     found = replay_file(part)
@@ -133,6 +135,7 @@ def test_a_part_of_it_is_computed_again_too(run: tuple[Path, list[Any]], tmp_pat
     assert stream(found, "/emg/adaptation").recorded > 0
 
 
+@pytest.mark.slow
 def test_without_it_the_replay_says_so_and_differs(run: tuple[Path, list[Any]]) -> None:
     found = replay_file(run[0], sets=["stages.adaptation.on=false"])
     assert "stages.adaptation.on: True -> False" in found.changed

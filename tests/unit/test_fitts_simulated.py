@@ -61,6 +61,7 @@ def test_the_middle_of_a_level_is_aimed_at() -> None:
     assert line.effort_for(0.4) == pytest.approx(0.4)
 
 
+@pytest.mark.slow
 def test_people_are_compared_in_pairs() -> None:
     decoders, effects = ["rules", "proportional"], ["none", "all"]
     people = people_at_test(range(3), decoders, effects, movements=1)

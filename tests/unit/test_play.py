@@ -218,6 +218,7 @@ def test_a_kill_in_the_middle_leaves_both_without_force(session: Session, tmp_pa
     until(session.lab.limp)
 
 
+@pytest.mark.slow
 def test_in_the_lead_the_vest_rests_and_the_hand_goes_to_where_it_began(made_up: Path) -> None:
     seen: list[tuple[int, int, bool]] = []
 

@@ -138,6 +138,7 @@ def test_what_is_no_recording_is_refused_in_one_sentence(
     assert "error: other.mcap: " in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_loop_that_was_late_and_muted_motors_are_replayed_as_they_were(tmp_path: Path) -> None:
     looks = 0
 

@@ -99,6 +99,7 @@ def test_a_true_vest_follows_the_pads_true_forces(lab: Lab, condition: str, law:
     assert last.intensities.tolist() == sent[t_s < looks_s[-1]][-1].tolist()
 
 
+@pytest.mark.slow
 def test_black_cameras_change_nothing_in_a_true_vest_and_all_in_a_real_one(
     lab: Lab, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -157,6 +158,7 @@ def test_a_slip_is_told_once_until_the_object_has_rested(lab: Lab) -> None:
         TrueTouch("touch", lab.touch, layout="x40")
 
 
+@pytest.mark.slow
 def test_a_replayed_vest_is_another_trial_s_byte_for_byte_and_knows_nothing_of_this_one(lab: Lab) -> None:
     plan = TrialPlan(object="bottle", condition="replayed", seed=3, operator="scripted")
     other = other_trial(plan)
@@ -261,6 +263,7 @@ def test_a_study_by_other_rules_is_another_study(tmp_path: Path) -> None:
         made_study(tmp_path / "s", **asked)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_practice_shows_the_bench_s_own_vest_level_by_level_and_only_to_the_second_version(lab: Lab) -> None:
     plan = TrialPlan(object="container", condition="ideal-vest", seed=3)
     first = lab.person(plan)

@@ -192,6 +192,7 @@ def test_rules_switched_off_leave_a_vest_without_effect() -> None:
     assert grasp(Operator(draw_person(4), seed=5, rules=rules), sham_vest("informative")).acts == without.acts
 
 
+@pytest.mark.slow
 def test_a_constant_vest_changes_nothing_but_what_false_alarms_do() -> None:
     def pair(name: str) -> tuple[float, float]:
         outcomes = []

@@ -178,6 +178,7 @@ def test_a_session_in_silico_reads_as_its_settings_say(tmp_path: Path) -> None:
     assert courses[0] != courses[1]
 
 
+@pytest.mark.slow
 def test_a_rehearsal_on_the_simulated_bench_takes_stages() -> None:
     from tega.study.lead.benches import SimulatedBench
     from tega.study.plan import make_plan

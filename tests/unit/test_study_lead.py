@@ -316,6 +316,7 @@ class _Lifting(StandingBench):
             time.sleep(0.001)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("last", [False, True])
 def test_a_trial_is_done_again_and_only_the_second_attempt_counts(*, last: bool, tmp_path: Path) -> None:
     """The first of a block, or the last of the session; the report says which, and why."""

@@ -256,6 +256,7 @@ def test_a_study_without_trials_or_a_strange_folder_is_left_alone(tmp_path: Path
     assert (tmp_path / "full" / "report" / "mine.txt").read_text() == "keep"
 
 
+@pytest.mark.slow
 def test_the_anonymised_copy_gives_the_same_table_and_tests(study: Path, tmp_path: Path) -> None:
     from tega.study.privacy import export
 
@@ -276,6 +277,7 @@ def test_the_anonymised_copy_gives_the_same_table_and_tests(study: Path, tmp_pat
             assert test.p == pytest.approx(again.p)
 
 
+@pytest.mark.slow
 def test_the_verbs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     def call(*words: str, code: int = 0) -> str:
         with pytest.raises(SystemExit) as ended:

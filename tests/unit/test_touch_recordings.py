@@ -75,6 +75,7 @@ def test_grips_on_rubber_and_plastic_are_found_and_nothing_is_not(digit: Path) -
         assert share >= (0.95 if "soft" in name else 0.98), name
 
 
+@pytest.mark.slow
 def test_a_gripper_finger_feels_what_its_force_says(digit: Path) -> None:
     """Shares of frames felt by force; each clip is shifted by the lag at which force and picture agree best.
 
