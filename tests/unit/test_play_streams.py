@@ -349,6 +349,7 @@ def test_video_inside_the_recording_itself_is_shown(lossless: Path, tmp_path: Pa
         ids: dict[str, int] = {}
         for log_ns, schema, channel, message in sorted(found, key=lambda row: row[0]):
             if channel.topic not in ids:
+                assert schema is not None
                 schema_id = writer.register_schema(schema.name, schema.encoding, schema.data)
                 ids[channel.topic] = writer.register_channel(channel.topic, "protobuf", schema_id)
             writer.add_message(ids[channel.topic], log_ns, message.data, log_ns)

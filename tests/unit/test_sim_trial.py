@@ -154,7 +154,7 @@ def test_practice_comes_before_the_lift_that_counts() -> None:
 
 @pytest.mark.slow
 def test_results_do_not_depend_on_the_number_of_workers_and_are_kept(lift, tmp_path: Path) -> None:
-    plans = [SCRIPTED, *plan_trials(["bag"], ["haptic"], [5], operator="scripted", friction=0.2)]
+    plans = [SCRIPTED, *plan_trials(["bag"], ["haptic"], [5], operator="scripted", friction=[0.2])]
     out = tmp_path / "trials.jsonl"
     results = run_trials(plans, jobs=2, out=out)
     assert results[0] == lift[0]

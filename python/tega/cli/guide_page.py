@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import queue
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Final, Self
@@ -134,9 +134,13 @@ class PageGuide(LineGuide):
         """Return which of some buttons is pressed; they are there for as long as that takes."""
         self._paint(prompt, [], "")
         pressed: queue.SimpleQueue[str] = queue.SimpleQueue()
+
+        def puts(key: str) -> Callable[[Any], None]:
+            return lambda _event: pressed.put(key)
+
         for key, label in labels.items():
             button = self.buttons[key] = self._server.gui.add_button(label)
-            button.on_click(lambda _event, key=key: pressed.put(key))
+            button.on_click(puts(key))
         try:
             while True:
                 with contextlib.suppress(queue.Empty):
