@@ -1,4 +1,4 @@
-"""Listen to the pedal at ``input.marker`` while episodes are taken: through the run that has it open, or between runs."""
+"""Listen to the pedal at ``input.marker`` while episodes are taken: through the run that has it open, else alone."""
 
 from __future__ import annotations
 
