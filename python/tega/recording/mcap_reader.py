@@ -81,6 +81,7 @@ class McapReader:
         self.metadata: dict[str, dict[str, str]] = {}
         self.files: dict[str, bytes] = {}
         self.cut = ""
+        self.late_ns = 0
 
     def messages(
         self, wanted: Callable[[str], bool] = lambda _topic: True, *, since_ns: int = 0
@@ -129,8 +130,7 @@ class McapReader:
                     return
                 if record is None:
                     return
-                if isinstance(record, records.Chunk):
-                    self._note(begins, [one.log_time for one in inside if isinstance(one, records.Message)])
+                self._note(begins, [one.log_time for one in inside if isinstance(one, records.Message)])
                 for one in inside:
                     if not isinstance(one, records.Message):
                         self._keep(one, records)
@@ -149,9 +149,12 @@ class McapReader:
 
     def _note(self, begins: int, times_ns: list[int]) -> None:
         """Note a part of the file; in a later pass it is known already."""
-        before = self._parts[-1] if self._parts else (-1, 0)
-        if begins > before[0]:
-            self._parts.append((begins, max([before[1], *times_ns])))
+        last, newest_ns = self._parts[-1] if self._parts else (-1, 0)
+        if begins > last and times_ns:
+            for t_ns in times_ns:
+                self.late_ns = max(self.late_ns, newest_ns - t_ns)
+                newest_ns = max(newest_ns, t_ns)
+            self._parts.append((begins, newest_ns))
 
     def _keep(self, record: Any, records: Any) -> None:
         if isinstance(record, records.Schema):

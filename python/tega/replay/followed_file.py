@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator, Mapping
+from heapq import heappop, heappush
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from tega.errors import TegaError
@@ -79,8 +80,9 @@ class FollowedFile:
         self._behind_ns = behind_ns
         self._n_jumps = -1
         self._messages: Iterator[Message] = iter(())
-        self._next: Message | None = None
-        self._next_ns = 0
+        # What was read and waits for its time, as a heap: a file is not in the order of its log times.
+        self._waiting: list[tuple[int, int, Message]] = []
+        self._n_read, self._newest_ns, self._ended = 0, -NEVER_NS, False
         self._n_unusable: dict[str, int] = {}
         self.problems: dict[str, str] = {}
 
@@ -88,44 +90,61 @@ class FollowedFile:
         """Give out what came up to a moment, and have it told."""
         if jumped := moment.n_jumps != self._n_jumps:
             self._n_jumps = moment.n_jumps
-        if jumped or (self._next is not None and moment.at_ns - self._next_ns > self._behind_ns):
+        if jumped or (self._waiting and moment.at_ns - self._waiting[0][0] > self._behind_ns):
             self._place(moment.at_ns, jumped=jumped)
-        while self._next is not None and self._next_ns <= moment.at_ns and not closing.is_set():
-            follower = self._followers[self._next.topic]
-            if self._next_ns >= follower.since_ns:
-                try:
-                    follower.take(self._next, self._next_ns, moment)
-                except Exception as error:  # whatever a file leads to that others may have made
-                    self._pass_over(follower, error)
-            self._advance()
+        while not closing.is_set():
+            if self._waiting and self._waiting[0][0] <= moment.at_ns and self._is_next():
+                self._take(moment)
+            elif self._ended or self._newest_ns > moment.at_ns + self._reader.late_ns:
+                break
+            else:
+                self._read()
         for follower in self.followers:
             try:
                 follower.settle(moment)
             except Exception as error:  # as above
-                self._pass_over(follower, error)
+                self._pass_over(follower, error, moment.at_ns)
 
     def _place(self, at_ns: int, *, jumped: bool) -> None:
         """Go to where the followers want to go on; to where reading is already, if that is not behind it."""
         for follower in self.followers:
             follower.begin(at_ns, jumped=jumped)
         since_ns = min((one.since_ns for one in self.followers), default=NEVER_NS)
-        if jumped or since_ns > self._next_ns:
+        if jumped or since_ns > (self._waiting[0][0] if self._waiting else self._newest_ns):
             self._messages = self._reader.messages(
                 self._followers.__contains__, since_ns=max(self._zero_ns + since_ns, 0)
             )
-            self._advance()
+            self._waiting, self._newest_ns, self._ended = [], -NEVER_NS, False
 
-    def _advance(self) -> None:
+    def _is_next(self) -> bool:
+        """Whether nothing that is not read yet can be earlier than the first that waits."""
+        return self._ended or self._waiting[0][0] + self._reader.late_ns <= self._newest_ns
+
+    def _read(self) -> None:
         try:
-            self._next = next((one for one in self._messages if one.topic in self._followers), None)
+            found = next((one for one in self._messages if one.topic in self._followers), None)
         except TegaError as error:  # the file is there no more
-            self._next, self._messages = None, iter(())
+            found = None
             self.problems[self._reader.path.name] = error.message
-        if self._next is not None:
-            self._next_ns = self._next.log_ns - self._zero_ns
+        if found is None:
+            self._ended, self._messages = True, iter(())
+            return
+        at_ns = found.log_ns - self._zero_ns
+        self._newest_ns, self._n_read = max(self._newest_ns, at_ns), self._n_read + 1
+        heappush(self._waiting, (at_ns, self._n_read, found))
 
-    def _pass_over(self, follower: StreamFollower, error: Exception) -> None:
+    def _take(self, moment: PlayedMoment) -> None:
+        at_ns, _, message = heappop(self._waiting)
+        follower = self._followers[message.topic]
+        if at_ns < follower.since_ns:
+            return
+        try:
+            follower.take(message, at_ns, moment)
+        except Exception as error:  # whatever a file leads to that others may have made
+            self._pass_over(follower, error, at_ns)
+
+    def _pass_over(self, follower: StreamFollower, error: Exception, at_ns: int) -> None:
         n = self._n_unusable[follower.name] = self._n_unusable.get(follower.name, 0) + 1
         why = error.message if isinstance(error, TegaError) else f"{type(error).__name__}: {str(error)[:200]}"
         self.problems[follower.name] = f"{follower.name}: {n} of its messages cannot be shown, at last: {why}"
-        follower.skip(self._next_ns)
+        follower.skip(at_ns)
