@@ -23,6 +23,7 @@ from tega.acceptance.outputs import accept_vest
 from tega.config import check_tree
 from tega.contract import check_driver
 from tega.devices import driver_class
+from tega.devices.player_link import PlayerLink
 from tega.devices.vest_player import PlayerVest
 from tega.devices.vest_stream import StreamedVest
 from tega.errors import DeviceUnavailableError, InvalidValueError
@@ -636,6 +637,19 @@ def test_a_session_in_real_time_is_felt_and_ends_silent(tmp_path: Path) -> None:
     felt = {values[0] for _, values in report.history}
     assert len(felt) > 3
     assert min(felt - {0}) >= 20
+
+
+@pytest.mark.slow
+def test_an_encrypted_player_answers_every_opening() -> None:
+    """Where one thread reads a TLS connection and another writes it, two in a hundred are never answered."""
+    with bench("bhaptics-player", **V3) as made:
+        for _ in range(300):
+            link = PlayerLink(made.vest._options)  # type: ignore[attr-defined]
+            try:
+                link.connect()
+                assert link.present
+            finally:
+                link.close()
 
 
 def test_a_run_shows_what_the_vest_says_of_itself(tmp_path: Path) -> None:

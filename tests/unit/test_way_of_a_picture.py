@@ -25,7 +25,7 @@ WITHIN = {
     "PictureCheck": "Digit",
     "PictureOrigin": "Digit",
     "PictureVotes": "FrameMeter",
-    "PlayerVersion2": "_PlayerLink",
+    "PlayerVersion2": "PlayerLink",
     "TouchTracker": "LiveMetric",
     "VestFrame": "PlayerVest",
 }
