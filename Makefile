@@ -117,12 +117,14 @@ pictures: ## the drawn pictures of the docs, and the demo's animation; needs lab
 
 # A browser draws page, report and terminal. Without a graphics card that takes ten minutes. The report's pictures are of
 # 72 trials; the figures of the pages on evidence are of 600, which take an hour and more.
-shots: ## the pictures that take a Chromium (Debian: apt install chromium) and the extra browser: page, report, calibration
+shots: ## the pictures that take a Chromium (Debian: apt install chromium) and the extra browser: page, report, calibration, site
 	$(BIN)/python -m tega_figures.page_shots docs/images
 	$(BIN)/python -m tega_figures.calibrate_shots docs/images/calibrate-emg.webp
 	$(BIN)/python -m tega_figures.stream_shots docs/images/stream-rerun.webp
 	$(BIN)/tega-teleop study simulate --operators 4 --trials 3 --seed 1 --out target/study
 	$(BIN)/python -m tega_figures.report_shots target/study/report.html docs/images
+	$(MAKE) site
+	$(BIN)/python -m tega_figures.site_shots target/site docs/images
 
 measured: ## the pictures of what takes hours to measure, and their tables; TEGA_DATA names the shared recordings
 	$(BIN)/python -m tega_figures.check_arm docs/images
@@ -133,7 +135,7 @@ measured: ## the pictures of what takes hours to measure, and their tables; TEGA
 	$(BIN)/python -m tega_figures.simulated_skill target/people.jsonl docs/images/emg-skill.png
 	$(BIN)/python tools/figures/decoder_pareto.py docs/images/emg-decoders-pareto.png
 	$(BIN)/python -m tega_figures.touch_peers.pareto docs/images/touch-pareto.svg
-	$(BIN)/tega-teleop soak --seconds 600 --seed 7 --out target/soak
+	$(BIN)/tega-teleop soak --seconds 3600 --seed 7 --out target/soak
 	cp target/soak/faults.png docs/images/soak.png
 	$(BIN)/python -m tega_figures.readability docs/evidence/words.md
 

@@ -23,11 +23,11 @@ from PIL import Image
 from tega.sim.demo import run_demo
 from tega.sim.trials import plan_trials
 from tega.sim.world import OBJECTS, World
+from tega.view.figures import FINGER_COLOURS
 from tega.view.state import ViewState
 from tega_figures.world.solids import add_solids
 
 HERE = Path(__file__).resolve().parent
-FINGERS = {"thumb": "#e07b39", "index": "#4a90d9", "middle": "#58a55c", "ring": "#b07cc6"}
 INK, SOFT, PALE, ROBOT, PERSON = "#2b3440", "#4b5866", "#eef1f5", "#d9e8f5", "#fbeadb"
 STEADY = {"svg.hashsalt": "tega", "svg.fonttype": "none", "font.family": "sans-serif"}
 FRAME_S, FAST_FORWARD = 0.2, 2
@@ -181,7 +181,7 @@ def bench() -> None:
     # The operator, from the front: column 1 is at their own left, which is at the right as drawn.
     axes.add_patch(Circle((17, 34), 3.6, fc=PERSON, ec=INK))
     axes.add_patch(Polygon([(9, 29), (25, 29), (23, 9), (11, 9)], fc="#dfe5ec", ec=INK))
-    for column, colour in enumerate(reversed(FINGERS.values())):
+    for column, colour in enumerate(reversed(FINGER_COLOURS.values())):
         for row in range(5):
             axes.add_patch(Circle((12.6 + 2.9 * column, 26 - 3.4 * row), 0.95, fc=colour, ec=INK, lw=0.5))
     axes.plot([24.5, 30, 38], [27, 19, 23], color="#e0b48c", lw=11, solid_capstyle="round", zorder=0)
@@ -215,7 +215,9 @@ def bench() -> None:
     for x, y in ((84, 20), (77, 33), (68, 34)):
         axes.add_patch(Circle((x, y), 1.6, fc="#8d99a6", ec=INK, lw=0.7, zorder=2))
     axes.add_patch(Rectangle((59.5, 23.5), 7, 4.5, fc="#39424e", ec=INK, zorder=3))
-    for x, bend, colour in zip((60, 62, 64, 66), (-1.2, -0.4, 0.4, 1.2), FINGERS.values(), strict=True):
+    for x, bend, colour in zip(
+        (60, 62, 64, 66), (-1.2, -0.4, 0.4, 1.2), FINGER_COLOURS.values(), strict=True
+    ):
         axes.plot([x, x + bend, x + 0.2 * bend], [23.5, 20.5, 17.5], color="#39424e", lw=4, zorder=3)
         axes.add_patch(Ellipse((x + 0.2 * bend, 17.2), 1.7, 2.2, fc=colour, ec=INK, lw=0.7, zorder=4))
     axes.add_patch(Rectangle((61, 8.4), 4.6, 9.6, fc=OBJECTS["bottle"].rgba[:3], ec=INK, lw=0.8, zorder=2))
@@ -296,11 +298,11 @@ def _frame(moment: Moment, shapes: Any, name: str) -> Image.Image:
         ends = ("left", "right") if first else ("right", "left")
         axes.text(left + 1, 23.5, ends[0], fontsize=7, color=SOFT)
         axes.text(left + 43, 23.5, ends[1], ha="right", fontsize=7, color=SOFT)
-        for x, finger in zip(places, FINGERS, strict=True):
+        for x, finger in zip(places, FINGER_COLOURS, strict=True):
             axes.text(x, 83, finger, ha="center", fontsize=7, color=INK)
         for motor in range(20):
             row, column = divmod(motor, 4)
-            colour = list(FINGERS.values())[column]
+            colour = list(FINGER_COLOURS.values())[column]
             share = float(moment.motors[first + motor]) / 100
             centre = (places[column], 76 - 11 * row)
             axes.add_patch(Circle(centre, 4.2, fc="white", ec="#b9c2cc", lw=1))

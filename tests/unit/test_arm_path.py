@@ -8,7 +8,7 @@ import pytest
 
 from tega.arm.sources import write_poses
 from tega_figures.arm_path import CASES, Followed, follow_path, hand_path, tracked
-from tega_figures.check_arm import hand_of, table
+from tega_figures.check_arm import arm_figure, hand_of, table
 
 SECONDS = 3.5
 BY_NAME = {case.name: case for case in CASES}
@@ -45,6 +45,7 @@ def test_a_recorded_hand_picks_and_places(tmp_path: Path) -> None:
     assert "| placed, " in line
 
 
+@pytest.mark.slow
 def test_the_filter_takes_jitter_and_costs_time(followed: dict[str, Followed]) -> None:
     default, raw = followed["default, for as long"], followed["without filter"]
     assert default.jitter_mm < 0.5 * raw.jitter_mm
@@ -67,3 +68,23 @@ def test_a_tracker_that_fails_for_moments_changes_little(followed: dict[str, Fol
 def test_the_table_says_where_the_arm_stays(followed: dict[str, Followed]) -> None:
     lines = table(list(followed.items()))
     assert "| 200 ms late | – | – | – | – | – | – | 0 %: the arm stays | stays |" in lines
+
+
+def test_the_picture_names_every_line_and_the_grey_behind_them(followed: dict[str, Followed]) -> None:
+    pytest.importorskip("matplotlib", reason="pip install '.[pictures]'")
+    path = hand_path()
+    shown = [
+        ("default, not late", followed["default, for as long"]),
+        ("without filter", followed["without filter"]),
+    ]
+    whole, still = arm_figure(path, shown).axes
+    assert (whole.get_xlabel(), whole.get_ylabel()) == ("time, s", "height, cm")
+    assert (still.get_xlabel(), still.get_ylabel()) == ("time, s", "off its mean along x, mm")
+    legend = whole.get_legend()
+    assert legend is not None
+    named = [text.get_text() for text in legend.get_texts()]
+    assert named == ["hand", "default, not late", "without filter", "hand told to grip"]
+    # The patch that stands for the grey is seen: the legend's own ground is white and hides the grey behind it.
+    ground = legend.get_frame()
+    assert legend.get_frame_on()
+    assert ground.get_facecolor() == (1.0, 1.0, 1.0, 1.0)

@@ -15,6 +15,7 @@ from tega.errors import CalibrationError, InvalidValueError, RecordingError
 from tega.sim.operator import typical_person
 from tega.skill.people import compare_people, people_at_test, person_at_test
 from tega.skill.simulated import Cursor, Practised, practised, simulated_decoder, simulated_fitts
+from tega_figures.simulated_skill import skill_figure
 
 
 def test_the_same_person_does_the_same_in_any_company() -> None:
@@ -77,6 +78,11 @@ def test_people_are_compared_in_pairs() -> None:
     lost = rows[3].lost_bits_s
     assert lost is not None
     assert lost.mean == pytest.approx(rows[3].throughput_bits_s.mean - rows[1].throughput_bits_s.mean)
+    above, below = skill_figure(rows, 3).axes
+    assert "3 simulated people" in above.get_title()
+    assert below.get_xlabel() == "effect on the EMG since practice"
+    assert [tick.get_text() for tick in below.get_xticklabels()] == ["no effect", "all effects together"]
+    assert [axes.get_ylabel() for axes in (above, below)] == ["throughput, bits/s", "movements that hit, %"]
 
 
 def test_people_are_kept_and_gone_on_with(tmp_path: Path) -> None:

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 
 # A day of four cameras without loss is less; a record of TEGA's is at most one chunk of 4 MiB and one picture.
 _MOST_MIB = 1024 * 1024
-_MOST_RECORD = 256 * MIB
+MOST_RECORD = 256 * MIB
+"""Bytes of a record; of a longer one the file counts as damaged."""
 
 
 class Message(NamedTuple):
@@ -40,6 +41,19 @@ class Message(NamedTuple):
     log_ns: int
     n_bytes: int
     value: Any
+
+
+def open_recording(path: Path) -> IO[bytes]:
+    """Open a recording's file, finished or not.
+
+    Raises:
+        RecordingError: It is missing, no file, or larger than a recording can be.
+    """
+    try:
+        check_file(path, most_mib=_MOST_MIB)
+        return path.open("rb")
+    except OSError as error:
+        raise RecordingError(f"{path.name}: cannot be read: {error.strerror}") from error
 
 
 class McapReader:
@@ -85,13 +99,7 @@ class McapReader:
         reading = require("mcap.stream_reader", driver="replay", extra="record")
         records = require("mcap.records", driver="replay", extra="record")
         faults = require("mcap.exceptions", driver="replay", extra="record")
-        try:
-            if self._data is None:
-                check_file(self.path, most_mib=_MOST_MIB)
-            file: IO[bytes] = self.path.open("rb") if self._data is None else io.BytesIO(self._data)
-        except OSError as error:
-            raise RecordingError(f"{self.path.name}: cannot be read: {error.strerror}") from error
-        with file:
+        with open_recording(self.path) if self._data is None else io.BytesIO(self._data) as file:
             begins = file.seek(self._place(since_ns))
             source = iter(
                 reading.StreamReader(
@@ -99,7 +107,7 @@ class McapReader:
                     skip_magic=begins > 0,
                     emit_chunks=True,
                     validate_crcs=self._check_sums,
-                    record_size_limit=_MOST_RECORD,
+                    record_size_limit=MOST_RECORD,
                 ).records
             )
             while True:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from tega.view.course import FingerCourse, VestCourse
 
 __all__ = [
+    "FINGER_COLOURS",
     "Firmest",
     "SessionCourse",
     "TouchPicture",
@@ -42,6 +43,9 @@ _LEAST_TOP = {"mm": 0.02, "grey": 1.0}
 _MOST_BINS = 900
 
 CCI_BLUE, EDA_GREEN, POSE_RED = "#1f5fbf", "#2e8b3d", "#c8202f"
+
+FINGER_COLOURS: Final = {"thumb": "#bb5b14", "index": "#2f78c2", "middle": "#38863f", "ring": "#985cb6"}
+"""Of each finger, wherever fingers are told apart by colour: read as words on white, and under black words."""
 
 
 class TouchPicture(NamedTuple):

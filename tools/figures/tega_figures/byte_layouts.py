@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from tega import wire
+from tega.view.figures import FINGER_COLOURS
 from tega_figures.boxes import FILLS, GROUND, INK, SOFT
 
 __all__ = ["main"]
 
 UNIT, HEIGHT, LEFT = 26.0, 40.0, 16.0
-FINGER_COLOURS: Final = ("#e07b39", "#4a90d9", "#58a55c", "#b07cc6")
 
 
 class PacketField(NamedTuple):
@@ -102,7 +102,7 @@ def slots() -> str:
         frame = wire.x40_ble_frame(values)
         (byte,) = [n for n, value in enumerate(frame) if value]
         where[motor] = 2 * byte + (frame[byte] < 16)
-    parts = []
+    parts, colours = [], list(FINGER_COLOURS.values())
     for face, title in enumerate(("front", "back")):
         left = LEFT + 300 * face
         parts.append(_text(left + 125, 26, f"{title}, wearer's left to right", 13))
@@ -111,8 +111,7 @@ def slots() -> str:
                 x, y = left + 30 + 64 * column, 58 + 46 * row
                 motor = 20 * face + 4 * row + column
                 parts.append(
-                    f'<circle cx="{x}" cy="{y}" r="19" fill="{FINGER_COLOURS[column]}" fill-opacity="0.35" '
-                    f'stroke="{INK}"/>'
+                    f'<circle cx="{x}" cy="{y}" r="19" fill="{colours[column]}" fill-opacity="0.35" stroke="{INK}"/>'
                 )
                 parts.append(_text(x, y + 1, f"slot {where[motor]}", 10))
                 parts.append(_text(x, y + 12, f"m{motor}", 9, colour=SOFT))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 import numpy as np
@@ -19,7 +20,10 @@ from tega.arm.sources import read_poses
 from tega.lifecycle import require
 from tega_figures.arm_path import CASES, Followed, HandPath, as_recorded, follow_path, hand_path, tracked
 
-__all__ = ["draw", "hand_of", "main", "table"]
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["arm_figure", "hand_of", "main", "table"]
 
 _SHOWN = ("default, not late", "without filter", "200 ms late, `age_ms` and `hold_ms` 300")
 _STAYS = 0.01
@@ -64,8 +68,8 @@ def table(found: Sequence[tuple[str, Followed]]) -> list[str]:
     return lines
 
 
-def draw(target: Path, path: HandPath, found: Sequence[tuple[str, Followed]]) -> None:
-    """Draw height and way of hand and palm over time, and the palm's tremor while the hand rests.
+def arm_figure(path: HandPath, found: Sequence[tuple[str, Followed]]) -> Figure:
+    """Draw the height of hand and palm over time, and the palm's tremor while the hand rests.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
@@ -83,16 +87,17 @@ def draw(target: Path, path: HandPath, found: Sequence[tuple[str, Followed]]) ->
             f.course[:, 0], 100 * f.course[:, 3], lw=1, label=name.split(",")[0] if "late," in name else name
         )
     if path.closed_s is not None:
-        whole.axvspan(*path.closed_s, color="0.85", label="told to grip")
+        whole.axvspan(*path.closed_s, color="0.85", label="hand told to grip")
     whole.set(xlabel="time, s", ylabel="height, cm", title="palm of the simulated arm")
-    whole.legend(fontsize=6, frameon=False, loc="center", bbox_to_anchor=(0.52, 0.5))
+    # On white: a patch of the grey would not be seen on the grey.
+    whole.legend(fontsize=7, framealpha=1.0, loc="center", bbox_to_anchor=(0.52, 0.5))
     start_s = 3.0
     for name, f in shown[:2]:
         t, x, *_ = f.course[(f.course[:, 0] > start_s) & (f.course[:, 0] < start_s + 1)].T
         still.plot(t, 1e3 * (x - x.mean()), lw=1, label=name)
     still.set(xlabel="time, s", ylabel="off its mean along x, mm", title="while the hand rests")
     still.legend(fontsize=7, frameon=False)
-    figure.savefig(target, dpi=96)
+    return figure
 
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
@@ -123,7 +128,7 @@ def main(*, out: Path, file: Path | None, jobs: int) -> None:
     )
     found = [(case.name, followed) for case, followed in zip(CASES, done, strict=True)]
     click.echo("\n".join(table(found)))
-    draw(out / "arm-path.png", path, found)
+    arm_figure(path, found).savefig(out / "arm-path.png", dpi=96)
 
 
 def _case(number: int, poses: Sequence[StampedPose], file: Path | None) -> Followed:

@@ -15,10 +15,11 @@ from tega.config import FINGERS
 from tega.devices.synthetic import SyntheticEmg, SyntheticEmgOptions, SyntheticTouch, SyntheticTouchOptions
 from tega.emg import GraspIntent, channel_maxima
 from tega.tactile import Reading, contact_mask
+from tega.view.figures import FINGER_COLOURS
 
 __all__ = ["main"]
 
-COLOURS: Final = ("#e07b39", "#4a90d9", "#58a55c", "#b07cc6")
+COLOURS: Final = tuple(FINGER_COLOURS.values())
 READINGS: Final[tuple[Reading, ...]] = ("paper", "live")
 
 

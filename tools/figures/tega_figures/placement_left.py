@@ -11,8 +11,10 @@ import re
 import sys
 from pathlib import Path
 
+from tega.view.figures import FINGER_COLOURS
+
 _ANCHORS = {"start": "end", "end": "start", "middle": "middle"}
-_COLUMNS = {"#e07b39": "#b07cc6", "#4a90d9": "#58a55c", "#58a55c": "#4a90d9", "#b07cc6": "#e07b39"}
+_COLUMNS = dict(zip(FINGER_COLOURS.values(), reversed(FINGER_COLOURS.values()), strict=True))
 
 
 def left_arm(right: str) -> str:

@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import click
 import msgspec
@@ -18,9 +18,14 @@ from tega.errors import MissingExtraError, TegaError
 from tega.skill.people import PersonSkill, compare_people
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from tega.skill.people import PeopleSkill
 
-__all__ = ["main", "skill_table"]
+__all__ = ["main", "skill_figure", "skill_table"]
+
+SHOWN: Final = {"none": "no effect", "all": "all effects together"}
+"""What an effect is called in the picture, where not by its own name."""
 
 
 @click.command(help=__doc__)
@@ -34,7 +39,7 @@ def main(people: Path, picture: Path | None) -> None:
     click.echo(f"{len(known)} simulated people, {movements} movements of each distance and width.\n")
     click.echo(skill_table(rows))
     if picture is not None:
-        _draw(rows, len(known), picture)
+        skill_figure(rows, len(known)).savefig(picture, dpi=110)
 
 
 def skill_table(rows: list[PeopleSkill]) -> str:
@@ -55,7 +60,7 @@ def skill_table(rows: list[PeopleSkill]) -> str:
     return "\n".join(lines)
 
 
-def _draw(rows: list[PeopleSkill], n_people: int, file: Path) -> None:
+def skill_figure(rows: list[PeopleSkill], n_people: int) -> Figure:
     """Draw throughput and hits with their intervals, a group an effect."""
     try:
         from matplotlib.figure import Figure
@@ -75,10 +80,11 @@ def _draw(rows: list[PeopleSkill], n_people: int, file: Path) -> None:
             axes.errorbar(x, means, yerr=means - lows, fmt="o", capsize=3, label=decoder)
     above.set(ylabel="throughput, bits/s", ylim=(0, None))
     below.set(ylabel="movements that hit, %", ylim=(0, 105))
-    below.set_xticks(np.arange(len(effects)), effects)
-    above.legend()
+    below.set_xticks(np.arange(len(effects)), [SHOWN.get(effect, effect) for effect in effects])
+    below.set_xlabel("effect on the EMG since practice")
+    above.legend(title="decoder")
     above.set_title(f"Fitts test of {n_people} simulated people, mean and 95 % interval over people")
-    figure.savefig(file, dpi=110)
+    return figure
 
 
 if __name__ == "__main__":

@@ -28,7 +28,7 @@ from reference.page_blocks import blocks_of
 from tega_figures.chromium import launched, opened
 from tega_figures.terminal_shots import picture
 
-__all__ = ["PARTS", "SHOTS", "Part", "PathStep", "Walk", "commands", "main", "page"]
+__all__ = ["PARTS", "SHOTS", "WHEEL_SHOTS", "Part", "PathStep", "Walk", "commands", "main", "page"]
 
 PROJECT: Final = Path(__file__).resolve().parents[3]
 LIMIT_S: Final = 3600.0
@@ -67,6 +67,13 @@ SHOTS: Final = {
 """Terminals that are kept, by a pattern of the command; the page, replay and report are pictures of their own."""
 
 _PAGE_SHOT, _REPLAY_SHOT, _REPORT_SHOT = "stranger-page.webp", "stranger-replay.webp", "stranger-report.webp"
+WHEEL_SHOTS: Final = {
+    "stranger-demo.svg": "stranger-wheel-demo.svg",
+    _PAGE_SHOT: "stranger-wheel-page.webp",
+    _REPORT_SHOT: "stranger-wheel-report.webp",
+}
+"""What a picture of the walk from the wheels is called, where it is kept."""
+
 _BEGIN, _END = "<!-- walk: begin -->", "<!-- walk: end -->"
 
 
@@ -243,7 +250,7 @@ def table(steps: list[PathStep]) -> list[str]:
 
 
 def page(clone: Path, wheel: Path, docs: Path) -> None:
-    """Write both walks into the page, and the clone's pictures beside it."""
+    """Write both walks into the page, and their pictures beside it."""
     told = []
     for title, out in (("From a clone", clone), ("From the wheel", wheel)):
         steps = [PathStep(**step) for step in json.loads((out / "walk.json").read_text(encoding="utf-8"))]
@@ -252,9 +259,11 @@ def page(clone: Path, wheel: Path, docs: Path) -> None:
     text = file.read_text(encoding="utf-8")
     before, after = text[: text.index(_BEGIN)], text[text.index(_END) + len(_END) :]
     file.write_text(before + "\n".join([_BEGIN, "", *told, _END]) + after, encoding="utf-8")
-    for name in (*SHOTS, _PAGE_SHOT, _REPLAY_SHOT, _REPORT_SHOT):
-        if (clone / name).is_file():
-            shutil.copy(clone / name, docs / "images" / name)
+    kept = {clone / name: name for name in (*SHOTS, _PAGE_SHOT, _REPLAY_SHOT, _REPORT_SHOT)}
+    kept |= {wheel / name: kept_as for name, kept_as in WHEEL_SHOTS.items()}
+    for taken, name in kept.items():
+        if taken.is_file():
+            shutil.copy(taken, docs / "images" / name)
 
 
 def main(words: list[str]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from tega.haptics import FINGERS
+from tega.view.figures import FINGER_COLOURS
 
 if TYPE_CHECKING:
     from tega.haptics import MotorLevels
@@ -17,7 +17,6 @@ TRIED = "tega-tried"
 """Class of the element that says what came of a click on a motor."""
 
 _N_STEPS = 15
-_FINGER_COLOURS = ("#1f5fbf", "#0b7285", "#5f3dc4", "#a61e4d")
 
 
 def vest_svg(frame: MotorLevels | None, *, can_try: bool = False) -> str:
@@ -66,7 +65,8 @@ def _face(title: str, values: list[int], left: int, bottom: int, turn: int, *, f
         ),
     ]
     columns = [left + _LEFT + place * _PITCH_X for place in range(_N_COLUMNS)][::turn]
-    for x, finger, colour in zip(columns, FINGERS, _FINGER_COLOURS, strict=True):
+    colours = list(FINGER_COLOURS.values())
+    for x, (finger, colour) in zip(columns, FINGER_COLOURS.items(), strict=True):
         parts.append(
             f'<text x="{x}" y="{_TOP - 5}" font-size="8.5" font-weight="600" fill="{colour}">{finger}</text>'
         )
@@ -75,7 +75,7 @@ def _face(title: str, values: list[int], left: int, bottom: int, turn: int, *, f
         x, y = columns[column], _TOP + 11 + row * _PITCH_Y
         ink = "#ffffff" if value >= 55 else "#495057"
         parts.append(
-            f'<circle cx="{x}" cy="{y}" r="{10:g}" fill="{_heat(value)}" stroke="{_FINGER_COLOURS[column]}"'
+            f'<circle cx="{x}" cy="{y}" r="{10:g}" fill="{_heat(value)}" stroke="{colours[column]}"'
             f' stroke-width="0.8"{"" if first is None else _click(first + index)}/>'
         )
         if value:

@@ -9,11 +9,11 @@ import numpy as np
 
 from tega.errors import MissingExtraError
 from tega.hand_mjcf import FULL_DUTY_NM
-from tega.haptics import FINGERS
 from tega.sim.world.objects import OBJECTS
 from tega.sim.world.poses import hand_controller
 from tega.sim.world.scene import Physics
 from tega.sim.world.world import World
+from tega.view.figures import FINGER_COLOURS
 from tega_figures.world.lift import LIFT_M, LiftResult
 from tega_figures.world.solids import add_solids
 
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 __all__ = ["draw_all"]
 
 _COLOURS: Final = {"bottle": "#2b6ca3", "container": "#6b7a3a", "bag": "#b07a2a"}
-_FINGER_COLOURS: Final = ("#b2182b", "#2166ac", "#4d9221", "#7b3294")
 _LEVELS: Final = {"bottle": 4, "container": 3, "bag": 3}
 _N_PER_M: Final = 80.0
 
@@ -126,7 +125,7 @@ def _traces(figure: Any, lifts: dict[str, list[LiftResult]]) -> Any:
         trace = rows[_LEVELS[name] - 2].trace
         times = [truth.t_s for truth in trace]
         upper, lower = grid[:, column]
-        for finger, (label, colour) in enumerate(zip(FINGERS, _FINGER_COLOURS, strict=True)):
+        for finger, (label, colour) in enumerate(FINGER_COLOURS.items()):
             upper.plot(times, [truth.pad_force_n[finger] for truth in trace], color=colour, lw=1, label=label)
         upper.set_title(f"{name}, level {_LEVELS[name]}: pad forces, N", fontsize=10)
         lower.plot(times, [100 * truth.object_height_m for truth in trace], color="k", label="height, cm")
