@@ -1,4 +1,4 @@
-"""Write scene recordings of made-up cameras: the grey of a picture says its number."""
+"""Write scene recordings of made-up cameras: each picture has its number drawn into it."""
 
 from __future__ import annotations
 
@@ -17,14 +17,23 @@ EPOCH_NS = 10**18
 SIZE = (96, 64)
 
 
-def grey(number: int) -> int:
-    return 40 + 4 * (number % 48)
+def drawn(number: int) -> NDArray[np.uint8]:
+    """Return a picture, uint8 (H, W, 3), with a number below 64 in it: six bars, white for a one, the highest first."""
+    bars = np.array([255 * (number >> bit & 1) for bit in range(5, -1, -1)], np.uint8)
+    row = np.repeat(bars, SIZE[0] // 6)
+    return np.ascontiguousarray(np.broadcast_to(row[None, :, None], (SIZE[1], SIZE[0], 3)))
 
 
 def number_of(image: NDArray[np.uint8]) -> int:
-    """Return which picture of the first 48 this is."""
-    # Limited range and rounding make a grey up to three darker.
-    return round((float(image.mean()) - 38.5) / 4)
+    """Return the number that was drawn into a picture, of whatever size it is now.
+
+    Raises:
+        AssertionError: A bar is neither black nor white, as where two pictures are mixed.
+    """
+    width = image.shape[1] / 6
+    bars = [float(image[:, round((k + 0.3) * width) : round((k + 0.7) * width)].mean()) for k in range(6)]
+    assert all(bar < 32 or bar > 223 for bar in bars), bars
+    return sum(1 << (5 - k) for k, bar in enumerate(bars) if bar > 127)
 
 
 def packets(
@@ -34,7 +43,7 @@ def packets(
     encoder = SceneEncoder(*SIZE, rate_hz=rate_hz, video=video)
     made = []
     for number, t_ns in enumerate(times_ns):
-        made += encoder.encode(np.full((SIZE[1], SIZE[0], 3), grey(number), np.uint8), t_ns)
+        made += encoder.encode(drawn(number), t_ns)
     return [*made, *encoder.close()]
 
 

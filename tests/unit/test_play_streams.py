@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 pytest.importorskip("foxglove", reason="needs the extra record")
 pytest.importorskip("av", reason="needs the extra lerobot")
 
-from reference.filmed import grey, number_of, packets, write_scene
+from reference.filmed import drawn, number_of, packets, write_scene
 from reference.sessions import record, rewritten
 from tega.bus import Bus
 from tega.cli.main import main
@@ -256,23 +256,28 @@ def test_scene_pictures_are_those_of_the_playhead_also_after_jumps(
     film = packets(filmed(times_ms), video)
     side = write_scene(tmp_path / "scene.mcap", {"front": film, "side": film[:20]}, video=video)
     playhead, bus = Playhead(), Bus()
-    told = list[tuple[float, int, ScenePicture]]()
-    bus.subscribe(ScenePicture, lambda one: told.append((playhead.at_s, playhead.n_jumps, one)), vital=True)
+    told = list[tuple[float, int, int, ScenePicture]]()
+
+    def see(one: ScenePicture) -> None:
+        told.append((playhead.at_s, playhead.shift_ns, playhead.n_jumps, one))
+
+    bus.subscribe(ScenePicture, see, vital=True)
     summary = play_file(
         moved, nowhere(tmp_path), speed=None, bus=bus, playhead=playhead, scenes=[side],
         observer=jumping(playhead, {0.4: 1.2, 0.6: 0.1, 0.9: 0.45}),
     )  # fmt: skip
-    front = [row for row in told if row[2].camera == "front"]
-    assert {n_jumps for _, n_jumps, _ in front} == {0, 1, 2, 3}
-    for at_s, _, one in front:
+    front = [row for row in told if row[-1].camera == "front"]
+    assert {n_jumps for _, _, n_jumps, _ in front} == {0, 1, 2, 3}
+    for at_s, shift_ns, _, one in front:
         # The newest picture of the moment that is played, and none of those that were decoded on the way to it.
         newest = max(k for k, ms in enumerate(times_ms) if ms <= 1e3 * at_s + 1e-3)
         assert one.image is not None
-        assert number_of(one.image) == newest % 48, at_s
+        assert number_of(one.image) == newest, at_s
+        assert one.t_ns - shift_ns == times_ms[newest] * MS
     assert summary["played"]["shown"]["front"] == len(front)
     assert len(front) == pytest.approx(summary["duration_s"] * 25, abs=6)
     # The other camera ended at 0.26 s, and a second later has no picture.
-    others = [one.image is None for _, _, one in told if one.camera == "side"]
+    others = [one.image is None for *_, one in told if one.camera == "side"]
     assert set(others) == {False, True}
 
 
@@ -361,6 +366,12 @@ def test_a_picture_that_stands_alone_is_known_by_its_packet(video: VideoFormat) 
     film = packets([k * 100 * MS for k in range(25)], video)
     assert [k for k, (_, packet) in enumerate(film) if stands_alone(video, packet)] == [0, 10, 20]
     decoder = SceneDecoder(video)
+    for k, (t_ns, packet) in enumerate(film):  # each is there at once, none a picture later
+        decoder.take(t_ns, packet)
+        shown = decoder.image()
+        assert shown is not None
+        assert (shown[0], number_of(shown[1])) == (t_ns, k)
+    decoder = SceneDecoder(video)
     for t_ns, packet in film[10:14]:
         decoder.take(t_ns, packet)
     shown = decoder.image()
@@ -415,8 +426,7 @@ def test_the_page_shows_scene_pictures_and_looks_back_at_them() -> None:
     view_of = LoopView(0, {}, [TouchMoment(0.0, 0.0, 0.0, 0.0)] * 4, None, None, None, {})
 
     def state(k: int) -> ViewState:
-        image = np.full((64, 96, 3), grey(k), np.uint8)
-        return ViewState(k * 100 * MS, view_of._replace(t_ns=k * 100 * MS), cameras={"front <i>": image})
+        return ViewState(k * 100 * MS, view_of._replace(t_ns=k * 100 * MS), cameras={"front <i>": drawn(k)})
 
     with BrowserView(port=0, controls=Controls()) as view:
         page = view.page

@@ -270,7 +270,10 @@ def _topics(recorded: Recorded, measured: Measured, bus: Bus) -> dict[str, Strea
     if bus.wants(EmgSamples) and (maxima := measured.calibration.emg) is not None:
         topics[EmgSamples.topic] = PlayedSamples(maxima, bus)
     if bus.wants(ScenePicture):
-        topics |= {topic: PlayedCamera(topic, [key_ns - zero_ns for key_ns in keys], bus) for topic, keys in recorded.video_keys.items()}
+        topics |= {
+            topic: PlayedCamera(topic, [key_ns - zero_ns for key_ns in keys], bus)
+            for topic, keys in recorded.video_keys.items()
+        }
     return topics
 
 
