@@ -219,7 +219,7 @@ def test_the_page_s_moments_have_pictures_signal_and_markers_of_a_played_recordi
     bus.subscribe(Moment, lambda m: states.append(feed.complete(ViewState(m.t_ns, m.view))), vital=True)
     bus.publish(Marker(t_ns=300 * MS, text="lift <b>", source="marker"))
     play_file(lossless, nowhere(tmp_path), speed=None, bus=bus, on_prepared=feed.watch)
-    state = states[30]  # at a second
+    state = next(one for one in states if one.t_ns >= 1000 * MS)
     assert state.images is not None
     assert set(state.images) == {"thumb", "ring"}
     image = state.images["thumb"]
@@ -350,6 +350,7 @@ def test_video_inside_the_recording_itself_is_shown(lossless: Path, tmp_path: Pa
         ]
         ids: dict[str, int] = {}
         for log_ns, schema, channel, message in sorted(found, key=lambda row: row[0]):
+            assert schema is not None
             if channel.topic not in ids:
                 schema_id = writer.register_schema(schema.name, schema.encoding, schema.data)
                 ids[channel.topic] = writer.register_channel(channel.topic, "protobuf", schema_id)
@@ -409,7 +410,7 @@ def test_a_second_pass_begins_at_the_part_that_holds_a_time(lossless: Path) -> N
         assert again == every[len(every) - len(again) :]
         assert all(log_ns < since_ns for _, log_ns in every[: len(every) - len(again)])
     late = sum(1 for _ in reader.messages(lambda _topic: False, since_ns=end_ns))
-    assert late < len(every) / 3
+    assert late < len(every) / 2
 
 
 def test_scene_pictures_fit_the_panel_whatever_their_shape() -> None:

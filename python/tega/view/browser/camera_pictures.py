@@ -69,6 +69,7 @@ def _fitted(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
     height, width = picture.shape[:2]
     scale = min(WIDTH_PX / width, _HIGHEST_PX / height)
     rows, columns = (max(1, int(side * scale)) for side in (height, width))
-    return picture[
+    fitted: NDArray[np.uint8] = picture[
         (np.arange(rows) * height // rows)[:, None], (np.arange(columns) * width // columns)[None, :]
     ]
+    return fitted
