@@ -68,13 +68,14 @@ class FollowedFile:
         behind_ns: Reading that is further behind leaves out what lies between, time of the recording.
 
     Attributes:
+        zero_ns: As given.
         problems: What cannot be used, by the follower's name.
     """
 
     def __init__(
         self, reader: McapReader, zero_ns: int, followers: Mapping[str, StreamFollower], *, behind_ns: int
     ) -> None:
-        self._reader, self._zero_ns, self._followers = reader, zero_ns, dict(followers)
+        self._reader, self.zero_ns, self._followers = reader, zero_ns, dict(followers)
         self.followers = list({id(one): one for one in followers.values()}.values())
         self._behind_ns = behind_ns
         self._n_jumps = -1
@@ -111,7 +112,7 @@ class FollowedFile:
         since_ns = min((one.since_ns for one in self.followers), default=NEVER_NS)
         if jumped or since_ns > self._next_ns:
             self._messages = self._reader.messages(
-                self._followers.__contains__, since_ns=max(self._zero_ns + since_ns, 0)
+                self._followers.__contains__, since_ns=max(self.zero_ns + since_ns, 0)
             )
             self._advance()
 
@@ -122,7 +123,7 @@ class FollowedFile:
             self._next, self._messages = None, iter(())
             self.problems[self._reader.path.name] = error.message
         if self._next is not None:
-            self._next_ns = self._next.log_ns - self._zero_ns
+            self._next_ns = self._next.log_ns - self.zero_ns
 
     def _pass_over(self, follower: StreamFollower, error: Exception) -> None:
         n = self._n_unusable[follower.name] = self._n_unusable.get(follower.name, 0) + 1
