@@ -222,7 +222,7 @@ def test_the_page_s_moments_have_pictures_signal_and_markers_of_a_played_recordi
     bus.subscribe(Moment, lambda m: states.append(feed.complete(ViewState(m.t_ns, m.view))), vital=True)
     bus.publish(Marker(t_ns=300 * MS, text="lift <b>", source="marker"))
     play_file(lossless, nowhere(tmp_path), speed=None, bus=bus, on_prepared=feed.watch)
-    state = states[30]  # at a second
+    state = next(one for one in states if one.t_ns >= 1000 * MS)
     assert state.images is not None
     assert set(state.images) == {"thumb", "ring"}
     image = state.images["thumb"]
@@ -259,23 +259,28 @@ def test_scene_pictures_are_those_of_the_playhead_also_after_jumps(
     film = packets(filmed(times_ms), video)
     side = write_scene(tmp_path / "scene.mcap", {"front": film, "side": film[:20]}, video=video)
     playhead, bus = Playhead(), Bus()
-    told = list[tuple[float, int, ScenePicture]]()
-    bus.subscribe(ScenePicture, lambda one: told.append((playhead.at_s, playhead.n_jumps, one)), vital=True)
+    told = list[tuple[float, int, int, ScenePicture]]()
+
+    def see(one: ScenePicture) -> None:
+        told.append((playhead.at_s, playhead.shift_ns, playhead.n_jumps, one))
+
+    bus.subscribe(ScenePicture, see, vital=True)
     summary = play_file(
         moved, nowhere(tmp_path), speed=None, bus=bus, playhead=playhead, scenes=[side],
         observer=jumping(playhead, {0.4: 1.2, 0.6: 0.1, 0.9: 0.45}),
     )  # fmt: skip
-    front = [row for row in told if row[2].camera == "front"]
-    assert {n_jumps for _, n_jumps, _ in front} == {0, 1, 2, 3}
-    for at_s, _, one in front:
+    front = [row for row in told if row[-1].camera == "front"]
+    assert {n_jumps for _, _, n_jumps, _ in front} == {0, 1, 2, 3}
+    for at_s, shift_ns, _, one in front:
         # The newest picture of the moment that is played, and none of those that were decoded on the way to it.
         newest = max(k for k, ms in enumerate(times_ms) if ms <= 1e3 * at_s + 1e-3)
         assert one.image is not None
         assert number_of(one.image) == newest, at_s
+        assert one.t_ns - shift_ns == times_ms[newest] * MS
     assert summary["played"]["shown"]["front"] == len(front)
     assert len(front) == pytest.approx(summary["duration_s"] * 25, abs=6)
     # The other camera ended at 0.26 s, and a second later has no picture.
-    others = [one.image is None for _, _, one in told if one.camera == "side"]
+    others = [one.image is None for *_, one in told if one.camera == "side"]
     assert set(others) == {False, True}
 
 
@@ -348,8 +353,8 @@ def test_video_inside_the_recording_itself_is_shown(lossless: Path, tmp_path: Pa
         ]
         ids: dict[str, int] = {}
         for log_ns, schema, channel, message in sorted(found, key=lambda row: row[0]):
+            assert schema is not None
             if channel.topic not in ids:
-                assert schema is not None
                 schema_id = writer.register_schema(schema.name, schema.encoding, schema.data)
                 ids[channel.topic] = writer.register_channel(channel.topic, "protobuf", schema_id)
             writer.add_message(ids[channel.topic], log_ns, message.data, log_ns)
@@ -364,6 +369,12 @@ def test_video_inside_the_recording_itself_is_shown(lossless: Path, tmp_path: Pa
 def test_a_picture_that_stands_alone_is_known_by_its_packet(video: VideoFormat) -> None:
     film = packets([k * 100 * MS for k in range(25)], video)
     assert [k for k, (_, packet) in enumerate(film) if stands_alone(video, packet)] == [0, 10, 20]
+    decoder = SceneDecoder(video)
+    for k, (t_ns, packet) in enumerate(film):  # each is there at once, none a picture later
+        decoder.take(t_ns, packet)
+        shown = decoder.image()
+        assert shown is not None
+        assert (shown[0], number_of(shown[1])) == (t_ns, k)
     decoder = SceneDecoder(video)
     for t_ns, packet in film[10:14]:
         decoder.take(t_ns, packet)
@@ -402,7 +413,7 @@ def test_a_second_pass_begins_at_the_part_that_holds_a_time(lossless: Path) -> N
         assert again == every[len(every) - len(again) :]
         assert all(log_ns < since_ns for _, log_ns in every[: len(every) - len(again)])
     late = sum(1 for _ in reader.messages(lambda _topic: False, since_ns=end_ns))
-    assert late < len(every) / 3
+    assert late < len(every) / 2
 
 
 def test_scene_pictures_fit_the_panel_whatever_their_shape() -> None:

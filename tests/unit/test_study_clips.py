@@ -16,9 +16,11 @@ import msgspec
 import numpy as np
 
 from reference.command import call
+from reference.filmed import EPOCH_NS, number_of, packets, write_scene
 from reference.sessions import record, rewritten
 from reference.written import boris_project
 from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError
+from tega.recording.mcap_reader import McapReader
 from tega.replay.recorded import read_recorded
 from tega.study import make_plan, read_plan, write_plan
 from tega.study.detecting import DETECTOR, detected_path
@@ -198,6 +200,51 @@ def test_a_lossless_recording_is_shown_as_good_as_it_is(tmp_path: Path) -> None:
         newest = [image for t_ns, image in raw if t_ns - LEAD_NS <= at_ns][-2:]
         assert min(np.abs(thumb.astype(int) - image).mean() for image in newest) < 2.0
     assert max(np.abs(image.astype(int) - raw[0][1]).mean() for _, image in raw) > 3.0
+
+
+def _at_time_of_day(path: Path, epoch_ns: int) -> None:
+    """Have a recording begin at another time of day."""
+    reader = McapReader(path)
+    assert all(one.log_ns for one in reader.messages(lambda _topic: False))
+    later_ns = epoch_ns - int(reader.metadata["tega"]["epoch_ns"])
+    new = rewritten(
+        path,
+        path.with_suffix(".new"),
+        tables={"tega": {"epoch_ns": str(epoch_ns)}},
+        times=lambda _topic, log_ns: log_ns + later_ns,
+    )
+    new.replace(path)
+
+
+@pytest.mark.parametrize("restarted", [False, True])
+def test_a_clip_shows_the_scene_of_its_moment_and_none_of_another_start_of_the_machine(
+    *, restarted: bool, tmp_path: Path, recording: Path
+) -> None:
+    folder = tmp_path / "study"
+    study(folder, planned(), recording)
+    begun = {}
+    for trial in (one for person in PEOPLE for one in recorded_trials(folder, person)[0]):
+        # The film's first picture is 0.2 s after the trial's start, and another comes each 0.1 s.
+        begun[trial.start_ns] = packets([trial.start_ns + (200 + 100 * k) * MS for k in range(8)])
+        at_ns = EPOCH_NS + restarted * 3600 * S + trial.start_ns - trial.zero_ns
+        _at_time_of_day(trial.folder / "trial-001.mcap", at_ns)
+    films = [
+        write_scene(tmp_path / f"scene-{k}.mcap", {"front": film}) for k, film in enumerate(begun.values())
+    ]
+    key = make_clips(folder, tmp_path / "out", "r1", scenes=films)
+    assert key.left_out == []
+    for clip in key.clips:
+        video = cv2.VideoCapture(str(tmp_path / "out" / f"{clip.name}.avi"))
+        for k in range(39):
+            there, picture = video.read()
+            assert there
+            assert picture.shape == (240 + 28 + 480 + 28, 640, 3)
+            scene = picture[240 + 28 + 28 :][: 640 * 64 // 96]
+            newest = int((k / 30 - 0.2 + 1e-6) // 0.1)
+            if restarted or newest < 0:
+                assert scene.max() < 40
+            else:
+                assert number_of(np.asarray(scene, np.uint8)) == min(newest, 7), k
 
 
 def test_a_recording_that_cannot_be_shown_is_named_and_left_out(folder: Path, tmp_path: Path) -> None:

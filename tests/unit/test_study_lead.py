@@ -359,12 +359,65 @@ def test_what_begins_by_itself_after_a_trial_needs_somebody_who_leads(*, auto: b
 
     desk = Experimenter()
     with pytest.raises(InvalidValueError, match="pedal 'h': begins to its start in a rest"):
-        lead_session(folder, "p01", Moving(), desk, pedal="h")
+        lead_session(folder, "p01", Moving(), desk, pedals="1h")
     assert not events_path(folder, "p01").exists()
     lead_session(folder, "p01", Moving(), desk, time_scale=0.001, auto=auto)
     noted = [event.trial for event in events_of(folder) if event.text == "it is at its start"]
     assert noted == ([] if auto else [1, 2, 3]), "after each trial that another one follows"
     assert desk.said.count("to its start: it is at its start") == len(noted)
+
+
+class _Feet(Experimenter):
+    """Leads by pedals alone, and types no more than why a trial is done again."""
+
+    def __init__(self) -> None:
+        super().__init__(answer="the gel came off")
+        self._since_s = 0.0
+        self._left: list[tuple[float, str]] = []
+
+    def show(self, screen: Screen) -> None:
+        if self.phases[-1:] == [screen.phase]:
+            return
+        self.phases.append(screen.phase)
+        self._since_s = time.monotonic()
+        if screen.phase == "ready":
+            again = "trial" in self.phases and "again" not in self.phases
+            self._left = [(0.0, "5" if again else "1")]
+            self.phases += ["again"] * again
+        elif screen.phase == "trial":
+            # Its result cannot be keyed in the first second.
+            self._left = [(0.1, "1"), (0.2, "3"), (0.3, "4"), (0.4, "4"), (1.1, "2")]
+        elif screen.phase == "questions":
+            self._left = [(0.0, key) for key in [ENTER, *("i" * len(QUESTIONS)), ENTER]]
+
+    def keys(self) -> list[str]:
+        gone_s = time.monotonic() - self._since_s
+        due = [key for at_s, key in self._left if at_s <= gone_s]
+        self._left = [(at_s, key) for at_s, key in self._left if at_s > gone_s]
+        return due
+
+
+def test_pedals_begin_mark_score_end_and_repeat_trials(tmp_path: Path) -> None:
+    folder = study(tmp_path)
+    state = lead_session(folder, "p01", StandingBench(), _Feet(), time_scale=0.001, pedals="12345")
+    assert state.next is None
+    events = events_of(folder)
+    assert [(e.trial, e.attempt) for e in events if e.kind == "trial_start"] == [(1, 1), (1, 2), (2, 1)]
+    assert [e.text for e in events if e.kind == "redo"] == ["the gel came off"]
+    for trial, attempt in ((1, 1), (1, 2), (2, 1)):
+        own = [e for e in events if (e.trial, e.attempt) == (trial, attempt)]
+        keyed = [e.kind for e in own if e.source == "experimenter" and e.kind != "redo"]
+        assert keyed == ["lift_off", "slip", "deformation", "deformation"]
+        (end,) = [e for e in own if e.kind == "trial_end"]
+        assert end.text == "ended by the experimenter"
+
+
+@pytest.mark.parametrize("pedals", ["11", "123456", "1s", "e", "1 ", "q", "r1", "\r"])
+def test_pedals_that_mean_something_else_begin_no_session(pedals: str, tmp_path: Path) -> None:
+    folder = study(tmp_path)
+    with pytest.raises(InvalidValueError, match="one to five keys that mean nothing else"):
+        lead_session(folder, "p01", StandingBench(), Experimenter(), pedals=pedals)
+    assert not events_path(folder, "p01").exists()
 
 
 class _Repeating(Experimenter):

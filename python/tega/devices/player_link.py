@@ -202,15 +202,17 @@ class PlayerLink:
     def close(self) -> None:
         """Say that nothing is played any more, and disconnect."""
         ws, self._ws = self._ws, None
-        if ws is not None:
-            with contextlib.suppress(*self._broken):
-                if self.ready(0.1):
-                    self._run(ws.send(self._version.stop()))
-            with contextlib.suppress(*self._broken):
-                self._run(ws.close())
-        if self._runner is not None:
-            self._runner.close()
-            self._runner = None
+        try:
+            if ws is not None:
+                with contextlib.suppress(*self._broken):
+                    if self.ready(0.1):
+                        self._run(ws.send(self._version.stop()))
+                with contextlib.suppress(*self._broken):
+                    self._run(ws.close())
+        finally:
+            runner, self._runner = self._runner, None
+            if runner is not None:
+                runner.close()
 
     def abort(self) -> None:
         """Break the connection off, from any thread."""

@@ -1,4 +1,4 @@
-"""Listen to the pedal at ``input.marker`` while episodes are taken: through the run that has it open, else alone."""
+"""Listen to the pedal at ``input.marker`` for episodes: through the run that has it open, and between runs."""
 
 from __future__ import annotations
 

@@ -69,13 +69,14 @@ class FollowedFile:
         behind_ns: Reading that is further behind leaves out what lies between, time of the recording.
 
     Attributes:
+        zero_ns: As given.
         problems: What cannot be used, by the follower's name.
     """
 
     def __init__(
         self, reader: McapReader, zero_ns: int, followers: Mapping[str, StreamFollower], *, behind_ns: int
     ) -> None:
-        self._reader, self._zero_ns, self._followers = reader, zero_ns, dict(followers)
+        self._reader, self.zero_ns, self._followers = reader, zero_ns, dict(followers)
         self.followers = list({id(one): one for one in followers.values()}.values())
         self._behind_ns = behind_ns
         self._n_jumps = -1
@@ -112,7 +113,7 @@ class FollowedFile:
         since_ns = min((one.since_ns for one in self.followers), default=NEVER_NS)
         if jumped or since_ns > (self._waiting[0][0] if self._waiting else self._newest_ns):
             self._messages = self._reader.messages(
-                self._followers.__contains__, since_ns=max(self._zero_ns + since_ns, 0)
+                self._followers.__contains__, since_ns=max(self.zero_ns + since_ns, 0)
             )
             self._waiting, self._newest_ns, self._ended = [], -NEVER_NS, False
 
@@ -129,7 +130,7 @@ class FollowedFile:
         if found is None:
             self._ended, self._messages = True, iter(())
             return
-        at_ns = found.log_ns - self._zero_ns
+        at_ns = found.log_ns - self.zero_ns
         self._newest_ns, self._n_read = max(self._newest_ns, at_ns), self._n_read + 1
         heappush(self._waiting, (at_ns, self._n_read, found))
 

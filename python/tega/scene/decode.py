@@ -76,11 +76,13 @@ class SceneDecoder:
         if not packet:
             raise RecordingError("a picture of the video is empty", "the recording is damaged")
         try:
-            frames = self._context.decode(self._av.Packet(packet))
-        except (self._av.FFmpegError, ValueError) as error:
+            sent = self._av.Packet(packet)
+            sent.pts = t_ns
+            frames = self._context.decode(sent)
+        except (self._av.FFmpegError, ValueError, OverflowError) as error:
             raise _damage(error) from error
-        for frame in frames:
-            self._newest = t_ns, frame
+        for frame in frames:  # which has its own packet's time, should a decoder hold it back
+            self._newest = t_ns if frame.pts is None else frame.pts, frame
 
     def image(self) -> tuple[int, NDArray[np.uint8]] | None:
         """Return the newest picture once: its time, and uint8 (H, W, 3) in blue, green, red; ``None`` without one.

@@ -17,6 +17,10 @@ from tega.cli.options import echo_json, json_option
     "--proposals", is_flag=True, help="Put what rule and detector say into the project, to be decided."
 )
 @click.option(
+    "--scene", "scenes", multiple=True, type=click.Path(path_type=Path, dir_okay=False), metavar="SCENE.mcap",
+    help="Show the object, too: a scene record of the sessions. Repeatable.",
+)  # fmt: skip
+@click.option(
     "--take",
     type=click.Path(path_type=Path, dir_okay=False),
     metavar="FILE.boris",
@@ -24,13 +28,20 @@ from tega.cli.options import echo_json, json_option
 )
 @json_option
 def clips(
-    *, folder: Path, out: Path | None, rater: str, proposals: bool, take: Path | None, as_json: bool
+    *,
+    folder: Path,
+    out: Path | None,
+    rater: str,
+    proposals: bool,
+    scenes: tuple[Path, ...],
+    take: Path | None,
+    as_json: bool,
 ) -> None:
     """Make blind, shuffled clips of the recorded trials with a BORIS project, or take one back with --take.
 
-    Clips show fingertips alone, in an order of the rater's own. With --proposals events of rule and detector stand in
-    the project; the modifier "proposal" confirms or rejects each, and a shifted time moves it. Then study score
-    compares; a rater who saw proposals is not compared with rule or detector.
+    Clips show fingertips, and what --scene filmed, in an order of the rater's own. With --proposals events of rule and
+    detector stand in the project; the modifier "proposal" confirms or rejects each, and a shifted time moves it. Then
+    study score compares; a rater who saw proposals is not compared with rule or detector.
 
     With --json: {"project", "clips", "left_out"}, or with --take {"trials", "unfinished", "added", "proposals"}.
     """
@@ -61,7 +72,12 @@ def clips(
 
     with progress_bar(enabled=not as_json) as shown:
         key = make_clips(
-            folder, out, rater, proposals=proposals, told=lambda done, total: shown("clips", done, total)
+            folder,
+            out,
+            rater,
+            proposals=proposals,
+            scenes=scenes,
+            told=lambda done, total: shown("clips", done, total),
         )
     project = out / f"{rater}.boris"
     if as_json:

@@ -53,7 +53,10 @@ if TYPE_CHECKING:
     show_default=True,
     help="lift: over when held up; place: over when put down as well (Enter).",
 )
-@click.option("--pedal", default="", metavar="KEY", help="The key that a foot pedal types, such as b.")
+@click.option(
+    "--pedals", "--pedal", default="", metavar="KEYS",
+    help="Keys that foot pedals type, such as 12345: go on, end, slip, deformation, again.",
+)  # fmt: skip
 @click.option(
     "--answer", default="p", show_default=True, metavar="KEY",
     help="The key that the participant's pedal types at a beep, in a plan made with --probe.",
@@ -76,7 +79,7 @@ def run(
     config: Path | None,
     preset: Literal["paper", "live"],
     task: Task,
-    pedal: str,
+    pedals: str,
     answer: str,
     trials: int | None,
     yes: bool,
@@ -98,8 +101,6 @@ def run(
         raise click.UsageError("give one of --lab LAB.toml, --emulated and --simulated")
     if config is not None and not simulated:
         raise click.UsageError("--config is for --simulated; --lab has settings of its own")
-    if len(pedal) > 1:
-        raise click.BadParameter(f"{pedal!r} is not one key, such as b", param_hint="--pedal")
     plan = read_plan(folder)
     plan.of(participant)
     with (
@@ -117,7 +118,7 @@ def run(
             desk,
             task=task,
             time_scale=time_scale,
-            pedal=pedal,
+            pedals=pedals,
             answer_key=answer,
             auto=yes,
             trials=trials,

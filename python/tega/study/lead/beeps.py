@@ -12,17 +12,17 @@ if TYPE_CHECKING:
     from tega.masking_sound import MaskingSound
 
 
-def check_answer_key(key: str, pedal: str) -> None:
+def check_answer_key(key: str, pedals: str) -> None:
     """Refuse a key that means something else in a trial.
 
     Args:
         key: What the participant's pedal types.
-        pedal: What the experimenter's pedal types; empty for none.
+        pedals: What the experimenter's pedals type; empty for none.
 
     Raises:
         InvalidValueError: It is not one key, or has a meaning already.
     """
-    taken = {one for one, _ in keys_of(sees_height=False)} | {" ", "\n", pedal}
+    taken = {one for one, _ in keys_of(sees_height=False)} | {" ", "\n", *pedals}
     if len(key) != 1 or not key.isprintable() or key in taken:
         raise InvalidValueError(
             f"answer key {key!r}: it is not one key, or means something else in a trial",

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tega.clock import Clock, SystemClock
-from tega.errors import DeviceUnavailableError, InvalidValueError
+from tega.errors import DeviceUnavailableError
 from tega.study.beep_score import said_of_beeps
 from tega.study.journal import Journal
 from tega.study.lead.asking import BlockQuestions
@@ -16,6 +16,7 @@ from tega.study.lead.beeps import Beeps, check_answer_key
 from tega.study.lead.between_trials import TrialBefore
 from tega.study.lead.experimenter import ENTER, Desk
 from tega.study.lead.fatigue import said_of_muscles, said_of_squeezes
+from tega.study.lead.pedals import pedal_keys
 from tega.study.lead.questions import blocks_to_ask
 from tega.study.lead.rest_tasks import RestTask, RunningTask
 from tega.study.lead.screens import doing, running, waiting
@@ -50,7 +51,7 @@ def lead_session(
     clock: Clock | None = None,
     task: Task = "lift",
     time_scale: float = 1.0,
-    pedal: str = "",
+    pedals: str = "",
     answer_key: str = "p",
     auto: bool = False,
     trials: int | None = None,
@@ -67,7 +68,7 @@ def lead_session(
         clock: The session's; the machine's monotonic one when ``None``.
         task: When a trial is over, see :class:`tega.study.lead.trial.LedTrial`.
         time_scale: Of all waits; below 1 for rehearsals, which the events then say.
-        pedal: A key that a foot pedal types: goes on, and marks the object's height in a trial.
+        pedals: Keys that foot pedals type, see :func:`tega.study.lead.pedals.pedal_keys`.
         answer_key: The key that the participant's pedal types at a beep, where the plan has a second task.
         auto: Go on by the clock and pass over the questions.
         trials: Stop after so many; ``None`` for all.
@@ -79,7 +80,7 @@ def lead_session(
         How the session stands.
 
     Raises:
-        InvalidValueError: Nobody has that id, answer key or pedal mean something else, a condition cannot be run
+        InvalidValueError: Nobody has that id, answer key or a pedal means something else, a condition cannot be run
             on this bench, or the plan is not for sessions on it.
         RecordingError: The study is damaged, or the person has withdrawn.
         DeviceUnavailableError: Another program has the session open, nothing can play the plan's beeps, the masking
@@ -89,10 +90,9 @@ def lead_session(
     plan = read_plan(folder)
     for condition in plan.settings.conditions:
         bench.felt(condition)
-    if begun := [task.words for task in bench.rest_tasks if task.key == pedal]:
-        raise InvalidValueError(f"pedal {pedal!r}: begins {begun[0]} in a rest", "take b, for example")
+    pressed = pedal_keys(pedals, bench.rest_tasks)
     if plan.settings.probe:
-        check_answer_key(answer_key, pedal)
+        check_answer_key(answer_key, pedals)
         if masking is None:
             raise DeviceUnavailableError(
                 "the plan has a second task, and nothing plays its beeps", "give lead_session a MaskingSound"
@@ -110,7 +110,7 @@ def lead_session(
             clock=clock,
             task=task,
             time_scale=time_scale,
-            pedal=pedal,
+            pedals=pressed,
             answer_key=answer_key,
             auto=auto,
             masking=masking,
@@ -135,7 +135,7 @@ class _Lead:
         clock: Clock,
         task: Task,
         time_scale: float,
-        pedal: str,
+        pedals: dict[str, tuple[str, ...]],
         answer_key: str,
         auto: bool,
         masking: MaskingSound | None,
@@ -144,7 +144,7 @@ class _Lead:
         self._folder, self._plan, self._participant = folder, plan, participant
         self._mine = plan.of(participant)
         self._journal, self._bench, self._desk, self._clock = journal, bench, desk, clock
-        self._task, self._scale, self._pedal = task, time_scale, pedal
+        self._task, self._scale, self._pedals = task, time_scale, pedals
         self._answer_key = answer_key
         self._auto, self._stop, self._masking = auto, stop, masking
         self._before = TrialBefore(journal, desk, clock)
@@ -233,7 +233,7 @@ class _Lead:
                         return False
                     quitting = True
                     self._desk.say("q once more to stop here; the same command goes on from here")
-                elif key in {ENTER, self._pedal} and not resting:
+                elif key == ENTER and not resting:
                     return True
                 elif trial is not None and key in tasks:
                     self._rest_task(tasks[key], heading)
@@ -298,7 +298,6 @@ class _Lead:
             task=self._task,
             window_s=window_s,
             time_scale=self._scale,
-            pedal=self._pedal,
             beeps=self._beeps(trial, attempt),
         )
         heading = f"{self._participant} · trial {trial.trial} of {len(self._mine)} · {trial.object}"
@@ -363,8 +362,8 @@ class _Lead:
         return True
 
     def _heard(self) -> list[str]:
-        told = self._heard_by_program()
-        return [*self._desk.keys(), *told]
+        told, typed = self._heard_by_program(), self._desk.keys()
+        return [*(own for key in typed for own in self._pedals.get(key, (key,))), *told]
 
     def _heard_by_program(self) -> list[str]:
         """Return what another program has pressed; a question is answered by a person, whatever it presses."""

@@ -83,7 +83,6 @@ class LedTrial:
         task: ``lift`` is over when the object has been held up; ``place`` when it has been put down as well.
         window_s: Time in which it has to be lifted, seconds.
         time_scale: Of the countdown.
-        pedal: A key that a foot pedal types, which does what space does.
         beeps: The second task; ``None`` where there is none.
 
     Attributes:
@@ -105,12 +104,11 @@ class LedTrial:
         task: Task,
         window_s: float,
         time_scale: float = 1.0,
-        pedal: str = "",
         beeps: Beeps | None = None,
     ) -> None:
         self._folder, self.trial, self.attempt = folder, trial, attempt
         self._bench, self._journal, self._clock = bench, journal, clock
-        self._task, self._window_s, self._pedal = task, window_s, pedal
+        self._task, self._window_s = task, window_s
         self._countdown_ns = round(COUNTDOWN_S * time_scale * 1e9)
         self.beeps = beeps
         self._since_ns: int | None = None
@@ -214,7 +212,7 @@ class LedTrial:
                 return _TrialEnd(t_s, "failed_task", "dropped")
             elif key == "u":
                 self.undo()
-            elif key in {" ", self._pedal}:
+            elif key == " ":
                 self._mark(t_s)
             elif key == END and t_s >= QUIET_S:
                 return _TrialEnd(t_s, "done", "ended by the experimenter")

@@ -1,14 +1,14 @@
 """Make blind clips of recorded trials for raters who code in BORIS; :mod:`.clips_coded` takes what they coded back.
 
-A clip is a trial of anybody, its pictures and nothing else, under a number drawn from the study's seed and the rater's
-code: neither person nor trial nor condition can be read off it. Which clip is which stands in the study's folder, in
+A clip is a trial of anybody, its pictures and the scene's, under a number drawn from the study's seed and the rater's
+code: neither person nor trial nor condition can be read off that. Which clip is which stands in the study's folder, in
 ``clips/RATER.json``. With proposals the project holds what the session's rule and the detector say, each to be
 confirmed, rejected or moved.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final, Literal
 
@@ -33,6 +33,7 @@ from tega.study.score.boris_file import (
 )
 from tega.study.score.clip_video import RATE_HZ, write_clip
 from tega.study.score.recorded import RecordedTrial, recorded_trials
+from tega.study.score.scene_reel import SceneReel
 from tega.study.state import events_path
 from tega.whole_file import write_whole
 
@@ -118,6 +119,7 @@ def make_clips(
     rater: str,
     *,
     proposals: bool = False,
+    scenes: Sequence[Path] = (),
     told: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> ClipKey:
     """Write clips and a project for a rater.
@@ -127,6 +129,7 @@ def make_clips(
         out: Where to; must not exist, or be empty.
         rater: Who will code; a code that is new.
         proposals: Put what rule and detector say into the project.
+        scenes: Scene recordings of the sessions, made on their machine.
         told: Told how many clips are done, of how many.
 
     Returns:
@@ -135,7 +138,7 @@ def make_clips(
     Raises:
         InvalidValueError: The rater has clips already, or the folder is not empty.
         DeviceUnavailableError: No trial can be shown.
-        RecordingError: The study is damaged.
+        RecordingError: The study or a scene recording is damaged.
         MissingExtraError: A package of the extra ``record`` is not installed.
     """
     plan, key = read_plan(folder), key_path(folder, rater)
@@ -143,6 +146,7 @@ def make_clips(
         raise InvalidValueError(f"{rater} has clips already: {key}", "give another --rater")
     if out.exists() and any(out.iterdir()):
         raise InvalidValueError(f"{out}: is not empty", "name a new folder")
+    scene = SceneReel(scenes) if scenes else None
     shown, left_out = _shown(folder, rater)
     out.mkdir(parents=True, exist_ok=True)
     clips, observations = [], {}
@@ -151,7 +155,7 @@ def make_clips(
         name = f"clip-{n:03d}"
         video = out / f"{name}.avi"
         try:
-            length_s = write_clip(trial, video)
+            length_s = write_clip(trial, video, scene)
         except RecordingError as error:
             left_out.append(f"{trial.id}: {error.message}")
             continue
@@ -166,6 +170,7 @@ def make_clips(
             rate_hz=RATE_HZ,
         )
     told(len(shown), len(shown))
+    left_out += [] if scene is None else scene.problems
     if not clips:
         raise DeviceUnavailableError(f"no recording can be shown: {'; '.join(left_out)}")
     modifiers = {"finger": (*FINGERS, _NO_FINGER)} | ({"proposal": VERDICTS} if proposals else {})

@@ -54,9 +54,11 @@ class Reel:
         strips: Pictures by finger.
         truth_t_ns: Times of the object's truth, rising; none outside the simulated bench.
         truth: The object at those times.
+        boot_ns: Time of day at which the machine's clock was 0; ``None`` on the simulated bench.
 
     Attributes:
         fingers: Those with a picture, thumb first.
+        boot_ns: As given.
     """
 
     def __init__(
@@ -64,7 +66,10 @@ class Reel:
         strips: dict[str, _Strip],
         truth_t_ns: Sequence[int] = (),
         truth: Sequence[ReelTruth] = (),
+        *,
+        boot_ns: int | None = None,
     ) -> None:
+        self.boot_ns = boot_ns
         self.fingers = [finger for finger in FINGERS if finger in strips]
         self._strips, self._truth_t_ns, self._truth = strips, truth_t_ns, truth
         self._decoded: dict[str, tuple[int, NDArray[np.uint8] | None]] = {}
@@ -137,13 +142,13 @@ def _of_devices(trial: RecordedTrial, path: Path) -> Reel:
     if reader.cut or "end" not in reader.metadata:
         raise RecordingError(f"{path.name} is damaged or was never finished")
     try:
-        began_ns = int(reader.metadata["tega"]["start_ns"])
+        began_ns, epoch_ns = (int(reader.metadata["tega"][name]) for name in ("start_ns", "epoch_ns"))
     except (KeyError, ValueError) as error:
         raise RecordingError(f"{path.name} is damaged: {error}") from error
     if abs(began_ns - (trial.start_ns - trial.zero_ns)) > _FAR_NS:
         raise RecordingError(f"{path.name} is of another trial: it was begun at another time")
     _reaches(trial, newest_ns)
-    return Reel(strips)
+    return Reel(strips, boot_ns=epoch_ns - began_ns)
 
 
 def _keep(strip: _Strip, t_ns: int, picture: Any, cv2: Any) -> None:
