@@ -114,7 +114,7 @@ def test_a_tracked_curve_without_emg_is_told(tmp_path: Path) -> None:
 def test_decoders_are_compared_on_what_a_person_practised(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    record = tracked(tmp_path, ("a", "b", "c"), 200.0)
+    record = tracked(tmp_path, ("a", "b", "c"), 200.0, 90.0)  # rest and effort in both halves
     assert teleop("emg", "compare", str(record), "--decoders", "rules,learned", "--json") == 0
     rows = json.loads(capsys.readouterr().out)
     assert [(row["decoder"], row["judged_on"]) for row in rows] == [

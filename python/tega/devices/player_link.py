@@ -201,18 +201,18 @@ class PlayerLink:
 
     def close(self) -> None:
         """Say that nothing is played any more, and disconnect."""
-        ws, self._ws = self._ws, None
-        try:
-            if ws is not None:
-                with contextlib.suppress(*self._broken):
-                    if self.ready(0.1):
-                        self._run(ws.send(self._version.stop()))
-                with contextlib.suppress(*self._broken):
-                    self._run(ws.close())
-        finally:
-            runner, self._runner = self._runner, None
-            if runner is not None:
-                runner.close()
+        with contextlib.ExitStack() as steps:  # each is taken, whatever comes of those before it
+            if (runner := self._runner) is not None:
+                steps.callback(self._forget, runner)
+            if (ws := self._ws) is not None:
+                steps.push(lambda kind, *_: kind is not None and issubclass(kind, self._broken))
+                steps.callback(lambda: self._run(ws.close()))
+                if self.ready(0.1):
+                    self._run(ws.send(self._version.stop()))
+
+    def _forget(self, runner: asyncio.Runner) -> None:
+        self._ws = self._runner = None
+        runner.close()
 
     def abort(self) -> None:
         """Break the connection off, from any thread."""
