@@ -76,11 +76,14 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
-    """Share out folders among the cores; run named files, and everything on one core, in this process."""
+    """Share out folders among one process more than there are cores, as tests also wait.
+
+    Named files, and everything on one core, run in this process.
+    """
     if _files_are_named(config):
         return 0
     n_cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return n_cores if n_cores > 1 else 0
+    return n_cores + 1 if n_cores > 1 else 0
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -14,6 +14,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, ParamSpec, TypeVar
 
+import msgspec
+
 from tega.errors import RecordingError, TegaError
 
 if TYPE_CHECKING:
@@ -83,6 +85,20 @@ def parse_toml(text: str) -> dict[str, Any]:
         return tomllib.loads(text)
     except RecursionError as error:
         raise tomllib.TOMLDecodeError("tables or arrays lie in each other hundreds deep") from error
+
+
+def parse_json(data: bytes | str, kind: type[_R]) -> _R:
+    """Return the value of a JSON text, of the type that is asked for.
+
+    Raises:
+        msgspec.DecodeError: It is no JSON or no UTF-8, is of another type, or goes deeper than anything that is meant.
+    """
+    try:
+        return msgspec.json.decode(data, type=kind)
+    except UnicodeDecodeError as error:
+        raise msgspec.DecodeError(f"no UTF-8: {error}") from error
+    except RecursionError as error:  # msgspec goes as deep as Python allows, then raises this
+        raise msgspec.DecodeError("objects or arrays lie in each other hundreds deep") from error
 
 
 def load_npy(data: bytes, name: str) -> NDArray[Any]:

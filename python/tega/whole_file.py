@@ -1,17 +1,26 @@
-"""Write a file whole or not at all, and over no other file than the one named.
+"""Write a file whole or not at all, or add to it, and never change another file than the one named.
 
 A folder that somebody else made can hold a link in the place of every file that a program would make beside its own;
-written through, it would change what the link leads to. What is written here is a new file, which then takes the place
-of the old file or link.
+written through, it would change what the link leads to. What is written whole is a new file, which then takes the place
+of the old file or link; what is added to is opened through no link.
 """
 
 from __future__ import annotations
 
 import os
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO
+from typing import IO, BinaryIO, Final
+
+from tega.errors import RecordingError
+
+# Windows has neither such links nor such pipes, and Linux needs no flag for bytes.
+_APPENDS: Final = os.O_RDWR | os.O_APPEND | os.O_CREAT
+_GUARDED: Final[int] = sum(
+    getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_BINARY", "O_CLOEXEC")
+)
 
 
 @contextmanager
@@ -46,3 +55,25 @@ def write_whole(path: Path, data: bytes | str, *, sync: bool = False) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     with new_file(path, sync=sync) as file:
         file.write(data.encode() if isinstance(data, str) else data)
+
+
+def open_to_append(path: Path) -> IO[bytes]:
+    """Open a file to read it and to add to it; it is made if need be, but not its folder.
+
+    Raises:
+        RecordingError: It is a link, or no file.
+        OSError: It cannot be opened.
+    """
+    refused = RecordingError(
+        f"{path.name}: is a link, or no file, and is not written to", f"see what {path} is, and move it away"
+    )
+    try:
+        handle = os.open(path, _APPENDS | _GUARDED, 0o666)
+    except OSError as error:
+        if path.is_symlink() or (path.exists() and not path.is_file()):
+            raise refused from error
+        raise
+    if not stat.S_ISREG(os.fstat(handle).st_mode):
+        os.close(handle)
+        raise refused
+    return os.fdopen(handle, "ab+")

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,6 +19,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from tega.acceptance.outputs import accept_vest
 from tega.config import check_tree
 from tega.contract import check_driver
 from tega.devices import driver_class
@@ -263,6 +265,7 @@ def test_a_vest_that_takes_no_zeros_is_not_left_alone(fault: str, caplog: pytest
             made.feed(lambda: made.shows(TOUCH))
             made.peer.say(fault)
         assert seen_by(made.peer).motors != SILENT
+        assert not made.vest.confirmed_rest  # type: ignore[attr-defined]
         assert "USE THE VEST'S SWITCH: C0:FF:EE:00:40:01" in caplog.text
         made.peer.say("clear")
         made.wait(lambda: seen_by(made.peer).motors == SILENT)
@@ -286,6 +289,61 @@ def test_a_vest_whose_link_comes_back_is_guarded_by_the_same_process(
         assert "SWITCH" not in caplog.text
 
 
+class _Feels:
+    """A person who says yes to everything."""
+
+    def say(self, text: str) -> None:
+        """Hear it."""
+
+    def confirm(self, text: str) -> bool:
+        return "vibrate" in text
+
+    def ask(self, text: str) -> str:
+        return "yes" if text else ""
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("bhaptics-ble", "and the vest has answered behind the zeros of closing"),
+        ("bhaptics-player", "this driver does not tell whether the zeros of closing arrived"),
+    ],
+)
+def test_an_acceptance_says_of_closing_what_the_vest_confirmed(name: str, said: str) -> None:
+    with bench(name, limit=20) as made:
+        made.vest.open()
+        *_, stop = accept_vest(made.vest, "x40", 20, _Feels())
+    assert stop.name == "stop"
+    assert said in stop.said
+
+
+def test_a_bluetooth_vest_at_rest_is_left_to_its_driver() -> None:
+    with bench("bhaptics-ble") as made, made.vest as vest:
+        guard = vest._watch.guard  # type: ignore[attr-defined]
+        connections, sent = seen_by(made.peer).connections, vest.counters.sent
+        made.wait(lambda: vest.counters.sent >= sent + 3)  # a second each
+        assert vest.counters.lost == 0
+        assert guard.n_lost == 0
+        assert seen_by(made.peer).connections == connections
+
+
+def test_a_bluetooth_vest_that_was_silenced_in_a_standstill_is_felt_again() -> None:
+    with bench("bhaptics-ble") as made:
+        words = [sys.executable, "-c", PROGRAM, "bhaptics-ble", "wait", "{}"]
+        with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as program:
+            try:
+                made.wait(lambda: made.shows(TOUCH))
+                program.send_signal(signal.SIGSTOP)
+                made.wait(lambda: seen_by(made.peer).motors == SILENT)
+                program.send_signal(signal.SIGCONT)
+                made.wait(lambda: made.shows(TOUCH))
+            finally:
+                program.send_signal(signal.SIGCONT)  # a stopped program would not hear of its end
+                program.terminate()
+                program.communicate()
+        made.wait(lambda: seen_by(made.peer).motors == SILENT)
+
+
 def test_nobody_at_the_other_end_is_a_missing_device(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(DeviceUnavailableError, match=r"cannot be reached.*start the bHaptics Player"):
         make("bhaptics-player", port=9).open()
@@ -299,6 +357,27 @@ def test_nobody_at_the_other_end_is_a_missing_device(monkeypatch: pytest.MonkeyP
 def test_a_host_that_is_no_address_is_told() -> None:
     with pytest.raises(DeviceUnavailableError, match=r"host '\[::1' is no address.*set vest\.options host"):
         make("bhaptics-player", host="[::1").open()
+
+
+@pytest.mark.parametrize("host", ["", "#"])
+def test_an_address_that_cannot_be_read_does_not_tell_the_key(host: str, tmp_path: Path) -> None:
+    (tmp_path / "key").write_text("s3cr3t-key")
+    options = {"version": "3", "app_id": "a", "api_key_file": tmp_path / "key"}
+    with pytest.raises(DeviceUnavailableError, match=f"host '{host}' is no address") as found:
+        make("bhaptics-player", host=host, allow_remote=True, **options).open()
+    said = "".join(traceback.format_exception(found.value))
+    assert "s3cr3t-key" not in said
+    assert "wss:" not in said
+
+
+@pytest.mark.parametrize("host", ["192.0.2.7", "player.example", "0.0.0.0", "", "127.0.0.1@192.0.2.7", "::2"])
+def test_another_machine_is_asked_only_where_the_settings_say_so(host: str, tmp_path: Path) -> None:
+    key = tmp_path / "not-there"
+    for options in ({}, {"version": "3", "app_id": "a", "api_key_file": key}):
+        with pytest.raises(DeviceUnavailableError, match=r"is not this machine.*allow_remote = true"):
+            make("bhaptics-player", host=host, **options).open()
+    with pytest.raises(DeviceUnavailableError, match="key in not-there cannot be read"):
+        make("bhaptics-player", host=host, allow_remote=True, **options).open()
 
 
 def test_garbage_from_the_player_is_counted_and_the_touch_goes_on() -> None:
@@ -479,7 +558,7 @@ touch()
 """
 
 
-@pytest.mark.parametrize("how", ["forgotten", "exception", "SIGTERM", "SIGKILL"])
+@pytest.mark.parametrize("how", ["forgotten", "exception", "SIGTERM", "SIGKILL", "SIGSTOP"])
 def test_every_way_out_of_a_program_leaves_the_vest_silent(any_bench: Bench, how: str) -> None:
     made = any_bench
     vest: Any = made.vest
@@ -497,8 +576,12 @@ def test_every_way_out_of_a_program_leaves_the_vest_silent(any_bench: Bench, how
         made.wait(lambda: made.shows(TOUCH))
         if mode == "wait":
             program.send_signal(getattr(signal, how))
+        if how == "SIGSTOP":
+            made.wait(lambda: seen_by(made.peer).motors == SILENT)
+            program.kill()
         _, said = program.communicate()
-    assert program.returncode == {"forgotten": 0, "exception": 1, "SIGTERM": 143, "SIGKILL": -9}[how], said
+    codes = {"forgotten": 0, "exception": 1, "SIGTERM": 143, "SIGKILL": -9, "SIGSTOP": -9}
+    assert program.returncode == codes[how], said
     made.wait(lambda: seen_by(made.peer).motors == SILENT)
     seen_by(made.peer)
 

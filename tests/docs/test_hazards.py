@@ -11,6 +11,14 @@ import pytest
 PROJECT = Path(__file__).resolve().parents[2]
 PAGE = PROJECT / "docs" / "safety.md"
 
+# Their tests move the clock themselves, or read the emulated devices' stamps.
+CLOCKS = (
+    "tests/hazards/test_times.py",
+    "tests/hazards/test_stamps.py",
+    "tests/unit/test_arm.py",
+    "tests/unit/test_picture_votes.py",
+)
+
 pytestmark = pytest.mark.skipif(not PAGE.is_file(), reason="not a checkout")
 
 
@@ -39,6 +47,25 @@ def test_a_line_s_tests_exist(row: list[str]) -> None:
     for path, name in named:
         tree = ast.parse((PROJECT / path).read_text(encoding="utf-8"))
         assert name in {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}, name
+
+
+def times_unproven(row: list[str]) -> bool:
+    """Tell whether a line states a time that no test on a clock of its own, or on the devices' stamps, holds."""
+    states = re.search(r"\d m?s\b", row[2])
+    return bool(states) and not any(f"`{module}::" in row[4] for module in CLOCKS)
+
+
+@pytest.mark.parametrize("row", rows() if PAGE.is_file() else [], ids=lambda row: row[0])
+def test_a_line_that_states_a_time_names_a_test_of_it(row: list[str]) -> None:
+    assert not times_unproven(row)
+
+
+def test_a_time_without_a_test_of_it_is_seen() -> None:
+    proven = ["a", "b", "0.5 s", "d", "`tests/hazards/test_times.py::test_x`, `tests/unit/test_y.py::test_y`"]
+    assert not times_unproven(proven)
+    assert times_unproven([*proven[:4], "`tests/unit/test_y.py::test_y`"])
+    assert times_unproven([*proven[:2], "[30 ms](page.md)", "d", "`tests/unit/test_y.py::test_y`"])
+    assert not times_unproven([*proven[:2], "at once", "d", "`tests/unit/test_y.py::test_y`"])
 
 
 def test_every_hazard_test_is_in_the_table() -> None:

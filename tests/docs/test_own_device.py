@@ -55,6 +55,7 @@ def run(environment: dict[str, str], *words: str) -> subprocess.CompletedProcess
     )
 
 
+@pytest.mark.slow
 def test_the_template_passes_the_contract(installed: dict[str, str]) -> None:
     done = run(installed, "-m", "tega.contract", "own-emg", "own-vest")
     assert done.returncode == 0, done.stdout + done.stderr

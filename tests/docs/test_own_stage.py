@@ -167,6 +167,7 @@ def run(
     )
 
 
+@pytest.mark.slow
 def test_the_examples_pass_the_contract_and_are_listed(installed: Installed) -> None:
     done = run("-m", "tega.contract", *EXAMPLES.values(), python=installed.python)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -180,6 +181,7 @@ def test_the_examples_pass_the_contract_and_are_listed(installed: Installed) -> 
     assert "a rest below full" in done.stdout
 
 
+@pytest.mark.slow
 def test_the_examples_run_in_a_session_and_are_recorded(installed: Installed, tmp_path: Path) -> None:
     pytest.importorskip("foxglove", reason="needs the extra tega[record]")
     (tmp_path / "lab.toml").write_text(LAB)

@@ -91,6 +91,7 @@ RUN_WITH = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("place", "item"), RUN_WITH, ids=lambda one: getattr(one, "number", one))
 def test_a_setting_of_the_table_is_run_recorded_and_replayed(
     place: OpenPlace, item: str, tmp_path: Path

@@ -19,6 +19,8 @@ _PLAN: Final = "tests/unit/test_study_plan.py::test_"
 _PAGE: Final = "tests/unit/test_view_browser.py::test_"
 _FOREIGN: Final = "tests/property/test_foreign_files.py::test_"
 _PICTURES: Final = "tests/unit/test_picture_votes.py::test_"
+_VESTS: Final = "tests/contract/test_vests.py::test_"
+_START: Final = "tests/unit/test_arm_to_start.py::test_"
 _LIMB: Final = "tests/unit/test_limb_loss.py::test_"
 
 
@@ -158,6 +160,55 @@ GUARDS: Final = (
         "STUCK_S: Final = 1.0",
         "STUCK_S: Final = 1e6",
         f"{_HAND}a_killed_or_frozen_program_does_not_leave_the_hand_pushing",
+    ),
+    Guard(
+        "a Bluetooth vest's guard does not see a standstill",
+        "STUCK_S: Final = 1.0",
+        "STUCK_S: Final = 1e6",
+        f"{_VESTS}a_bluetooth_vest_that_was_silenced_in_a_standstill_is_felt_again",
+    ),
+    Guard(
+        "a Bluetooth vest's driver does not tell its guard that it lives",
+        "            self._watch.beat()\n            await asyncio.sleep(BEAT_S)",
+        "            await asyncio.sleep(BEAT_S)",
+        "soak stop program",
+    ),
+    Guard(
+        "the dead-man is not asked on the way to the start",
+        "        dead_man=turn.dead_man and turn.may_move,",
+        "        dead_man=turn.may_move,",
+        f"{_START}the_emulated_arm_and_hand_go_to_their_start_while_the_switch_is_held",
+    ),
+    Guard(
+        "the way to the start goes on without a guard of the hand",
+        "may_move=lambda: time.monotonic() >= told_until_s and not hand.unguarded,",
+        "may_move=lambda: time.monotonic() >= told_until_s,",
+        f"{_START}the_way_to_the_start_holds_while_the_hand_s_guard_is_lost",
+    ),
+    Guard(
+        "the loss of the arm's process is not seen",
+        '        if arm.phase in {"faulted", "gone"} and (said := arm.problem):',
+        '        if arm.phase == "faulted" and (said := arm.problem):',
+        "tests/unit/test_arm_run.py::test_an_arm_whose_process_is_killed_stops_and_the_run_goes_on",
+    ),
+    Guard(
+        "the loss of the recorder's process is not told",
+        "                self._stop(self._gone())\n            self._queue.close()",
+        "                pass\n            self._queue.close()",
+        "tests/unit/test_recorder_process.py::"
+        "test_a_killed_process_stops_the_recording_with_a_word_and_the_file_is_recovered",
+    ),
+    Guard(
+        "a negative dose lengthens the day",
+        "_AtLeast0 = Annotated[float, msgspec.Meta(ge=0)]",
+        "_AtLeast0 = float",
+        "tests/unit/test_dose_file.py::test_a_number_that_would_lengthen_the_day_is_refused",
+    ),
+    Guard(
+        "any machine may be the Player's",
+        "    if not (o.allow_remote or _is_here(o.host)):",
+        "    if False:",
+        f"{_VESTS}another_machine_is_asked_only_where_the_settings_say_so",
     ),
     Guard(
         "the working folder comes first for programs that are started",
@@ -546,6 +597,24 @@ LATE: Final = (
         "STUCK_S: Final = 1.0",
         "STUCK_S: Final = 10.0",
         f"{_TIMES}a_program_that_stands_still_is_taken_over_from_within_a_second",
+    ),
+    _late(
+        "a Bluetooth vest's program that stands still",
+        "STUCK_S: Final = 1.0",
+        "STUCK_S: Final = 10.0",
+        f"{_TIMES}a_bluetooth_vest_is_silenced_within_a_second_of_a_standstill",
+    ),
+    _late(
+        "a Bluetooth vest that takes no zeros",
+        "_CALL_S = 1.5",
+        "_CALL_S = 15.0",
+        f"{_TIMES}a_bluetooth_vest_that_takes_no_zeros_is_left_to_its_guard_after_a_second_and_a_half",
+    ),
+    _late(
+        "a hand that does not hear its end",
+        "_CONFIRM_S = 3.0",
+        "_CONFIRM_S = 30.0",
+        f"{_TIMES}a_hand_that_does_not_hear_its_end_is_left_to_its_guard_after_three_seconds",
     ),
     _late(
         "a guard that stands still",

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import os
+import selectors
 import signal
 import struct
 import subprocess
@@ -21,7 +23,7 @@ from numpy.typing import NDArray
 from reference.scripted import MS, touching
 from reference.waiting import until
 from tega.calibration import TouchMaxima
-from tega.devices import guard_process, hand_guard, vest_stream
+from tega.devices import allegro, guard_process, hand_bus, hand_guard, vest_ble, vest_ble_guard, vest_stream
 from tega.devices.allegro import AllegroOptions
 from tega.devices.hand_guard import guard_hand
 from tega.devices.pedal import Pedal, PedalOptions
@@ -38,6 +40,13 @@ from tega.safety.guard import Guard, Watched
 from tega.safety.settings import SafetySection
 from tega.teleop.hand import HAND_TICK_NS
 from tega.teleop.touch import TouchLoop
+from tega.wire import (
+    HAND_FINGERS,
+    AllegroTemperature,
+    allegro_limp_frames,
+    allegro_report_frame,
+    allegro_set_period,
+)
 
 TICK_MS = HAND_TICK_NS / MS
 HELLO = Received(0x200, struct.pack("<HHBBB", 0x0402, 0x0406, 0, 45, 1))
@@ -169,6 +178,37 @@ class _Vest(StreamedVest):
 
 
 @pytest.fixture
+def stands_still(monkeypatch: pytest.MonkeyPatch) -> Callable[..., float]:
+    """Have a program say something for 0.5 s, then nothing; return after how long its guard does what it is for."""
+
+    def stand(guard: Any, whose: Any, words: list[str]) -> float:
+        now, let_go_s = SimpleNamespace(s=0.0), list[float]()
+
+        class Heard:
+            def get(self, *, timeout: float | None) -> bytes:
+                if now.s < 0.5:
+                    now.s += 0.1
+                    return b".\n"
+                if let_go_s or timeout is None:
+                    return b""  # the program ends
+                now.s += timeout
+                raise Empty
+
+            def empty(self) -> bool:
+                return True
+
+        monkeypatch.setattr(whose, "let_go", lambda *_: let_go_s.append(now.s))
+        monkeypatch.setattr(guard_process, "hear", Heard)
+        monkeypatch.setattr(guard_process, "stay_alone", lambda: None)
+        monkeypatch.setattr(guard_process, "answer", lambda _chunk: None)
+        monkeypatch.setattr(sys, "argv", ["guard", *words])
+        guard.main()
+        return let_go_s[0] - 0.5
+
+    return stand
+
+
+@pytest.fixture
 def served(monkeypatch: pytest.MonkeyPatch) -> Callable[..., _Link]:
     """Write one frame to a vest at 0 s and nothing more; return what its writer's thread did then."""
 
@@ -203,6 +243,13 @@ def test_a_vest_that_takes_no_frame_counts_as_lost_after_a_second(served: Callab
         served(stalls=True)
 
 
+def _positions(k: int) -> list[Received]:
+    """Return a set of positions, each other than the one before."""
+    frames = [Received(0x80 + 4 * f, struct.pack("<4h", k % 5, 2000, 2000, 2000)) for f in range(4)]
+    frames[3] = Received(0x8C, struct.pack("<4h", 9000, 1000 + k % 5, 2000, 2000))
+    return frames
+
+
 def _hand(rate_hz: float) -> tuple[HandLink, float, int]:
     """Let a hand push, with so many sets of positions a second; return it, the time and the period in ms."""
     o = AllegroOptions(interface="virtual", channel="x")
@@ -211,12 +258,97 @@ def _hand(rate_hz: float) -> tuple[HandLink, float, int]:
     period = 1000 / rate_hz
     for k in range(400):
         t_ms = k * period
-        frames = [Received(0x80 + 4 * f, struct.pack("<4h", k % 3, 2000, 2000, 2000)) for f in range(4)]
-        frames[3] = Received(0x8C, struct.pack("<4h", 9000, 1000 + k % 3, 2000, 2000))
-        link.exchange([HELLO] if k == 20 else frames if k > 20 else [], round(t_ms * MS), 5)
+        link.exchange([HELLO] if k == 20 else _positions(k) if k > 20 else [], round(t_ms * MS), 5)
         if link.phase in {"stopped", "fault"}:
             break
     return link, t_ms, round(period)
+
+
+def test_a_hot_hand_is_let_go_within_half_a_second_of_its_warming() -> None:
+    """A hand that tells its temperatures as often as it was told to, and gets hot just after it did."""
+    o = AllegroOptions(interface="virtual", channel="x")
+    link = HandLink(HandController(), silent_after_ms=o.silent_after_ms, lowest_rate_hz=o.lowest_rate_hz)
+    period_ms, told_ms, hot_ms = 0, 0, 0
+    for t_ms in range(0, 9000, 3):
+        frames = [HELLO] if t_ms == 60 else _positions(t_ms) if t_ms > 60 else []
+        if period_ms and t_ms - told_ms >= period_ms:
+            told_ms = t_ms
+            celsius = (85 if hot_ms else 40,) * 4
+            reports = [allegro_report_frame(AllegroTemperature(finger, celsius)) for finger in HAND_FINGERS]
+            frames += [Received(report.id, report.data) for report in reports]
+            hot_ms = hot_ms or (t_ms if link.phase == "running" else 0)
+        for sent in link.exchange(frames, t_ms * MS, 5):
+            if sent.id == allegro_set_period(0).id:
+                period_ms = int.from_bytes(sent.data[4:6], "little")
+        if link.fault is not None:
+            break
+    assert link.fault is not None
+    assert link.fault.kind == "too-hot"
+    assert 0 < t_ms - hot_ms <= 500 + 3
+
+
+def test_a_hand_that_does_not_hear_its_end_is_left_to_its_guard_after_three_seconds(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    now, sent_s = SimpleNamespace(s=0.0), list[float]()
+
+    def hears_nothing(timeout: float) -> None:
+        now.s += timeout
+
+    monkeypatch.setattr(hand_bus, "time", SimpleNamespace(monotonic=lambda: now.s))
+    bus = hand_bus.HandBus("virtual", "x", bitrate=1_000_000, more={})
+    bus._can = pytest.importorskip("can")
+    bus._bus = SimpleNamespace(recv=hears_nothing, send=lambda _frame, timeout: sent_s.append(now.s))  # noqa: ARG005
+    frames = allegro_limp_frames()
+    assert not bus.switch_off(frames, device_id=0, patience_s=allegro._CONFIRM_S)
+    assert now.s == pytest.approx(3.0, abs=0.01)
+    assert len(sent_s) > 10 * len(frames)
+    assert sent_s[-1] > 2.5
+
+
+class _Skipping(asyncio.SelectorEventLoop):
+    """A loop whose clock goes on by what it would have waited."""
+
+    def __init__(self) -> None:
+        self.now_s = 100.0
+        super().__init__(_SkippingSelector(self))
+
+    def time(self) -> float:
+        return self.now_s
+
+
+class _SkippingSelector(selectors.DefaultSelector):
+    def __init__(self, loop: _Skipping) -> None:
+        super().__init__()
+        self._loop = loop
+
+    def select(self, timeout: float | None = None) -> Any:
+        self._loop.now_s += timeout or 0.0
+        return super().select(0)
+
+
+def test_a_bluetooth_vest_that_takes_no_zeros_is_left_to_its_guard_after_a_second_and_a_half() -> None:
+    loop, said_s = _Skipping(), list[float]()
+
+    class Silent:
+        """Takes frames and answers nothing."""
+
+        async def read_gatt_char(self, _name: str) -> bytes:
+            said_s.append(loop.now_s)
+            return await loop.create_future()  # type: ignore[no-any-return]
+
+        async def disconnect(self) -> None:
+            said_s.append(loop.now_s)
+
+    watch = vest_ble_guard.VestWatch()
+    link = vest_ble._BleLink(vest_ble.BleOptions(), watch)
+    link._runner, link._client = asyncio.Runner(loop_factory=lambda: loop), Silent()
+    link._rests = link._confirms = True
+    watch.silent = False
+    link.close()
+    assert said_s[1] - said_s[0] == pytest.approx(1.5, abs=0.11)
+    assert not watch.silent
+    assert not watch.confirmed
 
 
 def test_a_silent_hand_is_let_go_within_30_ms() -> None:
@@ -237,34 +369,19 @@ def test_a_slow_hand_is_let_go_within_a_second() -> None:
 
 
 def test_a_program_that_stands_still_is_taken_over_from_within_a_second(
-    monkeypatch: pytest.MonkeyPatch,
+    stands_still: Callable[..., float],
 ) -> None:
-    now, let_go_s = SimpleNamespace(s=0.0), list[float]()
+    hand = {"bus": {"interface": "virtual", "channel": "x", "bitrate": 1}, "frames": [], "device_id": 0}
+    took_s = stands_still(hand_guard, hand_guard._Hand, [json.dumps(hand)])
+    assert took_s == pytest.approx(1.0, abs=0.11)
 
-    class Heard:
-        def get(self, *, timeout: float | None) -> bytes:
-            if now.s < 0.5:
-                now.s += 0.1
-                return b".\n"
-            if let_go_s or timeout is None:
-                return b""  # the program ends
-            now.s += timeout
-            raise Empty
 
-    class Noted:
-        def __init__(self, **_settings: Any) -> None:
-            pass
-
-        def let_go(self, _given_up: Any) -> None:
-            let_go_s.append(now.s)
-
-    monkeypatch.setattr(hand_guard, "_Hand", Noted)
-    monkeypatch.setattr(hand_guard, "hear", Heard)
-    monkeypatch.setattr(hand_guard, "stay_alone", lambda: None)
-    monkeypatch.setattr(hand_guard, "answer", lambda _chunk: None)
-    monkeypatch.setattr(sys, "argv", ["hand_guard", json.dumps({})])
-    hand_guard.main()
-    assert let_go_s[0] - 0.5 == pytest.approx(1.0, abs=0.11)
+def test_a_bluetooth_vest_is_silenced_within_a_second_of_a_standstill(
+    stands_still: Callable[..., float],
+) -> None:
+    pytest.importorskip("bleak")
+    took_s = stands_still(vest_ble_guard, vest_ble_guard, ["C0:FF:EE:00:40:01", ""])
+    assert took_s == pytest.approx(1.0, abs=0.11)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no process is stopped there")

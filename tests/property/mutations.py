@@ -1,10 +1,10 @@
 """Mutates files of every format that TEGA reads, and counts what comes of it.
 
 ``python tests/property/mutations.py --each 10000`` reads so many mutated files of each format, ``--only recording`` one
-format. A recording stays a valid MCAP in most of them: its topics, schemas, types, tables, attachments and messages are
-changed, and it goes through one verb of the command line after another. Of a study's folder and of pictures with their
-marks and forces one file is changed, and the verbs get the folder. Exit code 1 if anything else than an error of TEGA
-came of a file.
+format. A recording stays a valid MCAP in most of them: its topics, schemas, types, tables, attachments, messages and
+times are changed, and it goes through one verb of the command line after another. Of a session's folder, a study's, and
+pictures with their marks and forces one file is changed, and the verbs get the folder. Exit code 1 if anything else
+than an error of TEGA came of a file.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from mcap.writer import Writer
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from property.test_foreign_files import _READERS, mutated
+from property.test_foreign_files import _READERS, FAR_NS, mutated
 from reference.recordings import pressed
 from tega.cli.main import main as tega
 from tega.config import check_tree
@@ -40,7 +40,18 @@ from tega.study.observe import Observing
 from tega.study.state import events_path, resume
 from tega.teleop import run_session
 
-_KINDS = ("attachment", "table", "message", "topic", "schema", "type", "no table", "no attachment", "bytes")
+_KINDS = (
+    "attachment",
+    "table",
+    "message",
+    "topic",
+    "schema",
+    "type",
+    "no table",
+    "no attachment",
+    "time",
+    "bytes",
+)
 
 
 def changes(rng: random.Random) -> list[tuple[str, float, bytes]]:
@@ -112,7 +123,10 @@ def odd(source: bytes, rng: random.Random) -> bytes:  # noqa: PLR0912  # one bra
         content = message.data
         if "message" in kinds and channel.topic == victim and rng.random() < 0.2:
             content = mutated(content, changes(rng))
-        writer.add_message(ids[channel.id], message.log_time, content, message.publish_time)
+        log_time = message.log_time
+        if "time" in kinds and channel.topic == victim and rng.random() < 0.2:
+            log_time = (log_time + rng.choice(FAR_NS)) % 2**64
+        writer.add_message(ids[channel.id], log_time, content, message.publish_time)
     writer.finish()
     return file.getvalue()
 
@@ -165,11 +179,24 @@ def _verbs(path: Path, out: Path) -> list[list[str]]:
             for name in ("csv", "parquet", "lerobot")
         ),
         ["recording", "trim", str(path), "--from", "0.05", "--out", str(out / "trimmed")],
-        ["recording", "merge", str(path), "--out", str(out / "merged")],
+        ["recording", "merge", str(path), str(path.parent / "whole.mcap"), "--out", str(out / "merged")],
+        ["recording", "encode", str(path), "--out", str(out / "encoded")],
         ["play", str(path), "--speed", "20", *sink],
         ["audit", str(path)],
         ["audit", str(path), "--sweep", "stages.metric.name=live,paper"],
     ]
+
+
+def _make_session(folder: Path) -> None:
+    """Make two recordings, of which the second was never finished."""
+    first = _recording(folder.parent / "one")
+    shutil.copytree(folder.parent / "one" / "made", folder)
+    (folder / "trial-002.mcap.part").write_bytes(first[: len(first) * 2 // 3])
+
+
+def _verbs_of_session(folder: Path) -> list[list[str]]:
+    words = [["relabel", "--task", "lift"], ["inspect"], ["encode", "--out", str(folder / "encoded")]]
+    return [["recording", verb, str(folder), *more] for verb, *more in words]
 
 
 def _make_study(folder: Path) -> None:
@@ -220,6 +247,7 @@ def _made_folder(make: Callable[[Path], None], folder: Path) -> bytes:
 
 # What is made as a folder of files, of which one is changed, and which verbs read it.
 _FOLDERS: dict[str, tuple[Callable[[Path], None], Callable[[Path], list[list[str]]]]] = {
+    "session's folder": (_make_session, _verbs_of_session),
     "study's folder": (_make_study, _verbs_of_study),
     "audited pictures": (_make_pictures, _verbs_of_pictures),
 }
@@ -252,6 +280,7 @@ def _one(kind: str, content: bytes, rng: random.Random, folder: Path, k: int) ->
     if kind == "recording":
         path = folder / "odd.mcap"
         path.write_bytes(odd(content, rng))
+        (folder / "whole.mcap").write_bytes(content)
         with tempfile.TemporaryDirectory(dir=folder) as out:
             words = _verbs(path, Path(out))
             chosen = words[k % len(words)]
@@ -260,7 +289,8 @@ def _one(kind: str, content: bytes, rng: random.Random, folder: Path, k: int) ->
             ), _run(chosen)
     name, _, read = _READERS[kind]
     path = folder / name
-    path.write_bytes(mutated(content, changes(rng)))
+    is_mcap = kind == "recording of a scene"
+    path.write_bytes(odd(content, rng) if is_mcap else mutated(content, changes(rng)))
     try:
         read(path)
     except TegaError:

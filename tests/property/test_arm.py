@@ -285,7 +285,7 @@ tick = st.fixed_dictionaries(
 @given(
     limits=limit_sets, ticks=st.lists(tick, min_size=3, max_size=25), scale=st.sampled_from([0.3, 1.0, 1.5])
 )
-@settings(max_examples=60)
+@settings(max_examples=30)
 def test_no_input_leads_to_a_target_that_breaks_a_limit(limits, ticks, scale) -> None:
     chain = ArmChain(
         ArmSettings(limits=limits, mapping=MappingSettings(frame="base", scale=scale), gate=GateSettings())
@@ -416,7 +416,7 @@ def test_q_and_minus_q_lead_to_the_same(v, w, dt_ms) -> None:
 
 
 @given(rate_hz=st.integers(1, 1000), v=vectors, w=vectors)
-@settings(max_examples=60)
+@settings(max_examples=30)
 def test_limits_hold_at_any_rate(rate_hz, v, w) -> None:
     limits = LimitSettings()
     chain, obedience = ArmChain(ArmSettings(mapping=BASE)), Obedience(limits)
@@ -437,7 +437,7 @@ def test_limits_hold_at_any_rate(rate_hz, v, w) -> None:
 
 
 @given(v=vectors, w=vectors, ahead_m=st.sampled_from([0.005, 0.03]), ahead_rad=st.sampled_from([0.05, 0.2]))
-@settings(max_examples=40)
+@settings(max_examples=20)
 def test_the_target_stays_near_an_arm_that_is_stuck(v, w, ahead_m, ahead_rad) -> None:
     chain = ArmChain(
         ArmSettings(mapping=BASE, limits=LimitSettings(ahead_m=ahead_m, ahead_rad=ahead_rad, tilt_rad=1.5))

@@ -8,6 +8,7 @@ from itertools import product
 from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -148,6 +149,7 @@ def test_a_signed_mass_that_crosses_zero(extra: int, x: int, y: int) -> None:
     )
 
 
+@pytest.mark.slow
 def test_the_largest_frame() -> None:
     shape = (4096, 4096, 3)
     baseline = np.full(shape, 40, np.uint8)

@@ -100,6 +100,7 @@ def test_the_rank_biserial_interval_covers() -> None:
     assert 0.91 <= hits / 400 <= 0.985
 
 
+@settings(max_examples=12)  # statsmodels collects the program's garbage at each call
 @given(st.lists(st.floats(0, 1), min_size=1, max_size=8))
 def test_holm_is_its_definition(p: list[float]) -> None:
     m, order = len(p), sorted(range(len(p)), key=p.__getitem__)

@@ -45,8 +45,9 @@ def rewritten(
     *,
     files: Mapping[str, bytes] | None = None,
     tables: Mapping[str, Mapping[str, str]] | None = None,
+    times: Callable[[str, int], int] = lambda _topic, log_ns: log_ns,
 ) -> Path:
-    """Copy a recording with the public reader and writer, changing messages, attachments and tables on the way."""
+    """Copy a recording with the public reader and writer, changing messages, attachments, tables and log times."""
     data = source.read_bytes()
     with target.open("wb") as new:
         writer: Any = Writer(new)
@@ -65,7 +66,8 @@ def rewritten(
                 ids[channel.id] = writer.register_channel(channel.topic, "protobuf", schema_id)
             value = decoder(schema.name, schema.data).FromString(message.data)
             changed = change(channel.topic, value).SerializeToString()
-            writer.add_message(ids[channel.id], message.log_time, changed, message.publish_time)
+            log_ns = times(channel.topic, message.log_time)
+            writer.add_message(ids[channel.id], log_ns, changed, message.publish_time)
         writer.finish()
     return target
 

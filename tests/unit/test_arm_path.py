@@ -45,6 +45,7 @@ def test_a_recorded_hand_picks_and_places(tmp_path: Path) -> None:
     assert "| placed, " in line
 
 
+@pytest.mark.slow
 def test_the_filter_takes_jitter_and_costs_time(followed: dict[str, Followed]) -> None:
     default, raw = followed["default, for as long"], followed["without filter"]
     assert default.jitter_mm < 0.5 * raw.jitter_mm

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import math
+import os
+import re
+import signal
 import sys
 import threading
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -14,6 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hazards.test_lost import guards
 from reference.waiting import until
 from tega.arm import ArmChain, ArmSettings, StampedPose
 from tega.arm.pose import ArmCommand, Pose
@@ -24,6 +29,7 @@ from tega.arm.workspace import Workspace
 from tega.bus import Bus
 from tega.config import load_config
 from tega.errors import ConfigError
+from tega.hand import CLOSURE_POSES_RAD
 from tega.records import ArmMeasured, ArmTurn, PoseNumbers
 from tega.study.lead.benches import LabBench
 from tega.study.lead.rest_tasks import RestTaskEndedError, RunningTask
@@ -225,8 +231,79 @@ def test_the_emulated_arm_and_hand_go_to_their_start_while_the_switch_is_held(tm
         (said,) = found
         assert hearing.said[0] == "THE ARM WILL MOVE"
         assert said.startswith("the arm is at its start")
-        assert said.endswith("the hand is open")
+        assert "; the hand is open, " in said
         assert math.dist(places[-1], (0.42, 0.08, 0.36)) < 0.01
+        until(lab.limp)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="needs Linux or macOS")
+def test_a_hand_that_does_not_open_is_told_as_far_as_it_is(tmp_path: Path) -> None:
+    from tega.config import check_tree
+    from tega_emulators.lab import emulated_lab
+
+    with emulated_lab(tmp_path, arm=True, hand=True) as lab:
+        config = check_tree(lab.tree, {}, base=tmp_path).config
+        with ExitStack() as stack:
+            hand: Any = homing._Opening(stack, config)
+            until(lambda: bool(hand._hand.angles_rad.any()) and not np.isnan(hand._hand.angles_rad).any())
+            hand._hand.step(5)
+            closed_rad = CLOSURE_POSES_RAD[4]
+            until(lambda: (hand._hand.step(5), np.abs(hand._hand.angles_rad - closed_rad).max() < 0.1)[1])
+            said = re.fullmatch(r"; the hand was told to open and is (\d\.\d\d) rad off", hand.words)
+            assert said is not None
+            assert float(said[1]) > 0.5
+            until(lambda: (hand.look(1.0, may_move=True), "the hand is open" in hand.words)[1])
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="needs Linux or macOS")
+def test_the_way_to_the_start_holds_while_the_hand_s_guard_is_lost(tmp_path: Path) -> None:
+    from tega.config import check_tree
+    from tega_emulators.lab import emulated_lab
+
+    with emulated_lab(tmp_path, arm=True, hand=True) as lab:
+        lab.tree["arm"] |= {"start_m": [0.42, 0.08, 0.36]}
+        config = check_tree(lab.tree, {}, base=tmp_path).config
+        turns, prompts = list[ArmTurn](), list[str]()
+        bus = Bus()
+        bus.subscribe(ArmTurn, turns.append)
+        over, found = threading.Event(), list[str]()
+
+        def look(prompt: str) -> None:
+            prompts.append(prompt)
+            if over.is_set():
+                raise RestTaskEndedError
+
+        going, raised = in_thread(
+            lambda: found.append(go_to_start(config, _Hearing(look), told_s=0.1, bus=bus))
+        )
+
+        def press_anew() -> None:
+            for word in ("lift", "press"):
+                for button in (0, 1):
+                    lab.cap.say(f"{word} {button}")
+                n = len(turns)
+                until(lambda n=n: len(turns) > n + 5)  # type: ignore[misc]
+
+        try:
+            until(lambda: any(prompt.startswith("hold the dead-man") for prompt in prompts))
+            press_anew()
+            until(lambda: turns[-1].state == "following")
+            for pid in guards():
+                os.kill(pid, signal.SIGKILL)
+            until(lambda: any("lets go of the hand was lost" in prompt for prompt in prompts))
+            until(lambda: any(turn.dead_man and not turn.may_move for turn in turns))
+            assert all(turn.state == "holding" for turn in turns if turn.dead_man and not turn.may_move)
+            until(lambda: turns[-1].may_move)
+            assert len(guards()) == 1
+            press_anew()
+            until(lambda: not going.is_alive())
+        finally:
+            over.set()
+            going.join(30)
+        assert raised == []
+        assert found[0].startswith("the arm is at its start")
         until(lab.limp)
 
 

@@ -414,6 +414,7 @@ def test_a_session_is_audited_with_the_numbers_of_its_run(session: Path) -> None
         assert report.vest[0].maxima_of == "calibration"
 
 
+@pytest.mark.slow
 def test_a_session_whose_numbers_are_lists_is_told_to_be_damaged(session: Path, tmp_path: Path) -> None:
     (source,) = session.glob("*.mcap")
     changed = tmp_path / "odd.mcap"

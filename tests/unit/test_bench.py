@@ -55,6 +55,7 @@ def test_our_paper_preset_is_exact():
         assert max(error.centroid_px, error.spread_relative, error.cci_relative) < ROUNDING
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", peers.MAKERS)
 @pytest.mark.parametrize("law", CONTACT_LAWS, ids=lambda law: law.name)
 def test_a_peer_computes_the_same_thing(name, law):
@@ -144,6 +145,7 @@ def test_the_collector_is_on_again():
     assert gc.isenabled()
 
 
+@pytest.mark.slow
 def test_what_is_not_installed_is_listed_and_left_out(monkeypatch):
     monkeypatch.setattr(report, "SIZES", scenes.SIZES[:1])
     monkeypatch.setattr(timing, "MOST_ROUNDS", 3)
@@ -161,6 +163,7 @@ def test_what_is_not_installed_is_listed_and_left_out(monkeypatch):
     assert measured.threads == {"BLAS": "not limited: threadpoolctl is not installed"}
 
 
+@pytest.mark.slow
 def test_the_verb_prints_what_its_help_says(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(report, "SIZES", scenes.SIZES[:2])
     monkeypatch.setattr(timing, "MOST_ROUNDS", 3)

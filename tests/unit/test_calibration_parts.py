@@ -76,6 +76,7 @@ def test_what_is_wrong_with_muscles_is_said_by_channel() -> None:
         judge_quiet([], CHAIN)
 
 
+@pytest.mark.slow
 def test_real_gels_at_rest_and_pressed(recordings: Path) -> None:
     folder = recordings / "digit" / "digit_ball_D20641"
     background = read_image(folder / "background.png", driver="test")
@@ -203,6 +204,19 @@ def test_what_was_found_on_another_device_is_not_gone_on_with(tmp_path: Path) ->
     assert work.done == ("emg.rest",)
     with pytest.raises(ConfigError, match=r"--only vest: the settings have no \[vest\] device"):
         parts_of(config, ["vest"])
+
+
+@pytest.mark.parametrize("kept", ["forged", [], {"made": "low"}, {"file": 1}, None])
+def test_a_damaged_step_of_an_interrupted_calibration_is_told(tmp_path: Path, kept: object) -> None:
+    folder, step = CalibrationFolder(tmp_path), "tactile.thumb.baseline"
+    folder.keep_unfinished("p01", Unfinished(started=NOW, steps={step: kept}))
+    config = load_config(None, environ={}, sets=[]).config
+    guide = LineGuide(yes=True, get_ready_s=0.0)
+    work = Calibrating(config, "p01", folder, guide, times=Times(), now=lambda: NOW)
+    work.run([])
+    with pytest.raises(CalibrationError, match=rf"step {step} is damaged") as told:
+        work._baseline(step)
+    assert "--restart" in told.value.hint
 
 
 def test_a_weak_press_and_an_accident_do_not_count() -> None:

@@ -103,6 +103,7 @@ def imports_outside_needs_tools(tree: ast.AST, *, guarded: bool = False) -> list
     return found
 
 
+@pytest.mark.slow
 def test_the_wheel_imports_the_packages_only_where_it_says_how_to_get_them() -> None:
     for file in Path(tega.__file__).parent.rglob("*.py"):
         assert imports_outside_needs_tools(ast.parse(file.read_text(encoding="utf-8"))) == [], file

@@ -17,6 +17,8 @@ def defined(roots: list[Path]) -> dict[str, list[str]]:
     found = defaultdict(list)
     for root in roots:
         for path in sorted(root.rglob("*.py")):
+            if "build" in path.relative_to(root).parts:  # an installation's copy
+                continue
             for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
                 if isinstance(node, ast.ClassDef):
                     found[node.name].append(f"{path.relative_to(root)}:{node.lineno}")

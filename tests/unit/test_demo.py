@@ -79,6 +79,7 @@ def test_the_demo_lifts_is_felt_and_draws_it(tmp_path: Path, capsys: pytest.Capt
     prepare_folder(tmp_path / "demo")
 
 
+@pytest.mark.slow
 def test_without_matplotlib_the_demo_leaves_its_tables_and_says_what_draws(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -131,6 +131,7 @@ def test_a_record_and_the_run_agree_on_a_slip_and_steady_holds_have_none() -> No
     assert slips(0.0, [NOTHING] * 6 + [FIRM] * 600) == []
 
 
+@pytest.mark.slow
 def test_the_simulated_bench_shows_its_lift_off() -> None:
     pytest.importorskip("mujoco")
     pytest.importorskip("scipy")

@@ -62,7 +62,7 @@ def test_it_gives_the_newest_picture_once_and_turned() -> None:
         second = digit.read(5.0)
         assert second is not None
         assert second.seq > first.seq + 5
-        assert time.monotonic_ns() - second.t_ns < 10**9
+        assert first.t_ns < second.t_ns <= time.monotonic_ns()
         assert digit.read(0.0) is None or digit.counts.used > 0
     with pytest.raises(DeviceUnavailableError, match="not open"):
         digit.read(0.0)

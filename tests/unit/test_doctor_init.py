@@ -66,6 +66,7 @@ def test_what_is_written_holds_what_was_found(tmp_path: Path) -> None:
     assert "# Not usable yet: down" in text
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="emulated serial devices need pseudo-terminals")
 def test_ctrl_c_ends_emulated_devices_without_a_traceback(tmp_path: Path) -> None:
     """A terminal sends Ctrl-C to every program of its foreground: command and emulators alike."""

@@ -85,6 +85,26 @@ def test_a_file_that_cannot_be_read_is_no_clean_slate(tmp_path: Path) -> None:
         KeptDose(file, MotorBudget())
 
 
+@pytest.mark.parametrize("name", ["ended_s", "dose_s", "heat"])
+@pytest.mark.parametrize("number", ["-1800.0", "-1e-3", "1e999", "NaN", "Infinity"])
+def test_a_number_that_would_lengthen_the_day_is_refused(tmp_path: Path, name: str, number: str) -> None:
+    file = tmp_path / "vest-dose.json"
+    numbers = {"ended_s": "1000.0", "dose_s": "1.0", "heat": "0.1"}
+
+    def write(numbers: dict[str, str]) -> None:
+        each = {key: "[" + ", ".join([number] * 40) + "]" for key, number in numbers.items()}
+        each["ended_s"] = numbers["ended_s"]
+        file.write_text("[{" + ", ".join(f'"{key}": {value}' for key, value in each.items()) + "}]")
+
+    write(numbers)
+    assert KeptDose(file, MotorBudget(), now_s=lambda: 1010.0)._carried_s.max() == 1.0
+    write(numbers | {name: number})
+    with pytest.raises(
+        CalibrationError, match=r"vest-dose\.json: the vibration dose of the last day cannot be read"
+    ):
+        KeptDose(file, MotorBudget(), now_s=lambda: 1010.0)
+
+
 def test_who_is_not_named_begins_where_the_one_who_had_most_left_off(tmp_path: Path) -> None:
     people = {name: tmp_path / "people" / name / "vest-dose.json" for name in ("p01", "p02")}
     run(people["p01"], at_s=1000.0, seconds=40.0)
@@ -131,18 +151,33 @@ def test_a_run_of_a_person_keeps_what_it_used(tmp_path: Path) -> None:
 def test_a_vest_is_made_in_one_place_and_opened_by_who_names_its_wearer() -> None:
     """Whatever makes a motor vibrate goes through `worn_vest`, and none of it says that the wearer has no day."""
     packages = [Path(package.__path__[0]) for package in (tega, tega_emulators, tega_campaigns, tega_figures)]
-    made, worn = set(), []
+    made, worn, by_variable = set(), [], set()
     for parent, file in [(package.parent, file) for package in packages for file in package.rglob("*.py")]:
         where = file.relative_to(parent).as_posix()
         for call in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
             if not isinstance(call, ast.Call):
                 continue
             name = ast.unparse(call.func)
-            if name == "driver_class" and any(ast.unparse(a) == "'vest'" for a in call.args):
-                made.add(where)
+            if name.rsplit(".")[-1] == "driver_class":
+                kinds = [*call.args[1:], *(word.value for word in call.keywords)]
+                if "'vest'" in map(ast.unparse, kinds):
+                    made.add(where)
+                elif not kinds or not all(isinstance(kind, ast.Constant) for kind in kinds):
+                    by_variable.add(where)
             if name == "worn_vest":
                 worn.append(ast.unparse(call.args[1]))
     # The doctor sends zeros alone; the bench of the tests has no wearer.
     assert made == {"tega/worn_vest.py", "tega/doctor/vest.py", "tega_emulators/vest_bench.py"}
+    # These take a kind or a driver from a variable. The acceptance opens a vest through `worn_vest`, the contract's
+    # check is for drivers' authors and wears none; the others look at a driver's options or open no vest.
+    assert by_variable == {
+        "tega/acceptance/run.py",
+        "tega/calibration/person.py",
+        "tega/config_check.py",
+        "tega/config_options.py",
+        "tega/contract/command.py",
+        "tega/doctor/bench.py",
+        "tega/replay/play.py",
+    }
     assert len(worn) == 6
     assert all("dose" in file for file in worn)

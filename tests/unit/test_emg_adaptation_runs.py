@@ -115,6 +115,7 @@ def test_a_change_that_was_not_so_is_found(run: tuple[Path, list[Any]], tmp_path
     assert stream(found, "/emg/adaptation").differ > 0
 
 
+@pytest.mark.slow
 def test_the_switches_are_what_it_is_computed_from(run: tuple[Path, list[Any]], tmp_path: Path) -> None:
     def never(topic: str, value: Any) -> Any:
         if topic == "/emg/adaptation/switch":

@@ -17,12 +17,10 @@ from tega_emulators.franka_faults import HAND_CENTRE_M, HAND_KG
 from tega_emulators.process import Emulator
 from unit.test_arm_robot import Led
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.asked_again(
-        "libfranka ends a motion when this process or the simulator gets no core for some 20 ms"
-    ),
-]
+pytestmark = pytest.mark.slow
+moves = pytest.mark.asked_again(
+    "libfranka ends a motion when this process or the simulator gets no core for some 20 ms"
+)
 
 pytest.importorskip("franky", reason="comes with the extra arm-sim")
 pytest.importorskip("franky_sim", reason="comes with the extra arm-sim")
@@ -53,6 +51,7 @@ def led(robot: Emulator) -> Iterator[Led]:
         yield Led(arm, _SETTINGS)
 
 
+@moves
 def test_the_robot_s_hand_goes_where_the_forearm_goes(led: Led, robot: Emulator) -> None:
     led.hold()
     start = led.place
@@ -68,6 +67,7 @@ def test_the_robot_s_hand_goes_where_the_forearm_goes(led: Led, robot: Emulator)
     assert "robot server 10" in led.arm.info.notes[0]
 
 
+@moves
 def test_it_rests_when_the_run_is_done(robot: Emulator) -> None:
     robot.say("end")
     with FrankyArm(options(robot, start_rad=_START)) as arm:
@@ -76,6 +76,7 @@ def test_it_rests_when_the_run_is_done(robot: Emulator) -> None:
     assert robot.say("look")["mode"] == "kIdle"
 
 
+@moves
 @pytest.mark.parametrize(
     ("fault", "named"),
     [("reflex", "cartesian_reflex"), ("late", "communication_constraints_violation")],
@@ -98,6 +99,7 @@ def test_a_reflex_ends_the_motion_until_a_person_recovers_and_takes_hold_anew(
     led.hold()
 
 
+@moves
 def test_a_robot_whose_stop_is_pressed_has_to_be_released_first(led: Led, robot: Emulator) -> None:
     led.hold()
     robot.say("press")
@@ -125,6 +127,7 @@ def test_a_fault_that_cannot_be_cleared_stays(led: Led, robot: Emulator) -> None
     led.until(lambda: "could not be cleared" in led.arm.problem or "cannot be cleared" in led.arm.problem)
 
 
+@moves
 def test_a_robot_that_says_nothing_more_is_told_and_the_chain_lets_go(led: Led, robot: Emulator) -> None:
     led.hold()
     robot.say("freeze")
@@ -142,6 +145,7 @@ def test_the_load_of_the_hand_is_set(robot: Emulator) -> None:
         assert robot.say("look")["load_kg"] == 0.0
 
 
+@moves
 def test_a_hand_that_hangs_at_the_flange_sags_unless_its_weight_is_told() -> None:
     sag_m = {}
     with Emulator("franka_faults", "--hand-kg", str(HAND_KG)) as robot:

@@ -2,25 +2,43 @@
 
 from __future__ import annotations
 
+import json
 import os
 import sys
 from collections.abc import Callable
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
 
-from tega.errors import RecordingError, TegaError
+from reference.sessions import record
+from tega.calibration.folder import CalibrationFolder, Unfinished
+from tega.clock import SystemClock
+from tega.devices.player_settings import PlayerOptions, versions_to_ask
+from tega.episodes.journal import EPISODES, EpisodeJournal
+from tega.errors import CalibrationError, ConfigError, DeviceUnavailableError, RecordingError, TegaError
+from tega.foreign_file import MIB
+from tega.recording import mcap_reader
 from tega.recording.disk import SpooledFile
+from tega.recording.encode import encode_session
 from tega.recording.folder import OUTPUT_NAMES, prepare_folder
-from tega.recording.mcap_folder import SessionFolder, session_files
+from tega.recording.mcap_folder import SessionFolder, recorded_task, recover_file, session_files
+from tega.recording.merge import merge_sessions
+from tega.recording.trim import trim_session
 from tega.safety.dose_file import KeptDose
 from tega.safety.motor_budget import MotorBudget
+from tega.skill.people import people_at_test
+from tega.study import make_plan, write_plan
 from tega.study.coupling import read_course
 from tega.study.hand_rows import read_hand
-from tega.study.lead.status_file import read_board
-from tega.study.privacy import withdrawn_ids
+from tega.study.journal import Journal
+from tega.study.lead.status_file import board_path, read_board
+from tega.study.lead.tell import tell, told_path
+from tega.study.privacy import export, note_elsewhere, withdraw, withdrawn_ids
+from tega.study.state import events_path
 from tega.study.touch_picture import read_touch_picture
 from tega.study.touch_rows import read_touch
+from tega.vest_latency.log import read_wav
 from tega.whole_file import new_file, write_whole
 
 pytestmark = [
@@ -108,7 +126,158 @@ def test_a_pipe_in_a_session_is_not_waited_for(name: str, tmp_path: Path) -> Non
     (tmp_path / "trial-001.mcap.part").touch()
     os.mkfifo(tmp_path / name)
     assert [path.name for path in session_files(tmp_path)] == ["trial-001.mcap"]
-    SessionFolder(tmp_path).index()
+    if name == "session.json":
+        with pytest.raises(RecordingError, match=r"session\.json: is a pipe"):
+            SessionFolder(tmp_path).index()
+
+
+def _make(verb: str) -> Callable[[Path, Path], object]:
+    made: dict[str, Callable[[Path, Path], object]] = {
+        "trim": lambda session, out: trim_session(session, from_s=0.1, to_s=None, out=out),
+        "merge": lambda session, out: merge_sessions([session], out=out),
+        "encode": lambda session, out: encode_session(session, out=out, quality=80),
+        "recover": lambda session, out: recover_file(session / "trial-001.mcap", out),
+    }
+    return made[verb]
+
+
+@pytest.mark.parametrize("verb", ["trim", "merge", "encode", "recover"])
+def test_a_pipe_in_the_place_of_a_recording_is_not_waited_for(verb: str, tmp_path: Path) -> None:
+    session = tmp_path / "session"
+    session.mkdir()
+    os.mkfifo(session / "trial-001.mcap")
+    with pytest.raises(RecordingError, match=r"trial-001\.mcap: is a pipe, not a file"):
+        _make(verb)(session, tmp_path / "out")
+
+
+@pytest.mark.parametrize("verb", ["trim", "merge", "encode", "recover"])
+def test_a_record_longer_than_any_ends_the_file(
+    verb: str, lossless: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert mcap_reader.MOST_RECORD == 256 * MIB
+    monkeypatch.setattr("tega.recording.mcap_copy.MOST_RECORD", 1000)
+    monkeypatch.setattr("tega.recording.merge.MOST_RECORD", 1000)
+    if verb == "recover":
+        assert recover_file(lossless, tmp_path / "out.mcap").problem == "RecordLengthLimitExceeded"
+        return
+    with pytest.raises(RecordingError, match=r"no recording of a session|cannot be read"):
+        _make(verb)(lossless, tmp_path / "out")
+
+
+_ODD_INDEXES = [
+    b'{"trials": [1]}',
+    b'{"trials": [{"file": 1}]}',
+    b"[" * 100_000,
+    b"[]",
+    b"\xff",
+    b'{"trials"',
+]
+
+
+@pytest.mark.parametrize("odd", _ODD_INDEXES)
+def test_a_damaged_index_is_told_and_stays_and_recordings_are_finished(odd: bytes, tmp_path: Path) -> None:
+    (tmp_path / "trial-001.mcap.part").touch()
+    index = tmp_path / "session.json"
+    index.write_bytes(odd)
+    assert [path.name for path in session_files(tmp_path)] == ["trial-001.mcap"]
+    folder = SessionFolder(tmp_path)
+    for refused in (
+        lambda: folder.label("lift"),
+        lambda: folder.discard("trial-001.mcap"),
+        folder.begin,
+        folder.new_trial,
+        lambda: record(tmp_path),
+    ):
+        with pytest.raises(RecordingError, match=r"session\.json: no index of a session"):
+            refused()
+    assert index.read_bytes() == odd
+    assert recorded_task(tmp_path / "trial-001.mcap") is None
+    assert (tmp_path / "trial-001.mcap").is_file()
+
+
+@pytest.mark.parametrize("odd", [b"[" * 100_000, b'{"format": ["tega-run"]}', b'"tega-run"'])
+def test_a_damaged_summary_is_none_of_a_run(odd: bytes, tmp_path: Path) -> None:
+    (tmp_path / "summary.json").write_bytes(odd)
+    with pytest.raises(ConfigError, match="holds no earlier run"):
+        prepare_folder(tmp_path)
+
+
+@pytest.mark.parametrize("deep", [b"[" * 100_000, b'[{"x":' + b"[" * 100_000, b"\xff"])
+def test_json_that_is_deep_or_no_text_is_an_error_of_its_file(deep: bytes, tmp_path: Path) -> None:
+    odd = tmp_path / "odd.json"
+    odd.write_bytes(deep)
+    with pytest.raises(CalibrationError, match="the vibration dose"):
+        KeptDose(odd, MotorBudget())
+    with pytest.raises(RecordingError, match="no simulated people"):
+        people_at_test([1], ["bars"], ["none"], movements=1, workers=1, out=odd)
+    home = CalibrationFolder(tmp_path / "calibrations")
+    home.keep_unfinished("p01", Unfinished(started=datetime.now(UTC)))
+    unfinished = home.person("p01") / "unfinished.json"
+    for content in (deep, b'{"started": "2026-11-21T15:04:05"}'):
+        unfinished.write_bytes(content)
+        assert home.unfinished("p01", datetime.now(UTC)) is None
+
+
+def test_nothing_is_added_through_a_link_or_to_a_pipe(mine: Path, tmp_path: Path) -> None:
+    study = tmp_path / "study"
+    write_plan(make_plan(participants=2, objects=["bag"], trials=1), study)
+    (study / "sessions/p01").mkdir(parents=True)
+    session = SessionFolder(tmp_path / "session")
+    session.begin()
+
+    def told() -> None:
+        board = {"t_ns": SystemClock().now_ns(), "phase": "ready"}
+        board_path(study, "p01").write_text(json.dumps(board))
+        tell(study, "p01", "start", clock=SystemClock(), timeout_s=0.1)
+
+    adds: list[tuple[Path, Callable[[], object]]] = [
+        (events_path(study, "p01"), lambda: Journal(events_path(study, "p01"))),
+        (session.path / EPISODES, lambda: EpisodeJournal(session)),
+        (study / "sessions/p01/elsewhere.txt", lambda: note_elsewhere(study, "p01", tmp_path)),
+        (study / "withdrawn.txt", lambda: withdraw(study, "p02")),
+        (told_path(study, "p01"), told),
+    ]
+    mine.write_text("")  # which every list may be
+    for path, add in adds:
+        path.symlink_to(mine)
+        with pytest.raises(RecordingError, match=f"{path.name}: is a link"):
+            add()
+        path.unlink()
+        os.mkfifo(path)
+        with pytest.raises(RecordingError, match=f"{path.name}.*: is a"):
+            add()
+        path.unlink()
+    assert mine.read_text() == ""
+
+
+def test_a_linked_journal_does_not_keep_a_person_from_withdrawing(mine: Path, tmp_path: Path) -> None:
+    write_plan(make_plan(participants=2, objects=["bag"], trials=1), tmp_path / "study")
+    events = events_path(tmp_path / "study", "p01")
+    events.parent.mkdir(parents=True)
+    events.symlink_to(mine)
+    assert withdraw(tmp_path / "study", "p01").deleted == [events.parent]
+    assert mine.read_text() == PRECIOUS
+
+
+def test_a_pipe_in_a_study_or_of_a_key_or_a_sound_is_an_error(tmp_path: Path) -> None:
+    study = tmp_path / "study"
+    write_plan(make_plan(participants=1, objects=["bag"], trials=1), study)
+    for name in (study / "simulation.toml", tmp_path / "key", tmp_path / "a.wav"):
+        os.mkfifo(name)
+    for refused, told in (
+        (lambda: export(study, tmp_path / "out", key="k"), r"simulation\.toml"),
+        (lambda: read_wav(tmp_path / "a.wav"), r"a\.wav"),
+    ):
+        with pytest.raises(RecordingError, match=f"{told}: is a pipe, not a file"):
+            refused()
+    with pytest.raises(DeviceUnavailableError, match="key: is a pipe, not a file"):
+        versions_to_ask(PlayerOptions(version="3", app_id="a", api_key_file=tmp_path / "key"))
+    (study / "simulation.toml").unlink()
+    course = study / "courses/p01/p01-t01.csv"
+    course.parent.mkdir(parents=True)
+    os.mkfifo(course)
+    with pytest.raises(RecordingError, match=r"p01-t01\.csv: is a pipe, not a file"):
+        export(study, tmp_path / "out2", key="k")
 
 
 @pytest.mark.parametrize("read", [read_touch, read_hand, read_course, read_touch_picture])

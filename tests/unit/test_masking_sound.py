@@ -108,6 +108,7 @@ class Desk:
         raise AssertionError(prompt)
 
 
+@pytest.mark.slow
 def test_a_session_says_what_masks_it_and_stops_where_that_has_gone(port: SoundPort, tmp_path: Path) -> None:
     pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
     from tega.study.lead.benches import SimulatedBench

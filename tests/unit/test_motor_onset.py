@@ -71,6 +71,7 @@ def found(motor: Emulator, folder: Path, **how: Any) -> Onsets:
     return find_onsets(samples, RATE_HZ, commands_s, on_s=ON_S)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("delay_ms", "how"),
     [
@@ -102,6 +103,7 @@ def test_where_no_burst_is_played_nothing_is_found(motor: Emulator, tmp_path: Pa
     assert find_onsets(samples, RATE_HZ, elsewhere, on_s=ON_S).problem
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("how", "said"),
     [

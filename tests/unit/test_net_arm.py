@@ -83,6 +83,7 @@ class Operator:
         """Take hold, do something and see what the arm says; anew if this machine stood still meanwhile."""
         for _ in range(10):
             self.lift(_DEAD_MAN, _CLUTCH)
+            time.sleep(0.2)  # the arm's words are the same before: a lift of a few ms is in no message
             if not self.gets("idle: the clutch is open"):
                 self.press(_RECOVER)
                 self.lift(_RECOVER)

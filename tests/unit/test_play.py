@@ -283,6 +283,7 @@ def test_a_played_session_is_held_to_the_day_of_who_wears_the_vest(session: Sess
     assert strongest() <= 10
 
 
+@pytest.mark.slow
 def test_a_motor_that_is_identified_counts_to_the_day_too(session: Session, tmp_path: Path) -> None:
     file = CalibrationFolder(tmp_path).person("p01") / "vest-dose.json"
     settings = tmp_path / "vest.toml"

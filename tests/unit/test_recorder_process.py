@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ import pytest
 
 from tega.config import RecordingSection
 from tega.errors import ConfigError
+from tega.recording import recorder_process
 from tega.recording.inspection import inspect_file
 from tega.recording.mcap_folder import SessionFolder
 from tega.recording.recorder_process import RecorderProcess
@@ -70,6 +72,23 @@ def test_a_process_that_stands_still_costs_pictures_which_are_counted_and_nobody
     assert found["/run/marker"].messages == 100
     pictures = found["/tactile/thumb/image"]
     assert pictures.dropped == facts["dropped"]["/tactile/thumb/image"] == 100 - pictures.messages > 50
+
+
+def test_a_process_that_stands_still_with_a_full_pipe_does_not_keep_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recorder_process, "_ANSWER_S", 1.0)
+    recorder = begun(tmp_path)
+    until(lambda: recorder.state == "recording")
+    os.kill(recorder.pid, signal.SIGSTOP)
+    with suppress(BlockingIOError):
+        os.set_blocking(recorder._asked.fileno(), False)
+        while True:
+            os.write(recorder._asked.fileno(), bytes(1024))
+    os.set_blocking(recorder._asked.fileno(), True)
+    facts = recorder.finish(bytes(2_000_000))
+    assert (facts["state"], facts["file"]) == ("stopped", "trial-001.mcap.part")
+    assert "recorder's process ended" in facts["reason"]
 
 
 def test_a_killed_process_stops_the_recording_with_a_word_and_the_file_is_recovered(tmp_path: Path) -> None:

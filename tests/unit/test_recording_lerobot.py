@@ -411,3 +411,21 @@ def test_pictures_without_pixels_are_an_error_that_names_the_recording(
     odd = rewritten(lossless, tmp_path / "odd.mcap", emptied)
     with pytest.raises(RecordingError, match=r"odd\.mcap: damaged, or not written by TEGA"):
         export_lerobot([odd], tmp_path / "dataset", fps=FPS)
+
+
+def test_a_time_a_year_ahead_is_refused_before_there_are_frames_up_to_it(
+    lossless: Path, tmp_path: Path
+) -> None:
+    seen: list[int] = []
+
+    def forged(topic: str, log_ns: int) -> int:
+        if topic == "/vest/frame":
+            seen.append(log_ns)
+            return log_ns + (365 * 86_400 * 10**9 if len(seen) > 1 else 0)
+        return log_ns
+
+    odd = rewritten(lossless, tmp_path / "odd.mcap", times=forged)
+    with pytest.raises(
+        RecordingError, match=r"odd\.mcap: its streams reach over 8760 h, at most 24 h are read"
+    ):
+        export_lerobot([odd], tmp_path / "dataset", fps=FPS)

@@ -27,6 +27,7 @@ EMG = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("preset", ["paper", "live"])
 @pytest.mark.parametrize("emg", sorted(EMG))
 def test_ball_presses_with_each_kind_of_emg(

@@ -130,6 +130,7 @@ def test_loose_files_are_replayed_through_a_stage(tmp_path: Path, capsys: Any) -
 MAPPINGS = ("slip-row", "equal-steps", "changes", "place")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mapping", MAPPINGS)
 def test_a_session_with_a_mapping_of_felt_steps_changes_or_places_is_computed_again(
     mapping: str, tmp_path: Path, capsys: Any

@@ -162,6 +162,7 @@ def lifted() -> SceneTrack:
     return track_scene(pictures(trial), SMALL, rendered(trial).layout)
 
 
+@pytest.mark.slow
 def test_a_rendered_lift_is_scored(lifted: SceneTrack) -> None:
     layout = rendered(known_lift()).layout
     outcome = score_scene(lifted, layout, harm_m=0.01)
@@ -177,6 +178,7 @@ def test_a_rendered_lift_is_scored(lifted: SceneTrack) -> None:
     assert outcome.along_mm > outcome.across_mm > 0
 
 
+@pytest.mark.slow
 def test_place_and_slip_are_as_exact_as_stated(lifted: SceneTrack) -> None:
     """At two thirds of the resolution of the page's table: 2 mm of place, 1 mm of slip."""
     trial = known_lift()
@@ -191,6 +193,7 @@ def test_place_and_slip_are_as_exact_as_stated(lifted: SceneTrack) -> None:
     assert (off - off.mean()).std() < 0.001
 
 
+@pytest.mark.slow
 def test_an_object_that_falls_is_dropped() -> None:
     trial = known_lift(dropped=True, slip_s=1.6, end_s=2.0)
     layout = rendered(trial).layout
@@ -212,6 +215,7 @@ def test_pictures_of_another_size_are_refused() -> None:
         track_scene([(0.0, np.zeros((480, 640), np.uint8))], SMALL, example_layout())
 
 
+@pytest.mark.slow
 def test_a_lens_is_found_from_pictures_of_the_board(tmp_path: Path) -> None:
     from tega_figures.scene.bench import board_pictures
     from tega_figures.scene.render import Film
@@ -236,6 +240,7 @@ def test_too_few_views_are_no_calibration() -> None:
         calibration.solve()
 
 
+@pytest.mark.slow
 def test_the_verbs_print_and_score(tmp_path: Path) -> None:
     cv2 = pytest.importorskip("cv2")
     runner = CliRunner()

@@ -64,6 +64,7 @@ def test_sensors_and_truth_agree_on_whether_a_finger_touches(lift) -> None:
         assert not seen[np.array(longest_n) == 0].any()
 
 
+@pytest.mark.slow
 def test_a_lift_repeats_bit_for_bit_and_is_the_same_with_every_fingertip_rendered(lift) -> None:
     result, streams = lift
     again, rendered = Streams(), Streams()
@@ -151,6 +152,7 @@ def test_practice_comes_before_the_lift_that_counts() -> None:
     assert len(person.vests) == 3 * 32
 
 
+@pytest.mark.slow
 def test_results_do_not_depend_on_the_number_of_workers_and_are_kept(lift, tmp_path: Path) -> None:
     plans = [SCRIPTED, *plan_trials(["bag"], ["haptic"], [5], operator="scripted", friction=0.2)]
     out = tmp_path / "trials.jsonl"
@@ -204,6 +206,7 @@ def run_verb(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str,
     return int(done.value.code or 0), captured.out, captured.err
 
 
+@pytest.mark.slow
 def test_the_verb_prints_trials_and_means(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     words = [
         "sim",

@@ -86,6 +86,7 @@ def test_a_demo_writes_what_stages_beside_say(tmp_path: Path, capsys: Any) -> No
     assert kept["trials"][0]["settings"] == [BESIDE]
 
 
+@pytest.mark.slow
 def test_sim_trials_take_a_labs_settings_and_keep_them(tmp_path: Path, capsys: Any) -> None:
     lab, out = tmp_path / "lab.toml", tmp_path / "trials.jsonl"
     lab.write_text(LAB)

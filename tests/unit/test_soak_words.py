@@ -47,7 +47,9 @@ def _held(reason: str) -> dict[str, Any]:
 _NO_POSE = _watch(poses=False, arm=True)
 _LOST = _watch(poses=False, arm=True, refusal="the tracker calls it lost")
 _NO_ARM = _watch(poses=True, arm=False)
-_ARM_ENDED = "simulated-arm: the arm's process has ended (-9); the arm rests"
+_ARM_ENDED = (
+    "simulated-arm: the arm's process has ended (-9); nobody leads the arm: use its switch if it moves"
+)
 
 _ABOUT: dict[str, list[dict[str, Any]]] = {
     **{

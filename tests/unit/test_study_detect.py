@@ -62,6 +62,7 @@ def test_the_third_condition_takes_place_and_is_counted(folder: Path) -> None:
     assert all(not trial.rater for trial in trials)
 
 
+@pytest.mark.slow
 def test_events_are_written_beside_the_session_and_compared(folder: Path, tmp_path: Path) -> None:
     before = study_trials(folder)[1]
     with pytest.raises(RecordingError, match="no trial has frames"):
@@ -84,6 +85,7 @@ def test_events_are_written_beside_the_session_and_compared(folder: Path, tmp_pa
     assert not any(kind == "drop" for kind, _, _ in accounts)
 
 
+@pytest.mark.slow
 def test_events_go_out_to_boris_and_come_back(folder: Path, tmp_path: Path) -> None:
     found = detect_study(folder)
     path = tmp_path / "out.boris"
@@ -103,6 +105,7 @@ def test_events_go_out_to_boris_and_come_back(folder: Path, tmp_path: Path) -> N
             (folder / "sessions" / "p01" / "observers" / f"{rater}.jsonl").unlink()
 
 
+@pytest.mark.slow
 def test_without_a_hand_and_an_arm_touch_alone_is_looked_at(folder: Path) -> None:
     where = hand_path(folder, "p01", "p01-t01", 1)
     rows = read_hand(where)
@@ -119,6 +122,7 @@ def test_without_a_hand_and_an_arm_touch_alone_is_looked_at(folder: Path) -> Non
     assert events_of([], []) == []
 
 
+@pytest.mark.slow
 def test_the_verb_prints_and_says_what_was_not_recorded(folder: Path) -> None:
     done = CliRunner().invoke(study, ["detect", str(folder)])
     assert done.exit_code == 0, done.output

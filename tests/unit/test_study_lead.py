@@ -17,6 +17,7 @@ from typing import Any
 
 import pytest
 
+from reference.study_bench import StandingBench
 from reference.waiting import until
 from tega.clock import SystemClock
 from tega.errors import DeviceUnavailableError, InvalidValueError
@@ -40,7 +41,7 @@ from tega.study.plan import PlannedTrial
 from tega.study.ratings import ratings
 from tega.study.score.recorded import recorded_trials
 from tega.study.score.trial_pictures import read_reel
-from tega.study.state import Where, derive, events_path, rehearsed, resume
+from tega.study.state import derive, events_path, rehearsed, resume
 from tega.study.touch_picture import pictures_of
 from tega.study.trials import course_path, study_trials
 
@@ -263,27 +264,6 @@ def test_a_rehearsal_in_a_plan_of_people_and_people_in_one_of_rehearsals_are_ref
     assert rehearsed(events_of(rehearsals))
 
 
-class _Standing:
-    """Devices that stand ready, and where nothing happens."""
-
-    where: Where = "simulated"
-    sees_height = False
-    own_time = True
-    closure: Any = None
-    rest_tasks: Any = ()
-
-    def felt(self, condition: str) -> bool:
-        return condition == "haptic"
-
-    def run(self, _trial: PlannedTrial, going: Going, _folder: Path) -> None:
-        going.tell("armed", "stands ready")
-        while not going.over() and not going.may_go():
-            time.sleep(0.001)
-        going.begin(0)
-        while not going.over():
-            time.sleep(0.001)
-
-
 @pytest.mark.parametrize(
     ("key", "at_s", "ends"),
     [(ENTER, 0.5, False), (ENTER, 5.0, False), ("e", 0.5, False), ("x", 0.9, False), ("e", 1.5, True), ("x", 1.5, True),
@@ -296,8 +276,8 @@ def test_the_key_that_begins_a_trial_does_not_end_it_and_its_first_second_is_qui
     plan = read_plan(folder)
     with Journal(events_path(folder, "p01")) as journal:
         led = LedTrial(
-            folder, plan.of("p01")[0], 1, bench=_Standing(), journal=journal, clock=SystemClock(), task="lift",
-            window_s=15.0, time_scale=0.001,
+            folder, plan.of("p01")[0], 1, bench=StandingBench(own_time=True), journal=journal, clock=SystemClock(),
+            task="lift", window_s=15.0, time_scale=0.001,
         )  # fmt: skip
         until(lambda: (led.step([]), led.phase == "trial")[1])
         monkeypatch.setattr(led.going, "elapsed_s", lambda: at_s)
@@ -319,7 +299,7 @@ def test_broken_off_trials_come_once_more_and_safety_stops_do_not(tmp_path: Path
     assert state.next == (2, 1)
 
 
-class _Lifting(_Standing):
+class _Lifting(StandingBench):
     """Devices on which every object is lifted and held."""
 
     sees_height = True
@@ -341,7 +321,7 @@ def test_a_trial_is_done_again_and_only_the_second_attempt_counts(*, last: bool,
     """The first of a block, or the last of the session; the report says which, and why."""
     folder = study(tmp_path, trials=2)
     desk = _Repeating(after=4 if last else 1)
-    state = lead_session(folder, "p01", _Lifting(), desk, time_scale=0.001)
+    state = lead_session(folder, "p01", _Lifting(own_time=True), desk, time_scale=0.001)
     assert state.next is None
     ran = [(e.trial, e.attempt) for e in events_of(folder) if e.kind == "trial_start"]
     block = [trial.trial for trial in read_plan(folder).of("p01") if trial.block == 1]
@@ -407,7 +387,7 @@ class _Repeating(Experimenter):
 
 def test_a_trial_that_was_to_be_done_again_and_was_not_is_no_data(tmp_path: Path) -> None:
     folder = study(tmp_path, trials=2)
-    lead_session(folder, "p01", _Lifting(), _Repeating(after=9), time_scale=0.001, trials=2)
+    lead_session(folder, "p01", _Lifting(own_time=True), _Repeating(after=9), time_scale=0.001, trials=2)
     with Journal(events_path(folder, "p01")) as journal:
         journal.add(
             "redo", t_ns=journal.events[-1].t_ns, trial=1, text="the gel came off", source="experimenter"

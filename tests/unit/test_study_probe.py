@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from reference.study_bench import StandingBench
 from tega.config import MaskingSection
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.masking_sound import BEEP_HZ, RATE_HZ, MaskingSound, beep_tone
@@ -20,11 +21,10 @@ from tega.study.journal import JournalEvent, Kind, read_events
 from tega.study.lead import lead_session
 from tega.study.lead.experimenter import ENTER, Screen
 from tega.study.lead.questions import QUESTIONS
-from tega.study.lead.running_trial import Going
-from tega.study.plan import PlannedTrial, StudyPlan
+from tega.study.plan import StudyPlan
 from tega.study.privacy import export
 from tega.study.probe import APART_S, FIRST_S, beep_times, probe_uses
-from tega.study.state import Where, events_path
+from tega.study.state import events_path
 from tega.study.trials import study_trials
 from tega_emulators.sound_port import SoundPort
 
@@ -113,26 +113,6 @@ def test_a_beep_is_a_tone_in_the_noise_and_says_when_it_left(port: SoundPort) ->
     assert len(loud) <= len(tone), "without a level there is nothing but the beep"
 
 
-class _Still:
-    """Devices on which nothing happens until the experimenter ends the trial."""
-
-    where: Where = "simulated"
-    sees_height = False
-    own_time = False
-    closure: Any = None
-    rest_tasks: Any = ()
-
-    def felt(self, condition: str) -> bool:
-        return condition == "haptic"
-
-    def run(self, _trial: PlannedTrial, going: Going, _folder: Path) -> None:
-        going.tell("armed", "stands ready")
-        while not going.over():
-            if going.may_go():
-                going.begin(0)
-            time.sleep(0.001)
-
-
 class _Participant:
     """Presses the pedal after each beep that the loudspeaker plays, until two have sounded; then the trial is ended."""
 
@@ -178,7 +158,7 @@ def test_a_session_with_a_second_task_scores_it_beside_the_outcome(port: SoundPo
     assert read_plan(folder).settings.probe
     desk = _Participant(port)
     with MaskingSound(MaskingSection(), beeps=True) as sound:
-        state = lead_session(folder, "p01", _Still(), desk, time_scale=0.01, masking=sound)
+        state = lead_session(folder, "p01", StandingBench(), desk, time_scale=0.01, masking=sound)
     assert state.next is None
     events = read_events(events_path(folder, "p01"))
     trials = study_trials(folder)[1]
@@ -212,11 +192,11 @@ def test_what_cannot_be_heard_or_answered_begins_no_session(port: SoundPort, tmp
     made_plan(folder)
     desk = _Participant(port)
     with pytest.raises(DeviceUnavailableError, match="nothing plays its beeps"):
-        lead_session(folder, "p01", _Still(), desk)
+        lead_session(folder, "p01", StandingBench(), desk)
     sound = MaskingSound(MaskingSection(), beeps=True)
     for key, pedal in (("s", ""), ("b", "b"), ("", ""), ("pp", "")):
         with pytest.raises(InvalidValueError, match="answer key"):
-            lead_session(folder, "p01", _Still(), desk, answer_key=key, pedal=pedal, masking=sound)
+            lead_session(folder, "p01", StandingBench(), desk, answer_key=key, pedal=pedal, masking=sound)
     assert not events_path(folder, "p01").exists()
 
 

@@ -94,6 +94,7 @@ def test_the_folder_alone_gives_the_same_bytes_again(study: Path, report: Report
     assert not list(tmp_path.rglob(".report-*"))
 
 
+@pytest.mark.slow
 def test_what_others_put_beside_a_report_s_tables_is_kept(study: Path, tmp_path: Path) -> None:
     tables = write_report(study, tmp_path).tables
     (tables / "slides").mkdir()
@@ -199,6 +200,7 @@ def test_the_page_needs_nothing_else(report: Report) -> None:
     assert str(report.page.parent) not in page
 
 
+@pytest.mark.slow
 def test_a_rehearsal_among_people_is_shown_and_cannot_pass_for_data(tmp_path: Path) -> None:
     fill(tmp_path / "study", people=2, simulated=False)
     assert "Not data of people" not in write_report(tmp_path / "study").page.read_text()

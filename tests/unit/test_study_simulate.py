@@ -100,6 +100,7 @@ def test_a_session_that_was_cut_short_is_run_again_to_the_same_bytes(small: Path
     assert content(small) == whole
 
 
+@pytest.mark.slow
 def test_another_study_or_other_assumptions_are_refused_in_the_same_folder(
     small: Path, tmp_path: Path
 ) -> None:
@@ -114,6 +115,7 @@ def test_another_study_or_other_assumptions_are_refused_in_the_same_folder(
         simulate(small, operators=1, objects=["bag"], trials=1, jobs=1, parameters=changed)
 
 
+@pytest.mark.slow
 def test_the_parameter_file_is_the_frozen_one_and_any_other_is_called_changed(
     small: Path, tmp_path: Path
 ) -> None:

@@ -9,25 +9,23 @@ import sys
 import threading
 import time
 from pathlib import Path
-from typing import Any
 
 import pytest
 
+from reference.study_bench import StandingBench
 from reference.waiting import until
 from tega.cli.main import main
 from tega.cli.study.tell import COMMANDS
 from tega.clock import ManualClock, SystemClock
-from tega.errors import DeviceUnavailableError
+from tega.errors import DeviceUnavailableError, RecordingError
 from tega.study import make_plan, write_plan
 from tega.study.journal import read_events
 from tega.study.lead import lead_session
 from tega.study.lead.experimenter import ENTER, Screen
 from tega.study.lead.questions import QUESTIONS
-from tega.study.lead.running_trial import Going
 from tega.study.lead.status_file import board_path, read_board
 from tega.study.lead.tell import KEYS, CommandFile, tell, told_path
-from tega.study.plan import PlannedTrial
-from tega.study.state import Where, events_path
+from tega.study.state import events_path
 from tega.study.trials import study_trials
 
 
@@ -52,26 +50,6 @@ class _Nobody:
 
     def line(self, prompt: str) -> str:
         raise AssertionError(prompt)
-
-
-class _Ready:
-    """Devices that stand ready, and do nothing."""
-
-    where: Where = "simulated"
-    sees_height = False
-    own_time = False
-    closure: Any = None
-    rest_tasks: Any = ()
-
-    def felt(self, condition: str) -> bool:
-        return condition == "haptic"
-
-    def run(self, _trial: PlannedTrial, going: Going, _folder: Path) -> None:
-        going.tell("armed", "stands ready")
-        while not going.over():
-            if going.may_go():
-                going.begin(0)
-            time.sleep(0.001)
 
 
 @pytest.fixture
@@ -101,7 +79,7 @@ def told(folder: Path, command: str) -> str:
 @pytest.mark.timeout(300)
 def test_a_session_is_led_by_other_processes_from_start_to_end(study: Path) -> None:
     session = threading.Thread(
-        target=lead_session, args=(study, "p01", _Ready(), _Nobody()), kwargs={"time_scale": 0.01}
+        target=lead_session, args=(study, "p01", StandingBench(), _Nobody()), kwargs={"time_scale": 0.01}
     )
     session.start()
     try:
@@ -177,6 +155,6 @@ def test_no_pipe_is_waited_for_and_no_link_written_through(study: Path, tmp_path
     path.symlink_to(tmp_path / "mine.txt")
     board = board_path(study, "p01")
     board.write_text(json.dumps({"t_ns": SystemClock().now_ns(), "phase": "ready"}))
-    with pytest.raises(OSError, match="told"):
+    with pytest.raises(RecordingError, match=r"told\.jsonl: is a link"):
         tell(study, "p01", "start", clock=SystemClock(), timeout_s=0.1)
     assert (tmp_path / "mine.txt").read_text() == "mine"

@@ -111,6 +111,7 @@ def test_a_gripper_finger_feels_what_its_force_says(digit: Path) -> None:
     assert share["ball", 4.0] == share["foam", 4.0] == share["golf", 4.0] == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate_hz", [None, 10.0, 30.0])
 def test_three_minutes_of_drift_are_no_contact(digit: Path, rate_hz: float | None) -> None:
     there(digit / "gsmini_rest_drift")

@@ -283,6 +283,7 @@ def test_a_record_keeps_its_form(tmp_path: Path) -> None:
     assert record.scores()[0] == ("slip", 2, 0.5, 0.5)
 
 
+@pytest.mark.slow
 def test_the_verb_teaches_on_an_emulated_vest(tmp_path: Path) -> None:
     with Emulator("bhaptics_player", "--port", "0") as player:
         options = "\n".join(f"{name} = {json.dumps(value)}" for name, value in player.address.items())

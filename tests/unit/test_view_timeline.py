@@ -120,6 +120,7 @@ def test_the_chart_can_be_drawn_up_to_an_earlier_time(moment: Any) -> None:
     assert chart._plot.data[0].max() == 30.0
 
 
+@pytest.mark.slow
 def test_the_page_shows_the_past_beside_the_state_of_now() -> None:
     moments = Moments()
     with BrowserView("a run", port=0, controls=Controls()) as view:

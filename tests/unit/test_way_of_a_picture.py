@@ -25,6 +25,7 @@ WITHIN = {
     "PictureCheck": "Digit",
     "PictureOrigin": "Digit",
     "PictureVotes": "FrameMeter",
+    "PlayerVersion2": "_PlayerLink",
     "TouchTracker": "LiveMetric",
     "VestFrame": "PlayerVest",
 }

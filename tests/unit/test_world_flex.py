@@ -29,6 +29,7 @@ def lifted():
     return grip
 
 
+@pytest.mark.slow
 def test_it_narrows_more_the_firmer_the_grip_and_lifts_when_firm_enough(lifts):
     gripped = [[t for t in one.trace if t.t_s <= 4.0][-1] for one in lifts.values()]
     narrow, forces = zip(*((t.deformation_m, sum(t.pad_force_n)) for t in gripped), strict=True)
@@ -72,6 +73,7 @@ def test_it_stands_with_the_volume_and_mass_of_its_cylinder_and_sags_as_far_as_t
     assert BAG.height_m - np.ptp(data.flexvert_xpos[:, 2]) == pytest.approx(shorter, rel=0.15)
 
 
+@pytest.mark.slow
 def test_let_go_it_comes_back():
     grip = Grip(BAG)
     squeezed = grip.hold(5, 2.5)

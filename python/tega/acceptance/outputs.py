@@ -166,7 +166,11 @@ def _vest_stop(vest: Any, dark: MotorLevels, percent: int, guide: AcceptanceGuid
             if counters is None
             else f"the watchdog sent zeros {silenced} times after writing had stopped"
         )
-        + ", and closing sent zeros",
+        + (
+            ", and the vest has answered behind the zeros of closing"
+            if optional(vest, "confirmed_rest")
+            else "; this driver does not tell whether the zeros of closing arrived"
+        ),
         todo="use the vest's switch, and tell us" if seen == "failed" else "",
         measured={"closed_s": round(closed_s, 3)},
         answers={"Is every motor silent?": silent},

@@ -23,7 +23,7 @@ from __future__ import annotations
 import re
 from datetime import datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeVar
 
 import msgspec
 
@@ -39,7 +39,7 @@ from tega.calibration.records import (
     write_record,
 )
 from tega.errors import CalibrationError, RecordingError
-from tega.foreign_file import parse_toml, read_foreign, read_words
+from tega.foreign_file import parse_json, parse_toml, read_foreign, read_words
 from tega.plain_name import plain_name
 from tega.toml_text import tree_text
 from tega.whole_file import write_whole
@@ -98,7 +98,7 @@ class Unfinished(msgspec.Struct, kw_only=True):
         steps: What the steps that are finished gave, by name.
     """
 
-    started: datetime
+    started: Annotated[datetime, msgspec.Meta(tz=True)]
     devices: dict[str, str] = msgspec.field(default_factory=dict)
     steps: dict[str, Any] = msgspec.field(default_factory=dict)
 
@@ -274,7 +274,7 @@ class CalibrationFolder:
     def unfinished(self, person: str, now: datetime) -> Unfinished | None:
         """Return an interrupted calibration that can be gone on with."""
         try:
-            found = msgspec.json.decode(read_foreign(self._unfinished(person), most_mib=64), type=Unfinished)
+            found = parse_json(read_foreign(self._unfinished(person), most_mib=64), Unfinished)
         except (OSError, RecordingError, msgspec.MsgspecError):
             return None
         return found if timedelta(0) <= now - found.started <= timedelta(hours=RESUME_H) else None

@@ -46,6 +46,13 @@ Only = Literal["tactile", "emg", "vest"]
 _KINDS: dict[str, Only] = {"tactile": "tactile", "emg": "emg", "vest": "vest"}
 
 _Result = TypeVar("_Result", bound=msgspec.Struct)
+_Kept = TypeVar("_Kept")
+
+
+class _KeptBaseline(msgspec.Struct, frozen=True):
+    file: str
+    made: datetime
+    notes: tuple[str, ...]
 
 
 def parts_of(config: SessionConfig, only: Sequence[Only] = ()) -> tuple[str, ...]:
@@ -201,9 +208,8 @@ class Calibrating:
             taken = self._baseline(step)
             if taken is None:
                 taken = take_baseline(finger, source, self._folder, self._guide, self._times, now=self._now())
-                self._keep(
-                    step, {"file": self._folder.named(taken.file), "made": taken.made, "notes": taken.notes}
-                )
+                kept = _KeptBaseline(self._folder.named(taken.file), taken.made, taken.notes)
+                self._keep(step, msgspec.to_builtins(kept))
             return take_presses(
                 finger,
                 source,
@@ -218,16 +224,15 @@ class Calibrating:
 
     def _baseline(self, step: str) -> TakenBaseline | None:
         """Return the baseline that was taken before an interruption."""
-        kept = self._unfinished.steps.get(step)
+        kept = self._kept(step, _KeptBaseline)
         if kept is None:
             return None
-        path = path_below(self._folder.path, kept["file"], what="picture", source="unfinished.json")
+        path = path_below(self._folder.path, kept.file, what="picture", source="unfinished.json")
         if not path.is_file():
             return None
         picture = read_image(path, driver="calibrate")
-        made = datetime.fromisoformat(str(kept["made"]))
         noise = read_record(path.with_suffix(".toml"), GelRecord).cell_noise_counts
-        return TakenBaseline(picture, path, made, tuple(kept["notes"]), noise)
+        return TakenBaseline(picture, path, kept.made, kept.notes, noise)
 
     # Muscles.
 
@@ -347,10 +352,7 @@ class Calibrating:
         return _Places(n_right=wearing.n_right, n_asked=wearing.n_asked, notes=notes)
 
     def _felt(self, step: str) -> dict[str, FeltSite]:
-        return {
-            site: msgspec.convert(felt, FeltSite)
-            for site, felt in self._unfinished.steps.get(step, {}).items()
-        }
+        return self._kept(step, dict[str, FeltSite]) or {}
 
     def _keeper(self, step: str, felt: dict[str, FeltSite]) -> Callable[[str, FeltSite], None]:
         def keep(site: str, found: FeltSite) -> None:
@@ -361,10 +363,22 @@ class Calibrating:
 
     # What is done is kept.
 
+    def _kept(self, name: str, wanted: type[_Kept]) -> _Kept | None:
+        """Return what a step gave before an interruption; ``None`` where it was not done."""
+        if name not in self._unfinished.steps:
+            return None
+        try:
+            return msgspec.convert(self._unfinished.steps[name], wanted)
+        except msgspec.ValidationError as error:
+            raise CalibrationError(
+                f"unfinished.json: what it holds of the step {name} is damaged: {error}",
+                "begin anew: tega-teleop calibrate --restart",
+            ) from error
+
     def _step(self, name: str, wanted: type[_Result], take: Callable[[], _Result]) -> _Result:
-        kept = self._unfinished.steps.get(name)
+        kept = self._kept(name, wanted)
         if kept is not None:
-            return msgspec.convert(kept, wanted)
+            return kept
         result = take()
         self._keep(name, msgspec.to_builtins(result))
         return result

@@ -254,6 +254,7 @@ OPTIONAL: Final[Mapping[str, Any]] = MappingProxyType(
         "in_steps": False,
         "condition": "",
         "battery_percent": None,
+        "confirmed_rest": False,
     }
 )
 """What a driver may have beyond its protocol, by name, and what is taken of one that has it not.
@@ -265,7 +266,8 @@ given, which a run tells where the finger has none. A hand that is steered: ``pr
 ``""`` for nothing, which a run shows likewise; ``guard_problem``, why no other process would switch its motors off if
 this program were killed, which holds a run. A vest: ``reached``, whether frames arrive; ``spared``, how
 many it did not send because it showed them already; ``in_steps``, whether it shows 16 steps and nothing between;
-``condition``, what it says of itself now, one line for a run to show; ``battery_percent``, its battery.
+``condition``, what it says of itself now, one line for a run to show; ``battery_percent``, its battery;
+``confirmed_rest``, whether it is closed and has answered that its motors rest.
 """
 
 

@@ -13,13 +13,20 @@ import subprocess
 import sys
 import threading
 import time
-from queue import SimpleQueue
-from typing import Final
+from queue import Empty, SimpleQueue
+from typing import TYPE_CHECKING, Final
 
 from tega.child_process import end_child, own_group, python_command, python_environment
 from tega.errors import DeviceUnavailableError
 
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+
 BEAT_S: Final = 0.1
+STUCK_S: Final = 1.0
+"""A program that was heard and then says nothing for so long stands still."""
+
 DEAF_S: Final = 2.0
 """A process that has not answered for so long is taken for lost."""
 
@@ -149,10 +156,47 @@ def _forget(process: subprocess.Popen[bytes]) -> None:
         process.stdout.close()
 
 
-def say_ready() -> None:
-    """Say, in the process, that everything is loaded and the program may go on."""
+def stand_by(let_go: Callable[[Callable[[], bool]], None]) -> None:
+    """Wait, in the process, and leave the device safe if the program ends without a word or stands still.
+
+    Until it first hears something, nothing of the device is on, and it does nothing.
+
+    Args:
+        let_go: Leaves the device safe, or tries until nobody needs that any more; it is given what tells whether the
+            program goes on.
+    """
     sys.stdout.write("ready\n")
     sys.stdout.flush()
+    pieces = hear()
+    heard, stuck, said = False, False, b""
+    while True:
+        piece = _next(pieces, STUCK_S if heard and not stuck else None)
+        said = (said + (piece or b""))[-64:]
+        if b"done" in said:
+            return
+        if piece:
+            answer(piece)
+            heard, stuck = True, False
+            continue
+        gone = piece is not None
+        if gone:
+            stay_alone()
+        if heard:
+            let_go(_never if gone else lambda: not pieces.empty())
+        if gone:
+            return
+        stuck = True
+
+
+def _next(pieces: SimpleQueue[bytes], timeout_s: float | None) -> bytes | None:
+    try:
+        return pieces.get(timeout=timeout_s)
+    except Empty:
+        return None
+
+
+def _never() -> bool:
+    return False
 
 
 def hear() -> SimpleQueue[bytes]:

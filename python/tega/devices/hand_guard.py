@@ -16,10 +16,9 @@ import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, Final
 
-from tega.devices.guard_process import GuardProcess, answer, hear, say_ready, stay_alone
+from tega.devices.guard_process import GuardProcess, stand_by
 from tega.devices.hand_bus import HandBus
 from tega.errors import DeviceUnavailableError
 
@@ -27,7 +26,6 @@ if TYPE_CHECKING:
     from tega.wire import CanFrame
 
 
-STUCK_S: Final = 1.0
 LONGEST_S: Final = 600.0
 _REST_S: Final = 0.2
 _TRY_S: Final = 0.5
@@ -94,37 +92,7 @@ def main() -> None:
     import can  # noqa: F401  # there is no time for that later
 
     hand = _Hand(**json.loads(sys.argv[1]))
-    pieces = hear()
-    heard, stuck, said = False, False, b""
-    say_ready()
-    while True:
-        piece = _next(pieces, STUCK_S if heard and not stuck else None)
-        said = (said + (piece or b""))[-64:]
-        if b"done" in said:
-            return
-        if piece:
-            answer(piece)
-            heard, stuck = True, False
-            continue
-        gone = piece is not None
-        if gone:
-            stay_alone()
-        if heard:
-            hand.let_go(_never if gone else lambda: not pieces.empty())
-        if gone:
-            return
-        stuck = True
-
-
-def _next(pieces: SimpleQueue[bytes], timeout_s: float | None) -> bytes | None:
-    try:
-        return pieces.get(timeout=timeout_s)
-    except Empty:
-        return None
-
-
-def _never() -> bool:
-    return False
+    stand_by(hand.let_go)
 
 
 if __name__ == "__main__":

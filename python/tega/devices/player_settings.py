@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ipaddress
 from pathlib import Path
 from typing import Annotated, Final, Literal
 
@@ -10,6 +11,7 @@ import msgspec
 from tega.devices.player_versions import PlayerVersion, PlayerVersion2, PlayerVersion3
 from tega.devices.vest_stream import VestOptions
 from tega.errors import DeviceUnavailableError
+from tega.foreign_file import read_foreign
 
 __all__ = ["KEY_HINT", "PlayerOptions", "versions_to_ask"]
 
@@ -24,6 +26,8 @@ class PlayerOptions(VestOptions, frozen=True):
 
     Attributes:
         host: Where the Player runs.
+        allow_remote: Whether that may be another machine. Whoever answers there gets the frames, and with version 3 the
+            key: its certificate is not checked.
         port: Its port for version 2.
         port_v3: Its port for version 3.
         version: Which to speak; ``auto`` asks for version 3 where an ``app_id`` is set, then for version 2.
@@ -38,6 +42,7 @@ class PlayerOptions(VestOptions, frozen=True):
     """
 
     host: str = "127.0.0.1"
+    allow_remote: bool = False
     port: Annotated[int, msgspec.Meta(ge=1, le=65535)] = 15881
     port_v3: Annotated[int, msgspec.Meta(ge=1, le=65535)] = 15882
     version: Literal["auto", "2", "3"] = "auto"
@@ -58,8 +63,7 @@ def _key(file: Path | None) -> str:
     if file is None:
         raise DeviceUnavailableError("version 3 of the Player needs api_key_file", KEY_HINT)
     try:
-        with file.open(encoding="ascii") as text:
-            key = text.read(_LONGEST_KEY + 1).strip()
+        key = read_foreign(file, most_mib=1, error=DeviceUnavailableError).decode("ascii").strip()
     except (OSError, ValueError) as error:
         raise DeviceUnavailableError(
             f"the key in {file.name} cannot be read: {type(error).__name__}", KEY_HINT
@@ -71,12 +75,27 @@ def _key(file: Path | None) -> str:
     return key
 
 
+def _is_here(host: str) -> bool:
+    """Tell whether a host is this machine, without asking anybody for a name."""
+    if host.lower() == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host.strip("[]")).is_loopback
+    except ValueError:
+        return False
+
+
 def versions_to_ask(o: PlayerOptions) -> list[PlayerVersion]:
     """Return the versions of the websocket to ask for, in order.
 
     Raises:
-        DeviceUnavailableError: Version 3 is asked for without an id and a key.
+        DeviceUnavailableError: Version 3 is asked for without an id and a key, or another machine is not allowed.
     """
+    if not (o.allow_remote or _is_here(o.host)):
+        raise DeviceUnavailableError(
+            f"the host {o.host!r} is not this machine, and whoever answers there is not checked",
+            "set vest.options allow_remote = true if the Player there is yours",
+        )
     asked: list[PlayerVersion] = []
     if o.version == "3" or (o.version == "auto" and o.app_id):
         if not o.app_id:

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import time
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.devices.at_exit import last_words
 from tega.devices.base import Found, Options
 from tega.devices.bluetooth_state import bluetooth_trouble
-from tega.devices.guard_process import GuardProcess
-from tega.devices.vest_ble_guard import LONGEST_S, MOTORS, guard_vest
+from tega.devices.guard_process import BEAT_S
+from tega.devices.vest_ble_guard import MOTORS, VestWatch
 from tega.devices.vest_stream import StreamedVest, VestLink, VestOptions
 from tega.errors import DeviceUnavailableError
 from tega.lifecycle import require
@@ -50,8 +50,8 @@ class BleVest(StreamedVest):
     """Writes the 20-byte motor frame, without response, to the vest's motor characteristic.
 
     As far as is known a vest holds the last frame for ever, so everything rests on the zeros that are sent on the way
-    out; a second process sends them if this one is killed. A broken radio link may leave it vibrating until it is
-    found again. Nothing but motor frames is ever written to a vest.
+    out; a second process sends them if this one is killed or stands still. A broken radio link may leave it vibrating
+    until it is found again. Nothing but motor frames is ever written to a vest.
     """
 
     name: ClassVar[str] = "bhaptics-ble"
@@ -63,7 +63,7 @@ class BleVest(StreamedVest):
     def __init__(self, options: BleOptions) -> None:
         super().__init__(options)
         self._options = options
-        self._watch = _LinkWatch()
+        self._watch = VestWatch()
 
     @classmethod
     def discover(cls, timeout_s: float) -> list[Found]:
@@ -101,8 +101,21 @@ class BleVest(StreamedVest):
     def _label(self) -> str:
         return self._options.address or "first vest heard"
 
+    @property
+    def confirmed_rest(self) -> bool:
+        """Whether the vest is closed and has answered behind its last zeros."""
+        return self._thread is None and self._watch.confirmed
+
     def _new_link(self) -> VestLink:
         return _BleLink(self._options, self._watch)
+
+    def _over(self, rest_s: float) -> bool:
+        until_s = time.monotonic() + rest_s
+        while not super()._over(max(0.0, min(BEAT_S, until_s - time.monotonic()))):
+            if time.monotonic() >= until_s:
+                return False
+            self._watch.beat()
+        return True
 
     def close(self) -> None:
         """Send zeros and disconnect; the process that guards the vest is dismissed if the vest took them."""
@@ -113,43 +126,8 @@ class BleVest(StreamedVest):
                 self._watch.end()
 
 
-class _LinkWatch:
-    """State that outlives a link: the process that silences the vest, and whether the vest is silent.
-
-    Attributes:
-        guard: The process; ``None`` before the first link.
-        silent: Whether zeros were the last that the vest is known to have taken, and nothing was sent since.
-    """
-
-    def __init__(self) -> None:
-        self.guard: GuardProcess | None = None
-        self.silent = True
-        self._of = ("", "")
-
-    def over(self, address: str, path: str) -> None:
-        """Have a process watch over a vest."""
-        if self.guard is not None and self._of != (address, path):
-            self.end()
-        if self.guard is None:
-            self.guard, self._of, self.silent = guard_vest(address, path), (address, path), True
-
-    def end(self) -> None:
-        """Dismiss the process if the vest is known to be silent; else leave the vest to it, and say so."""
-        guard, self.guard = self.guard, None
-        if guard is None:
-            return
-        if self.silent:
-            guard.dismiss()
-            return
-        guard.leave_to_it()
-        last_words(
-            f"USE THE VEST'S SWITCH: {self._of[0]}: it has not confirmed that its motors rest, so it may still be "
-            f"vibrating; another process goes on telling it to, for {LONGEST_S / 60:g} minutes"
-        )
-
-
 class _BleLink:
-    def __init__(self, options: BleOptions, watch: _LinkWatch) -> None:
+    def __init__(self, options: BleOptions, watch: VestWatch) -> None:
         self._options = options
         self._watch = watch
         self._confirms = self._rests = False
@@ -207,12 +185,11 @@ class _BleLink:
     def send(self, intensities: NDArray[np.uint8]) -> None:
         if self._client is None or self._gone:
             raise DeviceUnavailableError("the vest has disconnected")
-        if (guard := self._watch.guard) is not None:
-            guard.beat()
-            if guard.problem and intensities.any():  # it is being replaced; until then nothing vibrates
-                raise DeviceUnavailableError("the process that would silence the vest was lost")
+        guard = self._watch.guard
+        if guard is not None and guard.problem and intensities.any():  # it is being replaced
+            raise DeviceUnavailableError("the process that would silence the vest was lost")
         frame = x40_ble_frame(intensities, front_mirror=self._options.front_mirror)
-        self._watch.silent = self._rests = False
+        self._watch.silent = self._watch.confirmed = self._rests = False
         self._call(self._client.write_gatt_char(MOTORS, frame, response=False), _CALL_S, "writing a frame")
         self._rests = not any(frame)
         self._watch.silent = self._rests and not self._confirms
@@ -231,10 +208,10 @@ class _BleLink:
             with contextlib.suppress(*self._broken, TimeoutError):
                 if self._rests and self._confirms:
                     # Packets are taken in their order: with the answer to this the zeros before it have arrived.
-                    runner.run(asyncio.wait_for(client.read_gatt_char(_BATTERY), _CALL_S))
-                    self._watch.silent = True
+                    runner.run(self._alive(client.read_gatt_char(_BATTERY), _CALL_S))
+                    self._watch.silent = self._watch.confirmed = True
             with contextlib.suppress(*self._broken, TimeoutError):
-                runner.run(asyncio.wait_for(client.disconnect(), _CALL_S))
+                runner.run(self._alive(client.disconnect(), _CALL_S))
         runner.close()
 
     def abort(self) -> None:
@@ -262,7 +239,7 @@ class _BleLink:
             work.close()
             raise DeviceUnavailableError("the vest is not connected")
         try:
-            return self._runner.run(asyncio.wait_for(work, timeout_s))
+            return self._runner.run(self._alive(work, timeout_s))
         except TimeoutError as error:
             raise DeviceUnavailableError(
                 f"Bluetooth: no answer within {timeout_s:g} s while {doing}",
@@ -282,6 +259,20 @@ class _BleLink:
                 f"Bluetooth: the system's service cannot be reached ({error!r}) while {doing}",
                 "on Linux: systemctl start bluetooth; in a container the system's D-Bus socket is needed",
             ) from error
+
+    async def _alive(self, work: Coroutine[Any, Any, Any], timeout_s: float) -> Any:
+        """Wait for the radio, and tell the guard meanwhile that it is waited for."""
+        beats = asyncio.ensure_future(self._beats())
+        try:
+            async with asyncio.timeout(timeout_s):
+                return await work
+        finally:
+            beats.cancel()
+
+    async def _beats(self) -> None:
+        while True:
+            self._watch.beat()
+            await asyncio.sleep(BEAT_S)
 
     def _on_disconnected(self, _client: Any) -> None:
         self._gone = True

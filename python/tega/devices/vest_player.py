@@ -192,11 +192,13 @@ class _PlayerLink:
                 f"the {self._where} answers HTTP {error.response.status_code} instead of serving {version.path}",
                 f"a Player may serve one version alone: {KEY_HINT}; an older Player and bhaptics-ble need none",
             ) from error
-        except ValueError as error:  # of the address, before anything was sent
+        except (ValueError, exceptions.InvalidURI) as error:  # of the address, before anything was sent
+            # The error of the whole address holds the key: neither its text nor the error itself goes on.
+            why = error.msg if isinstance(error, exceptions.InvalidURI) else str(error)
             raise DeviceUnavailableError(
-                f"the host {o.host!r} is no address: {error}",
+                f"the host {o.host!r} is no address: {why}",
                 "set vest.options host to a name or an IP address",
-            ) from error
+            ) from None
         except self._broken as error:
             raise DeviceUnavailableError(
                 f"the {self._where} cannot be reached: {str(error) or type(error).__name__}",

@@ -11,8 +11,9 @@ import msgspec
 
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.file_lock import lock_file
-from tega.foreign_file import check_file
+from tega.foreign_file import parse_json, read_foreign
 from tega.recording.mcap_folder import SessionFolder
+from tega.whole_file import open_to_append
 
 EPISODES = "episodes.jsonl"
 
@@ -50,13 +51,12 @@ def read_episodes(folder: Path) -> list[EpisodeLine]:
     path = folder / EPISODES
     if not path.exists():
         return []
-    check_file(path, most_mib=64)
-    lines = path.read_bytes().split(b"\n")[:-1]
+    lines = read_foreign(path, most_mib=64).split(b"\n")[:-1]
     found = []
     for number, line in enumerate(lines, start=1):
         try:
-            found.append(msgspec.json.decode(line, type=EpisodeLine))
-        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+            found.append(parse_json(line, EpisodeLine))
+        except msgspec.DecodeError as error:
             raise RecordingError(
                 f"{path}: line {number} is no episode: {error}", "restore the file from a copy"
             ) from error
@@ -73,7 +73,7 @@ class EpisodeJournal:
         lines: All so far.
 
     Raises:
-        RecordingError: The journal holds something else.
+        RecordingError: The journal holds something else, or is a link.
         DeviceUnavailableError: Another program takes episodes there.
     """
 
@@ -82,10 +82,11 @@ class EpisodeJournal:
         folder.begin()
         path = folder.path / EPISODES
         self.lines = read_episodes(folder.path)
-        self._file: IO[bytes] = path.open("ab+")
+        self._file: IO[bytes] = open_to_append(path)
         try:
             _lock(self._file, path)
-            self._file.truncate(path.read_bytes().rfind(b"\n") + 1)
+            self._file.seek(0)
+            self._file.truncate(self._file.read().rfind(b"\n") + 1)
             self._close_cut()
         except BaseException:
             self._file.close()

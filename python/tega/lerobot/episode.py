@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 
 _S = 1_000_000_000
+# One wrong time would ask for memory for all the frames up to it.
+_MOST_S = 24 * 3600
 _MARKERS = {"/run/marker", "/markers"}
 _ARM_MEASURED, _ARM_TARGET = "/arm/measured", "/arm/target"
 # What a contact has in units of length and force, where its metric gives them.
@@ -129,7 +131,7 @@ def read_episode(path: Path, *, fps: int) -> Episode:
         fps: Frames per second.
 
     Raises:
-        RecordingError: It cannot be read, or is shorter than a frame.
+        RecordingError: It cannot be read, or is shorter than a frame or longer than 24 h.
     """
     reader, streams = McapReader(path), dict[str, _Stream]()
     shapes: dict[str, tuple[int, int]] = {}
@@ -166,9 +168,7 @@ def read_episode(path: Path, *, fps: int) -> Episode:
     begin_ns = max(begin_ns, samples.begin_ns)
     led = ("/vest/", "/hand/", "/tactile/", "/arm/")
     end_ns = max((s.times[-1] for topic, s in used.items() if topic.startswith(led)), default=begin_ns)
-    n_frames = (end_ns - begin_ns) * fps // _S + 1
-    if n_frames < 1:
-        raise RecordingError(f"{path.name}: has no time at which all of its streams were there")
+    n_frames = _count_frames(path.name, end_ns - begin_ns, fps)
     grid_ns = begin_ns + np.arange(n_frames, dtype=np.int64) * _S // fps
     columns, shown = _columns(used, grid_ns, samples), {}
     for finger in shapes:
@@ -176,6 +176,18 @@ def read_episode(path: Path, *, fps: int) -> Episode:
         shown[finger] = np.bincount(newest, minlength=len(used[f"/tactile/{finger}/image"].times))
     markers.sort()
     return Episode(path, fps, begin_ns, int(n_frames), columns, shapes, shown, markers, reader.metadata)
+
+
+def _count_frames(name: str, length_ns: int, fps: int) -> int:
+    n_frames = length_ns * fps // _S + 1
+    if n_frames < 1:
+        raise RecordingError(f"{name}: has no time at which all of its streams were there")
+    if n_frames > _MOST_S * fps:
+        raise RecordingError(
+            f"{name}: its streams reach over {n_frames / fps / 3600:.0f} h, at most {_MOST_S // 3600} h are read",
+            "is a time in it wrong? inspect tells them; else trim it into parts",
+        )
+    return n_frames
 
 
 def _finger(message: Message, ending: str) -> str:

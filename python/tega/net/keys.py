@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,62}")  # as in a certificate
 _AUTHORITY_DAYS = 3650
 _WARN_DAYS = 30
+_RESTORE = "restore it from a copy; with a new authority every station needs new keys"
 _EARLY = timedelta(hours=24)  # the machines' wall clocks need not agree better
 
 
@@ -124,13 +125,24 @@ def _read(path: Path) -> bytes:
 
 def _authority(folder: Path, now: datetime) -> tuple[EllipticCurvePrivateKey, Certificate]:
     from cryptography import x509
+    from cryptography.exceptions import UnsupportedAlgorithm
     from cryptography.hazmat.primitives.asymmetric import ec
     from cryptography.hazmat.primitives.serialization import load_pem_private_key
 
     certificate_file, key_file = folder / "ca.pem", folder / "ca.key"
     if key_file.exists():
-        key: Any = load_pem_private_key(_read(key_file), None)
-        return key, x509.load_pem_x509_certificate(_read(certificate_file))
+        try:
+            key: Any = load_pem_private_key(_read(key_file), None)
+            there = x509.load_pem_x509_certificate(_read(certificate_file))
+            # The certificate's parts are read when they are asked for.
+            _, belongs = there.subject, key.public_key() == there.public_key()
+        except (OSError, ValueError, TypeError, UnsupportedAlgorithm) as error:
+            raise ConfigError(f"{folder.name}: its keys cannot be read: {error}", _RESTORE) from error
+        if not belongs or not isinstance(key, ec.EllipticCurvePrivateKey):
+            raise ConfigError(
+                f"{folder.name}: {key_file.name} is not the key of {certificate_file.name}", _RESTORE
+            )
+        return key, there
     made = ec.generate_private_key(ec.SECP256R1())
     name = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, "TEGA private authority")])
     certificate = (

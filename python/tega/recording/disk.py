@@ -24,7 +24,7 @@ from typing import Any, BinaryIO
 
 from tega.errors import RecordingError, UnsafeNameError
 from tega.file_lock import lock_file
-from tega.foreign_file import read_words
+from tega.foreign_file import parse_json, read_words
 from tega.plain_name import plain_name
 from tega.whole_file import write_whole
 
@@ -256,8 +256,7 @@ def _owner(folder: Path) -> dict[str, Any]:
     seen = folder.stat(follow_symlinks=False)
     if sys.platform == "win32" or not folder.is_dir() or folder.is_symlink() or seen.st_uid != os.getuid():
         raise ValueError(f"{folder.name} is somebody else's")
-    owner = json.loads((folder / _OWNER).read_bytes())
-    return owner if isinstance(owner, dict) else {}
+    return parse_json((folder / _OWNER).read_bytes(), dict[str, Any])
 
 
 def _abandoned(folder: Path) -> bool:

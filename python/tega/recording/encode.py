@@ -11,7 +11,7 @@ from tega.lifecycle import require
 from tega.opencv import load_cv2
 from tega.recording.mcap_copy import McapCopy, McapItem, McapRecords
 from tega.recording.mcap_folder import SessionFolder, recorded_task, session_files
-from tega.recording.mcap_reader import Message, read_picture
+from tega.recording.mcap_reader import Message, open_recording, read_picture
 from tega.recording.origin import new_session, origin, span
 from tega.whole_file import new_file
 
@@ -49,7 +49,7 @@ def _encode(source: Path, target: Path, quality: int) -> None:
         raise RecordingError(f"{source.name}: no recording of a session", "name a file made with --record")
     name, step = origin(tables, source, made_by=f"encode --quality {quality}", part=span(tables))
     pictures = _SmallerPictures(quality)
-    with source.open("rb") as old, new_file(target) as file:
+    with open_recording(source) as old, new_file(target) as file:
         copy, records = McapCopy(file), McapRecords(old)
         copy.table(name, step)
         for item in records:
@@ -64,7 +64,7 @@ def _encode(source: Path, target: Path, quality: int) -> None:
 
 def _tables(source: Path) -> dict[str, dict[str, str]]:
     tables: dict[str, dict[str, str]] = {}
-    with source.open("rb") as file:
+    with open_recording(source) as file:
         for item in McapRecords(file):
             if item.kind == "Metadata":
                 tables.setdefault(item.record.name, {}).update(item.record.metadata)

@@ -4,16 +4,23 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Literal
+
+import msgspec
 
 from tega.errors import ConfigError, RecordingError
-from tega.foreign_file import read_words
+from tega.foreign_file import parse_json, read_words
 from tega.recording.tables import TABLES
 from tega.whole_file import write_whole
 
 SUMMARY_FORMAT = "tega-run"
-# What else TEGA writes into folders: a demo's trials.
-_FORMATS = (SUMMARY_FORMAT, "tega-demo")
 OUTPUT_NAMES = (*TABLES.values(), "vest.csv", "can.csv", "summary.json", "calibration.toml", "picture.png")
+
+
+class _RunSummary(msgspec.Struct):
+    """Marks a folder as an earlier run's, or as a demo's trials."""
+
+    format: Literal["tega-run", "tega-demo"]
 
 
 def prepare_folder(folder: Path) -> None:
@@ -45,7 +52,7 @@ def prepare_folder(folder: Path) -> None:
 
 def _holds_a_run(folder: Path) -> bool:
     try:
-        summary = json.loads(read_words(folder / "summary.json"))
-    except (OSError, ValueError, RecordingError):
+        parse_json(read_words(folder / "summary.json"), _RunSummary)
+    except (OSError, UnicodeDecodeError, msgspec.DecodeError, RecordingError):
         return False
-    return isinstance(summary, dict) and summary.get("format") in _FORMATS
+    return True

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import IO, Any, NamedTuple
 
 from tega.lifecycle import require
+from tega.recording.mcap_reader import MOST_RECORD
 from tega.recording.mcap_schemas import decoder
 
 
@@ -43,7 +44,8 @@ class McapRecords:
     """
 
     def __init__(self, file: IO[bytes]) -> None:
-        self._reader = require("mcap.stream_reader", driver="recording", extra="record").StreamReader(file)
+        reading = require("mcap.stream_reader", driver="recording", extra="record")
+        self._reader = reading.StreamReader(file, record_size_limit=MOST_RECORD)
         self.problem = ""
 
     def __iter__(self) -> Iterator[McapItem]:

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-import json
+import contextlib
 import re
 import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
+import msgspec
+
 from tega.errors import ConfigError, RecordingError
 from tega.file_lock import lock_file
-from tega.foreign_file import read_words
+from tega.foreign_file import parse_json, read_words
 from tega.recording.disk import take_tail
 from tega.recording.mcap_copy import McapCopy, McapRecords
+from tega.recording.mcap_reader import open_recording
 from tega.whole_file import new_file, write_whole
 
 INDEX_NAME = "session.json"
@@ -21,6 +24,18 @@ INDEX_FORMAT = "tega-session"
 _PART = ".part"
 _LEAVES_S, _TRIES_S = 1.0, 0.02
 _NUMBER = re.compile(r"trial-([0-9]{3,12})\.mcap")
+
+
+class _IndexTrial(msgspec.Struct):
+    """Names a trial's file; whatever else the index says of the trial stays as it is."""
+
+    file: str
+
+
+class _SessionIndex(msgspec.Struct):
+    """Holds what an index must have."""
+
+    trials: list[_IndexTrial]
 
 
 class Recovered(NamedTuple):
@@ -67,13 +82,22 @@ class SessionFolder:
         self.recovered = self._recover()
 
     def new_trial(self) -> Path:
-        """Return the path of the next trial's file, which does not exist; while it is written it ends in ``.part``."""
+        """Return the path of the next trial's file, which does not exist; while it is written it ends in ``.part``.
+
+        Raises:
+            RecordingError: The index, which is to name it, is damaged.
+        """
+        self.index()
         numbers = (_NUMBER.match(file.name) for file in self.path.iterdir())
         taken = [int(number[1]) for number in numbers if number is not None]
         return self.path / f"trial-{max(taken, default=0) + 1:03d}.mcap"
 
     def note(self, name: str, facts: dict[str, Any]) -> None:
-        """Write into the index what is known of a trial; the index is replaced as a whole or not at all."""
+        """Write into the index what is known of a trial; the index is replaced as a whole or not at all.
+
+        Raises:
+            RecordingError: The index is damaged; it stays as it is.
+        """
         index = self.index()
         trials = {trial["file"]: trial for trial in index["trials"]}
         trials[name] = {"file": name, **trials.get(name, {}), **facts}
@@ -84,14 +108,14 @@ class SessionFolder:
         """Delete a trial's file, finished or not, and what the index says of it; what is not there is passed over.
 
         Raises:
-            RecordingError: It is no name of a trial.
+            RecordingError: It is no name of a trial, or the index is damaged.
         """
         if _NUMBER.fullmatch(name) is None:
             raise RecordingError(
                 f"{name!r} is no trial of {self.path.name}", "name one such as trial-001.mcap"
             )
         index = self.index()
-        index["trials"] = [trial for trial in index["trials"] if trial.get("file") != name]
+        index["trials"] = [trial for trial in index["trials"] if trial["file"] != name]
         self._write(index)
         for file in (self.path / name, self.path / f"{name}{_PART}"):
             file.unlink(missing_ok=True)
@@ -117,7 +141,7 @@ class SessionFolder:
             The files.
 
         Raises:
-            RecordingError: There is no such trial, or none at all.
+            RecordingError: There is no such trial, or none at all, or the index is damaged.
         """
         there = sorted((file.name for file in self.path.glob("trial-*.mcap")), key=in_order)
         missing = [name for name in names if name not in there]
@@ -131,10 +155,14 @@ class SessionFolder:
         return chosen
 
     def _write(self, index: dict[str, Any]) -> None:
-        write_whole(self.path / INDEX_NAME, json.dumps(index, indent=2, ensure_ascii=False) + "\n")
+        write_whole(self.path / INDEX_NAME, msgspec.json.format(msgspec.json.encode(index), indent=2) + b"\n")
 
     def index(self) -> dict[str, Any]:
-        """Return the index as it stands."""
+        """Return the index as it stands.
+
+        Raises:
+            RecordingError: It is damaged.
+        """
         return _index(self.path)
 
     def _is_session(self) -> bool:
@@ -153,7 +181,10 @@ class SessionFolder:
             part.unlink()
             done.append(recovered)
             facts = {"state": "recovered", "messages": recovered.n_messages, "problem": recovered.problem}
-            self.note(recovered.path.name, facts)
+            with contextlib.suppress(
+                RecordingError
+            ):  # a damaged index keeps no recording from being finished
+                self.note(recovered.path.name, facts)
         return done
 
 
@@ -167,20 +198,25 @@ def _lock_soon(file: IO[bytes], path: Path) -> bool:
 
 def _index(folder: Path) -> dict[str, Any]:
     try:
-        index = json.loads(read_words(folder / INDEX_NAME, most_mib=64))
-    except (OSError, ValueError, RecordingError):
-        index = None
-    if not isinstance(index, dict) or not isinstance(index.get("trials"), list):
+        index = parse_json(read_words(folder / INDEX_NAME, most_mib=64), dict[str, Any])
+        msgspec.convert(index, _SessionIndex)
+    except FileNotFoundError:
         return {"format": INDEX_FORMAT, "version": 1, "trials": []}
+    except (OSError, UnicodeDecodeError, msgspec.DecodeError) as error:
+        raise RecordingError(
+            f"{folder.name}/{INDEX_NAME}: no index of a session: {error}",
+            "mend it or restore it from a copy; moved away, a new one is begun, without what it said of the trials",
+        ) from error
     return index
 
 
 def recorded_task(recording: Path) -> str | None:
     """Return what was done in a recording, as the index beside it says; ``None`` where it does not."""
-    for trial in _index(recording.parent)["trials"]:
-        if isinstance(trial, dict) and trial.get("file") == recording.name:
-            task = trial.get("task")
-            return task if isinstance(task, str) and task else None
+    with contextlib.suppress(RecordingError):
+        for trial in _index(recording.parent)["trials"]:
+            if trial["file"] == recording.name:
+                task = trial.get("task")
+                return task if isinstance(task, str) and task else None
     return None
 
 
@@ -201,9 +237,10 @@ def recover_file(source: Path, target: Path) -> Recovered:
         What was found.
 
     Raises:
+        RecordingError: The source is no file, or larger than a recording can be.
         MissingExtraError: The package ``mcap`` is not installed.
     """
-    with source.open("rb") as old, new_file(target) as file:
+    with open_recording(source) as old, new_file(target) as file:
         # A file killed before its first flush has nothing, not even a header: the copy has one all the same.
         copy, records = McapCopy(file), McapRecords(old)
         for record in records:

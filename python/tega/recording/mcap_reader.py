@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
 # A day of four cameras without loss is less; a record of TEGA's is at most one chunk of 4 MiB and one picture.
 _MOST_MIB = 1024 * 1024
-_MOST_RECORD = 256 * MIB
+MOST_RECORD = 256 * MIB
+"""Bytes of a record; of a longer one the file counts as damaged."""
 
 
 class Message(NamedTuple):
@@ -39,6 +40,19 @@ class Message(NamedTuple):
     log_ns: int
     n_bytes: int
     value: Any
+
+
+def open_recording(path: Path) -> IO[bytes]:
+    """Open a recording's file, finished or not.
+
+    Raises:
+        RecordingError: It is missing, no file, or larger than a recording can be.
+    """
+    try:
+        check_file(path, most_mib=_MOST_MIB)
+        return path.open("rb")
+    except OSError as error:
+        raise RecordingError(f"{path.name}: cannot be read: {error.strerror}") from error
 
 
 class McapReader:
@@ -78,16 +92,10 @@ class McapReader:
         faults = require("mcap.exceptions", driver="replay", extra="record")
         schemas: dict[int, Any] = {}
         channels: dict[int, Any] = {}
-        try:
-            if self._data is None:
-                check_file(self.path, most_mib=_MOST_MIB)
-            file: IO[bytes] = self.path.open("rb") if self._data is None else io.BytesIO(self._data)
-        except OSError as error:
-            raise RecordingError(f"{self.path.name}: cannot be read: {error.strerror}") from error
-        with file:
+        with open_recording(self.path) if self._data is None else io.BytesIO(self._data) as file:
             source = iter(
                 reading.StreamReader(
-                    file, validate_crcs=self._check_sums, record_size_limit=_MOST_RECORD
+                    file, validate_crcs=self._check_sums, record_size_limit=MOST_RECORD
                 ).records
             )
             while True:

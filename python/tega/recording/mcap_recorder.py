@@ -9,6 +9,7 @@ import time
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, BinaryIO
 
+from tega.errors import RecordingError
 from tega.recording.mcap_file import McapFile
 from tega.recording.mcap_queue import BoundedQueue, Item
 from tega.records import Record, RecorderStatus
@@ -186,8 +187,8 @@ class McapRecorder:
     def _folder_note(self, name: str, facts: Mapping[str, Any]) -> None:
         try:
             self._folder.note(self.path.name, {**facts, "path": name})
-        except OSError as error:  # a full disk has no room for the index either
-            _LOG.warning("recording: the index could not be written: %s", error.strerror or error)
+        except (OSError, RecordingError) as error:  # a full disk has no room for the index either
+            _LOG.warning("recording: the index could not be written: %s", error)
 
     def _sync(self) -> None:
         """Bring the file to the disk now and then; a slow disk must not hold up the thread that writes."""

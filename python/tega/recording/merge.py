@@ -11,6 +11,7 @@ from tega.foreign_file import tells_damage
 from tega.lifecycle import require
 from tega.recording.mcap_copy import McapCopy, McapRecords
 from tega.recording.mcap_folder import SessionFolder, session_files
+from tega.recording.mcap_reader import MOST_RECORD, open_recording
 from tega.recording.origin import new_session, origin, span
 from tega.whole_file import new_file
 
@@ -87,9 +88,10 @@ def _part(path: Path) -> _Part:
     reading: Any = require("mcap.reader", driver="merge", extra="record")
     name = f"{path.resolve().parent.name}/{path.name}"
     tables: dict[str, dict[str, str]] = {}
+    file = open_recording(path)
     try:
-        with path.open("rb") as file:
-            reader = reading.make_reader(file)
+        with file:
+            reader = reading.SeekingReader(file, record_size_limit=MOST_RECORD)
             summary = reader.get_summary()
             for table in reader.iter_metadata():
                 tables.setdefault(table.name, {}).update(table.metadata)
@@ -124,7 +126,7 @@ def _fit(first: _Part, part: _Part) -> None:
 
 def _copy(part: _Part, target: Path) -> Path:
     name, step = origin(part.tables, part.path, made_by="merge", part=span(part.tables))
-    with part.path.open("rb") as old, new_file(target) as file:
+    with open_recording(part.path) as old, new_file(target) as file:
         copy = McapCopy(file)
         copy.table(name, step)
         for item in McapRecords(old):

@@ -166,7 +166,7 @@ class RecorderProcess:
             "written": {},  # nobody is left who knows
             "dropped": dict(sorted(self._queue.dropped.items())),
         }
-        with contextlib.suppress(OSError):  # a full disk has no room for the index either
+        with contextlib.suppress(OSError, RecordingError):  # a full disk has no room for the index either
             self._folder.note(self.path.name, {**facts, "path": part.name})
         return {"file": part.name, **facts}
 
@@ -176,10 +176,15 @@ class RecorderProcess:
         self._said.close()
 
     def _ask(self, verb: str, *content: Any) -> Any:
+        # A process that stands still with a full pipe would keep the run waiting: only its end frees the pipe.
+        patience = threading.Timer(_ANSWER_S, self._process.kill)
+        patience.start()
         try:
             send_object(self._asked, (verb, *content))
         except OSError as error:
             raise RecordingError(self._gone(), "see what the recorder said above") from error
+        finally:
+            patience.cancel()
         return self._answer(verb)
 
     def _answer(self, verb: str) -> Any:

@@ -16,6 +16,7 @@ from tega.errors import RecordingError
 from tega.foreign_file import tells_damage
 from tega.recording.mcap_copy import McapCopy, McapItem, McapRecords
 from tega.recording.mcap_folder import SessionFolder, session_files
+from tega.recording.mcap_reader import open_recording
 from tega.recording.origin import LEAD_IN, SPAN, Span, new_session, origin, span
 from tega.whole_file import new_file
 
@@ -100,7 +101,7 @@ class _Look:
         earlier = b""
         leading = io.BytesIO()
         copy = McapCopy(leading)
-        with source.open("rb") as file:
+        with open_recording(source) as file:
             for item in McapRecords(file):
                 if item.kind == "Message":
                     self._message(source, item, copy)
@@ -158,7 +159,7 @@ def _copy(source: Path, look: _Look, new: McapCopy, *, lead_in: bytes) -> None:
     """Read again, and copy what belongs to the span."""
     begun = False
     pictures: dict[str, McapItem] = {}
-    with source.open("rb") as file:
+    with open_recording(source) as file:
         for item in McapRecords(file):
             if item.kind != "Message":
                 if item.record.name not in {SPAN, LEAD_IN}:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ from tega.calibration.store import Calibration, parse_calibration
 from tega.config import SessionConfig, check_tree, override_recorded
 from tega.devices.base import DeviceInfo, EmgChunk, TactileFrame
 from tega.errors import RecordingError
-from tega.foreign_file import load_npy, parse_toml, tells_damage
+from tega.foreign_file import load_npy, parse_json, parse_toml, tells_damage
 from tega.hand import joined_level
 from tega.recording.mcap_reader import McapReader, Message, read_picture
 from tega.recording.mcap_schemas import VERSIONS
@@ -290,10 +289,7 @@ def _head(reader: McapReader) -> Head:
             for name, data in reader.files.items()
             if name.startswith("baseline-")
         }
-        sources = {
-            name: msgspec.convert(json.loads(text), DeviceInfo)
-            for name, text in reader.metadata["sources"].items()
-        }
+        sources = {name: parse_json(text, DeviceInfo) for name, text in reader.metadata["sources"].items()}
     except (KeyError, ValueError) as error:
         raise RecordingError(
             f"{reader.path.name}: its head is damaged: {error}", "read it with the public mcap reader"

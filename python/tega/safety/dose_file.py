@@ -19,7 +19,7 @@ import msgspec
 import numpy as np
 
 from tega.errors import CalibrationError
-from tega.foreign_file import read_foreign
+from tega.foreign_file import parse_json, read_foreign
 from tega.safety.motor_budget import HEAT_TAU_S, MotorBudget
 from tega.whole_file import write_whole
 
@@ -34,13 +34,15 @@ SAVE_S: Final = 5.0
 """What a kill may lose."""
 
 
-_Each = Annotated[tuple[float, ...], msgspec.Meta(min_length=40, max_length=40)]
+# JSON has no number that is not finite, and a negative one would give a day more than there is.
+_AtLeast0 = Annotated[float, msgspec.Meta(ge=0)]
+_Each = Annotated[tuple[_AtLeast0, ...], msgspec.Meta(min_length=40, max_length=40)]
 
 
 class _Run(msgspec.Struct):
     """One run's part: when it ended (seconds, time of day), its own dose, and how warm it left the motors."""
 
-    ended_s: float
+    ended_s: _AtLeast0
     dose_s: _Each
     heat: _Each
 
@@ -127,7 +129,7 @@ def _left(runs: Sequence[_Run], now_s: float) -> tuple[NDArray[np.float64], NDAr
 
 def _read(file: Path) -> list[_Run]:
     try:
-        return msgspec.json.decode(read_foreign(file, most_mib=1, error=CalibrationError), type=list[_Run])
+        return parse_json(read_foreign(file, most_mib=1, error=CalibrationError), list[_Run])
     except FileNotFoundError:
         return []
     except (OSError, msgspec.MsgspecError) as error:

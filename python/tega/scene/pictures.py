@@ -98,7 +98,7 @@ def read_pictures(
                     return
                 if t_s >= begin_s:
                     yield t_s, np.asarray(frame.to_ndarray(format="bgr24"), np.uint8)
-    except (av.FFmpegError, IndexError) as error:
+    except Exception as error:  # of a damaged file decoders raise what they like
         raise RecordingError(
             f"{video.name}: cannot be decoded as a video after {number} pictures: {error}", "export it again"
         ) from error

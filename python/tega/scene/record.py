@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, Final
 import msgspec
 
 from tega.errors import DeviceUnavailableError, RecordingError
+from tega.foreign_file import tells_damage
 from tega.lifecycle import require
 from tega.plain_name import plain_name
 from tega.recording.mcap_file import McapFile
@@ -189,6 +190,7 @@ class _CameraThread(threading.Thread):
             )
 
 
+@tells_damage
 def export_camera(recording: Path, name: str, out: Path) -> int:
     """Write a camera of a recording as MP4, without encoding it anew, and its time code beside it.
 
@@ -232,7 +234,7 @@ def export_camera(recording: Path, name: str, out: Path) -> int:
         epoch_ns = int(told)
         try:
             number = _mux(av, stream, kind, times, out)
-        except (av.FFmpegError, IndexError) as error:
+        except Exception as error:  # of a damaged stream the library raises what it likes
             out.unlink(missing_ok=True)
             raise RecordingError(f"{recording.name}: {name} is no whole {kind} video: {error}") from error
     if number != len(times):

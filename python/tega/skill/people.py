@@ -10,7 +10,7 @@ from typing import Final
 import msgspec
 
 from tega.errors import CalibrationError, InvalidValueError, RecordingError
-from tega.foreign_file import read_foreign
+from tega.foreign_file import parse_json, read_foreign
 from tega.sim.operator import EFFECTS, draw_person, load_parameters
 from tega.sim.workers import over_cores
 from tega.skill.fitts import FittsScore
@@ -163,8 +163,8 @@ def _read(path: Path, asked: tuple[tuple[str, ...], tuple[str, ...], int]) -> di
         return {}
     try:
         lines = read_foreign(path, most_mib=256).splitlines()
-        known = [msgspec.json.decode(line, type=PersonSkill) for line in lines]
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        known = [parse_json(line, PersonSkill) for line in lines]
+    except msgspec.DecodeError as error:
         raise RecordingError(f"{path.name}: holds no simulated people: {error}", "name a new file") from error
     today = load_parameters().digest
     for one in known:

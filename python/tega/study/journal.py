@@ -15,7 +15,8 @@ import msgspec
 
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.file_lock import lock_file
-from tega.foreign_file import check_file, read_foreign
+from tega.foreign_file import check_file, parse_json, read_foreign
+from tega.whole_file import open_to_append
 
 Kind = Literal[
     "session_start",
@@ -85,8 +86,8 @@ def _parse(content: bytes, path: Path) -> tuple[list[JournalEvent], int]:
         if last and not line:
             break
         try:
-            event = msgspec.json.decode(line, type=JournalEvent)
-        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+            event = parse_json(line, JournalEvent)
+        except msgspec.DecodeError as error:
             if last:  # no newline behind it: whoever wrote it was stopped there
                 break
             raise RecordingError(
@@ -135,7 +136,7 @@ class Journal:
         events: All events so far.
 
     Raises:
-        RecordingError: The file holds something else.
+        RecordingError: The file holds something else, or is a link.
         DeviceUnavailableError: Another program has it open.
     """
 
@@ -145,7 +146,7 @@ class Journal:
         if not new:
             check_file(path, most_mib=256)
         self._path = path
-        self._file: IO[bytes] | None = path.open("ab+")
+        self._file: IO[bytes] | None = open_to_append(path)
         try:
             _lock(self._file, path)
             self._file.seek(0)

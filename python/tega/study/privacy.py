@@ -25,7 +25,7 @@ from tega.study.objects import OBJECTS, objects_text, read_objects
 from tega.study.observers import PART, observer_path, read_observers
 from tega.study.plan import StudyPlan, person_id, read_plan, write_plan
 from tega.study.state import events_path
-from tega.whole_file import write_whole
+from tega.whole_file import open_to_append, write_whole
 
 _LOG = logging.getLogger(__name__)
 
@@ -85,8 +85,8 @@ def note_elsewhere(folder: Path, participant: str, path: Path) -> None:
     if path.is_relative_to(folder.absolute()) or str(path) in _noted(notes):
         return
     notes.parent.mkdir(parents=True, exist_ok=True)
-    with notes.open("a", encoding="utf-8") as file:
-        file.write(f"{path}\n")
+    with open_to_append(notes) as file:
+        file.write(f"{path}\n".encode())
 
 
 def _noted(notes: Path) -> list[str]:
@@ -126,8 +126,8 @@ def withdraw(folder: Path, participant: str) -> Withdrawal:
     read_plan(folder).of(participant)
     if participant not in withdrawn_ids(folder):
         check_not_led(folder, participant)
-        with (folder / _LIST).open("a", encoding="utf-8") as file:  # first: a crash cannot undo it
-            file.write(f"\n{participant}\n")
+        with open_to_append(folder / _LIST) as file:  # first: a crash cannot undo it
+            file.write(f"\n{participant}\n".encode())
             file.flush()
             os.fsync(file.fileno())
     return _delete(folder, participant)
@@ -147,7 +147,7 @@ def check_not_led(folder: Path, participant: str) -> None:
     own = [events_path(folder, participant)]
     raters = [observer_path(folder, participant, rater) for rater in read_observers(folder, participant)]
     for path in (*own, *raters):
-        if path.exists():
+        if path.exists() and not path.is_symlink():  # through a link nobody writes
             Journal(path).close()
 
 
@@ -241,7 +241,7 @@ def export(folder: Path, out: Path, *, key: str) -> dict[str, str]:
     write_plan(
         StudyPlan(settings, trials),
         out,
-        {path.name: path.read_bytes() for path in assumed if path.exists()} | registry,
+        {path.name: read_foreign(path, most_mib=1) for path in assumed if path.exists()} | registry,
     )
     signed = read_plan(out).settings.plan_sha256
     observers = {old: read_observers(folder, old) for old in new}
@@ -259,7 +259,7 @@ def export(folder: Path, out: Path, *, key: str) -> dict[str, str]:
         for course in sorted((folder / COURSES / old).glob("*.csv")):
             target = out / COURSES / person / course.name.replace(old, person, 1)  # p03-t07 bears the old id
             target.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(course, target)
+            target.write_bytes(read_foreign(course, most_mib=64))
     return new
 
 

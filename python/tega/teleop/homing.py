@@ -12,9 +12,10 @@ import numpy as np
 from tega.arm.settings import FilterSettings, MappingSettings
 from tega.arm.way_to_start import SPEED_M_S, TURN_RAD_S, WayToStart
 from tega.bus import Bus
-from tega.devices.base import SteeredHand
+from tega.devices.base import SteeredHand, optional
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError
+from tega.hand import CLOSURE_POSES_RAD
 from tega.hand_poses import ClosureScale, load_poses
 from tega.records import ArmTurn
 from tega.teleop.arm import open_arm
@@ -29,6 +30,8 @@ TOLD_S: Final = 3.0
 """So long it is told before anything may move."""
 PATIENCE_S: Final = 30.0
 """So long the dead-man is waited for."""
+OPEN_RAD: Final = 0.2
+"""A hand none of whose joints is farther from the open pose is called open."""
 _LEVELS_PER_S = 2.0
 _LOOK_S = 0.02
 _SETTLE_S = 1.0
@@ -42,7 +45,8 @@ def go_to_start(
     """Move the arm to ``arm.start_m`` and open the hand, then let go of both.
 
     People are told first. Nothing moves before ``told_s`` are over, nor while the dead-man, and the clutch where there
-    is one, is not held; the arm is bound by its workspace, clip, limits and watchdogs, and goes at 0.1 m/s at most.
+    is one, is not held, nor while no process guards the hand; the arm is bound by its workspace, clip, limits and
+    watchdogs, and goes at 0.1 m/s at most.
 
     Args:
         config: The settings, with an arm that has a start.
@@ -51,7 +55,7 @@ def go_to_start(
         bus: Told of every turn of the arm.
 
     Returns:
-        How far from its start the arm is, in words.
+        How far from its start the arm is, and the hand from its open pose, in words.
 
     Raises:
         ConfigError: The settings have no arm with a start, or something that the arm needs is missing.
@@ -75,7 +79,11 @@ def go_to_start(
         )
         hand = _Opening(stack, config)
         told_until_s = time.monotonic() + told_s
-        steering.start(bus, time.monotonic_ns(), may_move=lambda: time.monotonic() >= told_until_s)
+        steering.start(
+            bus,
+            time.monotonic_ns(),
+            may_move=lambda: time.monotonic() >= told_until_s and not hand.unguarded,
+        )
         stack.callback(steering.stop)
         last_s = held_s = time.monotonic()
         there_s: float | None = None
@@ -87,8 +95,8 @@ def go_to_start(
                 raise TimeoutError(f"nobody held the dead-man switch for {PATIENCE_S:g} s: {way.reason}")
             if now_s < told_until_s:
                 shows.show("THE ARM WILL MOVE: everybody out of its reach", (), told_until_s - now_s)
-            elif steering.problem:
-                shows.show(steering.problem, (), None)
+            elif problem := steering.problem or hand.unguarded:
+                shows.show(problem, (), None)
             elif follows:
                 left_m = way.left_m or 0.0
                 shows.show(f"the arm moves to its start: {100 * left_m:.0f} cm to go", (), None)
@@ -96,14 +104,13 @@ def go_to_start(
                 shows.show(
                     f"hold the dead-man switch, and the arm moves to its start ({way.reason})", (), None
                 )
-            hand.look(now_s - last_s, may_move=follows)
+            hand.look(now_s - last_s, may_move=follows and not hand.unguarded)
             last_s = now_s
             there_s = (there_s or now_s) if follows and way.there and hand.is_open else None
             if there_s is not None and now_s - there_s >= _SETTLE_S:
                 break
             time.sleep(_LOOK_S)
-        off_mm = 1000 * (way.off_m or 0.0)
-    return f"the arm is at its start, {off_mm:.0f} mm off" + hand.words
+        return f"the arm is at its start, {1000 * (way.off_m or 0.0):.0f} mm off" + hand.words
 
 
 def _unsteered(arm: ArmConfig) -> ArmConfig:
@@ -127,7 +134,8 @@ class _Opening:
             options = config.hand.options
             made = driver_class(config.hand.driver, "hand")(options)
             poses = getattr(options, "poses", None)
-            self._closure = ClosureScale(None if poses is None else load_poses(poses))
+            poses_rad = CLOSURE_POSES_RAD if poses is None else load_poses(poses)
+            self._closure, self._open_rad = ClosureScale(poses_rad), poses_rad[0]
             if isinstance(made, SteeredHand):
                 self._hand = stack.enter_context(made)
 
@@ -137,9 +145,19 @@ class _Opening:
         return self._hand is None or self._level == 1.0
 
     @property
+    def unguarded(self) -> str:
+        """Why nobody would let go of the hand if this program were killed now; ``""`` if somebody would."""
+        return "" if self._hand is None else str(optional(self._hand, "guard_problem"))
+
+    @property
     def words(self) -> str:
-        """What came of it."""
-        return "" if self._hand is None else "; the hand is open"
+        """What came of it, by the joint angles that the hand reports."""
+        if self._hand is None:
+            return ""
+        off_rad = float(np.abs(self._hand.angles_rad - self._open_rad).max())
+        if off_rad <= OPEN_RAD:
+            return f"; the hand is open, {off_rad:.2f} rad off"
+        return f"; the hand was told to open and is {off_rad:.2f} rad off"
 
     def look(self, dt_s: float, *, may_move: bool) -> None:
         """Go on opening it, or have it stay where it is."""

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import io
 import wave
 from datetime import datetime
 from pathlib import Path
-from typing import Literal
+from typing import Final, Literal
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from tega.errors import MissingExtraError, RecordingError
-from tega.foreign_file import read_foreign
+from tega.foreign_file import parse_json, read_foreign
 from tega.vest_latency.clock import ClockMap
 from tega.whole_file import write_whole
+
+# Twenty minutes of two channels at 48 kHz, floats of 32 bits.
+_MOST_MIB: Final = 512
+# Of full scale; files of floats may go a little over 1.
+_LOUDEST: Final = 1e6
 
 
 class OnsetLog(msgspec.Struct, frozen=True, kw_only=True, tag_field="format", tag="tega-onset-log"):
@@ -65,10 +71,10 @@ def read_log(path: Path) -> OnsetLog:
         RecordingError: It is missing, or is no such log.
     """
     try:
-        return msgspec.json.decode(read_foreign(path, most_mib=64), type=OnsetLog)
+        return parse_json(read_foreign(path, most_mib=64), OnsetLog)
     except OSError as error:
         raise RecordingError(f"{path.name}: cannot be read: {error.strerror or error}") from error
-    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+    except msgspec.DecodeError as error:
         raise RecordingError(
             f"{path.name}: is no log of a motor's bursts: {error}",
             "give the file that 'tega-teleop vest onset --log' wrote",
@@ -92,9 +98,11 @@ def read_wav(path: Path) -> tuple[NDArray[np.float64], float]:
             "the package 'scipy' is not installed", "pip install 'tega[onset]'"
         ) from error
     try:
-        rate_hz, data = wavfile.read(path)
+        content = read_foreign(path, most_mib=_MOST_MIB)
     except OSError as error:
         raise RecordingError(f"{path.name}: cannot be read: {error.strerror or error}") from error
+    try:
+        rate_hz, data = wavfile.read(io.BytesIO(content))
     except Exception as error:  # whatever a damaged header leads to
         raise RecordingError(
             f"{path.name}: is no WAV file: {error}", f"convert it: ffmpeg -i {path.name} recording.wav"
@@ -105,8 +113,8 @@ def read_wav(path: Path) -> tuple[NDArray[np.float64], float]:
         samples = data / float(np.iinfo(data.dtype).max)
     else:
         samples = data.astype(np.float64)
-    if not len(samples) or not np.isfinite(samples).all():
-        raise RecordingError(f"{path.name}: holds nothing, or no numbers", "record again")
+    if not len(samples) or not rate_hz or not (np.abs(samples) < _LOUDEST).all():
+        raise RecordingError(f"{path.name}: holds nothing, or no numbers, or has no rate", "record again")
     if samples.ndim > 1:
         samples = samples[:, int(samples.std(axis=0).argmax())]
     return samples, float(rate_hz)

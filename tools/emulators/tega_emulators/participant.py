@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import IO, Any, Final
 
 from tega.calibration.wearing import SITES
-from tega.child_process import python_command
+from tega.child_process import python_command, python_environment
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.study.lead.questions import KEYS
 from tega_emulators.wearer import Wearer
@@ -183,6 +183,7 @@ def main(arguments: list[str] | None = None) -> None:
         stderr=subprocess.PIPE,
         text=True,
         encoding="utf-8",
+        env=python_environment(),
     )
     assert process.stdin is not None
     assert process.stderr is not None

@@ -6,7 +6,6 @@ may lead. A session takes commands that come while it runs, and says in its boar
 
 from __future__ import annotations
 
-import os
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Literal
@@ -14,10 +13,11 @@ from typing import TYPE_CHECKING, Final, Literal
 import msgspec
 
 from tega.errors import DeviceUnavailableError, RecordingError
-from tega.foreign_file import check_file
+from tega.foreign_file import check_file, parse_json
 from tega.study.lead.experimenter import ENTER
 from tega.study.lead.status_file import SessionBoard, board_path, read_board
 from tega.study.state import events_path
+from tega.whole_file import open_to_append
 
 if TYPE_CHECKING:
     from tega.clock import Clock
@@ -107,8 +107,8 @@ class CommandFile:
         for line in whole.splitlines():
             self.n_taken += 1
             try:
-                keys = KEYS[msgspec.json.decode(line, type=ToldLine).do]
-            except (msgspec.DecodeError, RecursionError):
+                keys = KEYS[parse_json(line, ToldLine).do]
+            except msgspec.DecodeError:
                 continue
             found += () if stale else keys
         return found
@@ -131,15 +131,12 @@ def tell(
 
     Raises:
         DeviceUnavailableError: Nobody leads the session on this machine, or it did not take the command.
+        RecordingError: What is there for commands is a link, or no file.
     """
     board = _fresh(folder, participant, clock)
     line = msgspec.json.encode(ToldLine(command)) + b"\n"
-    flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0)
-    handle = os.open(told_path(folder, participant), flags, 0o644)
-    try:
-        os.write(handle, line)  # one call, so that two programs' lines are never mixed
-    finally:
-        os.close(handle)
+    with open_to_append(told_path(folder, participant)) as file:
+        file.write(line)  # goes out in one call, so that two programs' lines are never mixed
     until_ns = clock.now_ns() + round(timeout_s * 1e9)
     while clock.now_ns() < until_ns:
         now = read_board(board_path(folder, participant))

@@ -75,6 +75,10 @@ class Breaker:
             case finger:
                 lab.sensors[finger].say(kind.how)
 
+    def holds_up(self, kind: Kind) -> bool:
+        """Tell whether a fault gives a program that leads devices no time."""
+        return kind.device in {"program", "robot", "operator"} and kind.how == "stop"
+
     def mend(self, kind: Kind) -> None:
         """Take a fault away."""
         lab, programs = self._lab, self._programs

@@ -9,6 +9,7 @@ from tega_campaigns.soak.report import SoakReport
 
 __all__ = ["draw"]
 
+_ROW_IN = 0.14
 _GOOD, _BAD, _TOLD, _MEMORY = "#8fb8de", "#d1495b", "#20639b", "#3b3b3b"
 
 
@@ -23,9 +24,11 @@ def draw(report: SoakReport, path: Path) -> None:
         MissingExtraError: Matplotlib is not installed.
     """
     figures = require("matplotlib.figure", driver="the picture of a soak", extra="pictures")
-    figure = figures.Figure(figsize=(10, 5.5), layout="constrained")
-    faults, memory = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     rows = sorted({(f.device, f.kind) for f in report.faults}, reverse=True)
+    above, below = 0.5 + _ROW_IN * len(rows), 1.4
+    figure = figures.Figure(figsize=(10, above + below), layout="constrained")
+    faults, memory = figure.subplots(2, 1, sharex=True, height_ratios=(above, below))
+    faults.set_ylim(-0.8, len(rows) - 0.2)
     for f in report.faults:
         row = rows.index((f.device, f.kind))
         end_s = f.recovered_s or f.ended_s or f.injected_s

@@ -235,6 +235,7 @@ class _Soak:
         # A fault that is over before it could be seen may be told a moment later.
         time.sleep(max(0.0, over_s - time.monotonic()))
         still_felt = kind.device in FINGERS and kind.how not in _FRESH and self._felt(kind.device)
+        vibrates = self._breaker.holds_up(kind) and until(self._lab.at_rest, _LIMP_S) is None
         self._breaker.mend(kind)
         self.operator.waits = False
         fault.ended_s = self._now()
@@ -248,6 +249,8 @@ class _Soak:
         self._recover(fault, kind)
         if still_felt:
             fault.outcome = "its last picture was still felt"
+        if vibrates:
+            fault.outcome = "the vest still vibrated while the program was held up"
         return fault
 
     def _felt(self, finger: str) -> bool:
