@@ -106,8 +106,8 @@ def jpeg_of(sheet: NDArray[np.uint8]) -> bytes:
 def sheet_html(jpeg: bytes) -> str:
     """Return a sheet, a JPEG file, as an image element that brings its picture along.
 
-    viser's own images are loaded from an address of their own, some steps of the browser after the words around them;
-    one that draws slowly is told of the next before that.
+    The browser loads viser's own images from addresses of their own. A slow browser hears of the next image before it
+    has loaded the last one, and shows none.
     """
     data = base64.b64encode(jpeg).decode()
     return (
