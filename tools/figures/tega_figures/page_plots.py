@@ -106,9 +106,13 @@ def hand_moves(path: Path) -> None:
             label = name if joint == 1 else None
             angles = poses[:, 4 * finger + joint]
             left.plot(range(1, 6), angles, "o-", ms=3, lw=1, color=colour, label=label)
-            left.annotate(f"j{joint}", (5, angles[-1]), (5, 0), textcoords="offset points", va="center",
-                          fontsize=8, color=colour)  # fmt: skip
+            # Above and below: the fingers' j2 and the thumb's j3 end at nearly the same angle.
+            left.annotate(
+                f"j{joint}", (5, angles[-1]), (4, 0), textcoords="offset points", fontsize=8, color=colour,
+                va="bottom" if colour == INK else "top",
+            )  # fmt: skip
     left.set_xticks(range(1, 6), ["1\nopen", "2", "3", "4", "5\ntight"])
+    left.set(xlim=(0.8, 5.4), ylim=(-0.08, 1.52))
     left.set_xlabel("level")
     left.set_ylabel("joint angle, rad")
     left.set_title("The poses of the five levels, joints j1 to j3", fontsize=10)
