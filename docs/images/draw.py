@@ -234,6 +234,23 @@ def bench() -> None:
         fontsize=8,
         arrowprops={"arrowstyle": "-", "color": INK},
     )
+    axes.annotate(
+        "object",
+        (65.6, 12),
+        (71, 12.6),
+        fontsize=8,
+        va="center",
+        arrowprops={"arrowstyle": "-", "color": INK},
+    )
+    axes.text(
+        45,
+        1.2,
+        "EMG sets how far the hand closes; the tracker leads the arm; a fingertip is felt in the column of its colour",
+        ha="center",
+        fontsize=8.5,
+        weight="bold",
+        color=INK,
+    )
     _save_svg(figure, "setup-bench.svg")
 
 

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "FINGER_COLOURS",
+    "MUSCLE_COLOURS",
     "Firmest",
     "SessionCourse",
     "TouchPicture",
@@ -46,6 +47,9 @@ CCI_BLUE, EDA_GREEN, POSE_RED = "#1f5fbf", "#2e8b3d", "#c8202f"
 
 FINGER_COLOURS: Final = {"thumb": "#bb5b14", "index": "#2f78c2", "middle": "#38863f", "ring": "#985cb6"}
 """Of each finger, wherever fingers are told apart by colour: read as words on white, and under black words."""
+
+MUSCLE_COLOURS: Final = ("#0b7285", "#e8590c", "#862e9c")
+"""Of the EMG channels, in their order."""
 
 
 class TouchPicture(NamedTuple):

@@ -82,20 +82,24 @@ def arm_figure(path: HandPath, found: Sequence[tuple[str, Followed]]) -> Figure:
     times = np.arange(0, path.duration_s, 0.01)
     hand = 100 * np.array([path.at(t).position_m for t in times])
     whole.plot(times, hand[:, 2], "k--", lw=1.2, label="hand")
-    for name, f in shown:
-        whole.plot(
-            f.course[:, 0], 100 * f.course[:, 3], lw=1, label=name.split(",")[0] if "late," in name else name
-        )
+    for number, (name, f) in enumerate(shown):
+        label = name.split(",")[0] if "late," in name else name
+        # The first line is broad, so that it is seen where the others lie on it.
+        whole.plot(f.course[:, 0], 100 * f.course[:, 3], lw=1 if number else 2.6, label=label)
     if path.closed_s is not None:
         whole.axvspan(*path.closed_s, color="0.85", label="hand told to grip")
-    whole.set(xlabel="time, s", ylabel="height, cm", title="palm of the simulated arm")
+    whole.set(
+        xlabel="time, s",
+        ylabel="height, cm",
+        title="the operator's hand (dashed) and the simulated palm (lines)",
+    )
     # On white: a patch of the grey would not be seen on the grey.
     whole.legend(fontsize=7, framealpha=1.0, loc="center", bbox_to_anchor=(0.52, 0.5))
     start_s = 3.0
     for name, f in shown[:2]:
         t, x, *_ = f.course[(f.course[:, 0] > start_s) & (f.course[:, 0] < start_s + 1)].T
         still.plot(t, 1e3 * (x - x.mean()), lw=1, label=name)
-    still.set(xlabel="time, s", ylabel="off its mean along x, mm", title="while the hand rests")
+    still.set(xlabel="time, s", ylabel="off its mean along x, mm", title="the palm while the hand rests")
     still.legend(fontsize=7, frameon=False)
     return figure
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from tega.emg import ButterworthLowpass
 from tega.haptics import FINGERS
-from tega.view.figures import CCI_BLUE, EDA_GREEN, POSE_RED
+from tega.view.figures import CCI_BLUE, EDA_GREEN, MUSCLE_COLOURS, POSE_RED
 
 if TYPE_CHECKING:
     import viser
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 __all__ = ["CourseChart", "MuscleCharts", "drives"]
 
 COURSE_S, MUSCLES_S = 6.0, 4.0
-_MUSCLES = ("#0b7285", "#e8590c", "#862e9c")
 # Eq 11: level = floor(4 · drive + 1).
 THRESHOLDS = (0.25, 0.5, 0.75, 1.0)
 _THRESHOLD_GREY = "#adb5bd"
@@ -117,7 +116,8 @@ class MuscleCharts:
             return
         if self._raw is None:
             muscles = [
-                (str(k + 1) if k else "muscle 1", _MUSCLES[k % len(_MUSCLES)]) for k in range(channels)
+                (str(k + 1) if k else "muscle 1", MUSCLE_COLOURS[k % len(MUSCLE_COLOURS)])
+                for k in range(channels)
             ]
             lines = tuple(_line(colour, 1) for _, colour in muscles)
             self._gui.add_html(_caption("EMG over its maximum, by second:", muscles))

@@ -1,7 +1,7 @@
 """Turn a picture into an image element of a page that brings its pixels along.
 
-viser's own images are loaded from an address of their own, some steps of the browser after the words around them; a
-browser that draws slowly is told of the next picture before that, and shows none.
+The browser loads viser's own images from addresses of their own. A slow browser hears of the next image before it has
+loaded the last one, and shows none.
 """
 
 from __future__ import annotations
