@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import faulthandler
+import gc
 import os
 import signal
 from collections.abc import Generator
@@ -135,9 +136,17 @@ def pytest_sessionfinish(session: pytest.Session) -> Generator[None]:
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
 
-def pytest_unconfigure() -> None:
+def pytest_unconfigure(config: pytest.Config) -> None:
     """Say which thread keeps the tests from ending, and end: a run of them never hangs after its last line."""
+    if hasattr(config, "workerinput"):  # a worker that has nothing left waits for the others
+        return
     faulthandler.dump_traceback_later(120, exit=True)
+
+
+def pytest_runtest_teardown(item: pytest.Item) -> None:
+    """Let a slow test itself fail by what it leaves open, and not the one in which that is collected."""
+    if item.get_closest_marker("slow"):
+        gc.collect()
 
 
 @pytest.fixture(scope="session")

@@ -162,7 +162,7 @@ def test_results_do_not_depend_on_the_number_of_workers_and_are_kept(lift, tmp_p
     rows = summarise_trials(results)
     assert [(row.object, row.condition, row.n) for row in rows] == [
         ("container", "haptic", 1),
-        ("bag", "haptic", 1),
+        ("bag_mu20", "haptic", 1),
     ]
 
 
