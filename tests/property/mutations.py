@@ -29,7 +29,8 @@ from mcap.writer import Writer
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from property.test_foreign_files import _READERS, FAR_NS, mutated
+from property.test_foreign_files import FAR_NS, mutated
+from reference.foreign_readers import READERS
 from reference.recordings import pressed
 from tega.cli.main import main as tega
 from tega.config import check_tree
@@ -287,7 +288,7 @@ def _one(kind: str, content: bytes, rng: random.Random, folder: Path, k: int) ->
             return " ".join(
                 w for w in (chosen[0], *chosen[3:4]) if not w.startswith((str(folder), "-"))
             ), _run(chosen)
-    name, _, read = _READERS[kind]
+    name, _, read = READERS[kind]
     path = folder / name
     is_mcap = kind == "recording of a scene"
     path.write_bytes(odd(content, rng) if is_mcap else mutated(content, changes(rng)))
@@ -308,7 +309,7 @@ def main() -> int:
     parser.add_argument("--only", default="", help="one format")
     parser.add_argument("--seed", type=int, default=1)
     asked = parser.parse_args()
-    makers: dict[str, Callable[[Path], bytes]] = {kind: made for kind, (_, made, _) in _READERS.items()}
+    makers: dict[str, Callable[[Path], bytes]] = {kind: made for kind, (_, made, _) in READERS.items()}
     makers["recording"] = _recording
     makers |= {kind: partial(_made_folder, make) for kind, (make, _) in _FOLDERS.items()}
     wrong = 0

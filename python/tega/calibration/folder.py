@@ -189,11 +189,11 @@ class CalibrationFolder:
             CalibrationError: The file holds something else.
         """
         path = self.person(person) / _FACTS
-        if not path.is_file():
+        if not path.exists():
             return None
         try:
             return msgspec.convert(parse_toml(read_words(path)), PersonFacts).hand
-        except (ValueError, RecordingError) as error:
+        except (OSError, ValueError, RecordingError) as error:
             raise CalibrationError(
                 f"{self.named(path)}: {error}", "delete it, and set the hand anew with calibrate --hand"
             ) from error

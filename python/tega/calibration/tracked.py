@@ -88,7 +88,7 @@ def read_tracked(record: Path) -> Tracked:
         raise CalibrationError(f"{record.name}: no such practice record", f"looked for {record}")
     told = read_record(record, PracticeRecord)
     path = record.with_suffix(".npy")
-    if told.kind is None or told.rate_hz is None or not path.is_file():
+    if told.kind is None or told.rate_hz is None or not path.exists():
         raise CalibrationError(
             f"{record.name}: keeps no EMG", "track again: tega-teleop practice SETTINGS.toml --person ID"
         )

@@ -11,7 +11,7 @@ import numpy as np
 
 from tega.decoders.features import AMPLITUDES, AR_ORDER, n_values
 from tega.errors import CalibrationError
-from tega.foreign_file import read_foreign
+from tega.foreign_file import parse_json, read_foreign
 
 _Finite = Annotated[float, msgspec.Meta(ge=-1e300, le=1e300)]
 _Positive = Annotated[float, msgspec.Meta(gt=0, le=1e300)]
@@ -180,8 +180,8 @@ def load_model(path: Path) -> Model:
             f"{path.name}: cannot be read: {error.strerror or error}", f"looked for {path}"
         ) from error
     try:
-        model = msgspec.json.decode(data, type=Model)
-    except (ValueError, RecursionError) as error:
+        model = parse_json(data, Model)
+    except msgspec.DecodeError as error:
         raise CalibrationError(f"{path.name}: no decoder's model: {error}", _AGAIN) from error
     model.check_whole(path.name)
     return model

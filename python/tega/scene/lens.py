@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from tega.errors import CalibrationError
-from tega.foreign_file import read_foreign
+from tega.foreign_file import parse_json, read_foreign
 from tega.opencv import load_cv2
 from tega.whole_file import write_whole
 
@@ -87,8 +87,8 @@ def load_lens(file: Path) -> Lens:
         CalibrationError: It is missing, or is no such file.
     """
     try:
-        return msgspec.json.decode(read_foreign(file, most_mib=1, error=CalibrationError), type=Lens)
-    except (OSError, msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        return parse_json(read_foreign(file, most_mib=1, error=CalibrationError), Lens)
+    except (OSError, msgspec.DecodeError) as error:
         raise CalibrationError(
             f"{file.name}: no intrinsics of a camera: {error}", "tega-teleop scene calibrate writes them"
         ) from error

@@ -15,7 +15,7 @@ from typing import IO
 import msgspec
 
 from tega.errors import RecordingError
-from tega.foreign_file import read_foreign
+from tega.foreign_file import parse_json, read_foreign
 from tega.sim.trial import TrialPlan, TrialResult, run_trial
 from tega.sim.workers import over_cores
 from tega.sim.world.objects import ObjectSpec
@@ -125,8 +125,8 @@ def read_results(path: Path) -> dict[TrialPlan, TrialResult]:
         if not line:
             continue
         try:
-            result = msgspec.json.decode(line, type=TrialResult)
-        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+            result = parse_json(line, TrialResult)
+        except msgspec.DecodeError as error:
             if number == len(lines):  # no newline behind it: the run that wrote it was ended there
                 break
             raise RecordingError(

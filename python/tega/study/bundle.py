@@ -22,7 +22,7 @@ import msgspec
 
 from tega.errors import InvalidValueError, RecordingError, UnsafeNameError
 from tega.file_lock import LOCK_SUFFIX
-from tega.foreign_file import MIB, check_file, tells_damage
+from tega.foreign_file import MIB, check_file, parse_json, tells_damage
 from tega.plain_name import path_below
 from tega.recording.versions import versions
 from tega.study.bids_names import bids_names
@@ -294,8 +294,8 @@ def _read_manifest(packed: zipfile.ZipFile, bundle: Path) -> BundleManifest:
             f"{bundle.name}: {MANIFEST} has more than {_MOST_MANIFEST_MIB} MiB", "it is no bundle of TEGA"
         )
     try:
-        return msgspec.json.decode(text, type=BundleManifest)
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        return parse_json(text, BundleManifest)
+    except msgspec.DecodeError as error:
         raise RecordingError(
             f"{bundle.name}: {MANIFEST}: {error}", "open it with the version of TEGA that wrote it"
         ) from error

@@ -14,12 +14,12 @@ import re
 import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 
 from tega.errors import InvalidValueError, RecordingError
-from tega.foreign_file import read_foreign, read_words
+from tega.foreign_file import parse_json, read_foreign, read_words
 from tega.study.journal import Journal, JournalEvent, read_events
 from tega.study.objects import OBJECTS, objects_text, read_objects
 from tega.study.observers import PART, observer_path, read_observers
@@ -186,9 +186,9 @@ def _delete(folder: Path, participant: str) -> Withdrawal:
 def forget_person(path: Path, participant: str) -> bool:
     """Take a person's observations out of a BORIS project; tell whether there were any."""
     try:
-        tree = msgspec.json.decode(read_foreign(path, most_mib=256))
+        tree = parse_json(read_foreign(path, most_mib=256), dict[str, Any])
         mine = [name for name in tree["observations"] if str(name).startswith(f"{participant}_")]
-    except (OSError, msgspec.DecodeError, RecordingError, RecursionError, ValueError, KeyError, TypeError):
+    except (OSError, msgspec.DecodeError, RecordingError, KeyError, TypeError):
         return False
     for name in mine:
         del tree["observations"][name]

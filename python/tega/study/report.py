@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import msgspec
 
-from tega.errors import InvalidValueError
+from tega.errors import InvalidValueError, RecordingError
 from tega.foreign_file import read_words
 from tega.study.analyse import Analysis, FigureMaterial, analyse_bench, analyse_study
 from tega.study.figure_3 import figure_3
@@ -87,7 +87,13 @@ def _is_report(folder: Path) -> bool:
 
 def _keep_others(old: Path, new: Path) -> None:
     """Move what an earlier report did not write into the folder that takes its place."""
-    written = {row[0] for row in csv.reader(read_words(old / "provenance.csv").splitlines()) if row}
+    try:
+        written = {row[0] for row in csv.reader(read_words(old / "provenance.csv").splitlines()) if row}
+    except (ValueError, csv.Error) as error:
+        raise RecordingError(
+            f"{old / 'provenance.csv'}: is damaged: {error}",
+            "move that report, or name another folder with --out",
+        ) from error
     written |= {"provenance.csv", "analysis.json", *(f"{name}.svg" for name in FIGURES)}
     for path in sorted(old.iterdir()):
         if path.name not in written and not (new / path.name).exists():

@@ -10,7 +10,7 @@ from pathlib import Path
 import msgspec
 
 from tega.errors import RecordingError
-from tega.foreign_file import read_foreign
+from tega.foreign_file import parse_json, read_foreign
 from tega.whole_file import write_whole
 
 
@@ -62,6 +62,6 @@ def write_board(path: Path, board: SessionBoard) -> None:
 def read_board(path: Path) -> SessionBoard | None:
     """Read the board; ``None`` where there is none that can be read."""
     try:
-        return msgspec.json.decode(read_foreign(path, most_mib=1), type=SessionBoard)
-    except (OSError, msgspec.DecodeError, RecordingError, ValueError, RecursionError):
+        return parse_json(read_foreign(path, most_mib=1), SessionBoard)
+    except (OSError, msgspec.DecodeError, RecordingError):
         return None

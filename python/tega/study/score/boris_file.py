@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from tega.errors import RecordingError
-from tega.foreign_file import read_foreign
+from tega.foreign_file import parse_json, read_foreign
 
 _MOST_MIB = 64
 
@@ -175,21 +175,12 @@ def read_boris(path: Path) -> dict[str, list[CodedEvent]]:
         RecordingError: It is no project.
     """
     try:
-        tree = msgspec.json.decode(read_foreign(path, most_mib=_MOST_MIB))
+        tree = parse_json(read_foreign(path, most_mib=_MOST_MIB), dict[str, Any])
         return {
             str(name): [_event(event) for event in observation["events"]]
             for name, observation in tree["observations"].items()
         }
-    except (
-        OSError,
-        msgspec.DecodeError,
-        KeyError,
-        IndexError,
-        TypeError,
-        ValueError,
-        AttributeError,
-        RecursionError,
-    ) as error:
+    except (OSError, KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
         raise RecordingError(f"{path}: is no BORIS project: {error}", "name a .boris file") from error
 
 

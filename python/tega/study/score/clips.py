@@ -16,7 +16,7 @@ import msgspec
 
 from tega.config import FINGERS
 from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError
-from tega.foreign_file import read_foreign
+from tega.foreign_file import parse_json, read_foreign
 from tega.plain_name import plain_name
 from tega.study.detecting import DETECTOR, read_detected
 from tega.study.journal import counting, read_events
@@ -239,8 +239,8 @@ def decode_key(path: Path) -> ClipKey:
         RecordingError: It is damaged.
     """
     try:
-        return msgspec.json.decode(read_foreign(path, most_mib=64), type=ClipKey)
-    except (OSError, msgspec.DecodeError, RecursionError, ValueError) as error:
+        return parse_json(read_foreign(path, most_mib=64), ClipKey)
+    except (OSError, msgspec.DecodeError) as error:
         raise RecordingError(f"{path}: is damaged: {error}") from error
 
 

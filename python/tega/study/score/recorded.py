@@ -8,7 +8,7 @@ from typing import NamedTuple
 import msgspec
 
 from tega.errors import RecordingError
-from tega.foreign_file import read_foreign
+from tega.foreign_file import parse_json, read_foreign
 from tega.study.journal import read_events
 from tega.study.lead.trial import recording_folder
 from tega.study.plan import read_plan
@@ -98,8 +98,8 @@ def _begins(where: Path, trial_id: str, attempt: int, start_ns: int) -> int:
     if not (path := where / "trial.json").exists():
         raise RecordingError("no recording" if not where.exists() else "trial.json is missing")
     try:
-        facts = msgspec.json.decode(read_foreign(path, most_mib=1), type=_Facts)
-    except (msgspec.DecodeError, OSError, ValueError, RecursionError) as error:
+        facts = parse_json(read_foreign(path, most_mib=1), _Facts)
+    except (msgspec.DecodeError, OSError) as error:
         raise RecordingError(f"trial.json is damaged: {error}") from error
     if (facts.trial, facts.attempt) != (trial_id, attempt):
         raise RecordingError(f"the recording is of another trial, {facts.trial} attempt {facts.attempt}")

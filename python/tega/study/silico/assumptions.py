@@ -115,7 +115,7 @@ def assume(
 
     source = files("tega.sim.operator") / PARAMETERS if parameters is None else parameters
     try:
-        content = source.read_bytes()
+        content = source.read_bytes() if parameters is None else read_foreign(parameters, most_mib=1)
     except OSError as error:
         raise RecordingError(f"{source}: cannot be read: {error}", "name a parameter file") from error
     loop_settings(preset, settings)
