@@ -77,9 +77,9 @@ def test_a_process_that_stands_still_costs_pictures_which_are_counted_and_nobody
 def test_a_process_that_stands_still_with_a_full_pipe_does_not_keep_the_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(recorder_process, "_ANSWER_S", 1.0)
     recorder = begun(tmp_path)
     until(lambda: recorder.state == "recording")
+    monkeypatch.setattr(recorder_process, "_ANSWER_S", 1.0)
     os.kill(recorder.pid, signal.SIGSTOP)
     with suppress(BlockingIOError):
         os.set_blocking(recorder._asked.fileno(), False)
@@ -94,7 +94,13 @@ def test_a_process_that_stands_still_with_a_full_pipe_does_not_keep_the_run(
 def test_a_killed_process_stops_the_recording_with_a_word_and_the_file_is_recovered(tmp_path: Path) -> None:
     recorder = begun(tmp_path)
     recorder.put(Marker(t_ns=1, text="before"))
-    time.sleep(0.5)
+
+    part = recorder.path.with_name(f"{recorder.path.name}.part")
+
+    def is_written() -> bool:
+        return any(stream.topic == "/run/marker" for stream in inspect_file(part).streams)
+
+    until(is_written)
     os.kill(recorder.pid, signal.SIGKILL)
 
     def stopped() -> bool:
