@@ -53,7 +53,10 @@ class Delays:
             y = base - BUDGET_MS * scale
             ink = "#c92a2a" if has_budget and p99_ms > BUDGET_MS else "#495057"
             allowed = f" · budget {BUDGET_MS:.0f}" if has_budget else ""
-            limit = f'<line x1="{_LABEL}" x2="{_WIDTH - 6}" y1="{y:.1f}" y2="{y:.1f}" stroke="#fa5252" stroke-width="0.8"/>'
+            limit = (
+                f'<line x1="{_LABEL}" x2="{_WIDTH - 6}" y1="{y:.1f}" y2="{y:.1f}" stroke="#fa5252"'
+                ' stroke-width="0.8"/>'
+            )
             parts.append(
                 f'<text x="8" y="{top + 16}" fill="{ink}">{escape(name)} {kept[-1]:.0f} ms · p99 {p99_ms:.0f}'
                 f"{allowed}</text>{limit if has_budget else ''}"
