@@ -295,15 +295,16 @@ def animation(name: str = "bottle") -> None:
 
 def _frame(moment: Moment, shapes: Any, name: str) -> Image.Image:
     figure = Figure(figsize=(7.2, 3.6), dpi=100)
-    scene = figure.add_axes((0.0, 0.0, 0.52, 0.92), projection="3d", computed_zorder=False)
-    add_solids(scene, shapes, moment.poses)
+    # Square, so that nothing of the table is cut off at a side.
+    scene = figure.add_axes((0.0, -0.04, 0.485, 0.97), projection="3d", computed_zorder=False)
+    add_solids(scene, shapes, moment.poses, thing=name)
     scene.set_xlim(-0.27, 0.23)
     scene.set_ylim(-0.2, 0.3)
     scene.set_zlim(0.05, 0.55)
     scene.set_box_aspect((1, 1, 1), zoom=1.5)
     scene.view_init(elev=20, azim=-12)
     scene.set_axis_off()
-    axes = figure.add_axes((0.5, 0, 0.5, 1))
+    axes = figure.add_axes((0.505, 0, 0.49, 1))
     axes.set_xlim(0, 100)
     axes.set_ylim(0, 100)
     axes.set_axis_off()

@@ -85,7 +85,7 @@ class SessionSection(_Section, frozen=True):
         pace: ``real`` waits for the clock, ``fast`` runs recordings as fast as they can be computed.
         out_dir: Folder for the outputs; none means nothing is written.
         duration_s: Stop after this long; none means when the last recording ends, or never.
-        pose_base: Number of the most open pose where levels are drawn: 0 as in Fig 8, 1 as in Eq 11 and the tables.
+        pose_base: Number of the most open level in pictures and summaries: 1 as in Eq 11 and the tables, 0 as in Fig 8.
         realtime: Ask the system to let the threads of a live run go before other programs; see :mod:`tega.threads`.
         emulated: The devices are emulators, so a study takes the session as a rehearsal only.
     """
@@ -96,7 +96,7 @@ class SessionSection(_Section, frozen=True):
     duration_s: Annotated[float, msgspec.Meta(gt=0, le=1e6)] | None = None
     realtime: bool = True
     emulated: bool = False
-    pose_base: Literal[0, 1] = 0
+    pose_base: Literal[0, 1] = 1
 
 
 _Hours = Annotated[float, msgspec.Meta(gt=0, le=1e6)]

@@ -83,7 +83,7 @@ def test_a_setting_of_the_table_steers_a_simulated_lift(place: OpenPlace, item: 
 
 
 # One of each group at every turn; the others, a minute and more of them, by make slow.
-OFTEN = ("front=trend_mm_s", "before=band", "pose_base=1", "threshold=D7", "fusion=median", "layout=x16")
+OFTEN = ("front=trend_mm_s", "before=band", "pose_base=0", "threshold=D7", "fusion=median", "layout=x16")
 RUN_WITH = [
     pytest.param(*choice, marks=[] if choice[1].endswith(OFTEN) else pytest.mark.slow)
     for choice in CHOICES

@@ -203,7 +203,7 @@ def test_the_page_needs_nothing_else(report: Report) -> None:
 @pytest.mark.slow
 def test_a_rehearsal_among_people_is_shown_and_cannot_pass_for_data(tmp_path: Path) -> None:
     fill(tmp_path / "study", people=2, simulated=False)
-    assert "Not data of people" not in write_report(tmp_path / "study").page.read_text()
+    assert "no data of people" not in write_report(tmp_path / "study").page.read_text()
     with Journal(events_path(tmp_path / "study", "p02")) as journal:
         journal.add(
             "session_start", t_ns=0, text=read_plan(tmp_path / "study").settings.plan_sha256, item="emulated"
@@ -211,7 +211,7 @@ def test_a_rehearsal_among_people_is_shown_and_cannot_pass_for_data(tmp_path: Pa
     report = write_report(tmp_path / "study")
     assert report.analysis.rehearsed == ("p02",)
     assert (
-        "Not data of people: the sessions of p02 ran on simulated or emulated devices"
+        "This is no data of people: the sessions of p02 ran, wholly or in part, on simulated or emulated devices"
         in report.page.read_text()
     )
 
@@ -321,9 +321,9 @@ def test_the_page_opens_with_what_was_compared_and_what_came_out(report: Report)
     assert all(
         f"{PAPER_LABELS[one.metric].lower()} of {one.object} (less with haptic)" in said for one in told
     )
-    assert "Nothing here is about people" in said
+    assert "Nothing here says anything about people" in said
     early = msgspec.structs.replace(report.analysis, interim=True, p_shown=False)
-    assert "The interval leaves 0 out" not in opening(report_html(early, {}))
+    assert "The 95 % interval excludes 0" not in opening(report_html(early, {}))
 
 
 def test_what_two_people_cannot_tell_is_not_given_as_numbers(tmp_path: Path) -> None:
@@ -331,7 +331,7 @@ def test_what_two_people_cannot_tell_is_not_given_as_numbers(tmp_path: Path) -> 
     analysis, _ = analyse_study(tmp_path / "study")
     said = opening(report_html(analysis, {}))
     assert said.count("interval not estimable") == len(analysis.outcomes)
-    assert "No difference can be told from none" in said
+    assert "None of these differences can be told from chance" in said
     assert "inf" not in " ".join(test.note for test in analysis.tests)
     wide = [test for test in analysis.tests if test.low and test.high and test.effect_name == "ratio"]
     assert all(test.high / test.low <= 1000 for test in wide if test.high and test.low)

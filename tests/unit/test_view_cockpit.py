@@ -90,8 +90,9 @@ def test_delays_have_their_percentile_and_the_budget() -> None:
         delays.note({"picture to vest": float(k), "to the page": 500.0})
     assert delays.p99_ms("picture to vest") == 99.0
     svg = delays.svg()
-    assert f"p99 99 of {BUDGET_MS:.0f}" in svg
+    assert f"p99 99 · budget {BUDGET_MS:.0f}" in svg
     assert "p99 500</text>" in svg
+    assert svg.count("<line ") == 1
     ET.fromstring(svg)
 
 

@@ -18,7 +18,9 @@ if TYPE_CHECKING:
 
 @click.command(epilog="Example: tega-teleop calibrate lab.toml --person p01 --only emg")
 @click.argument("settings", type=click.Path(path_type=Path), metavar="SETTINGS.toml")
-@click.option("--person", required=True, metavar="ID", help="Whose calibration: a code such as p01, no name.")
+@click.option(
+    "--person", required=True, metavar="ID", help="Whose calibration: a code such as p01, not a name."
+)
 @click.option(
     "--only",
     type=click.Choice(["tactile", "emg", "vest"]),
@@ -30,7 +32,11 @@ if TYPE_CHECKING:
     type=click.Choice(["left", "right"]),
     help="The hand that steers, set once: forearm of the arm and columns of the vest follow it in every run.",
 )
-@click.option("--refresh", is_flag=True, help="Twenty seconds after putting things on again.")
+@click.option(
+    "--refresh",
+    is_flag=True,
+    help="Measure baselines and EMG anew, in twenty seconds, after sensors or electrodes were put on again.",
+)
 @click.option("--restart", is_flag=True, help="Do not go on with an interrupted calibration.")
 @click.option(
     "--folder",
@@ -51,7 +57,7 @@ if TYPE_CHECKING:
     "--known-ball", type=(click.FloatRange(1, 100), click.FloatRange(0.1, 30)), metavar="MM NEWTON",
     help="A ball's diameter and the force you press it with, by a scale: fits depth and force. Never needed.",
 )  # fmt: skip
-@click.option("--yes", is_flag=True, help="Go on by the clock instead of waiting for Enter; asks nothing.")
+@click.option("--yes", is_flag=True, help="Go on by the clock instead of waiting for Enter, and ask nothing.")
 @click.option(
     "--time-scale", type=click.FloatRange(0.05, 4), default=1.0, metavar="FACTOR",
     help="Make every wait and stretch so many times as long; for rehearsals.",
@@ -79,8 +85,9 @@ def calibrate(
 ) -> None:
     """Calibrate the devices of SETTINGS.toml for one person, step by step.
 
-    Fingertips: baseline, presses with something round and something flat. Muscles: rest, three squeezes, each muscle
-    alone. Vest: where, threshold, step. Ctrl-C keeps what is done; the same command goes on from there. Then:
+    Fingertips: a baseline, then presses with something round and something flat. Muscles: rest, three squeezes, and
+    each muscle alone. Vest: the place of each column, the weakest vibration that is felt, the least step that is
+    noticed. Ctrl-C keeps what is done, and the same command goes on from there. Afterwards run
     tega-teleop run SETTINGS.toml --person ID.
 
     With --json: {"person", "folder", "refresh", "finished", "done", "left", "files": [{"file", "record"}]}.

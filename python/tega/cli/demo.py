@@ -27,17 +27,20 @@ TITLE = "TEGA demo: everything but the loop is simulated"
     type=NameList(),
     default="bottle,container,bag",
     show_default=True,
-    help="Objects to lift, in turn.",
+    help="Objects to lift, one after the other.",
 )
 @click.option(
-    "--condition", default="haptic", show_default=True, help="haptic, non-haptic or a sham: see docs/sim.md."
+    "--condition",
+    default="haptic",
+    show_default=True,
+    help="What the person feels: haptic (the vest is on), non-haptic (it is off), or another of docs/sim.md.",
 )
 @click.option(
     "--operator",
     type=click.Choice(["simulated", "scripted", "keyboard"]),
     default="simulated",
     show_default=True,
-    help="Who leads the hand; keyboard: you.",
+    help="Who leads the hand: the simulated person, a fixed script, or you at the keyboard.",
 )
 @click.option(
     "--seed",
@@ -54,7 +57,7 @@ TITLE = "TEGA demo: everything but the loop is simulated"
     help="Lifts of each object before the one that counts.",
 )
 @loop_options
-@click.option("--fast", is_flag=True, help="Do not wait for real time.")
+@click.option("--fast", is_flag=True, help="Compute as fast as the machine can; do not wait for real time.")
 @view_options
 @click.option(
     "--out",
@@ -68,7 +71,7 @@ TITLE = "TEGA demo: everything but the loop is simulated"
     "--record",
     type=click.Path(path_type=Path, file_okay=False),
     metavar="DIR",
-    help="Record each lift into this session folder, as run does: for play, verify, inspect and export.",
+    help="Record each lift into this session folder, for play, verify, recording inspect and export.",
 )
 @json_option
 def demo(
@@ -90,11 +93,11 @@ def demo(
 ) -> None:
     """Show a simulated person who lifts three objects in turn; needs no hardware.
 
-    Hand, objects, fingertip cameras, muscles and person are simulated. The loop in between is that of a run with
-    devices. The terminal shows fingertips, vest, muscles, hand and object, then a summary. The folder --out gets a
-    table for each signal of each trial, and with the extra pictures demo.png. The three lifts take 46 s; with --fast
-    about a fifth of that. With --view the lifts repeat in the browser until Ctrl-C or the page's stop. After Ctrl-C
-    there is no picture and no summary.
+    Hand, objects, fingertip cameras, muscles and person are simulated. The loop between them is the one that runs
+    real devices. The terminal shows fingertips, vest, muscles, hand and object, and then a summary. The folder --out
+    gets a table of each signal of each lift, and a picture, demo.png, if the extra pictures is installed. The three
+    lifts take 46 s; --fast takes about a fifth of that. With --view the browser shows the lifts again and again, until
+    you press the page's stop or Ctrl-C. After Ctrl-C the demo writes no picture and prints no summary.
 
     \b
     --json prints one object:
@@ -247,11 +250,15 @@ def _print(report: DemoReport, *, real_time: bool) -> None:
         )
     out.print(table)
     out.print(
-        "lifted: to 0.2 m and held there for a second, within 15 s. level: mean closure while held, 1 to 5."
+        "lifted: to 0.2 m within 15 s, and held there for a second. level: mean of what the muscles asked for while "
+        "the object was held, 1 (open) to 5 (tight)."
     )
     for trial in report.trials:
-        for event in trial.events:
-            size = f" of {1000 * event.size_m:.1f} mm" if event.size_m else ""
-            out.print(f"{trial.object}: {event.kind}{size} at {event.t_s:.2f} s", style="dim", markup=False)
+        events = ", ".join(
+            f"{event.kind.replace('_', '-')}{f' of {1000 * event.size_m:.1f} mm' if event.size_m else ''}"
+            f" at {event.t_s:.2f} s"
+            for event in trial.events
+        )
+        out.print(f"{trial.object}: {events or 'nothing happened'}", style="dim", markup=False)
     pace = "in real time" if real_time else f"{report.real_time_factor:.1f} times as fast as real time"
     out.print(f"simulated {report.simulated_s:.1f} s in {report.wall_s:.1f} s, {pace}")

@@ -42,15 +42,35 @@ emg.add_command(emg_recalibrate, "recalibrate")
 )
 @click.option("--target", help="Closure or force: a variable of a .mat file, else a column from 1.")
 @click.option("--rate-hz", type=click.FloatRange(0, 10_000_000, min_open=True), help="Samples per second.")
-@click.option("--kind", type=_KINDS, default="raw", show_default=True)
+@click.option(
+    "--kind",
+    type=_KINDS,
+    default="raw",
+    show_default=True,
+    help="Whether the samples are raw, rectified or an envelope.",
+)
 @click.option("--channels", type=ChannelList(), help="EMG columns, counted from 1.")
 @click.option("--variable", default="emg", show_default=True, help="Name of the EMG array in a .mat file.")
-@click.option("--model", type=click.Choice(["ridge", "huber", "kernel"]), default="ridge", show_default=True)
-@click.option("--features", type=NameList(), default="MAV,LOGVAR", show_default=True)
+@click.option(
+    "--model",
+    type=click.Choice(["ridge", "huber", "kernel"]),
+    default="ridge",
+    show_default=True,
+    help="Regression that is fitted.",
+)
+@click.option(
+    "--features",
+    type=NameList(),
+    default="MAV,LOGVAR",
+    show_default=True,
+    help="Features of each block and channel.",
+)
 @click.option(
     "--tau-ms", type=click.FloatRange(10, 1000), default=100.0, show_default=True, help="Length of a block."
 )
-@click.option("--person", default="", help="Whose muscles, a code; a practice record knows.")
+@click.option(
+    "--person", default="", help="Code of the person whose muscles they are; a practice record knows it."
+)
 @json_option
 def fit(
     *,
@@ -134,12 +154,18 @@ def fit(
 @click.argument("logs", nargs=-1, required=True, metavar="LOG [LOG ...]")
 @click.option("--target", help="Closure or force: a variable of a .mat file, else a column from 1.")
 @click.option("--rate-hz", type=click.FloatRange(0, 10_000_000, min_open=True), help="Samples per second.")
-@click.option("--kind", type=_KINDS, default="raw", show_default=True)
+@click.option(
+    "--kind",
+    type=_KINDS,
+    default="raw",
+    show_default=True,
+    help="Whether the samples are raw, rectified or an envelope.",
+)
 @click.option("--channels", type=ChannelList(), help="EMG columns, counted from 1.")
 @click.option(
     "--best",
     type=click.IntRange(1, 64),
-    help="Use so many of them: those that go best with the target in the training part.",
+    help="Use only so many channels: those that go best with the target in the training part.",
 )
 @click.option("--variable", default="emg", show_default=True, help="Name of the EMG array in a .mat file.")
 @click.option(
@@ -147,7 +173,7 @@ def fit(
     type=NameList(),
     default="rules-paper,rules,proportional,learned",
     show_default=True,
-    help="Also learned-huber, learned-kernel, any installed one.",
+    help="Decoders to compare; learned-huber, learned-kernel and any installed one are possible, too.",
 )
 @click.option("--train", help="Train on this log instead, and judge each LOG whole: across days.")
 @click.option(
@@ -156,8 +182,12 @@ def fit(
     default=0,
     help="Rotate the judged part's channels by so many places and draw their gains anew (simulated).",
 )
-@click.option("--seed", type=int, default=1, show_default=True, help="Of those gains.")
-@click.option("--picture", type=click.Path(path_type=Path, dir_okay=False), help="Draw target and closures.")
+@click.option("--seed", type=int, default=1, show_default=True, help="Seed of the gains that --shift draws.")
+@click.option(
+    "--picture",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Draw target and closures into this PNG.",
+)
 @json_option
 def compare(
     *,

@@ -23,29 +23,29 @@ __all__ = ["emg_fitts", "emg_skill"]
     epilog="Example: tega-teleop emg fitts lab.toml --person p01 --set stages.decoder.name=proportional"
 )
 @click.argument("settings", type=click.Path(path_type=Path), metavar="SETTINGS.toml")
-@click.option("--person", required=True, metavar="ID", help="Whose calibration.")
+@click.option("--person", required=True, metavar="ID", help="Whose calibration to use.")
 @click.option(
     "--movements",
     type=click.IntRange(1, 100),
     default=6,
     show_default=True,
-    help="Of each distance and width.",
+    help="Movements for each distance and width.",
 )
 @click.option(
     "--dwell-s",
     type=click.FloatRange(0.1, 5),
     default=1.0,
     show_default=True,
-    help="To be stayed in the target.",
+    help="Seconds to stay in a target.",
 )
 @click.option(
     "--timeout-s",
     type=click.FloatRange(0.2, 60),
     default=10.0,
     show_default=True,
-    help="Then the next target comes.",
+    help="Seconds after which the next target comes.",
 )
-@click.option("--seed", type=int, default=0, show_default=True, help="Of the order.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the order.")
 @click.option("--yes", is_flag=True, help="Begin without waiting for Enter.")
 @click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
 @view_options
@@ -105,9 +105,9 @@ def emg_fitts(
 
 @click.command(epilog="Example: tega-teleop emg skill calibrations --decoders rules,learned")
 @click.argument("folder", type=click.Path(path_type=Path, file_okay=False), metavar="CALIBRATIONS")
-@click.option("--person", metavar="ID", help="Only this one's.")
+@click.option("--person", metavar="ID", help="Only this person's tests.")
 @click.option(
-    "--decoders", type=NameList(), help="The first is what the others are compared with; else all, by name."
+    "--decoders", type=NameList(), help="Decoders; the others are compared with the first. Else all, by name."
 )
 @json_option
 def emg_skill(*, folder: Path, person: str | None, decoders: list[str] | None, as_json: bool) -> None:

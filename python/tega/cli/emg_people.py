@@ -19,28 +19,37 @@ __all__ = ["emg_people"]
 @click.command(
     epilog="Example: tega-teleop emg people --people 2 --decoders rules,proportional --effects none,sweat"
 )
-@click.option("--people", "n_people", type=click.IntRange(1, 10_000), default=100, show_default=True)
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="The first person's.")
+@click.option(
+    "--people",
+    "n_people",
+    type=click.IntRange(1, 10_000),
+    default=100,
+    show_default=True,
+    help="Number of simulated people.",
+)
+@click.option(
+    "--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of the first person."
+)
 @click.option(
     "--decoders",
     type=NameList(),
     default="rules,proportional,learned",
     show_default=True,
-    help="The first is what the others are compared with; also rules-paper, learned-huber, any installed one.",
+    help="Decoders; the others are compared with the first. rules-paper, learned-huber and installed ones go, too.",
 )
 @click.option(
     "--effects",
     type=NameList(),
     default="none,shift,sweat,cocontraction,posture,all",
     show_default=True,
-    help="What has changed since calibration and practice.",
+    help="Effects that set in after calibration and practice.",
 )
 @click.option(
     "--movements",
     type=click.IntRange(1, 100),
     default=3,
     show_default=True,
-    help="Of each distance and width.",
+    help="Movements for each distance and width.",
 )
 @click.option("--jobs", type=click.IntRange(0), default=0, help="Worker processes; 0: as many as cores.")
 @click.option(

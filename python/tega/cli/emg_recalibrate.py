@@ -13,7 +13,7 @@ from tega.cli.options import echo_json, json_option
 @click.argument("settings", type=click.Path(path_type=Path), metavar="SETTINGS.toml")
 @click.option("--person", required=True, metavar="ID", help="Whose calibration: a code such as p01, no name.")
 @click.option("--out", type=click.Path(path_type=Path, dir_okay=False), help="The new model's file.")
-@click.option("--yes", is_flag=True, help="Go on by the clock instead of waiting for Enter; asks nothing.")
+@click.option("--yes", is_flag=True, help="Go on by the clock instead of waiting for Enter, and ask nothing.")
 @click.option(
     "--time-scale", type=click.FloatRange(0.05, 4), default=1.0, metavar="FACTOR",
     help="Make both stretches so many times as long; for rehearsals.",

@@ -25,8 +25,19 @@ BLOCK_S = 0.1
     required=True,
     help="The measured force: a variable's name in a .mat file, else a column from 1.",
 )
-@click.option("--rate-hz", required=True, type=click.FloatRange(0, 10_000_000, min_open=True))
-@click.option("--kind", type=click.Choice(["raw", "rectified", "envelope"]), default="raw", show_default=True)
+@click.option(
+    "--rate-hz",
+    required=True,
+    type=click.FloatRange(0, 10_000_000, min_open=True),
+    help="Samples per second.",
+)
+@click.option(
+    "--kind",
+    type=click.Choice(["raw", "rectified", "envelope"]),
+    default="raw",
+    show_default=True,
+    help="Whether the samples are raw, rectified or an envelope.",
+)
 @click.option(
     "--channels",
     type=ChannelList(),

@@ -17,15 +17,20 @@ from tega.cli.options import json_option
 @click.argument("session", type=click.Path(path_type=Path))
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder: new or empty.")
 @click.option(
-    "--format", "kind", type=click.Choice(["csv", "parquet", "lerobot"]), default="csv", show_default=True
+    "--format",
+    "kind",
+    type=click.Choice(["csv", "parquet", "lerobot"]),
+    default="csv",
+    show_default=True,
+    help="Tables as CSV or Parquet, or one LeRobot dataset.",
 )
-@click.option("--pictures", is_flag=True, help="Every picture too, in a folder per finger (csv, parquet).")
+@click.option(
+    "--pictures", is_flag=True, help="Write every picture, too, in a folder per finger (csv, parquet)."
+)
 @click.option(
     "--fps", type=click.IntRange(1, 240), default=30, show_default=True, help="Frames per second (lerobot)."
 )
-@click.option(
-    "--task", help="What was done, in words, where its episodes do not say it themselves (lerobot)."
-)
+@click.option("--task", help="What was done, in words, for episodes that do not say it themselves (lerobot).")
 @click.option(
     "--scene", "scenes", multiple=True, metavar="NAME=VIDEO.mp4",
     help="A scene camera, as scene export wrote it with its time code (lerobot); repeatable.",

@@ -44,7 +44,7 @@ class Findings:
 
         Args:
             title: Heading of the picture.
-            pose_base: Number of the most open pose, 0 or 1.
+            pose_base: Number of the most open level, 0 or 1.
             words: Whether to print; what could not be drawn is said on stderr in any case.
         """
         if words:

@@ -27,7 +27,7 @@ _WIDTH = 79
     default=30.0,
     show_default=True,
     type=click.FloatRange(1, 600),
-    help="To wait for a movement.",
+    help="Seconds to wait for a movement.",
 )
 @json_option
 def forward(*, config: Path, seconds: float, as_json: bool) -> None:

@@ -28,7 +28,10 @@ def _hand_options(function: _Function) -> _Function:
             "--device-id", type=click.IntRange(0, 3), default=0, help="The hand's number on its bus."
         ),
         click.option(
-            "--side", type=click.Choice(["right", "left"]), default="right", help="Which hand it is."
+            "--side",
+            type=click.Choice(["right", "left"]),
+            default="right",
+            help="Whether it is a right or a left hand.",
         ),
         click.option("--channel", default="can0", show_default=True, help="Which bus of the adapter."),
         click.option(

@@ -10,16 +10,22 @@ import click
 @click.command(epilog="Example: tega-teleop vest identify --set vest.driver=bhaptics-player --motor 0")
 @click.argument("config", type=click.Path(path_type=Path), metavar="[CONFIG.toml]", required=False)
 @click.option(
-    "--motor", "motors", type=click.IntRange(0, 39), multiple=True, help="Only this one; repeatable."
+    "--motor", "motors", type=click.IntRange(0, 39), multiple=True, help="Only this motor; repeatable."
 )
 @click.option(
     "--percent", type=click.IntRange(1, 100), default=50, show_default=True, help="How hard it vibrates."
 )
 @click.option(
-    "--seconds", type=click.FloatRange(0.1, 10), default=1.0, show_default=True, help="How long each does."
+    "--seconds",
+    type=click.FloatRange(0.1, 10),
+    default=1.0,
+    show_default=True,
+    help="How long each motor vibrates, seconds.",
 )
 @click.option(
-    "--person", metavar="ID", help="Who wears the vest: what is left of their day's vibration holds."
+    "--person",
+    metavar="ID",
+    help="Person who wears the vest; only what is left of that person's daily vibration is used.",
 )
 @click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
 def identify(

@@ -71,25 +71,31 @@ class NumberList(click.ParamType[list[float]]):
 def object_options(function: _Function) -> _Function:
     """Add what the lifted objects of simulated trials can be asked: a file of them, and factors to cross them with."""
     for option in (
-        click.option("--friction", type=NumberList(), help="Between it and the gel."),
-        click.option("--stiffness-n-m", type=NumberList(), help="Of its wall."),
+        click.option(
+            "--friction",
+            type=NumberList(),
+            help="Friction between object and gel, instead of the object's own.",
+        ),
+        click.option(
+            "--stiffness-n-m", type=NumberList(), help="Stiffness of the object's wall, instead of its own."
+        ),
         click.option(
             "--mass-kg",
             type=NumberList(),
-            help="Instead of each object's own; all combinations with the two below.",
+            help="Mass instead of each object's own. Every combination with the next two options is run.",
         ),
         click.option(
             "--objects-file",
             type=click.Path(path_type=Path, dir_okay=False, exists=True),
             metavar="FILE.toml",
-            help="Where --objects are described, as in tega/sim/world/objects.toml.",
+            help="File that describes the --objects, as tega/sim/world/objects.toml does.",
         ),
         click.option(
             "--view",
             type=click.Choice(["direct", "aside", "hidden"]),
             default="direct",
             show_default=True,
-            help="Sight of the hand while it holds.",
+            help="How well people see the hand while it holds.",
         ),
     ):
         function = option(function)
@@ -136,7 +142,7 @@ def loop_options(function: _Function) -> _Function:
             type=click.Choice(["paper", "live"]),
             default="live",
             show_default=True,
-            help="Readings of the equations: as printed, or those meant for people.",
+            help="Readings of the equations: paper (as printed) or live (meant for people).",
         ),
     ):
         function = option(function)

@@ -34,12 +34,12 @@ def view_options(function: _Function) -> _Function:
     )  # fmt: skip
     port = click.option(
         "--view-port", type=click.IntRange(0, 65_535), default=DEFAULT_PORT, show_default=True,
-        help="TCP port of the page; the next free one where it is taken, any for 0.",
+        help="TCP port of the page. If it is taken, the next free one is used; 0 means any.",
     )  # fmt: skip
     view = click.option(
         "--view",
         is_flag=True,
-        help="Show this on a page in the browser, which is opened; on this machine only.",
+        help="Open a page in the browser that shows this; only this machine can reach it.",
     )
     return view(port(address(function)))
 

@@ -32,12 +32,14 @@ class _Speed(click.ParamType[float | None]):
     help="Settings whose vest, hand, inputs and limits it is played to; else a vest drawn in this terminal.",
 )  # fmt: skip
 @click.option(
-    "--person", metavar="ID", help="Who wears the vest: what is left of their day's vibration holds."
+    "--person",
+    metavar="ID",
+    help="Person who wears the vest; only what is left of that person's daily vibration is played.",
 )
 @click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
 @click.option(
     "--speed", type=_Speed(), default="1", show_default=True,
-    help="Times the speed of the recording, 0.05 to 20; max for as fast as it goes (nothing real then).",
+    help="Multiple of the recording's speed, 0.05 to 20; or max, as fast as possible (to nothing real).",
 )  # fmt: skip
 @click.option(
     "--because",

@@ -13,11 +13,15 @@ from tega.cli.page import view_options
 
 @click.command(epilog="Example: tega-teleop practice lab.toml --person p01 --seconds 60")
 @click.argument("settings", type=click.Path(path_type=Path), metavar="SETTINGS.toml")
-@click.option("--person", required=True, metavar="ID", help="Whose calibration.")
+@click.option("--person", required=True, metavar="ID", help="Whose calibration to use.")
 @click.option(
-    "--seconds", type=click.FloatRange(10, 600), default=60.0, show_default=True, help="How long it lasts."
+    "--seconds",
+    type=click.FloatRange(10, 600),
+    default=60.0,
+    show_default=True,
+    help="How long the practice lasts, seconds.",
 )
-@click.option("--seed", type=int, default=0, show_default=True, help="Of the curve.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the target's curve.")
 @click.option("--yes", is_flag=True, help="Begin without waiting for Enter.")
 @click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
 @view_options

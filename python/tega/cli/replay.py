@@ -48,15 +48,21 @@ class _Finger(click.ParamType[tuple[str, Path]]):
 @click.option(
     "--emg-rate-hz", type=click.FloatRange(0, 10_000_000, min_open=True), help="Samples per second."
 )
-@click.option("--emg-kind", type=click.Choice(["raw", "rectified", "envelope"]), help="What the samples are.")
+@click.option(
+    "--emg-kind",
+    type=click.Choice(["raw", "rectified", "envelope"]),
+    help="Whether the samples are raw, rectified or an envelope.",
+)
 @click.option("--emg-channels", type=ChannelList(), help="Columns to use, counted from 1; else all.")
 @click.option("--emg-variable", default="emg", show_default=True, help="Name of the array in a .mat file.")
 @click.option(
     "--preset", type=click.Choice(["paper", "live"]), default="live", show_default=True,
-    help="The printed law, or the readings meant for people.",
+    help="Readings of the equations: paper (as printed) or live (meant for people).",
 )  # fmt: skip
 @click.option(
-    "--calibration", type=click.Path(path_type=Path), help="Maxima; else taken from the recording itself."
+    "--calibration",
+    type=click.Path(path_type=Path),
+    help="File with the maxima; else they are taken from the recording itself.",
 )
 @click.option(
     "--out",
@@ -70,7 +76,7 @@ class _Finger(click.ParamType[tuple[str, Path]]):
 @click.option(
     "--picture",
     type=click.Path(path_type=Path, dir_okay=False),
-    help="PNG to draw: each finger's firmest contact, then touch, pose, fingers and vest over time; else picture.png "
+    help="PNG to draw: each finger's firmest contact, then touch, level, fingers and vest over time; else picture.png "
     "in the folder --out.",
 )
 @view_options
@@ -87,11 +93,11 @@ def replay(
 ) -> int | None:
     """Run the loop on pictures and EMG from files as fast as possible, and write tables.
 
-    With --view they run in real time, on a page that can pause. A recorded session is computed again by verify.
+    With --view they run in real time, on a page that can pause. To compute a recorded session again, use verify.
 
-    Writes contacts.csv, levels.csv, vest.csv, can.csv, summary.json, calibration.toml and picture.png, and says what
-    each finger, the pose and the vest did. The same input gives the same bytes. With --json the summary is printed,
-    with a table "measured" of wall_s and real_time_factor.
+    The folder --out gets contacts.csv, levels.csv, vest.csv, can.csv, summary.json, calibration.toml and
+    picture.png. A summary says what each finger, the level and the vest did. The same input gives the same bytes. With
+    --json the summary is printed, with a table "measured" of wall_s and real_time_factor.
     """
     import time
 

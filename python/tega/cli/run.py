@@ -29,7 +29,7 @@ def run_options(function: _Function) -> _Function:
             "streams",
             type=click.Choice(["foxglove", "rerun"]),
             multiple=True,
-            help="Show the run live in that program too, on this machine; repeatable.",
+            help="Show the run live in that program, too, on this machine; repeatable.",
         ),
         click.option(
             "--wait-for-go",
@@ -58,12 +58,11 @@ def run_options(function: _Function) -> _Function:
 @click.command(epilog="Example: tega-teleop run session.toml --set session.pace=fast")
 @run_options
 def run(**options: Any) -> None:
-    """Run a session: the dual loop on the devices that CONFIG.toml names, until they end or Ctrl-C.
+    """Run a session on the devices that CONFIG.toml names: muscles close the hand, the vest shows touch.
 
-    In a terminal the space bar or q stop it as well.
-
-    On every way out the vest is sent zeros and the hand zero torque and SERVO OFF. With --json the summary is
-    printed, with a table "measured" of wall_s and real_time_factor.
+    The session ends when its recordings end, after session.duration_s, or when you press the space bar, q or Ctrl-C.
+    However it ends, it sends the vest zeros, and the hand zero torque and SERVO OFF. With --json it prints the summary,
+    with a table "measured" of wall_s and real_time_factor.
     """
     run_settings(**options)
 

@@ -27,10 +27,11 @@ def _optics(function: Callable[..., None]) -> Callable[..., None]:
     for option in (
         click.option(
             "--harm-mm", type=click.FloatRange(0.1, 100), default=6.0, show_default=True,
-            help="Narrowing from which the object counts as deformed.",
+            help="How far the object must narrow to count as deformed, mm.",
         ),
         click.option(
-            "--layout", "layout_file", type=_FILE, required=True, metavar="TAGS.toml", help="Where the tags are."
+            "--layout", "layout_file", type=_FILE, required=True, metavar="TAGS.toml",
+            help="File that says where the tags are.",
         ),
         click.option(
             "--lens", "lens_file", type=_FILE, required=True, metavar="CAM.json", help="The camera's intrinsics."
@@ -49,10 +50,16 @@ def _optics(function: Callable[..., None]) -> Callable[..., None]:
     help="Print this layout's tags; where the file is missing, write the example's into it.",
 )  # fmt: skip
 @click.option(
-    "--height-mm", type=click.FloatRange(50, 1000), default=260.0, help="Of the object, for the example."
+    "--height-mm",
+    type=click.FloatRange(50, 1000),
+    default=260.0,
+    help="Height of the object, for the example.",
 )
 @click.option(
-    "--base-mm", type=click.FloatRange(20, 500), default=82.0, help="Diameter of its base, likewise."
+    "--base-mm",
+    type=click.FloatRange(20, 500),
+    default=82.0,
+    help="Diameter of the object's base, for the example.",
 )
 @json_option
 def tags(*, out: Path, layout_file: Path | None, height_mm: float, base_mm: float, as_json: bool) -> None:
@@ -84,7 +91,13 @@ def tags(*, out: Path, layout_file: Path | None, height_mm: float, base_mm: floa
 @scene.command(epilog="Example: tega-teleop scene calibrate 0 cam.json")
 @click.argument("source")
 @click.argument("out", type=_FILE, metavar="CAM.json")
-@click.option("--size", metavar="WxH", default="1920x1080", show_default=True, help="Of a camera's pictures.")
+@click.option(
+    "--size",
+    metavar="WxH",
+    default="1920x1080",
+    show_default=True,
+    help="Width and height of the camera's pictures.",
+)
 @json_option
 def calibrate(*, source: str, out: Path, size: str, as_json: bool) -> None:
     """Calibrate a camera's lens with the printed board: number, /dev/video0, rtsp://, a video or a folder of pictures.
@@ -119,7 +132,9 @@ def parse_size(text: str) -> tuple[int, int]:
 @click.option(
     "--begin-s", type=float, help="Start of the trial on the video's clock; its first picture unless given."
 )
-@click.option("--end-s", type=float, help="Its end; the last picture unless given.")
+@click.option(
+    "--end-s", type=float, help="End of the trial on the video's clock; the last picture unless given."
+)
 @json_option
 def score(
     *,
@@ -228,8 +243,8 @@ def measure(
 @click.argument("folder", type=_FOLDER)
 @click.argument("participant")
 @click.argument("trial", type=click.IntRange(1, 10_000))
-@click.option("--rater", required=True, metavar="ID", help="Who has looked at the video.")
-@click.option("--attempt", type=click.IntRange(1, 2), default=1, help="Of the trial.")
+@click.option("--rater", required=True, metavar="ID", help="Code of the rater who looked at the video.")
+@click.option("--attempt", type=click.IntRange(1, 2), default=1, help="Which attempt of the trial.")
 @click.option("--strike", "struck", type=int, multiple=True, metavar="N", help="Event N did not happen.")
 @click.option("--add", "added", multiple=True, metavar="KIND=SECONDS", help="The camera missed this.")
 @click.option(
@@ -287,16 +302,29 @@ def confirm(
 )
 @click.argument("out", type=_FILE, metavar="OUT.mcap")
 @click.option(
-    "--camera", "cameras", multiple=True, required=True, metavar="NAME=SOURCE", help="Once for each camera."
+    "--camera",
+    "cameras",
+    multiple=True,
+    required=True,
+    metavar="NAME=SOURCE",
+    help="Name and address of a camera; repeatable.",
 )
-@click.option("--size", metavar="WxH", default="1920x1080", show_default=True, help="Of the pictures.")
+@click.option(
+    "--size", metavar="WxH", default="1920x1080", show_default=True, help="Width and height of the pictures."
+)
 @click.option(
     "--rate-hz", type=click.FloatRange(1, 240), default=30.0, show_default=True, help="Pictures a second."
 )
 @click.option(
-    "--video", type=click.Choice(["h264", "av1"]), default="h264", show_default=True, help="Format."
+    "--video",
+    type=click.Choice(["h264", "av1"]),
+    default="h264",
+    show_default=True,
+    help="Format of the recorded video.",
 )
-@click.option("--seconds", type=click.FloatRange(0.1), help="Stop by itself; else Ctrl-C does.")
+@click.option(
+    "--seconds", type=click.FloatRange(0.1), help="Seconds after which recording stops; else Ctrl-C stops it."
+)
 @json_option
 def record(
     *,

@@ -28,13 +28,19 @@ def sim() -> None:
 
 
 @sim.command(epilog="Example: tega-teleop sim trials --seeds 10 --out trials.jsonl")
-@click.option("--objects", type=NameList(), default="bottle,container,bag", show_default=True)
+@click.option(
+    "--objects",
+    type=NameList(),
+    default="bottle,container,bag",
+    show_default=True,
+    help="Objects that are lifted.",
+)
 @click.option(
     "--conditions",
     type=NameList(),
     default="haptic,non-haptic",
     show_default=True,
-    help=f"Of {', '.join(CONDITIONS)}.",
+    help=f"Conditions to compare: any of {', '.join(CONDITIONS)}.",
 )
 @click.option(
     "--seeds",
@@ -48,7 +54,11 @@ def sim() -> None:
     "--first-seed", type=click.IntRange(0, 2**31), default=1, show_default=True, help="The first one."
 )
 @click.option(
-    "--operator", type=click.Choice(["simulated", "scripted"]), default="simulated", show_default=True
+    "--operator",
+    type=click.Choice(["simulated", "scripted"]),
+    default="simulated",
+    show_default=True,
+    help="Who leads the hand: the simulated person, or a fixed script.",
 )
 @click.option(
     "--practice", type=click.IntRange(0, 100), default=0, show_default=True, help="Lifts before each trial."

@@ -20,7 +20,9 @@ _PATH = click.Path(path_type=Path)
     help="What a foot switch types to go on, discard, do again: bnm; or buttons of input.marker: left,right.",
 )  # fmt: skip
 @click.option("--person", metavar="ID", help="Whose calibration to use (calibration.person).")
-@click.option("--episodes", "most", type=click.IntRange(1), help="End after so many were kept.")
+@click.option(
+    "--episodes", "most", type=click.IntRange(1), help="Number of kept episodes after which to end."
+)
 @click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
 @json_option
 def take(
@@ -89,7 +91,11 @@ def relabel(*, folder: Path, files: tuple[str, ...], task: str, as_json: bool) -
 @click.argument("session", type=_PATH)
 @click.option("--out", type=_PATH, required=True, help="Folder: new or empty.")
 @click.option(
-    "--quality", type=click.IntRange(1, 100), default=90, show_default=True, help="Of the JPEG pictures."
+    "--quality",
+    type=click.IntRange(1, 100),
+    default=90,
+    show_default=True,
+    help="Quality of the JPEG pictures.",
 )
 @json_option
 def encode(*, session: Path, out: Path, quality: int, as_json: bool) -> None:

@@ -13,9 +13,18 @@ from tega.cli.options import json_option
     epilog="Example: tega-teleop recording trim sessions/monday --from 12 --to 30 --out sessions/monday-lift"
 )
 @click.argument("session", type=click.Path(path_type=Path))
-@click.option("--from", "from_s", type=click.FloatRange(min=0), default=0.0, help="Seconds since its start.")
 @click.option(
-    "--to", "to_s", type=click.FloatRange(min=0), help="Seconds since its start; the end if left out."
+    "--from",
+    "from_s",
+    type=click.FloatRange(min=0),
+    default=0.0,
+    help="Start of the part, seconds since the recording's start.",
+)
+@click.option(
+    "--to",
+    "to_s",
+    type=click.FloatRange(min=0),
+    help="End of the part, seconds since the recording's start; else the recording's end.",
 )
 @click.option(
     "--out", type=click.Path(path_type=Path), help="Folder: new or empty; SESSION-FROM-TO if left out."

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 @click.option(
     "--picture",
     type=click.Path(path_type=Path, dir_okay=False),
-    help="PNG to draw what is in the recording: firmest contacts, then touch, pose, fingers and vest over time.",
+    help="PNG to draw what is in the recording: firmest contacts, then touch, level, fingers and vest over time.",
 )
 @json_option
 def verify(
@@ -33,10 +33,10 @@ def verify(
 ) -> int:
     """Compute a recorded session again, tick by tick as it ran, and compare with what was recorded.
 
-    SESSION is a recording made with run --record, or a session's folder. Exit code 1 if anything differs. --config
-    and --set run it through other settings and say what then differs. Says what each finger, the pose and the vest did;
-    --picture draws it, of several recordings each into a file that has its name too. With --json: a list of objects,
-    one per recording.
+    SESSION is a recording made with run --record, or a session's folder. The exit code is 1 if anything differs.
+    --config and --set run it through other settings, and say what then differs. A summary says what each finger, the
+    level and the vest did; --picture draws it (of several recordings, each into a file that has its name too). With
+    --json: a list of objects, one per recording.
     """
     same = replay_session(session, config=config, sets=sets, picture=picture, as_json=as_json)
     return 0 if same else 1

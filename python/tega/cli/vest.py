@@ -48,12 +48,18 @@ vest.add_command(learn)
 @vest.command(epilog="Example: tega-teleop vest onset lab.toml --motor 0 --motor 21")
 @click.argument("config", type=click.Path(path_type=Path), metavar="[SETTINGS.toml]", required=False)
 @click.option(
-    "--motor", "motors", type=click.IntRange(0, 39), multiple=True, help="Which; repeatable. Else motor 0."
+    "--motor",
+    "motors",
+    type=click.IntRange(0, 39),
+    multiple=True,
+    help="Motor to measure; repeatable. Else motor 0.",
 )
 @click.option(
     "--percent", type=click.IntRange(10, 100), default=60, show_default=True, help="How hard it vibrates."
 )
-@click.option("--bursts", type=click.IntRange(6, 100), default=15, show_default=True, help="How many.")
+@click.option(
+    "--bursts", type=click.IntRange(6, 100), default=15, show_default=True, help="How many bursts are played."
+)
 @click.option("--microphone", metavar="NAME", help="Number or part of a name; else the system's own choice.")
 @click.option("--list", "list_them", is_flag=True, help="List the microphones, and end.")
 @click.option(

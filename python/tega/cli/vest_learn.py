@@ -19,10 +19,10 @@ from tega.cli.options import json_option
     type=click.IntRange(1, 500),
     default=30,
     show_default=True,
-    help="About so many in the test.",
+    help="About how many questions the test has.",
 )
-@click.option("--test-only", is_flag=True, help="Leave out what is shown and practised.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Of the order.")
+@click.option("--test-only", is_flag=True, help="Go straight to the test: show and practise nothing first.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the order.")
 @click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
 @json_option
 def learn(

@@ -65,7 +65,7 @@ class Replay(msgspec.Struct, frozen=True):
         pictures: Of JPEG pictures, how approximate they are.
         dropped: Records lost, by topic; what was lost cannot be computed again.
         same: Whether nothing differs.
-        pose_base: Number of the most open pose in the run's settings, 0 or 1.
+        pose_base: Number of the most open level in the run's settings, 0 or 1.
     """
 
     file: str
@@ -78,7 +78,7 @@ class Replay(msgspec.Struct, frozen=True):
     pictures: list[PictureError]
     dropped: dict[str, int]
     same: bool
-    pose_base: int = 0
+    pose_base: int = 1
 
 
 @tells_damage

@@ -24,7 +24,7 @@ from tega.sim.lab import EMG_HZ
 from tega.sim.other_trial import other_vest
 from tega.sim.pacing import SimulatedPacer
 from tega.sim.plan import TrialPlan, TrialResult
-from tega.sim.rig import CAMERA_DELAY_NS, TrialRig
+from tega.sim.rig import TrialRig
 from tega.sim.score import LIFT_WINDOW_S, TrialScorer
 from tega.sim.true_touch import TrueTouch, touch_of
 from tega.stages.base import MeasuredPicture
@@ -286,7 +286,7 @@ class Lift:
             contact_points=world.contact_points(),
             emg=tail,
             rows=self._rows(),
-            latency_ms={"camera": CAMERA_DELAY_NS / 1e6},
+            latency_ms=view.picture_to_vest_ms,
         )
 
     def _rows(self) -> dict[str, str]:

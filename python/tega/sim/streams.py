@@ -148,11 +148,11 @@ class Streams:
         finger = max(images, key=lambda one: images[one].metrics.mass)
         return finger, images[finger]
 
-    def course(self, *, pose_base: int = 0) -> SessionCourse:
+    def course(self, *, pose_base: int = 1) -> SessionCourse:
         """Return touch, as the mean over the fingers in contact, and level over time.
 
         Args:
-            pose_base: Number of the most open pose as it is drawn, 0 or 1.
+            pose_base: Number of the most open level as it is drawn, 0 or 1.
         """
         at: dict[float, list[tuple[float, float]]] = {}
         for t_s, _, _, _, cci_norm, eda_norm, _, in_contact, *_ in self.rows["contacts"]:

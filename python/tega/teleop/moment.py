@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from tega.records import Event, Record
 from tega.teleop.hand import CommandedHand
+from tega.teleop.touch import STALE_NS
 
 if TYPE_CHECKING:
     from tega.bus import Bus
@@ -67,6 +68,16 @@ class LoopView(NamedTuple):
     event: Event | None = None
     target_rad: Sequence[float] | None = None
     vest_condition: str = ""
+
+    @property
+    def picture_to_vest_ms(self) -> dict[str, float]:
+        """How old, on average, the fresh pictures are that this tick's vest frame is made of, by the delay's name.
+
+        Milliseconds; empty where no finger has a fresh picture.
+        """
+        fresh = (self.t_ns - t_ns for t_ns, _ in self.contacts.values())
+        ages_ms = [age_ns / 1e6 for age_ns in fresh if age_ns <= STALE_NS]
+        return {"picture to vest": sum(ages_ms) / len(ages_ms)} if ages_ms else {}
 
     @property
     def newest_event(self) -> str:

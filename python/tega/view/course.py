@@ -109,14 +109,14 @@ class RunCourse:
             names = tuple(f"motor {i}" for i in order)
         return VestCourse(np.array(self._vest_t_ns) / 1e9, frames[:, order], names)
 
-    def words(self, *, pose_base: int = 0) -> list[str]:
-        """Say what happened, a sentence for each finger, the pose and the vest.
+    def words(self, *, pose_base: int = 1) -> list[str]:
+        """Say what happened, a sentence for each finger, the level and the vest.
 
         Args:
-            pose_base: Number of the most open pose, 0 or 1.
+            pose_base: Number of the most open level, 0 or 1.
         """
         said = [f"{finger}: {_finger_words(course)}" for finger, course in self.fingers.items()]
-        return [*said, *_pose_words(*self.levels, pose_base), *_vest_words(self.vest)]
+        return [*said, *_level_words(*self.levels, pose_base), *_vest_words(self.vest)]
 
 
 def _finger_words(course: FingerCourse) -> str:
@@ -136,13 +136,13 @@ def _finger_words(course: FingerCourse) -> str:
     )
 
 
-def _pose_words(t_s: NDArray[np.float64], level: NDArray[np.int64], base: int) -> Iterator[str]:
+def _level_words(t_s: NDArray[np.float64], level: NDArray[np.int64], base: int) -> Iterator[str]:
     if not len(level):
         return
     n = np.count_nonzero(np.diff(level))
     tightest = int(level.max())
     yield (
-        f"pose: {n} change{'' if n == 1 else 's'}, from {level[0] - 1 + base} to {level[-1] - 1 + base}; "
+        f"level: {n} change{'' if n == 1 else 's'}, from {level[0] - 1 + base} to {level[-1] - 1 + base}; "
         f"tightest {tightest - 1 + base}, first at {t_s[np.argmax(level)]:.1f} s"
     )
 

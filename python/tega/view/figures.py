@@ -106,7 +106,7 @@ class SessionCourse:
         eda_norm: Likewise.
         level_t_s: Times of the fused levels, seconds, float64 (m,).
         level: Fused closure levels 1 to 5, int (m,).
-        pose_base: Number of the most open pose as it is drawn: 0 as in Fig 8, or 1.
+        pose_base: Number of the most open level as it is drawn: 0 as in Fig 8, or 1.
     """
 
     touch_t_s: NDArray[np.float64]
@@ -114,7 +114,7 @@ class SessionCourse:
     eda_norm: NDArray[np.float64]
     level_t_s: NDArray[np.float64]
     level: NDArray[np.int64]
-    pose_base: int = 0
+    pose_base: int = 1
 
 
 def draw_touch(axes: Sequence[Axes], finger: str, picture: TouchPicture) -> None:
@@ -154,7 +154,7 @@ def draw_map(ax: Axes, shape: tuple[int, ...], metrics: ContactMetrics, touch_ma
 
 
 def draw_course(ax: Axes, course: SessionCourse) -> None:
-    """Draw CCI (blue) and EDA (green) on the left axis, the pose (red, dashed) on the right one.
+    """Draw CCI (blue) and EDA (green) on the left axis, the level (red, dashed) on the right one.
 
     The legend, above the plot, names what was drawn on ``ax`` before as well.
     """
@@ -163,17 +163,18 @@ def draw_course(ax: Axes, course: SessionCourse) -> None:
     ax.set_xlabel("time (s)")
     ax.set_ylabel("share of maximum")
     ax.set_ylim(-0.02, 1.05)
-    pose = ax.twinx()
+    right = ax.twinx()
     base = course.pose_base
-    pose.step(
-        course.level_t_s, course.level - 1 + base, where="post", color=POSE_RED, ls="--", lw=1.5, label="pose"
+    name = "level" if base else "level, from 0"
+    right.step(
+        course.level_t_s, course.level - 1 + base, where="post", color=POSE_RED, ls="--", lw=1.5, label=name
     )
-    pose.set_ylabel("pose", color=POSE_RED)
-    pose.set_ylim(base - 0.1, base + 4.2)
-    pose.set_yticks(range(base, base + 5))
+    right.set_ylabel(name, color=POSE_RED)
+    right.set_ylim(base - 0.1, base + 4.2)
+    right.set_yticks(range(base, base + 5))
     handles, labels = (
         own + others
-        for own, others in zip(ax.get_legend_handles_labels(), pose.get_legend_handles_labels(), strict=True)
+        for own, others in zip(ax.get_legend_handles_labels(), right.get_legend_handles_labels(), strict=True)
     )
     ax.legend(handles, labels, loc="lower left", bbox_to_anchor=(0, 1), ncols=len(labels), frameon=False)
 

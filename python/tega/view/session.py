@@ -40,13 +40,13 @@ class SessionPicture:
         if contact.in_contact and contact.mass > self._felt.get(contact.finger, (0.0, 0.0, 0.0))[0]:
             self._felt[contact.finger] = contact.mass, contact.cci_norm, contact.eda_norm
 
-    def write(self, path: Path, title: str, *, pose_base: int = 0) -> None:
+    def write(self, path: Path, title: str, *, pose_base: int = 1) -> None:
         """Draw the run into a PNG file; a finger that never touched has no picture in it.
 
         Args:
             path: The file to write.
             title: Heading.
-            pose_base: Number of the most open pose as it is drawn, 0 or 1.
+            pose_base: Number of the most open level as it is drawn, 0 or 1.
         """
         pictures = {
             finger: TouchPicture(image, *self._felt.get(finger, (0.0, 0.0, 0.0))[1:])

@@ -88,7 +88,7 @@ PLACES: Final = (
     OpenPlace("A40", "τ", _each(f"{_DECODER}.tau_s", 0.05, 0.2)),
     OpenPlace("A44", "four or five equal intervals", (f"{_DECODER}.intervals=5",)),
     OpenPlace("A45", "the maximum, and steadying (A51)", _each(f"{_DECODER}.preset", "paper", "live")),
-    OpenPlace("A46", "poses counted from 0 (Fig 8) or 1 (Eq 11) in pictures", _each("session.pose_base", 0, 1)),
+    OpenPlace("A46", "levels counted from 0 (Fig 8) or 1 (Eq 11) in pictures", _each("session.pose_base", 0, 1)),
     OpenPlace("A49", "the vote", _each(f"{_DECODER}.fusion", "round", "median")),
     OpenPlace("A55", "what each channel counts", (f"{_DECODER}.channel_weights=[1.0, 0.5, 1.0]",)),
 )  # fmt: skip

@@ -17,7 +17,11 @@ _FILE = click.Path(path_type=Path, dir_okay=False)
 @click.argument("folder", type=_FOLDER)
 @click.argument("participant")
 @click.argument("out", type=_FILE)
-@click.option("--bids", is_flag=True, help="Name its files sub-…_ses-…_task-…_run-…; study open undoes it.")
+@click.option(
+    "--bids",
+    is_flag=True,
+    help="Name its files as BIDS does (sub-…_ses-…_task-…_run-…); study open undoes it.",
+)
 @json_option
 def bundle(*, folder: Path, participant: str, out: Path, bids: bool, as_json: bool) -> None:
     """Write a person's session as one ZIP file: plan, events, raters, recordings, versions and a hash of each file.
@@ -49,7 +53,7 @@ def bundle(*, folder: Path, participant: str, out: Path, bids: bool, as_json: bo
 
 @click.command("open", epilog="Example: tega-teleop study open p01.zip --out p01-session")
 @click.argument("bundle", type=_FILE)
-@click.option("--out", type=_FOLDER, help="A new folder; by default the file's name without its ending.")
+@click.option("--out", type=_FOLDER, help="New folder; by default the file's name without its ending.")
 @json_option
 def open_(*, bundle: Path, out: Path | None, as_json: bool) -> None:
     """Check every hash of a bundle, unpack it as a study's folder, and compare its trials worked out again.

@@ -12,19 +12,23 @@ from tega.cli.options import echo_json, json_option
 @click.command(epilog="Example: tega-teleop study clips my-study r3-clips --rater r3")
 @click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
 @click.argument("out", type=click.Path(path_type=Path, file_okay=False), required=False)
-@click.option("--rater", metavar="ID", required=True, help="Whose clips; a code that is new.")
 @click.option(
-    "--proposals", is_flag=True, help="Put what rule and detector say into the project, to be decided."
+    "--rater", metavar="ID", required=True, help="Code of the rater who gets the clips; it must be new."
+)
+@click.option(
+    "--proposals",
+    is_flag=True,
+    help="Put the events that rule and detector found into the project, for the rater to decide.",
 )
 @click.option(
     "--scene", "scenes", multiple=True, type=click.Path(path_type=Path, dir_okay=False), metavar="SCENE.mcap",
-    help="Show the object, too: a scene record of the sessions. Repeatable.",
+    help="Scene recording of the sessions, which shows the object in the clips; repeatable.",
 )  # fmt: skip
 @click.option(
     "--take",
     type=click.Path(path_type=Path, dir_okay=False),
     metavar="FILE.boris",
-    help="Take in what the rater coded.",
+    help="BORIS project from which to take in what the rater coded.",
 )
 @json_option
 def clips(

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 @click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
 @click.argument("participants", nargs=-1, metavar="[PARTICIPANT]...")
 @click.option(
-    "--live", is_flag=True, help="Only what could have been said at the time, as event-gated feedback does."
+    "--live", is_flag=True, help="Use only what was known at each moment, as event-gated feedback must."
 )
 @json_option
 def detect(*, folder: Path, participants: tuple[str, ...], live: bool, as_json: bool) -> None:

@@ -13,7 +13,9 @@ _FOLDER = click.Path(path_type=Path, file_okay=False)
 
 @click.command(epilog="Example: tega-teleop study forms my-study --out forms")
 @click.argument("folder", type=_FOLDER)
-@click.option("--out", type=_FOLDER, required=True, help="A folder; no form in it is written over.")
+@click.option(
+    "--out", type=_FOLDER, required=True, help="Folder for the forms; no form in it is overwritten."
+)
 @json_option
 def forms(*, folder: Path, out: Path, as_json: bool) -> None:
     """Write templates of a consent form and a data protection sheet, filled in from the plan.

@@ -16,7 +16,9 @@ from tega.cli.options import echo_json, json_option
 @click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
 @click.argument("name")
 @click.option("--mass-g", type=float, help="Mass as it is lifted, grams.")
-@click.option("--stiffness-n-per-mm", type=float, help="Force over indentation where it is grasped.")
+@click.option(
+    "--stiffness-n-per-mm", type=float, help="Stiffness where it is grasped: force over indentation, N/mm."
+)
 @click.option("--friction", type=float, help="Static friction against the gel.")
 @click.option("--measured", help="How these were measured.")
 @click.option("--photo", type=click.Path(path_type=Path, dir_okay=False), help="JPEG or PNG; it is copied.")

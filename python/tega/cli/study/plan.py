@@ -18,32 +18,50 @@ _FOLDER = click.Path(path_type=Path, file_okay=False)
 
 @click.command(epilog="Example: tega-teleop study plan --participants 12 --seed 7 --out my-study")
 @click.option("--participants", type=click.IntRange(1, 999), required=True, help="How many people.")
-@click.option("--out", type=_FOLDER, required=True, help="A new folder; nothing is ever overwritten.")
 @click.option(
-    "--seed", type=click.IntRange(0, 2**63 - 1), default=1, show_default=True, help="Of all orders."
+    "--out", type=_FOLDER, required=True, help="New folder for the plan; nothing is ever overwritten."
 )
 @click.option(
-    "--objects", type=NameList(), default="bottle,container,bag", show_default=True, help="What is lifted."
+    "--seed",
+    type=click.IntRange(0, 2**63 - 1),
+    default=1,
+    show_default=True,
+    help="Seed from which all orders are drawn.",
+)
+@click.option(
+    "--objects",
+    type=NameList(),
+    default="bottle,container,bag",
+    show_default=True,
+    help="Objects that are lifted.",
 )
 @click.option(
     "--conditions",
     type=NameList(),
     default="haptic,non-haptic",
     show_default=True,
-    help="The first is compared with the second; a third can be event-gated.",
+    help="Conditions: the first is compared with the second; a third can be event-gated.",
 )
 @click.option(
-    "--trials", type=click.IntRange(1, 1000), default=10, show_default=True, help="Per object and condition."
+    "--trials",
+    type=click.IntRange(1, 1000),
+    default=10,
+    show_default=True,
+    help="Trials of each object under each condition.",
 )
 @click.option(
     "--layout",
     type=click.Choice(["abba", "pairs", "period"]),
     default="abba",
     show_default=True,
-    help="Conditions there and back per object; in random pairs; or one after the other.",
+    help="Order of conditions: there and back per object (abba), in random pairs, or one after the other (period).",
 )
 @click.option(
-    "--rest-s", type=click.FloatRange(0, 3600), default=60.0, show_default=True, help="Between two trials."
+    "--rest-s",
+    type=click.FloatRange(0, 3600),
+    default=60.0,
+    show_default=True,
+    help="Seconds of rest between two trials.",
 )
 @click.option(
     "--probe", is_flag=True, help="A second task in every trial: beeps to be answered with a pedal."
@@ -68,7 +86,7 @@ def plan(
 ) -> None:
     """Write a counterbalanced plan: study.toml and plan.csv, never changed afterwards.
 
-    People have ids only. Who they are belongs on paper, elsewhere.
+    The plan has ids only. Keep who they are on paper, elsewhere.
     """
     import msgspec
 

@@ -11,15 +11,25 @@ from tega.cli.options import echo_json, json_option
 
 @click.command(epilog="Example: tega-teleop study power --slips 5.9,2.8 --trials 10")
 @click.option("--slips", default="5.9,2.8", show_default=True, help="Mean per trial without and with touch.")
-@click.option("--trials", type=click.IntRange(1, 1000), default=10, show_default=True, help="Per condition.")
 @click.option(
-    "--alpha", type=click.FloatRange(0.0001, 0.5), default=0.05, show_default=True, help="Two-sided level."
+    "--trials", type=click.IntRange(1, 1000), default=10, show_default=True, help="Trials of each condition."
 )
 @click.option(
-    "--tests", type=click.IntRange(1, 100), default=1, show_default=True, help="How many, for Holm."
+    "--alpha",
+    type=click.FloatRange(0.0001, 0.5),
+    default=0.05,
+    show_default=True,
+    help="Two-sided level of the test.",
 )
 @click.option(
-    "--seed", type=click.IntRange(0, 2**31), default=1, show_default=True, help="Of the simulation."
+    "--tests",
+    type=click.IntRange(1, 100),
+    default=1,
+    show_default=True,
+    help="Number of tests, for Holm's correction.",
+)
+@click.option(
+    "--seed", type=click.IntRange(0, 2**31), default=1, show_default=True, help="Seed of the simulation."
 )
 @json_option
 def power(*, slips: str, trials: int, alpha: float, tests: int, seed: int, as_json: bool) -> None:

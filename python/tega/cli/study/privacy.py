@@ -43,7 +43,7 @@ def withdraw(*, folder: Path, participant: str, yes: bool, as_json: bool) -> Non
 
 @click.command(epilog="Example: tega-teleop study export my-study --out my-study-open")
 @click.argument("folder", type=_FOLDER)
-@click.option("--out", type=_FOLDER, required=True, help="A new folder.")
+@click.option("--out", type=_FOLDER, required=True, help="New folder for the copy.")
 @json_option
 def export(*, folder: Path, out: Path, as_json: bool) -> None:
     """Write an anonymised copy, fit to be published: new ids, no muscle signals, texts, names or dates.

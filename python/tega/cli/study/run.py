@@ -23,11 +23,18 @@ if TYPE_CHECKING:
 @click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
 @click.argument("participant")
 @click.option(
-    "--lab", type=click.Path(path_type=Path), metavar="LAB.toml", help="The devices' settings, as for run."
+    "--lab",
+    type=click.Path(path_type=Path),
+    metavar="LAB.toml",
+    help="Settings file of the lab's devices, as for run.",
 )
-@click.option("--emulated", is_flag=True, help="On emulated devices; in a plan made with --simulated.")
 @click.option(
-    "--simulated", is_flag=True, help="On the simulated bench, with a simulated participant; likewise."
+    "--emulated", is_flag=True, help="Run on emulated devices; only in a plan made with --simulated."
+)
+@click.option(
+    "--simulated",
+    is_flag=True,
+    help="Run on the simulated bench, with a simulated participant; only in such a plan.",
 )
 @click.option(
     "--set",
@@ -44,14 +51,14 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--preset", type=click.Choice(["paper", "live"]), default="live", show_default=True,
-    help="Readings of the loop with --simulated.",
+    help="Preset of the loop, with --simulated.",
 )  # fmt: skip
 @click.option(
     "--task",
     type=click.Choice(["lift", "place"]),
     default="lift",
     show_default=True,
-    help="lift: over when held up; place: over when put down as well (Enter).",
+    help="lift: a trial ends when the object is held up. place: it ends when the object is put down again (Enter).",
 )
 @click.option(
     "--pedals", "--pedal", default="", metavar="KEYS",
@@ -61,7 +68,7 @@ if TYPE_CHECKING:
     "--answer", default="p", show_default=True, metavar="KEY",
     help="The key that the participant's pedal types at a beep, in a plan made with --probe.",
 )  # fmt: skip
-@click.option("--trials", type=click.IntRange(1), help="Stop after so many.")
+@click.option("--trials", type=click.IntRange(1), help="Number of trials after which to stop.")
 @click.option("--yes", is_flag=True, help="Go on by the clock and pass over the questions; to rehearse.")
 @click.option(
     "--time-scale", type=click.FloatRange(0.01, 1.0), default=1.0, metavar="FACTOR",

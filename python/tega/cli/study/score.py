@@ -20,7 +20,9 @@ from tega.cli.options import echo_json, json_option
     "--import", "taken", type=click.Path(path_type=Path), metavar="FILE",
     help="Take in a BORIS project, or its tabular events as TSV or CSV.",
 )  # fmt: skip
-@click.option("--rater", metavar="ID", help="With --import: whose they are; a code that is new.")
+@click.option(
+    "--rater", metavar="ID", help="With --import: code of the rater whose events they are; it must be new."
+)
 @json_option
 def score(
     *,

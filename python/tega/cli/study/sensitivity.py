@@ -13,10 +13,18 @@ from tega.cli.study.simulate import SHARD, trials_shown
 @click.command(epilog="Example: tega-teleop study sensitivity in-silico")
 @click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
 @click.option(
-    "--operators", type=click.IntRange(2, 999), default=4, show_default=True, help="In each small study."
+    "--operators",
+    type=click.IntRange(2, 999),
+    default=4,
+    show_default=True,
+    help="Simulated people in each small study.",
 )
 @click.option(
-    "--trials", type=click.IntRange(1, 1000), default=2, show_default=True, help="Per object and condition."
+    "--trials",
+    type=click.IntRange(1, 1000),
+    default=2,
+    show_default=True,
+    help="Trials of each object under each condition.",
 )
 @click.option(
     "--vary",

@@ -77,12 +77,36 @@ SHARD = _Shard()
 
 @click.command(epilog="Example: tega-teleop study simulate --operators 10 --out in-silico")
 @click.option("--operators", type=click.IntRange(1, 999), required=True, help="How many simulated people.")
-@click.option("--out", type=_FOLDER, required=True, help="A new folder, or the same study's to go on.")
-@click.option("--seed", type=click.IntRange(0, 2**31), default=1, show_default=True, help="Of everything.")
-@click.option("--objects", type=NameList(), default="bottle,container,bag", show_default=True)
-@click.option("--conditions", type=NameList(), default="haptic,non-haptic", show_default=True)
 @click.option(
-    "--trials", type=click.IntRange(1, 1000), default=10, show_default=True, help="Per object and condition."
+    "--out", type=_FOLDER, required=True, help="New folder, or the folder of the same study to go on with it."
+)
+@click.option(
+    "--seed",
+    type=click.IntRange(0, 2**31),
+    default=1,
+    show_default=True,
+    help="Seed of the people and of all chance.",
+)
+@click.option(
+    "--objects",
+    type=NameList(),
+    default="bottle,container,bag",
+    show_default=True,
+    help="Objects that are lifted.",
+)
+@click.option(
+    "--conditions",
+    type=NameList(),
+    default="haptic,non-haptic",
+    show_default=True,
+    help="Conditions: the first is compared with the second.",
+)
+@click.option(
+    "--trials",
+    type=click.IntRange(1, 1000),
+    default=10,
+    show_default=True,
+    help="Trials of each object under each condition.",
 )
 @click.option("--jobs", type=click.IntRange(0, 1024), default=0, help="Worker processes; 0 for all cores.")
 @click.option("--shard", type=SHARD, default="1/1", help="Only the i-th of n parts, for many machines.")
@@ -94,11 +118,11 @@ SHARD = _Shard()
 )
 @click.option(
     "--parameters", type=click.Path(path_type=Path, dir_okay=False, exists=True), metavar="FILE.toml",
-    help="A changed parameter file for the people; the report then calls it changed.",
+    help="Another parameter file for the simulated people; the report then calls it changed.",
 )  # fmt: skip
 @click.option(
     "--rules", type=click.IntRange(1, 2), default=1, show_default=True,
-    help="Version of the rules that the people follow; by 2 they practise first.",
+    help="Version of the rules that the people follow; with 2 they practise first.",
 )  # fmt: skip
 @object_options
 @loop_options

@@ -61,7 +61,7 @@ class CourseChart:
         self._kept_s = kept_s
         self._course: deque[tuple[float, float, float, float]] = deque()
         names = (("CCI", CCI_BLUE), ("EDA", EDA_GREEN), ("closure", POSE_RED))
-        gui.add_html(_caption("mean share of the maxima, by second:", names))
+        gui.add_html(_caption("share of the maximum over time (s):", names))
         series = (_line(CCI_BLUE, 1.6), _line(EDA_GREEN, 1.6), _line(POSE_RED, 1.6, dash=(5, 4)))
         self._plot = _plot(gui, series, 1.05)
 
@@ -120,9 +120,11 @@ class MuscleCharts:
                 for k in range(channels)
             ]
             lines = tuple(_line(colour, 1) for _, colour in muscles)
-            self._gui.add_html(_caption("EMG over its maximum, by second:", muscles))
+            self._gui.add_html(_caption("EMG over time (s):", muscles))
             self._raw = _plot(self._gui, lines, channels, y_axis=False)
-            self._gui.add_html(_caption("drive, share of maximum, by second; dashed: levels 2 to 5", ()))
+            self._gui.add_html(
+                _caption("drive, share of the maximum, over time (s); dashed: where levels 2 to 5 begin", ())
+            )
             dashed = tuple(_line(_THRESHOLD_GREY, 1, dash=(4, 4)) for _ in THRESHOLDS)
             self._drive = _plot(self._gui, dashed + lines, 1.2)
         t = t_s - np.arange(n - 1, -1, -1) / emg.rate_hz

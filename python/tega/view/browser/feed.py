@@ -16,7 +16,6 @@ from tega.records import Button, EmgSamples, Marker, Picture
 from tega.scene.decode import ScenePicture
 from tega.stages.base import MeasuredPicture
 from tega.teleop.adapting import UNDO_SEAT
-from tega.teleop.touch import STALE_NS
 from tega.view.browser.hand_figure import STANDING, HandFigure
 from tega.view.browser.muscle_rows import MuscleRows
 from tega.view.state import EmgTail, TouchImage, ViewState
@@ -94,11 +93,6 @@ class SessionFeed:
         shapes = poses = palm = None
         if (angles := state.loop.angles_rad) is not None:
             shapes, poses, palm = self._figure.shapes, self._figure.poses(angles), np.array(STANDING)
-        ages_ms = [
-            (state.t_ns - t_ns) / 1e6
-            for t_ns, _ in state.loop.contacts.values()
-            if state.t_ns - t_ns <= STALE_NS
-        ]
         muscles = prepared.muscles
         holds = "" if muscles is None or muscles.decoder is None else muscles.decoder.holds
         return state._replace(
@@ -108,7 +102,7 @@ class SessionFeed:
             palm=palm,
             emg=None if muscles is None else self._tail(state.t_ns, muscles),
             rows={**self._rows, **self._muscle_rows.rows(holds), **self._marked(state.t_ns), **state.rows},
-            latency_ms={"picture to vest": float(np.mean(ages_ms))} if ages_ms else {},
+            latency_ms=state.loop.picture_to_vest_ms,
             cameras=self._cameras,
         )
 

@@ -34,9 +34,9 @@ FONT: Final = "font-family:system-ui,sans-serif;font-size:12px;color:#343a40"
 
 LEGEND: Final = (
     f'<div style="{FONT};font-size:11px;line-height:1.4;padding:0 10px;color:#6c757d">'
-    'above: cameras · below: touch map, <b style="color:#27a045">○</b> peak, '
-    '<b style="color:#3b8cff">○</b> area that EDA counts<br>'
-    f'scene: <b style="color:{GHOST_COLOUR}">blue, translucent</b> the hand as commanded · red arrows: forces</div>'
+    'top: camera pictures; below: touch maps, <b style="color:#27a045">○</b> peak, '
+    '<b style="color:#3b8cff">—</b> border of the area (EDA)<br>'
+    f'scene: <b style="color:{GHOST_COLOUR}">blue, translucent:</b> the hand as commanded; red arrows: forces</div>'
 )
 """What the colours mean, in small grey lines."""
 # How often the run's state is painted afresh, also where nothing in it changes: the browser greys one that is not.

@@ -40,9 +40,8 @@ class TouchSheet:
     """Draws the fingers' pictures side by side, thumb first.
 
     A touch map is the metric's own, grey, white being the most this finger has shown so far: depth with ``live``,
-    pressure with ``paper``. Green circle: the peak. Blue line: the border of the pixels that EDA counts; blue circle: a
-    disc of their area at their middle. Where there is no map, as of a sensor at another station, the marks are on the
-    dimmed picture.
+    pressure with ``paper``. Green circle: the peak. Blue line: the border of the pixels that EDA counts. Where there is
+    no map, as of a sensor at another station, the marks are on the dimmed picture, and a blue circle has EDA's area.
     """
 
     def __init__(self) -> None:
@@ -82,11 +81,9 @@ class TouchSheet:
         middle_x, middle_y = (
             at * scale for at, scale in zip(metrics.centroid_xy, (scale_x, scale_y), strict=True)
         )
-        if touch_map is not None and (n := int(np.count_nonzero(mask := touch_map.mask[rows, columns]))):
-            tile[_border(mask)] = EDA_BLUE
-            middle_x = float(mask.sum(axis=0) @ np.arange(TILE_WIDTH)) / n
-            middle_y = float(mask.sum(axis=1) @ np.arange(TILE_HEIGHT)) / n
-        if math.isfinite(middle_x + middle_y):
+        if touch_map is not None:
+            tile[_border(touch_map.mask[rows, columns])] = EDA_BLUE
+        elif math.isfinite(middle_x + middle_y):
             _circle(tile, middle_x, middle_y, math.sqrt(metrics.eda / math.pi * scale_x * scale_y), EDA_BLUE)
         x, y = metrics.peak_xy
         _circle(tile, x * scale_x, y * scale_y, _PEAK_RADIUS_PX, PEAK_GREEN)
@@ -109,12 +106,13 @@ def _nearest(shape: tuple[int, ...]) -> tuple[Pixels, Pixels]:
 
 
 def _border(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the mask's outermost pixels."""
+    """Return the mask's two outermost lines of pixels; it has no border where it leaves the picture."""
     inner = mask.copy()
-    inner[1:] &= mask[:-1]
-    inner[:-1] &= mask[1:]
-    inner[:, 1:] &= mask[:, :-1]
-    inner[:, :-1] &= mask[:, 1:]
+    for step in (1, 2):
+        inner[step:] &= mask[:-step]
+        inner[:-step] &= mask[step:]
+        inner[:, step:] &= mask[:, :-step]
+        inner[:, :-step] &= mask[:, step:]
     border: NDArray[np.bool_] = mask & ~inner
     return border
 

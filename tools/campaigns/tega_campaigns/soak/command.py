@@ -12,8 +12,14 @@ __all__ = ["soak"]
 
 
 @click.command(epilog="Example: tega-teleop soak --seconds 60 --seed 1")
-@click.option("--seconds", type=click.FloatRange(min=10.0), default=60.0, show_default=True, help="How long.")
-@click.option("--seed", type=int, default=1, show_default=True, help="Of the faults and their order.")
+@click.option(
+    "--seconds",
+    type=click.FloatRange(min=10.0),
+    default=60.0,
+    show_default=True,
+    help="How long to measure, seconds.",
+)
+@click.option("--seed", type=int, default=1, show_default=True, help="Seed of the faults and their order.")
 @click.option(
     "--out",
     type=click.Path(path_type=Path, file_okay=False),

@@ -26,23 +26,27 @@ _DRAWN = click.Path(dir_okay=False, path_type=Path)
 @click.argument("recording", type=click.Path(exists=True, path_type=Path))
 @click.option(
     "--of", "of", multiple=True, type=click.Choice(["touch", "emg", "vest"]),
-    help="What to compare readings of; else what the recording holds, or what the sweep is of. Repeatable.",
+    help="Part whose readings are compared; else all that the recording holds, or that of the sweep. Repeatable.",
 )  # fmt: skip
 @click.option(
     "--reading", "names", multiple=True, metavar="NAME", help="Only this named reading; repeatable."
 )
 @click.option(
     "--sweep", metavar="KEY=FROM:TO:STEP",
-    help="Instead of named readings: one setting over a range, or KEY=VALUE,VALUE,...; keys as for --set.",
+    help="One setting over a range, or KEY=VALUE,VALUE,..., instead of the named readings; keys as for --set.",
 )  # fmt: skip
 @click.option(
     "--set", "sets", multiple=True, metavar="KEY=VALUE",
     help="A setting of all readings: stages.*, vest.*; repeatable.",
 )  # fmt: skip
-@click.option("--preset", type=click.Choice(["paper", "live"]), help="Instead of the recording's own.")
+@click.option(
+    "--preset", type=click.Choice(["paper", "live"]), help="Preset to use instead of the recording's own."
+)
 @click.option("--baseline", type=_FILE, help="Picture of the untouched gel, for loose pictures.")
 @click.option(
-    "--separate", is_flag=True, help="Every picture is of a press of its own: nothing is remembered."
+    "--separate",
+    is_flag=True,
+    help="Each picture is of a press of its own: nothing is remembered from one to the next.",
 )
 @click.option(
     "--marks",
@@ -63,11 +67,21 @@ _DRAWN = click.Path(dir_okay=False, path_type=Path)
 )
 @click.option(
     "--least-force-n", type=click.FloatRange(0, 1000), default=0.0, show_default=True,
-    help="Newtons that the force sensor tells of nothing: what is nearer to 0 counts as 0.",
+    help="Force, in newtons, below which the sensor's value counts as 0.",
 )  # fmt: skip
-@click.option("--emg-rate-hz", type=click.FloatRange(0, 10_000_000, min_open=True), help="Of a file of EMG.")
-@click.option("--emg-kind", type=click.Choice(["raw", "rectified", "envelope"]), help="What its samples are.")
-@click.option("--emg-channels", type=ChannelList(), help="Its columns to use, counted from 1; else all.")
+@click.option(
+    "--emg-rate-hz",
+    type=click.FloatRange(0, 10_000_000, min_open=True),
+    help="Samples per second of a file of EMG.",
+)
+@click.option(
+    "--emg-kind",
+    type=click.Choice(["raw", "rectified", "envelope"]),
+    help="What the samples of a file of EMG are.",
+)
+@click.option(
+    "--emg-channels", type=ChannelList(), help="Columns of a file of EMG to use, counted from 1; else all."
+)
 @click.option("--emg-variable", default="emg", show_default=True, help="Name of the array in a .mat file.")
 @click.option("--picture", type=_DRAWN, help="Draw the comparison, or the sweep, into this PNG.")
 @click.option(

@@ -71,9 +71,27 @@ def bench(ctx: click.Context, /, *, picture: Path | None, quick: bool, as_json: 
 
 
 @bench.command(epilog="Example: tega-teleop bench sim --repeats 3 --json")
-@click.option("--objects", type=NameList(), default="bottle,container,bag", show_default=True)
-@click.option("--repeats", type=click.IntRange(1, 1000), default=5, show_default=True, help="Of each lift.")
-@click.option("--preset", type=click.Choice(["paper", "live"]), default="live", show_default=True)
+@click.option(
+    "--objects",
+    type=NameList(),
+    default="bottle,container,bag",
+    show_default=True,
+    help="Objects that are lifted.",
+)
+@click.option(
+    "--repeats",
+    type=click.IntRange(1, 1000),
+    default=5,
+    show_default=True,
+    help="How often each lift is repeated.",
+)
+@click.option(
+    "--preset",
+    type=click.Choice(["paper", "live"]),
+    default="live",
+    show_default=True,
+    help="Readings of the equations: paper (as printed) or live (meant for people).",
+)
 @json_option
 def sim(*, objects: list[str], repeats: int, preset: Literal["paper", "live"], as_json: bool) -> None:
     """Measure where the time of simulated lifts goes, and what each skip saves.
@@ -100,7 +118,13 @@ def sim(*, objects: list[str], repeats: int, preset: Literal["paper", "live"], a
 
 
 @bench.command(epilog="Example: tega-teleop bench loop --seconds 20")
-@click.option("--seconds", type=click.FloatRange(3, 3600), default=20, show_default=True, help="How long.")
+@click.option(
+    "--seconds",
+    type=click.FloatRange(3, 3600),
+    default=20,
+    show_default=True,
+    help="How long to measure, seconds.",
+)
 @click.option(
     "--record",
     is_flag=True,
@@ -123,7 +147,7 @@ def sim(*, objects: list[str], repeats: int, preset: Literal["paper", "live"], a
     type=click.Choice(["paper", "live"]),
     default="live",
     show_default=True,
-    help="Of the session; paper measures touch alike in all versions, to compare what is around it.",
+    help="Preset of the session. With paper, all versions measure touch alike, so that the rest can be compared.",
 )
 @json_option
 def loop(
@@ -183,7 +207,13 @@ def loop(
 
 
 @bench.command(epilog="Example: tega-teleop bench stations --seconds 20 --keys")
-@click.option("--seconds", type=click.FloatRange(2, 3600), default=20, show_default=True, help="How long.")
+@click.option(
+    "--seconds",
+    type=click.FloatRange(2, 3600),
+    default=20,
+    show_default=True,
+    help="How long to measure, seconds.",
+)
 @click.option("--keys", is_flag=True, help="Encrypt the link, with keys made for this.")
 @click.option(
     "--images-hz",

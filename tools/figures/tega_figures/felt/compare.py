@@ -208,7 +208,9 @@ def _draw(found: dict[str, list[FeltInformation]], file: Path) -> None:
 
 
 @click.command(help=__doc__)
-@click.option("--people", type=click.IntRange(1, 200), default=16, show_default=True, help="How many.")
+@click.option(
+    "--people", type=click.IntRange(1, 200), default=16, show_default=True, help="How many bursts are played."
+)
 @click.option("--picture", type=click.Path(path_type=Path, dir_okay=False), help="Draw it there.")
 def main(people: int, picture: Path | None) -> None:
     """Print the tables, and draw the picture where one is named."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from tega.sim.world.world import Shape
+from tega.view.browser.object_shapes import LOOKS, LookPart
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -15,28 +16,55 @@ __all__ = ["add_solids"]
 
 _AROUND: Final = 20
 _CAP: Final = 5
+_SLICES: Final = 8
 _LIGHT: Final = np.array([-0.35, -0.55, 0.76])
 
 
-def add_solids(axes: Any, shapes: list[Shape], poses: NDArray[np.float64]) -> None:
+def add_solids(axes: Any, shapes: list[Shape], poses: NDArray[np.float64], *, thing: str = "") -> None:
     """Draw primitives into a 3-D axes.
 
     Args:
         axes: Of matplotlib's ``projection="3d"``.
         shapes: From :meth:`~tega.sim.world.World.shapes`.
         poses: From :meth:`~tega.sim.world.World.poses`, float64 (n, 7).
+        thing: ``bottle``, ``container`` or ``bag``: draw the object as the page does, instead of the cylinder that
+            fingers touch.
     """
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     polygons, colours = [], []
     for shape, pose in zip(shapes, poses, strict=True):
-        faces = _faces(shape) @ _rotation(pose[3:]).T
-        normals = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
-        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-        light = 0.55 + 0.45 * np.clip(normals @ _LIGHT, -0.6, 1.0)
-        polygons.append(faces + pose[:3])
-        colours.append(np.clip(np.outer(light, shape.rgba[:3]), 0, 1))
-    axes.add_collection3d(Poly3DCollection(np.concatenate(polygons), facecolors=np.concatenate(colours)))
+        looks = LOOKS.get(thing) if shape.name == "object" else None
+        solids = (
+            [(_faces(shape), 1.0)] if looks is None else [(_look(part, shape), part.shade) for part in looks]
+        )
+        for own, shade in solids:
+            faces = own @ _rotation(pose[3:]).T
+            normals = np.cross(faces[:, 2] - faces[:, 0], faces[:, 3] - faces[:, 1])
+            normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+            light = shade * (0.55 + 0.45 * np.clip(normals @ _LIGHT, -0.6, 1.0))
+            polygons.append(faces + pose[:3])
+            colours.append(np.clip(np.outer(light, shape.rgba[:3]), 0, 1))
+    drawn = np.concatenate(colours)
+    # Edges of the faces' own colours close the gaps that antialiasing leaves between them.
+    axes.add_collection3d(
+        Poly3DCollection(np.concatenate(polygons), facecolors=drawn, edgecolors=drawn, linewidths=0.4)
+    )
+
+
+def _look(part: LookPart, shape: Shape) -> NDArray[np.float64]:
+    """Return the faces of a part of what an upright object looks like."""
+    radius, half = part.wide * shape.size_m[0], part.tall * shape.size_m[1]
+    match part.primitive:
+        case "box":
+            faces = _box(np.array([radius, radius, half]))
+        case "tube":
+            walls = [(radius, height) for height in np.linspace(-half, half, _SLICES)]
+            faces = _turned([(0, -half), *walls, (0, half)])
+        case "ball":
+            angles = np.linspace(-np.pi / 2, np.pi / 2, 2 * _CAP + 1)
+            faces = _turned([(radius * np.cos(a), half * np.sin(a)) for a in angles])
+    return faces + np.array([0.0, 0.0, part.middle * shape.size_m[1]])
 
 
 def _faces(shape: Shape) -> NDArray[np.float64]:
