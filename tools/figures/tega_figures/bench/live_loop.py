@@ -10,7 +10,9 @@ from typing import Any, Literal
 import msgspec
 
 from tega.config import FINGERS, Pace, check_tree
+from tega.teleop.pacing import LATE_EDGES_NS
 from tega_figures.bench.machine import Machine, describe_machine
+from tega_figures.bench.witness import LateTicks, witness
 
 __all__ = ["LoopBench", "bench_loop"]
 
@@ -26,6 +28,9 @@ class LoopBench(msgspec.Struct, frozen=True, kw_only=True):
         seconds: How long the run was.
         latency_ms: Percentiles of every stage by path; see :mod:`tega.teleop.latency`.
         pacing: Ticks, and how late they were.
+        late_edges_ms: Upper bounds of the bins of both histograms of late ticks.
+        late_ticks: The loop's own ticks: those of the hand, and those of the vest between them.
+        witness_ticks: Those of a bare native clock of 3 ms in a process of its own, at the same time on the same cores.
         frames_hz: Pictures a second used, all fingers together.
         samples_hz: EMG samples a second used.
         hand_hz: Ticks of the loop for the hand a second; 333 are due.
@@ -42,6 +47,9 @@ class LoopBench(msgspec.Struct, frozen=True, kw_only=True):
     seconds: float
     latency_ms: dict[str, Any]
     pacing: dict[str, Any]
+    late_edges_ms: tuple[float, ...]
+    late_ticks: LateTicks
+    witness_ticks: LateTicks
     frames_hz: float
     samples_hz: float
     hand_hz: float
@@ -96,18 +104,24 @@ def bench_loop(
             def progress(what: str, _done: int, _total: int) -> None:
                 if what == "running":
                     cpu_s.append(_processor_s())
+                    beside.begin(seconds)
 
-            with pressing(lab):
+            with witness() as beside, pressing(lab):
                 ahead = lab.go_ahead()
                 summary = run_session(config, progress=progress)
-            used_s, own_s = (after - before for before, after in zip(cpu_s[0], _processor_s(), strict=True))
-    wall_s = summary["duration_s"]
+                cpu_s.append(_processor_s())
+                witness_ticks = beside.late()
+            used_s, own_s = (after - before for before, after in zip(*cpu_s, strict=True))
+    wall_s, pacing = summary["duration_s"], summary["pacing"]
     return LoopBench(
         machine=describe_machine(),
         preset=preset,
         seconds=wall_s,
         latency_ms=summary["latency_ms"],
-        pacing=summary["pacing"],
+        pacing=pacing,
+        late_edges_ms=tuple(edge_ns / 1e6 for edge_ns in LATE_EDGES_NS),
+        late_ticks=LateTicks.of_bins(pacing["late"], worst_ms=pacing["worst_late_ms"]),
+        witness_ticks=witness_ticks,
         frames_hz=sum(f["frames"] for f in summary["tactile"].values()) / wall_s,
         samples_hz=summary["emg"]["samples"] / wall_s,
         hand_hz=summary["hand"]["ticks"] / wall_s,
