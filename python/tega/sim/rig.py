@@ -174,6 +174,7 @@ class TrialRig:
         arrival_ns, next_ns = t_ns + CAMERA_DELAY_NS, self._camera_ns + CAMERA_DELAY_NS
         # As each finger was in the frame before: the cameras take theirs at one time.
         bearing = [meter.metric.bears_load for meter in self._meters]
+        shown, told = self._bus.wants(Picture), self._bus.wants(MeasuredPicture)
         for finger, indenters in enumerate(self.world.pads()):
             gel, meter = self._gels[finger], self._meters[finger]
             # A metric that learns from an untouched gel is shown it.
@@ -185,14 +186,14 @@ class TrialRig:
             self.frames[finger] = image
             meter.metric.loaded = any(bearing[:finger] + bearing[finger + 1 :])
             frame = TactileFrame(arrival_ns, number, image, "simulated frame")
-            if self._bus.wants(Picture):
+            if shown:
                 self._bus.publish(picture_of(FINGERS[finger], frame))
             contact = meter.take(frame)
             if contact is None:
                 continue
             self.metrics[finger] = contact[1]
             self._streams[finger].put(contact, next_ns=next_ns)
-            if self._bus.wants(MeasuredPicture):
+            if told:
                 self._bus.publish(
                     MeasuredPicture(
                         finger=FINGERS[finger],

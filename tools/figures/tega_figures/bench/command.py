@@ -125,6 +125,12 @@ def sim(*, objects: list[str], repeats: int, preset: Literal["paper", "live"], a
     show_default=True,
     help="Of the session; paper measures touch alike in all versions, to compare what is around it.",
 )
+@click.option(
+    "--realtime/--no-realtime",
+    default=True,
+    show_default=True,
+    help="Whether the run and the bare clock beside it ask for real-time priority.",
+)
 @json_option
 def loop(
     *,
@@ -133,6 +139,7 @@ def loop(
     pace: Literal["by-frame", "steady"],
     most_hz: float | None,
     preset: Literal["paper", "live"],
+    realtime: bool,
     as_json: bool,
 ) -> None:
     """Run the whole loop in real time on emulated devices and measure how long each stage takes.
@@ -157,7 +164,9 @@ def loop(
     from tega.cli.report import latency_tables
     from tega_figures.bench.live_loop import bench_loop
 
-    report = bench_loop(seconds=seconds, record=record, pace=pace, most_hz=most_hz, preset=preset)
+    report = bench_loop(
+        seconds=seconds, record=record, pace=pace, most_hz=most_hz, preset=preset, realtime=realtime
+    )
     if as_json:
         echo_json(msgspec.to_builtins(report))
         return

@@ -30,7 +30,8 @@ class LoopBench(msgspec.Struct, frozen=True, kw_only=True):
         pacing: Ticks, and how late they were.
         late_edges_ms: Upper bounds of the bins of both histograms of late ticks.
         late_ticks: The loop's own ticks: those of the hand, and those of the vest between them.
-        witness_ticks: Those of a bare native clock of 3 ms in a process of its own, at the same time on the same cores.
+        witness_ticks: Those of a bare native clock of 3 ms in a process of its own, at the same time on the same cores
+            and at the same priority.
         frames_hz: Pictures a second used, all fingers together.
         samples_hz: EMG samples a second used.
         hand_hz: Ticks of the loop for the hand a second; 333 are due.
@@ -67,6 +68,7 @@ def bench_loop(
     pace: Pace = "by-frame",
     most_hz: float | None = None,
     preset: Literal["paper", "live"] = "live",
+    realtime: bool = True,
 ) -> LoopBench:
     """Run four DIGITs at 60 Hz, EMG at 1 kHz, an Allegro Hand and a vest for a while.
 
@@ -76,6 +78,7 @@ def bench_loop(
         pace: Of the vest; see ``vest.pace`` of a session's settings.
         most_hz: The greatest rate of the vest's link; ``None`` for the driver's own.
         preset: Of the session and its calibration.
+        realtime: Whether run and witness ask for real-time priority.
 
     Returns:
         What was measured.
@@ -91,7 +94,7 @@ def bench_loop(
         with emulated_lab(
             folder, emg_hz=EMG_HZ, hand=True, vest=True, fingers=FINGERS, touch=PRESSED, preset=preset
         ) as lab:
-            lab.tree["session"] = {"duration_s": seconds, "preset": preset}
+            lab.tree["session"] = {"duration_s": seconds, "preset": preset, "realtime": realtime}
             lab.tree["vest"]["pace"] = pace
             if most_hz is not None:
                 lab.tree["vest"]["options"]["most_hz"] = most_hz
@@ -106,7 +109,7 @@ def bench_loop(
                     cpu_s.append(_processor_s())
                     beside.begin(seconds)
 
-            with witness() as beside, pressing(lab):
+            with witness(realtime=realtime) as beside, pressing(lab):
                 ahead = lab.go_ahead()
                 summary = run_session(config, progress=progress)
                 cpu_s.append(_processor_s())

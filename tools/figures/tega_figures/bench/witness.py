@@ -1,7 +1,7 @@
 """Keep a bare clock of 3 ms in a process of its own beside a run, as the witness of how late this machine is.
 
-It waits as the loop waits, in native code and without a device, a computation or an interpreter lock: what is late here
-is so by the machine and by what else runs on it.
+It waits as the loop waits, at the same priority, in native code and without a device, a computation or an interpreter
+lock: what is late here is so by the machine and by what else runs on it.
 """
 
 from __future__ import annotations
@@ -11,13 +11,14 @@ import subprocess
 import sys
 from bisect import bisect_left
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 
 import msgspec
 
 from tega.child_process import end_child, python_command, python_environment
 from tega.teleop.hand import HAND_TICK_NS
 from tega.teleop.pacing import LATE_EDGES_NS
+from tega.threads import run_realtime
 
 __all__ = ["LateTicks", "Witness", "witness"]
 
@@ -77,10 +78,14 @@ class Witness:
 
 
 @contextmanager
-def witness() -> Iterator[Witness]:
-    """Start a witness, and end it with the block."""
+def witness(*, realtime: bool) -> Iterator[Witness]:
+    """Start a witness, and end it with the block.
+
+    Args:
+        realtime: Whether it asks for the real-time priority of the loop's thread.
+    """
     process = subprocess.Popen(
-        python_command(__name__),
+        python_command(__name__, "act" if realtime else "ordinary"),
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         env=python_environment(),
@@ -98,9 +103,11 @@ def _keep() -> None:
     from tega import _native
 
     print("ready", flush=True)
-    n_ticks = sys.stdin.readline()
-    if n_ticks:
-        print(json.dumps(_native.bare_clock(HAND_TICK_NS, int(n_ticks))), flush=True)
+    if not (n_ticks := sys.stdin.readline()):
+        return
+    with run_realtime("act") if sys.argv[1] == "act" else nullcontext():
+        late_ns = _native.bare_clock(HAND_TICK_NS, int(n_ticks))
+    print(json.dumps(late_ns), flush=True)
 
 
 if __name__ == "__main__":
