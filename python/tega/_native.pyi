@@ -226,6 +226,16 @@ GEL_MIDDLE_ALONG_MM: Final[float]
 GEL_CAMERA_MM: Final[float]
 
 def gel_fall(x_mm: float, y_mm: float, /) -> tuple[float, float]: ...
+def gel_pad_pose(
+    pad: tuple[NDArray[np.float64], NDArray[np.float64]],
+    near_m: tuple[float, float, float],
+    normal: tuple[float, float, float],
+    shape: tuple[NDArray[np.float64], NDArray[np.float64]],
+    /,
+    *,
+    radius_m: float,
+    half_length_m: float,
+) -> NDArray[np.float64]: ...
 
 @final
 class Gel:
@@ -281,6 +291,9 @@ class HandController:
         velocities_rad_s: NDArray[np.float64] | None,
         out: NDArray[np.float64] | None,
     ) -> NDArray[np.float64]: ...
+    def step_encoded(
+        self, angles_rad: NDArray[np.float64], level: float, /, *, device_id: int
+    ) -> list[tuple[int, bytes, bool]]: ...
     def reset(self, angles_rad: NDArray[np.float64], /) -> None: ...
     @property
     def target_rad(self) -> NDArray[np.float64] | None: ...
@@ -344,6 +357,7 @@ class HandLink:
     @property
     def counts(self) -> dict[str, int]: ...
 
+def bare_clock(period_ns: int, n_ticks: int, /) -> list[int]: ...
 def step_modelled(
     controller: HandController, model: JointModel, level: float, /
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...

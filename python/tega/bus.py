@@ -96,7 +96,8 @@ class Bus:
 
     def wants(self, topic: type[msgspec.Struct]) -> bool:
         """Tell whether anybody would be told of a record of exactly this kind."""
-        return bool(self._found(topic))
+        found = self._of.get(topic)  # asked for every tick and picture
+        return bool(self._found(topic) if found is None else found)
 
     def publish(self, record: msgspec.Struct) -> None:
         """Tell everybody who has subscribed.

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
+from numpy import fft  # it would else be imported by the first look, in the middle of a run
 
 from tega.records import MuscleCondition
 
@@ -57,9 +58,9 @@ def median_frequency(samples: NDArray[np.float64], rate_hz: float) -> NDArray[np
         array([80.])
     """
     centred = (samples - samples.mean(axis=0)) * np.hanning(len(samples))[:, np.newaxis]
-    hz = np.fft.rfftfreq(len(samples), 1 / rate_hz)
+    hz = fft.rfftfreq(len(samples), 1 / rate_hz)
     inside = (hz >= _BAND_HZ[0]) & (hz <= min(_BAND_HZ[1], 0.45 * rate_hz))
-    power = np.cumsum(np.abs(np.fft.rfft(centred, axis=0)[inside]) ** 2, axis=0)
+    power = np.cumsum(np.abs(fft.rfft(centred, axis=0)[inside]) ** 2, axis=0)
     found = np.full(samples.shape[1], np.nan)
     for k in np.flatnonzero(power[-1] > 0):
         found[k] = hz[inside][np.searchsorted(power[:, k], power[-1, k] / 2)]

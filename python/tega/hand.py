@@ -206,6 +206,29 @@ class HandController:
                 out.fill(0.0)
             raise
 
+    def step_encoded(
+        self, angles_rad: NDArray[np.float64], level: float, *, device_id: int = 0
+    ) -> list[tuple[int, bytes, bool]]:
+        """Run one cycle of 3 ms between both ends of a version 4 hand's cable, in one call.
+
+        The same as :meth:`step` of the angles as the hand's encoders show them, and
+        :func:`tega.wire.allegro_torque_frames` of the torques.
+
+        Args:
+            angles_rad: True joint angles, float64 (16,).
+            level: Closure level asked for, 1 to 5 with fractions between two poses.
+            device_id: The hand's number on its bus, 0 to 3.
+
+        Returns:
+            Identifier and data of the four SET TORQUE frames, and that none is a request.
+
+        Raises:
+            InvalidValueError: As :meth:`step`.
+            ShapeError: The array is not (16,).
+            WireError: An angle is not finite or beyond what an encoder can report, or the number is above 3.
+        """
+        return self._native.step_encoded(angles_rad, level, device_id=device_id)
+
     def reset(self, angles_rad: ArrayLike) -> None:
         """Adopt a measured pose: the target is there and at rest, the torque starts from zero.
 

@@ -6,6 +6,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from reference.pad import pad_pose
+from tega import _native
 from tega.sim.gel import HEIGHT, PX_PER_MM, STIFFNESS_N_MM3, WIDTH, Gel, ball
 from tega.sim.seams import Indenter
 
@@ -109,3 +111,26 @@ def test_a_gel_is_alike_on_both_sides(form, force_n, place, radius_mm):
         gel.press([ball(force_n=force_n, radius_mm=radius_mm, centre_xy=(x, 319 - y))])
         # Even rows are relaxed before odd ones.
         assert np.abs(here - gel.displacement_mm()[::-1]).max() < max(0.05 * here.max(), UNSEEN_MM)
+
+
+# Normals lean up to a right angle from straight out of the pad, whose x that is.
+leans = st.tuples(st.floats(0.05, 1.0), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
+places_m = st.tuples(*[st.floats(-0.05, 0.05)] * 3)
+
+
+@given(pad=st.tuples(places_m, turns), lean=leans, off=places_m, shape=st.tuples(places_m, turns))
+def test_a_shape_on_the_pad_of_the_physics_lies_before_the_gel_by_the_rule(pad, lean, off, shape):
+    at_m, turned = np.array(pad[0]), rotation(pad[1])
+    normal, near_m = turned @ np.array(lean) * 3.7, at_m + turned @ np.array(off)
+    place, lies = np.array(shape[0]), rotation(shape[1])
+    sizes_m = {"radius_m": 0.012, "half_length_m": 0.01}
+    found = _native.gel_pad_pose(
+        (at_m, turned.ravel()),
+        tuple(near_m.tolist()),
+        tuple(normal.tolist()),
+        (place, lies.ravel()),
+        **sizes_m,
+    )
+    wanted = pad_pose((at_m, turned), near_m, normal, (place, lies), **sizes_m)
+    # Millimetres, some hundred of them at most.
+    np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-8)

@@ -22,6 +22,7 @@ from tega.hand import (
     JointModel,
     ModelledHand,
 )
+from tega.wire import allegro_angle_counts, allegro_angles_rad, allegro_torque_frames
 
 LOW, HIGH = JOINT_LIMITS_RAD.T
 KP = [1.5] * 12 + [2.0] * 4
@@ -46,6 +47,18 @@ def test_targets_are_the_exact_mixture_of_minimum_jerk_moves(asked: list[int], s
             wanted = [float(a) for a in reference.mix(exact[tick], CLOSURE_POSES_RAD.tolist())]
             assert controller.target_rad is not None
             np.testing.assert_allclose(controller.target_rad, wanted, rtol=0, atol=1e-14)
+
+
+@settings(max_examples=25, deadline=None)
+@given(measured=st.lists(angles, min_size=1, max_size=12), level=st.floats(1, 5), device_id=st.integers(0, 3))
+def test_a_cycle_between_both_ends_of_the_cable_is_its_steps_one_by_one(
+    measured: list[NDArray[np.float64]], level: float, device_id: int
+) -> None:
+    whole, parts = HandController(), HandController()
+    for true_rad in measured:
+        shown_rad = allegro_angles_rad(allegro_angle_counts(true_rad))
+        frames = allegro_torque_frames(parts.step(shown_rad, level), device_id=device_id)
+        assert whole.step_encoded(true_rad, level, device_id=device_id) == frames
 
 
 @settings(max_examples=40, deadline=None)

@@ -28,7 +28,7 @@ from tega.tactile import ContactMetrics
 from tega.teleop.hand import ModelledAllegro
 from tega.teleop.loop import DualLoop
 from tega.teleop.moment import LoopView, Moment
-from tega.teleop.pacing import Pacer
+from tega.teleop.pacing import LATE_EDGES_NS, Pacer
 from tega.teleop.touch import TouchLoop
 
 SMALL = np.zeros((9, 9, 3), np.uint8)
@@ -229,6 +229,9 @@ def test_a_late_tick_is_made_up_for_and_counted() -> None:
     pacing = loop._pacer.report()
     assert (pacing.n_skipped, pacing.worst_late_ms) == (0, 20.0)
     assert pacing.n_overruns == 6  # those due at 9, 12, 15, 18, 21, 24 ms come at 29
+    bins = {edge_ns // MS: n for edge_ns, n in zip(LATE_EDGES_NS, pacing.n_late, strict=False) if n}
+    # 29 ms is 20, 17, 14, 11, 8, 5 and 2 ms late; all other ticks are in time.
+    assert bins == {0: pacing.n_ticks - 7, 2: 1, 5: 1, 10: 1, 20: 4}
 
 
 def test_after_a_long_stall_old_commands_are_left_out() -> None:

@@ -235,3 +235,15 @@ def test_every_condition_has_a_vest() -> None:
     assert [one for one in CONDITIONS if one not in SESSION_CONDITIONS] == ["unfelt", "ideal-vest"]
     with pytest.raises(InvalidValueError, match="recorded"):
         worn("replayed", layout="x40", seed=1)
+
+
+def test_pictures_are_shown_by_what_makes_frames_of_them_and_by_nothing_else() -> None:
+    from tega.haptics import vest_frame
+
+    one, other = (vest_frame([percent] * 4, [90.0 - percent] * 4, layout="x40") for percent in (20.0, 70.0))
+    for condition, arm in ARMS.items():
+        shown = [
+            worn(condition, layout="x40", seed=1, recorded=[(0.0, one)])(0.5, frame) for frame in (one, other)
+        ]
+        of_pictures = arm.tells in {"touch", "events"} and shown[0] != shown[1]
+        assert arm.shows_pictures == of_pictures, condition

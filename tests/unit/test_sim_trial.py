@@ -17,6 +17,8 @@ pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
 from tega.cli.main import main
 from tega.errors import InvalidValueError, RecordingError
 from tega.sim import trials as trials_module
+from tega.sim.gel import Gel
+from tega.sim.lab import lab_of
 from tega.sim.plan import TrialPlan, TrialResult
 from tega.sim.seams import Act, Percept
 from tega.sim.streams import Streams
@@ -73,6 +75,20 @@ def test_a_lift_repeats_bit_for_bit_and_is_the_same_with_every_fingertip_rendere
     assert run_trial(SCRIPTED, streams=rendered, skip_untouched=False) == result
     for table in ("truth", "contacts", "levels", "vest"):
         assert rendered.rows[table] == streams.rows[table]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("condition", ["non-haptic", "constant", "true-force"])
+def test_a_trial_whose_pictures_nobody_is_shown_is_the_same_without_them(
+    condition: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = TrialPlan.checked({"object": "bag", "condition": condition, "seed": 2})
+    rendered = run_trial(plan, skip_untouched=False)
+    n_rendered: list[int] = []
+    lab_of(plan.seed, plan.preset)  # its calibration is of pictures
+    monkeypatch.setattr(Gel, "frame", lambda _gel, _indenters, index, **_named: n_rendered.append(index))
+    assert run_trial(plan) == rendered
+    assert not n_rendered
 
 
 def test_the_tables_hold_what_the_arrays_do(lift, tmp_path: Path) -> None:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import random
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -163,6 +166,40 @@ def test_a_dask_cluster_gives_the_same_study(tmp_path: Path) -> None:
         for where in ("here", "there")
     ]
     assert tables[0] == tables[1]
+
+
+@pytest.mark.slow
+def test_a_dask_worker_that_is_killed_in_a_session_costs_no_trial(tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed", reason="needs the extra tega[dask]")
+    simulate(tmp_path / "here", operators=3, objects=["bag"], trials=1, jobs=1)
+    killed: list[int] = []
+
+    def kill_one(watcher: Any, pids: dict[str, int]) -> None:
+        while not killed:
+            busy = [worker for worker, keys in watcher.processing().items() if keys]
+            for worker in busy[:1]:
+                os.kill(pids[worker], signal.SIGKILL)
+                killed.append(pids[worker])
+            time.sleep(0.05)
+
+    with (
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
+        ) as cluster,
+        distributed.Client(cluster.scheduler_address) as watcher,
+    ):
+        killer = threading.Thread(target=kill_one, args=(watcher, watcher.run(os.getpid)))
+        killer.start()
+        try:
+            simulate(
+                tmp_path / "there", operators=3, objects=["bag"], trials=1, dask=cluster.scheduler_address
+            )
+        finally:
+            killed.append(0)
+            killer.join()
+    assert killed[0], "a worker was killed while it had a session"
+    assert content(tmp_path / "here") == content(tmp_path / "there")
+    assert len(study_trials(tmp_path / "there")[1]) == 6
 
 
 def tables_of(folder: Path) -> dict[str, str]:

@@ -223,7 +223,7 @@ fn blend_some<const OUTER: bool, const N: usize>(
         for k in 0..N {
             let half = upper_mean(near[k], far[k]);
             let quarter = upper_mean(near[k], half);
-            let change = !upper_mean(!quarter, !if OUTER { near[k] } else { half });
+            let change = lower_mean(quarter, if OUTER { near[k] } else { half });
             // Noise alone does not leave a byte; what the change would is cut off.
             let level = still[k].wrapping_add(noise[k]).saturating_add((change ^ ZERO) as i8);
             out[k] = level as u8 ^ ZERO;
@@ -235,6 +235,12 @@ fn blend_some<const OUTER: bool, const N: usize>(
 #[inline(always)]
 fn upper_mean(a: u8, b: u8) -> u8 {
     ((u16::from(a) + u16::from(b) + 1) >> 1) as u8
+}
+
+/// The mean of two bytes, halves rounded down: the other one, less the half that it added.
+#[inline(always)]
+fn lower_mean(a: u8, b: u8) -> u8 {
+    upper_mean(a, b).wrapping_sub((a ^ b) & 1)
 }
 
 /// Pixels that a displaced cell reaches.

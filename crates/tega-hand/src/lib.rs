@@ -21,6 +21,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod bare_clock;
 mod controller;
 mod error;
 mod fault;
@@ -33,6 +34,7 @@ mod poses;
 mod sets;
 mod trajectory;
 
+pub use bare_clock::bare_clock;
 pub use controller::HandController;
 pub use error::HandError;
 pub use fault::Fault;

@@ -1,9 +1,10 @@
 //! Bindings of `tega-gel`.
 
-use numpy::{IntoPyArray, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2};
+use numpy::ndarray::arr2;
+use numpy::{IntoPyArray, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use tega_error::choice;
-use tega_gel::{CELLS, Form, HEIGHT, Indenter, PICTURE, Setup, Shape, WIDTH};
+use tega_gel::{CELLS, Form, HEIGHT, Indenter, PICTURE, Pad, Setup, Shape, WIDTH};
 
 use crate::errors::{BindError, InvalidValueError, ShapeError};
 use crate::shared::{Shared, released};
@@ -140,4 +141,31 @@ fn collect(indenters: Vec<Pressing<'_>>) -> Result<Vec<Indenter>, BindError> {
 #[pyo3(signature = (x_mm, y_mm, /))]
 pub(crate) fn gel_fall(x_mm: f64, y_mm: f64) -> (f64, f64) {
     tega_gel::fall(x_mm, y_mm).into()
+}
+
+/// The arrays are of MuJoCo's memory: a place (3,), and a rotation (9,), row after row.
+#[pyfunction]
+#[pyo3(signature = (pad, near_m, normal, shape, /, *, radius_m, half_length_m))]
+pub(crate) fn gel_pad_pose<'py>(
+    py: Python<'py>,
+    pad: (PyReadonlyArray1<'py, f64>, PyReadonlyArray1<'py, f64>),
+    near_m: [f64; 3],
+    normal: [f64; 3],
+    shape: (PyReadonlyArray1<'py, f64>, PyReadonlyArray1<'py, f64>),
+    radius_m: f64,
+    half_length_m: f64,
+) -> Result<Bound<'py, PyArray2<f64>>, BindError> {
+    let ((at_m, turned), (shape_m, lies)) = (placed(&pad)?, placed(&shape)?);
+    let pad = Pad { radius_m, half_length_m, at_m, turned };
+    Ok(PyArray2::from_owned_array(py, arr2(&tega_gel::pad_pose(&pad, near_m, normal, shape_m, &lies))))
+}
+
+fn placed(
+    (at, turned): &(PyReadonlyArray1<'_, f64>, PyReadonlyArray1<'_, f64>),
+) -> Result<([f64; 3], [[f64; 3]; 3]), BindError> {
+    let wrong = || ShapeError::new_err(("a place is not (3,), or a rotation not (9,)", ""));
+    let place = at.as_slice().ok().and_then(|at| at.try_into().ok());
+    let turn = turned.as_slice().ok().filter(|turned| turned.len() == 9);
+    let (place, (rows, _)) = (place.ok_or_else(wrong)?, turn.ok_or_else(wrong)?.as_chunks::<3>());
+    Ok((place, rows.try_into().map_err(|_| wrong())?))
 }

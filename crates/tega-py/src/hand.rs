@@ -3,10 +3,13 @@
 
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1};
 use pyo3::prelude::*;
+use pyo3::types::PyBytes;
 use tega_hand::{Gains, HandError, Joints, LEVELS, PoseSet};
+use tega_wire::allegro::{self, Scale};
 
 use crate::errors::{BindError, InvalidValueError};
-use crate::shared::Shared;
+use crate::shared::{Shared, released};
+use crate::wire::allegro::device;
 
 type Vector<'py> = Bound<'py, PyArray1<f64>>;
 
@@ -57,6 +60,27 @@ impl HandController {
         lent.as_array_mut().iter_mut().zip(torques).for_each(|(out, torque)| *out = torque);
         drop(lent);
         Ok(out)
+    }
+
+    /// Angles as a version 4 hand's encoders show them, torques as its messages carry them.
+    #[pyo3(signature = (angles_rad, level, /, *, device_id))]
+    fn step_encoded<'py>(
+        &self,
+        py: Python<'py>,
+        angles_rad: PyReadonlyArray1<'py, f64>,
+        level: f64,
+        device_id: i64,
+    ) -> Result<Vec<(u16, Bound<'py, PyBytes>, bool)>, BindError> {
+        let mut shown: Joints = numbers("angles_rad", angles_rad)?;
+        for angle in &mut shown {
+            *angle = allegro::angle_rad(allegro::angle_counts(*angle, Scale::V4)?, Scale::V4);
+        }
+        let torques = self.0.with(|core| core.step(&shown, level, None))?;
+        let frames = allegro::torque_frames(&torques, device(device_id)?, Scale::V4)?;
+        Ok(frames
+            .iter()
+            .map(|frame| (frame.id(), PyBytes::new(py, frame.data()), frame.is_remote()))
+            .collect())
     }
 
     #[pyo3(signature = (angles_rad, /))]
@@ -128,6 +152,13 @@ pub(crate) fn step_modelled<'py>(
         Ok::<_, HandError>((model.step(&torques)?, torques))
     })?;
     Ok((PyArray1::from_slice(py, &angles), PyArray1::from_slice(py, &torques)))
+}
+
+/// A clock with nothing to do beside it, for others to be compared with.
+#[pyfunction]
+#[pyo3(signature = (period_ns, n_ticks, /))]
+pub(crate) fn bare_clock(py: Python<'_>, period_ns: u64, n_ticks: u32) -> Vec<u64> {
+    released(py, true, || tega_hand::bare_clock(period_ns, n_ticks))
 }
 
 /// Exactly `N` numbers of an array of any stride; its borrow ends here, so that `out` may be the same array.

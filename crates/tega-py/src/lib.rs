@@ -40,9 +40,9 @@ mod _native {
         BlockMean, ButterworthLowpass, ChannelVotes, GraspIntent, channel_maxima, fuse_levels, grasp_level,
     };
     #[pymodule_export]
-    use crate::gel::{Gel, gel_fall};
+    use crate::gel::{Gel, gel_fall, gel_pad_pose};
     #[pymodule_export]
-    use crate::hand::{HandController, JointModel, step_modelled};
+    use crate::hand::{HandController, JointModel, bare_clock, step_modelled};
     #[pymodule_export]
     use crate::hand_link::HandLink;
     #[pymodule_export]

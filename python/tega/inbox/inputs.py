@@ -80,6 +80,8 @@ class Inputs:
             bus: Told of what a device says whenever that changes, and of every event of a button that is meant.
             pacer: Knows the session's time.
         """
+        if not self._seats:
+            return
         events: dict[str, list[InputEvent]] = {}
         self._n_looks += 1
         seen = {}
@@ -91,8 +93,7 @@ class Inputs:
             seen[name] = SeatSeen(state, held, before + sum(e.pressed for e in events[name]))
             self._no_data_looks[name] += not state.live
         self.seen = seen
-        if self._seats:
-            self._tell(events, bus, pacer)
+        self._tell(events, bus, pacer)
 
     def _tell(self, events: Mapping[str, list[InputEvent]], bus: Bus, pacer: Pacer) -> None:
         for seat, seen in self.seen.items():

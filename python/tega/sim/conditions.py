@@ -52,6 +52,10 @@ WornOn: TypeAlias = Literal["own", "clear", "none"]
 """Skin that the motors reach: the person's own, one that misses nothing, or none."""
 
 
+_OF_FRAMES: Final = frozenset({"informative", "permuted", "inverted", "half"})
+"""Shams that make what is worn of the frame that the loop made."""
+
+
 class Arm(NamedTuple):
     """One condition of a comparison.
 
@@ -69,6 +73,11 @@ class Arm(NamedTuple):
     def pulses(self) -> bool:
         """Whether events are told by pulses, which the person knows."""
         return self.tells in {"events", "true slips"}
+
+    @property
+    def shows_pictures(self) -> bool:
+        """Whether what is worn hangs on what the fingertips' pictures show."""
+        return self.tells in {"touch", "events"} and self.sham in _OF_FRAMES
 
 
 ARMS: Final[dict[Condition, Arm]] = {

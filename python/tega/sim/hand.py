@@ -8,13 +8,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tega.wire import AllegroServo, allegro_decode, allegro_limp_frames, allegro_torque_frames
+from tega.wire import (
+    ALLEGRO_RAD_PER_COUNT,
+    AllegroServo,
+    CanFrame,
+    allegro_decode,
+    allegro_limp_frames,
+    allegro_torque_frames,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tega.hand import HandController
-    from tega.wire import CanFrame
 
 
 COUNTS_PER_TORQUE = 1200.0
@@ -23,11 +29,11 @@ _FINGER, _WORD, _SET_BYTES = Struct("<4h"), np.dtype("<i2"), 32
 
 
 class SimulatedAllegro:
-    """The real controller on the angles that the simulated hand's encoders show.
+    """The real controller on the angles that the simulated hand's encoders show: steps of 0.0888 mrad.
 
     Args:
         controller: The controller, with the poses of the bench.
-        read_angles_rad: Gives the angles, float64 (16,), as they are now.
+        read_angles_rad: Gives the true angles, float64 (16,), as they are now.
         device_id: The hand's number on its bus, 0 to 3.
     """
 
@@ -43,12 +49,12 @@ class SimulatedAllegro:
         self._controller = controller
         self._read = read_angles_rad
         self._device_id = device_id
-        self._torques = np.zeros(16)
 
     @property
     def angles_rad(self) -> NDArray[np.float64]:
         """The joint angles as the encoders show them now, float64 (16,), in radians."""
-        return self._read()
+        angles: NDArray[np.float64] = np.rint(self._read() / ALLEGRO_RAD_PER_COUNT) * ALLEGRO_RAD_PER_COUNT
+        return angles
 
     @property
     def target_rad(self) -> NDArray[np.float64] | None:
@@ -64,8 +70,8 @@ class SimulatedAllegro:
         Returns:
             The four SET TORQUE frames of this tick.
         """
-        torques = self._controller.step(self._read(), level, out=self._torques)
-        return allegro_torque_frames(torques, device_id=self._device_id)
+        frames = self._controller.step_encoded(self._read(), level, device_id=self._device_id)
+        return [CanFrame._make(frame) for frame in frames]
 
     def limp(self) -> list[CanFrame]:
         """Return zero torque for every finger, then SERVO OFF."""
@@ -92,14 +98,14 @@ class SimulatedBus:
         self._device_id = device_id
         fingers = allegro_torque_frames(np.zeros(16), device_id=device_id)
         self._set_ids = [frame.id for frame in fingers]
-        self._counts = np.zeros(16)
+        self._counts: NDArray[np.int16] = np.zeros(16, _WORD)
         self.n_rejected = 0
 
     def write(self, t_ns: int, frames: Sequence[CanFrame]) -> Sequence[CanFrame]:  # noqa: ARG002  # a bus has no clock
         """Act on frames in their order."""
         words = b"".join([frame.data for frame in frames])
         if len(words) == _SET_BYTES and [frame.id for frame in frames] == self._set_ids:
-            self._counts = np.frombuffer(words, _WORD).astype(np.float64)
+            self._counts = np.frombuffer(words, _WORD)
         else:
             for frame in frames:
                 self._take(frame)
@@ -109,10 +115,11 @@ class SimulatedBus:
     def _take(self, frame: CanFrame) -> None:
         if frame.id in self._set_ids and len(frame.data) == _FINGER.size:
             first = 4 * self._set_ids.index(frame.id)
+            self._counts = self._counts.copy()
             self._counts[first : first + 4] = _FINGER.unpack(frame.data)
             return
         message = allegro_decode(frame, device_id=self._device_id)
         if isinstance(message, AllegroServo) and not message.on:
-            self._counts[:] = 0.0
+            self._counts = np.zeros(16, _WORD)
         else:
             self.n_rejected += 1

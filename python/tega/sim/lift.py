@@ -33,7 +33,6 @@ from tega.teleop.beside import look_on
 from tega.teleop.loop import DualLoop
 from tega.teleop.moment import LoopView, Moment
 from tega.view.state import EmgTail, ViewState
-from tega.wire import ALLEGRO_RAD_PER_COUNT
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -64,8 +63,10 @@ class Lift:
         fatigue: Fatigued share of the muscles at the end of the lift before, a minute of rest ago.
         streams: Where to keep truth and sensors.
         recorder: What records it.
+        watched: Whether somebody looks on in :meth:`go`.
         muted: Asked whether somebody has switched the vest off.
-        skip_untouched: Whether fingertips that nothing touches go without rendering.
+        skip_untouched: Whether fingertips that nothing touches go without rendering, and all of them where nothing
+            that is felt, kept or looked at hangs on their pictures.
         lift_by_s: When it is over unless the object was lifted by then, seconds.
 
     Attributes:
@@ -88,6 +89,7 @@ class Lift:
         fatigue: float = 0.0,
         streams: Streams | None = None,
         recorder: LiftRecorder | None = None,
+        watched: bool = False,
         muted: Callable[[], bool] = lambda: False,
         skip_untouched: bool = True,
         lift_by_s: float = LIFT_WINDOW_S,
@@ -116,6 +118,7 @@ class Lift:
         self._emg.fatigue = fatigue
         self._emg.rest(_REST_S)
         self._bus = self._telling()
+        kept = streams is not None or recorder is not None or bool(lab.config.stages.beside)
         self.rig = TrialRig(
             world=World(spec, seed=plan.seed + number),
             poses_rad=GRASP_POSES_RAD,
@@ -136,6 +139,7 @@ class Lift:
             lift_by_s=lift_by_s,
             muted=muted,
             skip_untouched=skip_untouched and not _remembers(lab),
+            with_cameras=watched or kept or self._arm.shows_pictures or not skip_untouched,
             on_act=self._note,
         )
         self._touch = touch_of(lab, plan, layout=self.layout)
@@ -170,15 +174,11 @@ class Lift:
         stop: Callable[[], bool],
         paused: Callable[[], bool],
     ) -> None:
-        """Run the loop until the lift is over; see :func:`tega.sim.trial.run_trial`."""
-        rig, world = self.rig, self.rig.world
+        """Run the loop until the lift is over; see :func:`tega.sim.trial.run_trial`.
 
-        def encoders() -> NDArray[np.float64]:
-            angles = world.angles_rad
-            angles /= ALLEGRO_RAD_PER_COUNT
-            np.rint(angles, out=angles)
-            angles *= ALLEGRO_RAD_PER_COUNT
-            return angles
+        An observer is told of pictures only where the lift was made to be ``watched``.
+        """
+        rig, world = self.rig, self.rig.world
 
         if observer is not None:
             self._bus.subscribe(Moment, lambda moment: observer(self._moment(moment.view)), vital=True)
@@ -192,7 +192,7 @@ class Lift:
             touch=self._touch,
             contacts=rig.contacts,
             levels=rig.levels,
-            hand=SimulatedAllegro(self._controller, encoders),
+            hand=SimulatedAllegro(self._controller, lambda: world.angles_rad),
             vests=[rig] if self._streams is None else [rig, self._streams],
             hands=[SimulatedBus(world.set_torques, full_duty=self._full_duty_nm)],
             bus=self._bus,

@@ -21,7 +21,7 @@ from tega.device_items import EmgChunk, TactileFrame
 from tega.hand_poses import ClosureScale
 from tega.inbox.frames import FrameMeter
 from tega.inbox.sources import BlockMeter, Contact, EmgBlock, picture_of, samples_of
-from tega.inbox.stream import LiveStream
+from tega.inbox.stream import NEVER_NS, LiveStream
 from tega.records import EmgSamples, Picture
 from tega.sim.gel import CAMERA_HZ
 from tega.sim.seams import Act, Percept
@@ -84,6 +84,7 @@ class TrialRig:
         lift_by_s: When it is over unless the object was lifted by then, seconds.
         muted: Asked whether somebody has switched the vest off.
         skip_untouched: Whether a fingertip that nothing touches goes without rendering.
+        with_cameras: Whether there are pictures; without them the loop feels nothing, and nothing else is different.
         on_act: Told after every 10 ms what was perceived and done.
 
     Attributes:
@@ -117,6 +118,7 @@ class TrialRig:
         lift_by_s: float,
         muted: Callable[[], bool] = lambda: False,
         skip_untouched: bool = True,
+        with_cameras: bool = True,
         on_act: Callable[[Percept, Act], None] = lambda _percept, _act: None,
     ) -> None:
         self.world = world
@@ -130,7 +132,8 @@ class TrialRig:
         self._end_ns, self._lift_by_ns = round(end_s * 1e9), round(lift_by_s * 1e9)
         self._muted, self._skip_untouched = muted, skip_untouched
         self._on_act = on_act
-        self.contacts = {finger: LiveStream[Contact](due_ns=CAMERA_DELAY_NS) for finger in FINGERS}
+        due_ns = CAMERA_DELAY_NS if with_cameras else NEVER_NS
+        self.contacts = {finger: LiveStream[Contact](due_ns=due_ns) for finger in FINGERS}
         self.levels = LiveStream[EmgBlock](due_ns=block_ns)
         self._streams = list(self.contacts.values())
         self._still = [baselines[finger] for finger in FINGERS]
@@ -138,7 +141,8 @@ class TrialRig:
         self.metrics = [ContactMetrics() for _ in FINGERS]
         self._bus = bus
         self.emg_tail: deque[NDArray[np.float64]] = deque(maxlen=_TAIL)
-        self._act_ns = self._camera_ns = 0
+        self._act_ns = 0
+        self._camera_ns = 0 if with_cameras else NEVER_NS
         self._n_frames = self._n_samples = 0
         self.vest: MotorLevels | None = None
         self._over = False
@@ -170,6 +174,7 @@ class TrialRig:
         arrival_ns, next_ns = t_ns + CAMERA_DELAY_NS, self._camera_ns + CAMERA_DELAY_NS
         # As each finger was in the frame before: the cameras take theirs at one time.
         bearing = [meter.metric.bears_load for meter in self._meters]
+        shown, told = self._bus.wants(Picture), self._bus.wants(MeasuredPicture)
         for finger, indenters in enumerate(self.world.pads()):
             gel, meter = self._gels[finger], self._meters[finger]
             # A metric that learns from an untouched gel is shown it.
@@ -181,14 +186,14 @@ class TrialRig:
             self.frames[finger] = image
             meter.metric.loaded = any(bearing[:finger] + bearing[finger + 1 :])
             frame = TactileFrame(arrival_ns, number, image, "simulated frame")
-            if self._bus.wants(Picture):
+            if shown:
                 self._bus.publish(picture_of(FINGERS[finger], frame))
             contact = meter.take(frame)
             if contact is None:
                 continue
             self.metrics[finger] = contact[1]
             self._streams[finger].put(contact, next_ns=next_ns)
-            if self._bus.wants(MeasuredPicture):
+            if told:
                 self._bus.publish(
                     MeasuredPicture(
                         finger=FINGERS[finger],

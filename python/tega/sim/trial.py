@@ -51,7 +51,8 @@ def run_trial(
         stop: Asked all the time whether to end; the trial then counts as it stands.
         paused: Asked all the time whether to stand still.
         muted: Asked at every vest frame whether somebody has switched the vest off.
-        skip_untouched: Whether fingertips that nothing touches go without rendering; the results are the same.
+        skip_untouched: Whether fingertips that nothing touches go without rendering, and all of them where nothing
+            that is felt, kept or looked at hangs on their pictures; the results are the same.
 
     Raises:
         InvalidValueError: The object is not known, or its mass, stiffness or friction is out of range.
@@ -70,6 +71,7 @@ def run_trial(
             fatigue=fatigue,
             streams=streams if last else None,
             recorder=recorder if last else None,
+            watched=observer is not None,
             muted=muted,
             skip_untouched=skip_untouched,
         )

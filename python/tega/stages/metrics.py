@@ -43,9 +43,11 @@ _FURTHER = {"area_mm2": "mm²", "depth_mm": "mm", "force_n": "N", "strength": "1
 def contact_metrics_of(contact: Contact) -> ContactMetrics:
     """Return a record in the form that the loop passes on; what the kernels do not know becomes a named value."""
     further = tuple(
-        NamedValue(name, value, unit)
-        for name, unit in _FURTHER.items()
-        if (value := getattr(contact, name)) is not None
+        [
+            NamedValue(name, value, unit)
+            for name, unit in _FURTHER.items()
+            if (value := getattr(contact, name)) is not None
+        ]
     )
     return ContactMetrics(
         contact.mass,

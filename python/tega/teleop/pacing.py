@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from bisect import bisect_left
+from typing import Final, Literal
 
 import msgspec
 
@@ -15,6 +16,12 @@ from tega.inbox.wake import Bell
 CATCH_UP_NS = 100_000_000
 
 
+LATE_EDGES_NS: Final = tuple(
+    round(1e6 * edge_ms) for edge_ms in (0.1, 0.2, 0.5, 1, 2, 3, 5, 10, 20, 50, 100)
+)
+"""Upper bounds of the bins in which late ticks are counted, nanoseconds; one bin more has what is later still."""
+
+
 class PacingReport(msgspec.Struct, frozen=True, kw_only=True):
     """Report of how well the clock was kept.
 
@@ -23,12 +30,14 @@ class PacingReport(msgspec.Struct, frozen=True, kw_only=True):
         n_overruns: Of those, how many came later than one hand tick (3 ms).
         n_skipped: Deadlines left out because the loop was more than 100 ms late.
         worst_late_ms: The latest one, in milliseconds.
+        n_late: How many came how late, by the bins of :data:`LATE_EDGES_NS`.
     """
 
     n_ticks: int
     n_overruns: int
     n_skipped: int
     worst_late_ms: float
+    n_late: tuple[int, ...]
 
 
 class Pacer:
@@ -54,6 +63,7 @@ class Pacer:
         self.start_ns = clock.now_ns()
         self._n_ticks = self._n_overruns = self._n_skipped = 0
         self._worst_ns = 0
+        self._n_late = [0] * (len(LATE_EDGES_NS) + 1)
         self.late_ns = self.tick_ns = self.n_waits = 0
 
     def start(self) -> int:
@@ -97,6 +107,7 @@ class Pacer:
         self.tick_ns = t_ns
         self.n_waits += 1
         self.late_ns = late_ns = self.elapsed_ns() - t_ns
+        self._n_late[bisect_left(LATE_EDGES_NS, late_ns)] += 1
         if late_ns > CATCH_UP_NS:
             self._n_skipped += 1
             self._worst_ns = max(self._worst_ns, late_ns)
@@ -114,6 +125,7 @@ class Pacer:
             n_overruns=self._n_overruns,
             n_skipped=self._n_skipped,
             worst_late_ms=self._worst_ns / 1e6,
+            n_late=tuple(self._n_late),
         )
 
 

@@ -11,7 +11,7 @@ from tega.calibration.motor_onset import motor_onset
 from tega.clock import Clock, SystemClock
 from tega.config import DEFAULT_LAYOUT, DEFAULT_PACE, Pace
 from tega.inbox.wake import Bell
-from tega.records import Alert, RunState, Value
+from tega.records import Alert, Event, RunState, Value
 from tega.stages.choose import finger_metric
 from tega.teleop.adapting import open_adaptation
 from tega.teleop.gc_pause import settle
@@ -92,6 +92,8 @@ def run_loop(
     metrics = {name: _metric(rig, name) for name in unmeasured}
     fed = {name: is_fed(finger, partial(_metric, rig, name)) for name, finger in prepared.fingers.items()}
     touch = touch_loop(config, prepared.calibration, prepared.fingers)
+    if rig.bus.wants(Moment) or rig.bus.wants(Event):
+        touch.find_events()
     start_ns = pacer.start()
     if recording is not None:
         recording.begin(start_ns, clock.now_ns())

@@ -107,6 +107,7 @@ def summarise(state: RunFacts, *, error: BaseException | None = None) -> dict[st
             "overruns": pacing.n_overruns,
             "skipped": pacing.n_skipped,
             "worst_late_ms": pacing.worst_late_ms,
+            "late": pacing.n_late,
             "real_time": state.real_time,
         }
     summary["safety"] = state.rig.guard.summary()

@@ -15,7 +15,7 @@ use tega_wire::allegro::{
 use super::narrow;
 use crate::errors::BindError;
 
-fn device(number: i64) -> Result<DeviceId, WireError> {
+pub(crate) fn device(number: i64) -> Result<DeviceId, WireError> {
     DeviceId::new(narrow("device_id", number, "0 to 3")?)
 }
 

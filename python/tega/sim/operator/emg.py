@@ -157,12 +157,15 @@ class ForearmEmg:
         bounds = second.bounds[tick : tick + n + 1]
         first, end = bounds[0], bounds[-1]
         signal = second.sensor[first:end].copy()
-        lengths = np.diff(bounds)
+        lengths = None if n == 1 else np.diff(bounds)
         for m, source in enumerate(second.sources):
-            scale = np.repeat([row[m] for row in scales], lengths)[:, None]
+            # One tick, as a trial asks for it, has one amplitude.
+            scale = scales[0][m] if lengths is None else np.repeat([row[m] for row in scales], lengths)[:, None]
             seen = source[first:end] * scale
             signal += (
-                seen if electrodes[0] is None else seen * np.repeat(np.array(electrodes), lengths, axis=0)
+                seen
+                if electrodes[0] is None
+                else seen * np.repeat(np.array(electrodes), np.diff(bounds), axis=0)
             )
         for k, at, artefacts in jolts:
             self._shake(signal[second.bounds[k] - first : second.bounds[k + 1] - first], at, artefacts)

@@ -226,6 +226,6 @@ def _narrowing(dents: list[float]) -> float:
     for x, y in pairs:
         own = math.hypot(x, y)
         if own > 1e-9:
-            opposite = -min(x * u + y * v for u, v in pairs) / own
+            opposite = -min([x * u + y * v for u, v in pairs]) / own
             largest = max(largest, own + max(0.0, opposite))
     return largest

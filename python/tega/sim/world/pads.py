@@ -1,8 +1,8 @@
 """Turn the contacts of the physics on each fingertip into shapes that press its gel.
 
 The pad of the physics is rounded more than the gel of the picture (a capsule), so that a fingertip twists and rolls as
-a soft one does. A contact beside the middle of the rounding therefore comes to the pad frame unrolled and rolled again:
-as far from the middle as along the surface, with its normal that of the gel there.
+a soft one does. A contact beside the middle of the rounding therefore comes to the pad frame unrolled and rolled again
+(``pad_pose`` of the crate ``tega-gel``).
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tega import _native
 from tega.hand_mjcf import PAD_HALF_LENGTH_M, PAD_RADIUS_M
 from tega.haptics import FINGERS
-from tega.sim.gel import fall
 from tega.sim.seams import Indenter
 from tega.sim.world.body import LiftedBody
 from tega.sim.world.objects import ObjectSpec
@@ -42,16 +42,20 @@ class PadContacts:
     def __init__(self, mujoco: Any, model: Any, data: Any, spec: ObjectSpec, body: LiftedBody) -> None:
         self._mujoco, self._model, self._data = mujoco, model, data
         self._pads = {model.geom(f"{finger}_pad").id: i for i, finger in enumerate(FINGERS)}
-        self._sites = [model.site(f"{finger}_pad").id for finger in FINGERS]
+        # Places and rotations are views of MuJoCo's own memory: they follow the state.
+        sites = [model.site(f"{finger}_pad").id for finger in FINGERS]
+        self._pad_places = [(data.site_xpos[site], data.site_xmat[site]) for site in sites]
         self._table = model.geom("table").id
         self._body = body
         radius = spec.diameter_m / 2
         if spec.shell == "flex":
             self._object, sizes = {_FLEX}, {_FLEX: [radius, spec.height_m / 2 - radius]}
+            self._placed = {}
         else:
             shells = [model.geom(f"{finger}_shell").id for finger in HAND_FINGERS]
             self._object = {*shells, model.geom("core").id, model.geom("object").id}
             sizes = {shape: model.geom_size[shape].tolist() for shape in self._object}
+            self._placed = {shape: (data.geom_xpos[shape], data.geom_xmat[shape]) for shape in self._object}
         self._size_mm = {shape: (1e3 * size[0], 1e3 * size[1], 0.0) for shape, size in sizes.items()}
         self._force = np.zeros(6)
 
@@ -115,64 +119,33 @@ class PadContacts:
         ]
 
     def _indenter(self, pad: int, shape: int, sums: list[float]) -> Indenter:
-        data, site, force_n = self._data, self._sites[pad], sums[0]
-        # Rows: the pad's axes in the world, x to the right in the upright picture, y down (towards the palm), z out. In
-        # the frame of the last link they are -y, -z and x.
-        ax, bx, cx, ay, by, cy, az, bz, cz = data.site_xmat[site].tolist()
-        to_pad = np.array(((-bx, -by, -bz), (-cx, -cy, -cz), (ax, ay, az)))
-        near = np.array(sums[1:4]) / force_n
-        i, j, k = (near - data.site_xpos[site]).tolist()
-        along = -cx * i - cy * j - cz * k
-        i, j, k = sums[4:]
-        x, y, z = -bx * i - by * j - bz * k, -cx * i - cy * j - cz * k, ax * i + ay * j + az * k
-        where, lies = self._flex_pose(near, np.array(sums[4:])) if shape == _FLEX else self._geom_pose(shape)
-        pose = np.empty((3, 4))
-        pose[:, :3], pose[:, 3] = lies, where - near
-        pose = to_pad @ pose
-        # Unroll: put the contact where the surface has it, and turn its normal to the gel's there.
-        sine, length = math.hypot(x, y), math.sqrt(x * x + y * y + z * z)
-        along = min(max(along - PAD_RADIUS_M * y / length, -PAD_HALF_LENGTH_M), PAD_HALF_LENGTH_M)
-        across = 0.0
-        if sine > 1e-9 * length:
-            arc = PAD_RADIUS_M * math.atan2(sine, z)
-            across, along = arc * x / sine, along + arc * y / sine
-        right, down = fall(1e3 * across, 1e3 * along)
-        pose = _upright(right, down, 1.0).T @ _upright(x, y, z) @ pose
-        pose[0, 3] += across
-        pose[1, 3] += along
-        pose[:, 3] *= 1e3
+        force_n = sums[0]
+        near = (sums[1] / force_n, sums[2] / force_n, sums[3] / force_n)
+        normal = (sums[4], sums[5], sums[6])
+        placed = self._flexed(near, normal) if shape == _FLEX else self._placed[shape]
+        pose = _native.gel_pad_pose(
+            self._pad_places[pad],
+            near,
+            normal,
+            placed,
+            radius_m=PAD_RADIUS_M,
+            half_length_m=PAD_HALF_LENGTH_M,
+        )
         return Indenter("capsule", self._size_mm[shape], pose, force_n)
 
-    def _geom_pose(self, shape: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        return self._data.geom_xpos[shape], self._data.geom_xmat[shape].reshape(3, 3)
-
-    def _flex_pose(
-        self, near: NDArray[np.float64], normal: NDArray[np.float64]
+    def _flexed(
+        self, near_m: tuple[float, float, float], normal: tuple[float, float, float]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return where a capsule as wide as the untouched object lies that touches at a place as the flex does.
 
         A flex has no primitive. The capsule lies along the wall, as upright as the object; that the wall is flatter
         where it is squeezed is not in it.
         """
-        out = normal / math.sqrt(normal @ normal)
+        out = np.array(normal)
+        out /= math.sqrt(out @ out)
         axis = np.array(self._body.upright())
         along = axis - (axis @ out) * out
         along /= math.sqrt(along @ along)
-        where = near + 1e-3 * self._size_mm[_FLEX][0] * out
-        return where, np.stack([out, np.cross(along, out), along], axis=1)
+        where = near_m + 1e-3 * self._size_mm[_FLEX][0] * out
+        return where, np.stack([out, np.cross(along, out), along], axis=1).ravel()
 
-
-def _upright(x: float, y: float, z: float) -> NDArray[np.float64]:
-    """Return the rotation that turns a direction upright, to +z, by the shortest way."""
-    sine, length = math.hypot(x, y), math.sqrt(x * x + y * y + z * z)
-    if sine <= 1e-9 * length:
-        return np.eye(3)
-    u, v, sine, cosine = x / sine, y / sine, sine / length, z / length
-    less = cosine - 1
-    return np.array(
-        (
-            (1 + less * u * u, less * u * v, -sine * u),
-            (less * u * v, 1 + less * v * v, -sine * v),
-            (sine * u, sine * v, cosine),
-        )
-    )

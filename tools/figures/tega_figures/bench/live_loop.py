@@ -10,7 +10,9 @@ from typing import Any, Literal
 import msgspec
 
 from tega.config import FINGERS, Pace, check_tree
+from tega.teleop.pacing import LATE_EDGES_NS
 from tega_figures.bench.machine import Machine, describe_machine
+from tega_figures.bench.witness import LateTicks, witness
 
 __all__ = ["LoopBench", "bench_loop"]
 
@@ -26,6 +28,10 @@ class LoopBench(msgspec.Struct, frozen=True, kw_only=True):
         seconds: How long the run was.
         latency_ms: Percentiles of every stage by path; see :mod:`tega.teleop.latency`.
         pacing: Ticks, and how late they were.
+        late_edges_ms: Upper bounds of the bins of both histograms of late ticks.
+        late_ticks: The loop's own ticks: those of the hand, and those of the vest between them.
+        witness_ticks: Those of a bare native clock of 3 ms in a process of its own, at the same time on the same cores
+            and at the same priority.
         frames_hz: Pictures a second used, all fingers together.
         samples_hz: EMG samples a second used.
         hand_hz: Ticks of the loop for the hand a second; 333 are due.
@@ -42,6 +48,9 @@ class LoopBench(msgspec.Struct, frozen=True, kw_only=True):
     seconds: float
     latency_ms: dict[str, Any]
     pacing: dict[str, Any]
+    late_edges_ms: tuple[float, ...]
+    late_ticks: LateTicks
+    witness_ticks: LateTicks
     frames_hz: float
     samples_hz: float
     hand_hz: float
@@ -59,6 +68,7 @@ def bench_loop(
     pace: Pace = "by-frame",
     most_hz: float | None = None,
     preset: Literal["paper", "live"] = "live",
+    realtime: bool = True,
 ) -> LoopBench:
     """Run four DIGITs at 60 Hz, EMG at 1 kHz, an Allegro Hand and a vest for a while.
 
@@ -68,6 +78,7 @@ def bench_loop(
         pace: Of the vest; see ``vest.pace`` of a session's settings.
         most_hz: The greatest rate of the vest's link; ``None`` for the driver's own.
         preset: Of the session and its calibration.
+        realtime: Whether run and witness ask for real-time priority.
 
     Returns:
         What was measured.
@@ -83,7 +94,7 @@ def bench_loop(
         with emulated_lab(
             folder, emg_hz=EMG_HZ, hand=True, vest=True, fingers=FINGERS, touch=PRESSED, preset=preset
         ) as lab:
-            lab.tree["session"] = {"duration_s": seconds, "preset": preset}
+            lab.tree["session"] = {"duration_s": seconds, "preset": preset, "realtime": realtime}
             lab.tree["vest"]["pace"] = pace
             if most_hz is not None:
                 lab.tree["vest"]["options"]["most_hz"] = most_hz
@@ -96,18 +107,24 @@ def bench_loop(
             def progress(what: str, _done: int, _total: int) -> None:
                 if what == "running":
                     cpu_s.append(_processor_s())
+                    beside.begin(seconds)
 
-            with pressing(lab):
+            with witness(realtime=realtime) as beside, pressing(lab):
                 ahead = lab.go_ahead()
                 summary = run_session(config, progress=progress)
-            used_s, own_s = (after - before for before, after in zip(cpu_s[0], _processor_s(), strict=True))
-    wall_s = summary["duration_s"]
+                cpu_s.append(_processor_s())
+                witness_ticks = beside.late()
+            used_s, own_s = (after - before for before, after in zip(*cpu_s, strict=True))
+    wall_s, pacing = summary["duration_s"], summary["pacing"]
     return LoopBench(
         machine=describe_machine(),
         preset=preset,
         seconds=wall_s,
         latency_ms=summary["latency_ms"],
-        pacing=summary["pacing"],
+        pacing=pacing,
+        late_edges_ms=tuple(edge_ns / 1e6 for edge_ns in LATE_EDGES_NS),
+        late_ticks=LateTicks.of_bins(pacing["late"], worst_ms=pacing["worst_late_ms"]),
+        witness_ticks=witness_ticks,
         frames_hz=sum(f["frames"] for f in summary["tactile"].values()) / wall_s,
         samples_hz=summary["emg"]["samples"] / wall_s,
         hand_hz=summary["hand"]["ticks"] / wall_s,

@@ -1,0 +1,114 @@
+"""Keep a bare clock of 3 ms in a process of its own beside a run, as the witness of how late this machine is.
+
+It waits as the loop waits, at the same priority, in native code and without a device, a computation or an interpreter
+lock: what is late here is so by the machine and by what else runs on it.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from bisect import bisect_left
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext
+
+import msgspec
+
+from tega.child_process import end_child, python_command, python_environment
+from tega.teleop.hand import HAND_TICK_NS
+from tega.teleop.pacing import LATE_EDGES_NS
+from tega.threads import run_realtime
+
+__all__ = ["LateTicks", "Witness", "witness"]
+
+_PATIENCE_S = 5.0
+
+
+class LateTicks(msgspec.Struct, frozen=True, kw_only=True):
+    """How late the ticks of a clock came.
+
+    Attributes:
+        ticks: How many there were.
+        late: Of them, by the bins of :data:`tega.teleop.pacing.LATE_EDGES_NS`.
+        over_1_ms: How many came later than that.
+        worst_ms: The latest one.
+    """
+
+    ticks: int
+    late: tuple[int, ...]
+    over_1_ms: int
+    worst_ms: float
+
+    @classmethod
+    def of_bins(cls, late: Sequence[int], *, worst_ms: float) -> LateTicks:
+        """Return what a histogram by these bins tells."""
+        over = sum(late[LATE_EDGES_NS.index(1_000_000) + 1 :])
+        return cls(ticks=sum(late), late=tuple(late), over_1_ms=over, worst_ms=worst_ms)
+
+    @classmethod
+    def of(cls, late_ns: Sequence[int]) -> LateTicks:
+        """Count ticks by how late they came, nanoseconds."""
+        late = [0] * (len(LATE_EDGES_NS) + 1)
+        for ns in late_ns:
+            late[bisect_left(LATE_EDGES_NS, ns)] += 1
+        return cls.of_bins(late, worst_ms=max(late_ns, default=0) / 1e6)
+
+
+class Witness:
+    """A process that is ready to keep the clock.
+
+    Args:
+        process: It.
+    """
+
+    def __init__(self, process: subprocess.Popen[bytes]) -> None:
+        self._process = process
+
+    def begin(self, seconds: float) -> None:
+        """Have it keep the clock for so long from now on."""
+        assert self._process.stdin is not None
+        self._process.stdin.write(f"{round(seconds * 1e9) // HAND_TICK_NS}\n".encode())
+        self._process.stdin.flush()
+
+    def late(self) -> LateTicks:
+        """Wait until it is done, and return how late its ticks came."""
+        assert self._process.stdout is not None
+        return LateTicks.of(json.loads(self._process.stdout.readline()))
+
+
+@contextmanager
+def witness(*, realtime: bool) -> Iterator[Witness]:
+    """Start a witness, and end it with the block.
+
+    Args:
+        realtime: Whether it asks for the real-time priority of the loop's thread.
+    """
+    process = subprocess.Popen(
+        python_command(__name__, "act" if realtime else "ordinary"),
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        env=python_environment(),
+    )
+    try:
+        assert process.stdout is not None
+        process.stdout.readline()
+        yield Witness(process)
+    finally:
+        end_child(process, _PATIENCE_S)
+
+
+def _keep() -> None:
+    """Say that the process is there, wait for a number of ticks, keep them, and print how late each came."""
+    from tega import _native
+
+    print("ready", flush=True)
+    if not (n_ticks := sys.stdin.readline()):
+        return
+    with run_realtime("act") if sys.argv[1] == "act" else nullcontext():
+        late_ns = _native.bare_clock(HAND_TICK_NS, int(n_ticks))
+    print(json.dumps(late_ns), flush=True)
+
+
+if __name__ == "__main__":
+    _keep()
