@@ -70,7 +70,8 @@ class PadContacts:
 
     def indenters(self) -> list[list[Indenter]]:
         """Return the shapes that press each pad, thumb first; at most one a pad and primitive."""
-        # Sums of force, of force times place and of force times normal: numbers one by one, as they are so few.
+        # Sums of force, of force times place, normal and friction, and of the tangential force: numbers one by one, as
+        # they are so few.
         found: list[dict[int, list[float]]] = [{} for _ in FINGERS]
         places = frames = None
         for number, (one, other, newtons) in enumerate(self._forces()):
@@ -81,8 +82,9 @@ class PadContacts:
                 continue
             if places is None or frames is None:
                 places, frames = self._data.contact.pos.tolist(), self._data.contact.frame.tolist()
-            (x, y, z), (u, v, w, *_) = places[number], frames[number]
+            (x, y, z), (u, v, w, *across) = places[number], frames[number]
             sums = [newtons, newtons * x, newtons * y, newtons * z, sign * u, sign * v, sign * w]
+            sums += self._tangential(number, across, pad_first=sign > 0)
             before = found[pad].get(shape)
             found[pad][shape] = sums if before is None else [a + b for a, b in zip(before, sums, strict=True)]
         return [
@@ -114,6 +116,15 @@ class PadContacts:
             for (one, other), row in zip(contact.geom.tolist(), contact.efc_address.tolist(), strict=True)
         ]
 
+    def _tangential(self, number: int, across: list[float], *, pad_first: bool) -> list[float]:
+        """Return a contact's tangential force on the pad, world frame, and normal force times friction, newtons."""
+        contact, forces = self._data.contact, self._data.efc_force
+        row = int(contact.efc_address[number])
+        # The contact's force is what its first shape does to its second.
+        first, second = (-f if pad_first else f for f in forces[row + 1 : row + 3].tolist())
+        friction = float(contact.friction[number, 0])
+        return [*(first * a + second * b for a, b in zip(across[:3], across[3:], strict=True)), float(forces[row]) * friction]
+
     def _indenter(self, pad: int, shape: int, sums: list[float]) -> Indenter:
         data, site, force_n = self._data, self._sites[pad], sums[0]
         # Rows: the pad's axes in the world, x to the right in the upright picture, y down (towards the palm), z out. In
@@ -123,9 +134,9 @@ class PadContacts:
         near = np.array(sums[1:4]) / force_n
         i, j, k = (near - data.site_xpos[site]).tolist()
         along = -cx * i - cy * j - cz * k
-        i, j, k = sums[4:]
+        i, j, k = sums[4:7]
         x, y, z = -bx * i - by * j - bz * k, -cx * i - cy * j - cz * k, ax * i + ay * j + az * k
-        where, lies = self._flex_pose(near, np.array(sums[4:])) if shape == _FLEX else self._geom_pose(shape)
+        where, lies = self._flex_pose(near, np.array(sums[4:7])) if shape == _FLEX else self._geom_pose(shape)
         pose = np.empty((3, 4))
         pose[:, :3], pose[:, 3] = lies, where - near
         pose = to_pad @ pose
@@ -137,11 +148,14 @@ class PadContacts:
             arc = PAD_RADIUS_M * math.atan2(sine, z)
             across, along = arc * x / sine, along + arc * y / sine
         right, down = fall(1e3 * across, 1e3 * along)
-        pose = _upright(right, down, 1.0).T @ _upright(x, y, z) @ pose
+        turned = _upright(right, down, 1.0).T @ _upright(x, y, z)
+        pose = turned @ pose
         pose[0, 3] += across
         pose[1, 3] += along
         pose[:, 3] *= 1e3
-        return Indenter("capsule", self._size_mm[shape], pose, force_n)
+        pull = turned @ to_pad @ np.array(sums[7:10])
+        shear_n = float(pull[0]), float(pull[1])
+        return Indenter("capsule", self._size_mm[shape], pose, force_n, shear_n, sums[10] / force_n)
 
     def _geom_pose(self, shape: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         return self._data.geom_xpos[shape], self._data.geom_xmat[shape].reshape(3, 3)
