@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from tega.tactile import Order
     from tega.touch import TouchTracker
 
-__all__ = ["ShearReader", "ShearReading"]
-
 
 class ShearReading(NamedTuple):
     """What one frame says of a contact's shear; zeros without contact."""

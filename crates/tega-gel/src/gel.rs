@@ -7,7 +7,7 @@ use crate::form::Form;
 use crate::grid::{CELL_PX, COLS, MARGIN_COLS, MARGIN_ROWS};
 use crate::membrane::{self, Membrane};
 use crate::memory::Memory;
-use crate::noise::{EPOCH_FRAMES, Noise, drifted};
+use crate::noise::{EPOCH_FRAMES, Noise, drifted, lacking};
 use crate::paint::{Canvas, paint};
 use crate::pattern::{self, Pattern, Surface};
 use crate::picture::{HEIGHT, LINE, WIDTH};
@@ -238,7 +238,7 @@ impl Gel {
         };
         paint(&mut self.canvas, relief, &self.unit.light, &self.drifted, noise, out);
         if let Some((pattern, shear)) = &mut self.sheared {
-            pattern::add(pattern, shear.moved().then_some(shear), out);
+            pattern::add(pattern, shear.moved().then_some(shear), Some(index), out);
         }
         Ok(())
     }
@@ -255,7 +255,7 @@ impl Gel {
             *out = (*drifted as u8) ^ 0x80;
         }
         if let Some((pattern, _)) = &mut self.sheared {
-            pattern::add(pattern, None, out);
+            pattern::add(pattern, None, None, out);
         }
         Ok(())
     }
@@ -311,6 +311,10 @@ impl Gel {
         let epoch = index / EPOCH_FRAMES;
         if self.epoch != Some(epoch) {
             drifted(&self.noise, &self.unit.still, epoch, &mut self.drifted);
+            if let Some((pattern, _)) = &mut self.sheared {
+                lacking(&self.noise, &self.unit.still, epoch, &mut pattern.lacking);
+                pattern.drifted();
+            }
             self.epoch = Some(epoch);
         }
     }

@@ -4,7 +4,7 @@
 //! is at x now. The pattern is added to the picture of a plain gel.
 
 use crate::grid::PX_PER_MM;
-use crate::picture::{HEIGHT, LINE, WIDTH};
+use crate::picture::{HEIGHT, LINE, WIDTH, nearest};
 use crate::rng::Stream;
 use crate::shear::{ShearField, WIDE_COLS, WIDE_PX, WIDE_ROWS};
 
@@ -30,27 +30,37 @@ const DARK: f32 = 60.0;
 const EDGE_PX: f64 = 2.0;
 
 /// Parts of a count that the pattern is kept in, and of a pixel that it is moved by.
-const FINE: i32 = 16;
+const FINE: i32 = 1 << SHIFT;
+const SHIFT: u32 = 4;
 /// The pattern goes on beyond the picture: no shear brings more into view.
 const ROOM: usize = 48;
 const WIDE_LINE: usize = WIDTH + 2 * ROOM;
 /// Displacements below this, pixels, are not shown.
-const STILL_PX: f32 = 0.02;
+const STILL_PX: f32 = 0.06;
 
 /// Taps of the filter that gives the texture its grain; recorded texture is alike over two to three pixels.
 const TAPS: [f32; 5] = [1.0 / 16.0, 4.0 / 16.0, 6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0];
 /// Root of the sum of their squares over both directions.
 const KEPT: f32 = 70.0 / 256.0;
 
+/// Parts of a count, drawn once, of which each row of each frame takes its own.
+const DRAWN: usize = 1 << 16;
+/// What rounds to the nearest count.
+const HALF: u8 = 8;
+
 /// A unit's pattern.
 #[derive(Debug, Clone)]
 pub(crate) struct Pattern {
     /// Sixteenths of a count, with room around.
     fine: Vec<i16>,
-    /// Whole counts of the picture that nothing moves, each for three colours.
-    still: Vec<i8>,
-    /// Which part of a count makes it a whole one, by pixel.
+    /// What the plain picture lacks, as it is rounded, sixteenths of a count: without it that would be a grain of its own,
+    /// as strong as the gel's, that nothing moves.
+    pub(crate) lacking: Vec<i8>,
+    /// Both, for each colour of the picture that nothing moves.
+    still: Vec<i16>,
+    /// Which part of a count makes it a whole one, so that what is fainter than a count is kept on average.
     dither: Vec<u8>,
+    frames: Stream,
     /// Displacement of what is at each cell now, pixels.
     moved: Vec<[f32; 2]>,
 }
@@ -64,30 +74,47 @@ impl Pattern {
         }
         let fine: Vec<i16> = fine.iter().map(|t| (t * FINE as f32).round() as i16).collect();
         let drawn = Stream::new(seed, 32);
-        let dither: Vec<u8> = (0..(HEIGHT * WIDTH) as u64).map(|k| (drawn.bits(k) & 15) as u8).collect();
-        let mut still = vec![0; HEIGHT * LINE];
-        for (y, line) in still.chunks_exact_mut(LINE).enumerate() {
-            for (x, pixel) in line.as_chunks_mut::<3>().0.iter_mut().enumerate() {
-                let level = i32::from(fine[(y + ROOM) * WIDE_LINE + x + ROOM]);
-                *pixel = [counts(level, dither[y * WIDTH + x]); 3];
-            }
+        let words = (0..(DRAWN + LINE).div_ceil(8) as u64).map(|k| drawn.bits(k) & 0x0F0F_0F0F_0F0F_0F0F);
+        let dither = words.flat_map(u64::to_le_bytes).collect();
+        Self {
+            fine,
+            lacking: vec![0; HEIGHT * LINE],
+            still: vec![0; HEIGHT * LINE],
+            dither,
+            frames: Stream::new(seed, 33),
+            moved: vec![[0.0; 2]; WIDE_ROWS * WIDE_COLS],
         }
-        Self { fine, still, dither, moved: vec![[0.0; 2]; WIDE_ROWS * WIDE_COLS] }
     }
 
-    /// Adds the pattern to a picture of a plain gel, moved as the gel is.
-    #[inline(always)]
-    pub(crate) fn add(&mut self, shear: Option<&ShearField>, out: &mut [u8]) {
-        let [rows, cols] = shear.map_or([[0; 2]; 2], |shear| self.settle(shear));
-        for (y, (out, still)) in out.chunks_exact_mut(LINE).zip(self.still.chunks_exact(LINE)).enumerate() {
-            if !(rows[0]..rows[1]).contains(&y) {
-                plain(still, out);
-                continue;
+    /// Takes note of what the plain picture lacks now.
+    pub(crate) fn drifted(&mut self) {
+        let lines = self.still.chunks_exact_mut(LINE).zip(self.lacking.chunks_exact(LINE));
+        for (y, (still, lacking)) in lines.enumerate() {
+            let fine = &self.fine[(y + ROOM) * WIDE_LINE + ROOM..][..WIDTH];
+            let pixels = still.as_chunks_mut::<3>().0.iter_mut().zip(lacking.as_chunks::<3>().0);
+            for ((still, lacking), fine) in pixels.zip(fine) {
+                *still = lacking.map(|part| fine + i16::from(part));
             }
-            let [from, to] = cols;
-            plain(&still[..3 * from], &mut out[..3 * from]);
-            plain(&still[3 * to..], &mut out[3 * to..]);
-            self.warp(y, cols, &mut out[3 * from..3 * to]);
+        }
+    }
+
+    /// Adds the pattern to the picture of a plain gel, moved as the gel is. A frame has its own rounding; without a number all
+    /// is rounded to the nearest.
+    #[inline(always)]
+    pub(crate) fn add(&mut self, shear: Option<&ShearField>, index: Option<u64>, out: &mut [u8]) {
+        let [rows, cols] = shear.map_or([[0; 2]; 2], |shear| self.settle(shear));
+        let half = [HALF; LINE];
+        for (y, (out, still)) in out.chunks_exact_mut(LINE).zip(self.still.chunks_exact(LINE)).enumerate() {
+            let dither = index.map_or(&half[..], |index| {
+                let bits = self.frames.bits(index.wrapping_mul(HEIGHT as u64).wrapping_add(y as u64));
+                &self.dither[(bits % DRAWN as u64) as usize..][..LINE]
+            });
+            let [from, to] = if (rows[0]..rows[1]).contains(&y) { cols.map(|x| 3 * x) } else { [LINE; 2] };
+            plain(&still[..from], &dither[..from], &mut out[..from]);
+            plain(&still[to..], &dither[to..], &mut out[to..]);
+            if from < to {
+                self.warp(y, cols, &dither[from..to], &mut out[from..to]);
+            }
         }
     }
 
@@ -121,36 +148,69 @@ impl Pattern {
 
     /// Adds a row of the moved pattern.
     #[inline(always)]
-    fn warp(&self, y: usize, [from, to]: [usize; 2], out: &mut [u8]) {
-        let scale = FINE as f32;
-        let (row, share) = place(y);
-        let mut line = [[0.0f32; 2]; WIDE_COLS];
-        for (c, line) in line.iter_mut().enumerate() {
-            let (upper, lower) = (self.moved[row * WIDE_COLS + c], self.moved[(row + 1) * WIDE_COLS + c]);
-            *line = [0, 1].map(|k| scale * (upper[k] + share * (lower[k] - upper[k])));
+    fn warp(&self, y: usize, [from, to]: [usize; 2], dither: &[u8], out: &mut [u8]) {
+        let (row, down) = place(y);
+        let (upper, lower) = (&self.moved[row * WIDE_COLS..], &self.moved[(row + 1) * WIDE_COLS..]);
+        let mut cells = [[0.0f32; 2]; WIDE_COLS];
+        for ((cell, upper), lower) in cells.iter_mut().zip(upper).zip(lower) {
+            *cell = [0, 1].map(|k| FINE as f32 * (upper[k] + down * (lower[k] - upper[k])));
         }
-        let dither = &self.dither[y * WIDTH + from..y * WIDTH + to];
-        for ((x, pixel), dither) in (from..to).zip(out.as_chunks_mut::<3>().0).zip(dither) {
-            let (col, share) = place(x);
-            let [dx, dy] = [0, 1].map(|k| (line[col][k] + share * (line[col + 1][k] - line[col][k])) as i32);
-            let (px, py) = ((x + ROOM) as i32 * FINE - dx, (y + ROOM) as i32 * FINE - dy);
-            let at = (py / FINE) as usize * WIDE_LINE + (px / FINE) as usize;
-            let (fx, fy) = (px % FINE, py % FINE);
-            let [a, b, c, d] = [at, at + 1, at + WIDE_LINE, at + WIDE_LINE + 1].map(|k| i32::from(self.fine[k]));
-            let upper = a * (FINE - fx) + b * fx;
-            let lower = c * (FINE - fx) + d * fx;
-            let level = (upper * (FINE - fy) + lower * fy + FINE * FINE / 2) / (FINE * FINE);
-            let change = counts(level, *dither);
-            for value in pixel {
-                *value = value.saturating_add_signed(change);
+        // Where each pixel's pattern comes from, sixteenths of a pixel.
+        let mut places = [[0i16; WIDTH]; 2];
+        for (axis, places) in places.iter_mut().enumerate() {
+            for (x, place) in places.iter_mut().enumerate() {
+                let (col, right) = (BESIDE[x], ACROSS[x]);
+                let (before, after) = (cells[col][axis], cells[col + 1][axis]);
+                *place = nearest(before + right * (after - before));
+            }
+        }
+        let mut levels = [0i16; WIDTH];
+        let corner = |at: usize| self.fine.get(at..at + 2).map_or([0; 2], |two| [two[0], two[1]]);
+        for x in from..to {
+            let px = ((x + ROOM) << SHIFT).wrapping_add_signed(-isize::from(places[0][x]));
+            let py = ((y + ROOM) << SHIFT).wrapping_add_signed(-isize::from(places[1][x]));
+            let at = (py >> SHIFT) * WIDE_LINE + (px >> SHIFT);
+            let (fx, fy) = ((px & 15) as i32, (py & 15) as i32);
+            let ([a, b], [c, d]) = (corner(at), corner(at + WIDE_LINE));
+            let [a, b, c, d] = [a, b, c, d].map(i32::from);
+            let (upper, lower) = (a * (FINE - fx) + b * fx, c * (FINE - fx) + d * fx);
+            levels[x] = ((upper * (FINE - fy) + lower * fy + FINE * FINE / 2) >> (2 * SHIFT)) as i16;
+        }
+        let lacking = &self.lacking[y * LINE + 3 * from..y * LINE + 3 * to];
+        let parts = dither.as_chunks::<3>().0.iter().zip(lacking.as_chunks::<3>().0);
+        for ((level, pixel), (dither, lacking)) in
+            levels[from..to].iter().zip(out.as_chunks_mut::<3>().0).zip(parts)
+        {
+            for k in 0..3 {
+                let change = (level + i16::from(lacking[k]) + i16::from(dither[k])) >> SHIFT;
+                pixel[k] = (i16::from(pixel[k]) + change).clamp(0, 255) as u8;
             }
         }
     }
 }
 
+/// The cell before each pixel of a row, and how far the pixel is on the way to the next one.
+const BESIDE: [usize; WIDTH] = {
+    let mut beside = [0; WIDTH];
+    let mut x = 0;
+    while x < WIDTH {
+        beside[x] = place(x).0;
+        x += 1;
+    }
+    beside
+};
+const ACROSS: [f32; WIDTH] = {
+    let mut across = [0.0; WIDTH];
+    let mut x = 0;
+    while x < WIDTH {
+        across[x] = place(x).1;
+        x += 1;
+    }
+    across
+};
+
 /// The cell before a pixel, and how far the pixel is on the way to the next one.
-#[inline(always)]
-fn place(pixel: usize) -> (usize, f32) {
+const fn place(pixel: usize) -> (usize, f32) {
     // The middle of cell c is pixel 8 c - 4.5.
     let at = (pixel as f32 + 4.5) / WIDE_PX as f32;
     (at as usize, at - (at as usize) as f32)
@@ -170,16 +230,11 @@ fn between(shear: &ShearField, row: f32, col: f32) -> [f32; 2] {
     })
 }
 
-/// Whole counts of sixteenths: rounded up or down as often as the part says, so that what is fainter than a count is kept.
 #[inline(always)]
-fn counts(sixteenths: i32, dither: u8) -> i8 {
-    ((sixteenths + i32::from(dither)) >> 4).clamp(-127, 127) as i8
-}
-
-#[inline(always)]
-fn plain(still: &[i8], out: &mut [u8]) {
-    for (out, still) in out.iter_mut().zip(still) {
-        *out = out.saturating_add_signed(*still);
+fn plain(still: &[i16], dither: &[u8], out: &mut [u8]) {
+    for ((out, still), dither) in out.iter_mut().zip(still).zip(dither) {
+        let level = i16::from(*out) + ((still + i16::from(*dither)) >> 4);
+        *out = level.clamp(0, 255) as u8;
     }
 }
 
@@ -222,5 +277,6 @@ fn print(out: &mut [f32], drawn: Stream, rows: usize, cols: usize) {
 
 tega_simd::dispatched! {
     /// See [`Pattern::add`].
-    add = Pattern::add, (pattern: &mut Pattern, shear: Option<&ShearField>, out: &mut [u8]) -> ()
+    add = Pattern::add,
+    (pattern: &mut Pattern, shear: Option<&ShearField>, index: Option<u64>, out: &mut [u8]) -> ()
 }

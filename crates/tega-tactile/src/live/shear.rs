@@ -385,6 +385,9 @@ impl ShearReader {
     }
 }
 
+/// Lanes of a cell's sums.
+const SOME: usize = 8;
+
 /// Gradient times difference (across, along), product of grains, and their squares, over a cell.
 #[inline(always)]
 fn compare_plain(
@@ -395,30 +398,35 @@ fn compare_plain(
     [from, at]: [usize; 2],
     [fx, fy]: [f32; 2],
 ) -> [f32; 5] {
-    const SOME: usize = 8;
     let mut sums = [[0.0f32; SOME]; 5];
+    let mut add = |k: usize, upper: [i16; 2], lower: [i16; 2], old: i16, slope: [i16; 2]| {
+        let ([ul, ur], [ll, lr]) = (upper.map(f32::from), lower.map(f32::from));
+        let (top, bottom) = (ul + fx * (ur - ul), ll + fx * (lr - ll));
+        let (found, old) = (top + fy * (bottom - top), f32::from(old));
+        let off = found - old;
+        sums[0][k] += f32::from(slope[0]) * off;
+        sums[1][k] += f32::from(slope[1]) * off;
+        sums[2][k] += found * old;
+        sums[3][k] += found * found;
+        sums[4][k] += old * old;
+    };
     for y in 0..side {
         let upper = &now[from + y * width..][..side + 1];
         let lower = &now[from + (y + 1) * width..][..side + 1];
         let row = at + y * width;
-        let (before, gx, gy) =
-            (&before[row..][..side], &slope_x[row..][..side], &slope_y[row..][..side]);
-        let mut x = 0;
-        while x < side {
-            let n = SOME.min(side - x);
-            for k in 0..n {
-                let c = x + k;
-                let [ul, ur, ll, lr] = [upper[c], upper[c + 1], lower[c], lower[c + 1]].map(f32::from);
-                let (top, bottom) = (ul + fx * (ur - ul), ll + fx * (lr - ll));
-                let (found, old) = (top + fy * (bottom - top), f32::from(before[c]));
-                let off = found - old;
-                sums[0][k] += f32::from(gx[c]) * off;
-                sums[1][k] += f32::from(gy[c]) * off;
-                sums[2][k] += found * old;
-                sums[3][k] += found * found;
-                sums[4][k] += old * old;
+        let (before, gx, gy) = (&before[row..][..side], &slope_x[row..][..side], &slope_y[row..][..side]);
+        // As many at a time as there are lanes; then what is left.
+        let whole = side / SOME * SOME;
+        for x in (0..whole).step_by(SOME) {
+            let (u, ur) = (&upper[x..][..SOME], &upper[x + 1..][..SOME]);
+            let (l, lr) = (&lower[x..][..SOME], &lower[x + 1..][..SOME]);
+            let (b, sx, sy) = (&before[x..][..SOME], &gx[x..][..SOME], &gy[x..][..SOME]);
+            for k in 0..SOME {
+                add(k, [u[k], ur[k]], [l[k], lr[k]], b[k], [sx[k], sy[k]]);
             }
-            x += n;
+        }
+        for x in whole..side {
+            add(x - whole, [upper[x], upper[x + 1]], [lower[x], lower[x + 1]], before[x], [gx[x], gy[x]]);
         }
     }
     sums.map(|lanes| lanes.iter().sum())
