@@ -306,6 +306,7 @@ def fingerprint(plan: TrialPlan) -> str:
     streams = Streams()
     told = msgspec.to_builtins(run_trial(plan, streams=streams))
     assert (told.pop("rules"), told.pop("view"), told.pop("spec")) == (1, "direct", None)
+    assert told.pop("shear") == "off"
     content = json.dumps([told, streams.rows["truth"], streams.rows["vest"]], default=float)
     return hashlib.sha256(content.encode()).hexdigest()[:16]
 

@@ -7,10 +7,12 @@ use crate::form::Form;
 use crate::grid::{CELL_PX, COLS, MARGIN_COLS, MARGIN_ROWS};
 use crate::membrane::{self, Membrane};
 use crate::memory::Memory;
-use crate::noise::{EPOCH_FRAMES, Noise, drifted};
+use crate::noise::{EPOCH_FRAMES, Noise, drifted, lacking};
 use crate::paint::{Canvas, paint};
+use crate::pattern::{self, Pattern, Surface};
 use crate::picture::{HEIGHT, LINE, WIDTH};
 use crate::shape::{Indenter, MAX_INDENTERS};
+use crate::shear::{self, Pull, Shear, ShearField, WIDE_COLS, WIDE_ROWS};
 use crate::unit::Unit;
 
 /// Bytes of a picture: [`HEIGHT`] rows of [`WIDTH`] pixels of blue, green, red.
@@ -18,6 +20,9 @@ pub const PICTURE: usize = HEIGHT * LINE;
 
 /// Rows and columns of [`Gel::displacement`].
 pub const CELLS: [usize; 2] = [HEIGHT / CELL_PX, WIDTH / CELL_PX];
+
+/// Rows and columns of [`Gel::shear_field`], 8 pixels each.
+pub const SHEAR_CELLS: [usize; 2] = [WIDE_ROWS - 2, WIDE_COLS - 2];
 
 /// What is true of a contact, whatever the picture shows. Of what the picture shows of it: cells outside are left out.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -45,11 +50,13 @@ pub struct Setup {
     pub form: Form,
     /// Whether the gel gives way for a time and leaves something after release, and the colours drift for minutes.
     pub memory: bool,
+    /// What its surface shows of shear; a plain one has none.
+    pub surface: Surface,
 }
 
 impl Default for Setup {
     fn default() -> Self {
-        Self { seed: 0, spread: 1.0, form: Form::Digit, memory: false }
+        Self { seed: 0, spread: 1.0, form: Form::Digit, memory: false, surface: Surface::Plain }
     }
 }
 
@@ -71,6 +78,8 @@ pub struct Gel {
     memory: Option<Memory>,
     /// Whether what it remembers can be seen.
     lags: bool,
+    /// What its surface shows and how far that is moved; `None` for a plain one.
+    sheared: Option<(Pattern, ShearField)>,
 }
 
 impl Gel {
@@ -79,7 +88,7 @@ impl Gel {
     /// # Errors
     ///
     /// The spread is not within 0 to 2.
-    pub fn new(Setup { seed, spread, form, memory }: Setup) -> Result<Self, GelError> {
+    pub fn new(Setup { seed, spread, form, memory, surface }: Setup) -> Result<Self, GelError> {
         if !(0.0..=2.0).contains(&spread) {
             return Err(OutOfRange::new("spread", spread, "", "0 to 2").into());
         }
@@ -94,6 +103,7 @@ impl Gel {
             epoch: None,
             touches: false,
             lags: false,
+            sheared: (surface != Surface::Plain).then(|| (Pattern::new(seed, surface), ShearField::new())),
         })
     }
 
@@ -121,7 +131,53 @@ impl Gel {
         if let Some(memory) = &mut self.memory {
             memory.hold(self.touches);
         }
+        if let Some((_, shear)) = &mut self.sheared
+            && !self.touches
+        {
+            shear.forget();
+        }
         Ok(self.touches)
+    }
+
+    /// Pulls the gel sideways by what the latest call pressed in: once after each press. A plain gel has no shear, and one
+    /// that nothing touches is not pulled.
+    ///
+    /// # Errors
+    ///
+    /// A number is out of range; nothing is pulled then.
+    pub fn pull(&mut self, by: Pull) -> Result<(), GelError> {
+        for (name, value) in [("shear_n", by.force_n[0]), ("shear_n", by.force_n[1])] {
+            if !(-1000.0..=1000.0).contains(&value) {
+                return Err(OutOfRange::new(name, value, "N", "-1000 to 1000").into());
+            }
+        }
+        if !(0.0..=10.0).contains(&by.friction) {
+            return Err(OutOfRange::new("friction", by.friction, "", "0 to 10").into());
+        }
+        if !(0.0..=1e4).contains(&by.load_n) {
+            return Err(OutOfRange::new("the load", by.load_n, "N", "0 to 10000").into());
+        }
+        if let Some((_, shear)) = &mut self.sheared
+            && self.touches
+        {
+            shear::pull(shear, self.membrane.finest(), by);
+        }
+        Ok(())
+    }
+
+    /// Measures what is true of the latest pull.
+    pub fn shear(&self) -> Shear {
+        self.sheared.as_ref().map_or_else(Shear::default, |(_, shear)| shear.measure())
+    }
+
+    /// Copies how far the latest pull has moved the gel under the picture, to the right and down, millimetres, one pair a
+    /// cell of 8 pixels: [`SHEAR_CELLS`].
+    pub fn shear_field(&self, out: &mut [[f32; 2]]) {
+        for (r, row) in out.chunks_exact_mut(SHEAR_CELLS[1]).enumerate() {
+            for (c, cell) in row.iter_mut().enumerate() {
+                *cell = self.sheared.as_ref().map_or([0.0; 2], |(_, shear)| shear.at(r + 1, c + 1));
+            }
+        }
     }
 
     /// Whether the gel would show anything at a time, seconds, if nothing pressed it from then on.
@@ -138,6 +194,9 @@ impl Gel {
     pub fn forget(&mut self) {
         if let Some(memory) = &mut self.memory {
             memory.forget(&mut self.membrane);
+        }
+        if let Some((_, shear)) = &mut self.sheared {
+            shear.forget();
         }
         (self.touches, self.lags) = (false, false);
     }
@@ -178,6 +237,9 @@ impl Gel {
             _ => self.touches.then(|| self.membrane.relief()),
         };
         paint(&mut self.canvas, relief, &self.unit.light, &self.drifted, noise, out);
+        if let Some((pattern, shear)) = &mut self.sheared {
+            pattern::add(pattern, shear.moved().then_some(shear), Some(index), out);
+        }
         Ok(())
     }
 
@@ -191,6 +253,9 @@ impl Gel {
         self.drift(index);
         for (out, drifted) in out.iter_mut().zip(&self.drifted) {
             *out = (*drifted as u8) ^ 0x80;
+        }
+        if let Some((pattern, _)) = &mut self.sheared {
+            pattern::add(pattern, None, None, out);
         }
         Ok(())
     }
@@ -246,6 +311,10 @@ impl Gel {
         let epoch = index / EPOCH_FRAMES;
         if self.epoch != Some(epoch) {
             drifted(&self.noise, &self.unit.still, epoch, &mut self.drifted);
+            if let Some((pattern, _)) = &mut self.sheared {
+                lacking(&self.noise, &self.unit.still, epoch, &mut pattern.lacking);
+                pattern.drifted();
+            }
             self.epoch = Some(epoch);
         }
     }

@@ -12,6 +12,7 @@ mod hand_link;
 mod haptics;
 mod image;
 mod shared;
+mod shear;
 mod tactile;
 mod touch;
 mod wire;
@@ -53,6 +54,8 @@ mod _native {
     #[pymodule_export]
     use crate::image::decode_png;
     #[pymodule_export]
+    use crate::shear::ShearReader;
+    #[pymodule_export]
     use crate::tactile::{Equations, KnownBaseline, Preset, estimate_baseline, vote_lines};
     #[pymodule_export]
     use crate::touch::{Contact, TouchTracker, nominal_light, sensor_noise, update_fingers};
@@ -79,6 +82,8 @@ mod _native {
     const GEL_LENGTH_MM: f64 = tega_gel::LENGTH_MM;
     #[pymodule_export]
     const GEL_STIFFNESS_N_MM3: f64 = tega_gel::STIFFNESS_N_MM3;
+    #[pymodule_export]
+    const GEL_SHEAR_STIFFNESS_N_MM3: f64 = tega_gel::SHEAR_STIFFNESS_N_MM3;
     #[pymodule_export]
     const GEL_RADIUS_ACROSS_MM: f64 = tega_gel::RADIUS_ACROSS_MM;
     #[pymodule_export]

@@ -10,6 +10,6 @@
 from __future__ import annotations
 
 from tega.detect.detector import DetectedEvent, Detector, EventKind
-from tega.detect.tracks import TouchFrame
+from tega.detect.tracks import ShearFrame, TouchFrame
 
-__all__ = ["DetectedEvent", "Detector", "EventKind", "TouchFrame"]
+__all__ = ["DetectedEvent", "Detector", "EventKind", "ShearFrame", "TouchFrame"]

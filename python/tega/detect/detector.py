@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 from tega.detect.settings import SETTINGS, DetectorSettings, Rule
-from tega.detect.tracks import FingerTrack, Low, TouchFrame, TwoMeans
+from tega.detect.tracks import FingerTrack, Low, ShearFrame, ShearTrack, TouchFrame, TwoMeans
 
 EventKind = Literal["contact", "release", "slip", "lift_off", "deformation"]
 
@@ -88,6 +88,7 @@ class Detector:
         self._s, self._ahead_s = settings, look_ahead_s
         self._quick: dict[str, FingerTrack] = {}
         self._trend: dict[str, FingerTrack] = {}
+        self._shear: dict[str, ShearTrack] = {}
         self._told: dict[str, bool] = {}
         self._grasp_s: float | None = None
         self._lost_s = self._gained_s = -math.inf
@@ -102,7 +103,7 @@ class Detector:
         self._squeezed_s: float | None = None
         self._rises = {
             rule: Rise("slip", rule, settings.rest_s, look_ahead_s)
-            for rule in (settings.touch, settings.hand)
+            for rule in (settings.touch, settings.shear, settings.hand)
         }
 
     def touch(self, t_s: float, finger: str, touch: TouchFrame) -> list[DetectedEvent]:
@@ -137,6 +138,18 @@ class Detector:
             found += self._slip(t_s)
         return found
 
+    def shear(self, t_s: float, finger: str, shear: ShearFrame) -> None:
+        """Take in the shear of a frame of a fingertip, before that frame itself is taken in.
+
+        Args:
+            t_s: When it was taken, seconds.
+            finger: Whose it is.
+            shear: What it says; zeros without contact.
+        """
+        if finger not in self._shear:
+            self._shear[finger] = ShearTrack(*self._s.shear_s)
+        self._shear[finger].add(t_s, shear)
+
     def hand(
         self,
         t_s: float,
@@ -169,8 +182,11 @@ class Detector:
         return [one._replace(known_s=t_s) for one in last if one is not None]
 
     def features(self, t_s: float) -> tuple[float, ...]:
-        """Return the features that a slip is seen by: :data:`HAND_FEATURES` where measured, else :data:`FEATURES`."""
-        if not (math.isnan(self._closure.quick) or math.isnan(self._height.quick) or self._level is None):
+        """Return the features that a slip is seen by.
+
+        :data:`HAND_FEATURES` where they are measured, else :data:`SHEAR_FEATURES`, else :data:`FEATURES`.
+        """
+        if self._level is not None and self._measured:
             return (
                 self._pressed.fallen,
                 self._pressed.below,
@@ -188,7 +204,7 @@ class Detector:
         long_before = sum(math.exp(trend.mass.slow) for _, trend in on)
         flows = [one.flow_px for one, _ in on]
         mean = sum(flow * part for flow, part in zip(flows, sums, strict=True)) / mass if on else 0.0
-        return (
+        touch = (
             float(len(on)),
             math.log1p(mass / 1e4),
             math.log((mass + 1e3) / (before + 1e3)),
@@ -202,6 +218,30 @@ class Detector:
             math.exp((self._lost_s - t_s) / self._s.fade_s),
             math.exp((self._gained_s - t_s) / self._s.fade_s),
         )
+        if not self._shear:
+            return touch
+        shears = [self._shear[finger] for finger, one in self._quick.items() if one.touching]
+        moved = [shear.moved_mm for shear in shears]
+        slid = [shear.incipient.quick for shear in shears]
+        return (
+            *touch,
+            math.log1p(20 * max(moved, default=0.0)),
+            math.log1p(20 * sum(moved) / max(len(moved), 1)),
+            max(slid, default=0.0),
+            min(slid, default=0.0),
+            math.log1p(max((shear.slip.quick for shear in shears), default=0.0)),
+        )
+
+    @property
+    def _measured(self) -> bool:
+        """Whether closure and height are measured."""
+        return not (math.isnan(self._closure.quick) or math.isnan(self._height.quick))
+
+    def _rule(self) -> Rule:
+        """Return the rule of a slip for what is measured."""
+        if self._level is not None and self._measured:
+            return self._s.hand
+        return self._s.shear if self._shear else self._s.touch
 
     @property
     def _holds(self) -> bool:
@@ -247,7 +287,7 @@ class Detector:
     def _slip(self, t_s: float) -> list[DetectedEvent]:
         self._remember(t_s)
         seen = self.features(t_s)
-        rule = self._s.touch if len(seen) == len(self._s.touch.weights) else self._s.hand
+        rule = self._rule()
         share = share_of(rule, seen) if self._settled(t_s) and self.may_slip else 0.0
         found = self._rises[rule].add(t_s, share, void=not self.may_slip)
         return [] if found is None else [found]

@@ -53,6 +53,23 @@ where the grip gets weaker than it ever was since.
 """
 
 
+SHEAR_FEATURES: Final = (
+    *FEATURES,
+    "pulled",
+    "mean_pulled",
+    "slid",
+    "least_slid",
+    "sliding",
+)
+"""What a slip is seen by in fingertips whose metric reads shear; those of :data:`FEATURES` and, over the fingers in
+contact:
+
+- how far the gel's pull has changed over 0.2 s (log of 1 + 20 times the millimetres): the furthest, and the mean;
+- the share of a contact that has slid: the largest, and the least;
+- the highest speed of that (log of 1 + millimetres a second).
+"""
+
+
 class Rule(NamedTuple):
     """A logistic rule, and when it makes an event.
 
@@ -76,6 +93,7 @@ class DetectorSettings(NamedTuple):
         quick_s: Time constant of the quick means: five frames at 60 Hz, in which noise of single frames averages out.
         slow_s: Of the slow ones: a slip of 5 mm/s moves a contact by a few pixels in that time.
         trend_s: Time constants of the pair that sees slow changes.
+        shear_s: And of the pair that sees changes of shear, which are quick.
         step_s: Between two looks at the slip; frames come at 60 Hz, or 30 Hz in a study's tables.
         touch_s: A contact has to last so long, as three frames do: single frames flicker at the threshold.
         release_s: And its end likewise; longer, since a light contact flickers more.
@@ -95,12 +113,14 @@ class DetectorSettings(NamedTuple):
         eased: A deformation is over when less than this share of it is left.
         look_ahead_s: How far the detector looks ahead in a record.
         touch: The slip by fingertips alone.
+        shear: The slip by fingertips alone where shear is read.
         hand: The slip where closure and height are measured as well.
     """
 
     quick_s: float = 0.08
     slow_s: float = 0.35
     trend_s: tuple[float, float] = (0.2, 1.0)
+    shear_s: tuple[float, float] = (0.04, 0.2)
     step_s: float = 0.025
     touch_s: float = 0.05
     release_s: float = 0.1
@@ -123,6 +143,7 @@ class DetectorSettings(NamedTuple):
         0.5,
         0.2,
     )
+    shear: Rule = Rule(-3.0, (0.0,) * 12 + (1.0, 0.0, 0.0, 0.0, 0.0), 0.5, 0.05)
     hand: Rule = Rule(-4.014, (0.109, 0.414, -10.474, -0.871, 0.896, 0.832, 3.586, 0.846), 0.5, 0.05)
 
 

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import NamedTuple, Self
 
 
 class TouchFrame(NamedTuple):
@@ -29,6 +30,35 @@ class TouchFrame(NamedTuple):
     peak: float
     x: float
     y: float
+
+
+class ShearFrame(NamedTuple):
+    """Shear in one frame of a fingertip, where its metric reads it.
+
+    Attributes:
+        x_mm: How far the gel is pulled to the right in the picture, millimetres.
+        y_mm: And down.
+        incipient: Share of the contact that has slid against the rest, 0 to 1.
+        slip_mm_s: How fast it does, millimetres a second.
+    """
+
+    x_mm: float
+    y_mm: float
+    incipient: float
+    slip_mm_s: float
+
+    @classmethod
+    def of(cls, values: Mapping[str, float]) -> Self | None:
+        """Return the shear among a contact's named values; ``None`` where it has none."""
+        if "shear_mm" not in values:
+            return None
+        length_mm, angle_rad = values["shear_mm"], values["shear_direction_rad"]
+        return cls(
+            length_mm * math.cos(angle_rad),
+            length_mm * math.sin(angle_rad),
+            values["incipient"],
+            values["slip_mm_s"],
+        )
 
 
 class TwoMeans:
@@ -146,4 +176,32 @@ class FingerTrack:
     @property
     def flow_px(self) -> float:
         """Distance that the contact's middle has moved lately, pixels."""
+        return math.hypot(self.x.change, self.y.change)
+
+
+class ShearTrack:
+    """One fingertip's shear.
+
+    Args:
+        quick_s: See :class:`TwoMeans`.
+        slow_s: Likewise.
+
+    Attributes:
+        x: Pull to the right, millimetres.
+        y: And down.
+        incipient: Share that has slid.
+        slip: Speed of that, millimetres a second.
+    """
+
+    def __init__(self, quick_s: float, slow_s: float) -> None:
+        self.x, self.y, self.incipient, self.slip = (TwoMeans(quick_s, slow_s) for _ in range(4))
+
+    def add(self, t_s: float, shear: ShearFrame) -> None:
+        """Take in a frame."""
+        for course, value in zip((self.x, self.y, self.incipient, self.slip), shear, strict=True):
+            course.add(t_s, value)
+
+    @property
+    def moved_mm(self) -> float:
+        """Distance that the pull has changed by lately, millimetres."""
         return math.hypot(self.x.change, self.y.change)

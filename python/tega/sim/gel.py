@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 from tega import _native
 from tega.sim.seams import Indenter
 
+Shear = Literal["off", "texture", "dots"]
+
 HEIGHT: Final = 320
 WIDTH: Final = 240
 PX_PER_MM: Final = _native.GEL_PX_PER_MM
@@ -26,6 +28,8 @@ LENGTH_MM: Final = _native.GEL_LENGTH_MM
 """How far the gel is pulled down beside a contact: its slope dies away over this length, 20 pixels."""
 STIFFNESS_N_MM3: Final = _native.GEL_STIFFNESS_N_MM3
 """Pressure a displacement, newtons per cubic millimetre."""
+SHEAR_STIFFNESS_N_MM3: Final = _native.GEL_SHEAR_STIFFNESS_N_MM3
+"""Traction a sideways displacement, newtons per cubic millimetre."""
 RADIUS_ACROSS_MM: Final = _native.GEL_RADIUS_ACROSS_MM
 """Radius of the ``digit`` gel across the finger."""
 HEIGHTS_ALONG_MM: Final = tuple(_native.GEL_HEIGHTS_ALONG_MM)
@@ -53,6 +57,17 @@ class GelTruth(NamedTuple):
     """Middle of the displacement of what touches, pixels (column, row); NaN where nothing does."""
 
 
+class ShearTruth(NamedTuple):
+    """True shear of a contact, whatever the picture shows; of the part of the gel that is in the picture."""
+
+    mean_mm: tuple[float, float]
+    """Mean displacement of the touching gel, to the right and down the picture, millimetres."""
+    peak_mm: float
+    """Largest length of a displacement, millimetres."""
+    slid: float
+    """Share of the touching area whose traction is at the limit of friction, 0 to 1; 0 without contact."""
+
+
 class Gel:
     """One unit: its own gel, background, light and noise.
 
@@ -64,9 +79,12 @@ class Gel:
         memory: Whether the gel creeps under a load and leaves something after release, and its colours drift for
             minutes, as recorded ones do. A press then lasts until the next call, whose time may not be earlier; the
             truth tells how far the gel is displaced in all, and what touches.
+        shear: Whether the gel gives way sideways and slips, and what on it shows that: ``texture`` the faint grain of a
+            recorded DIGIT, ``dots`` that and dark dots as on a GelSight Mini. ``off`` has neither shear nor grain; the
+            pictures of the others are those of ``off`` with the grain added.
 
     Raises:
-        InvalidValueError: ``spread`` is out of range or ``shape`` not known.
+        InvalidValueError: ``spread`` is out of range, or ``shape`` or ``shear`` not known.
 
     Example:
         >>> gel = Gel(seed=1)
@@ -82,8 +100,9 @@ class Gel:
         spread: float = 1.0,
         shape: Literal["digit", "flat"] = "digit",
         memory: bool = False,
+        shear: Shear = "off",
     ) -> None:
-        self._gel = _native.Gel(seed, spread=spread, shape=shape, memory=memory)
+        self._gel = _native.Gel(seed, spread=spread, shape=shape, memory=memory, shear=shear)
 
     def frame(
         self,
@@ -116,7 +135,8 @@ class Gel:
         """
         if out is None:
             out = np.empty((HEIGHT, WIDTH, 3), np.uint8)
-        self._gel.frame(_poses(indenters), index, t_s=index / CAMERA_HZ if t_s is None else t_s, out=out)
+        t_s = index / CAMERA_HZ if t_s is None else t_s
+        self._gel.frame(_poses(indenters), index, t_s=t_s, pull=_pull(indenters), out=out)
         return out
 
     def press(self, indenters: Sequence[Indenter], *, t_s: float | None = None) -> GelTruth:
@@ -124,7 +144,8 @@ class Gel:
 
         Args and errors are those of :meth:`frame`; without ``t_s`` no time passes.
         """
-        self._gel.press(_poses(indenters), (self._gel.last_s() or 0.0) if t_s is None else t_s)
+        t_s = (self._gel.last_s() or 0.0) if t_s is None else t_s
+        self._gel.press(_poses(indenters), t_s, pull=_pull(indenters))
         return self.truth
 
     def remains(self, t_s: float) -> bool:
@@ -139,6 +160,15 @@ class Gel:
     def truth(self) -> GelTruth:
         """True contact of the latest press, measured when asked for."""
         return GelTruth._make(self._gel.touch())
+
+    @property
+    def sheared(self) -> ShearTruth:
+        """True shear of the latest press, measured when asked for; 0 of a gel without."""
+        return ShearTruth._make(self._gel.shear())
+
+    def shear_mm(self) -> NDArray[np.float32]:
+        """Return how far the gel is pulled to the right and down, float32 (40, 30, 2), millimetres, 8 x 8 pixels each."""
+        return self._gel.shear_mm()
 
     @property
     def in_view(self) -> float:
@@ -221,6 +251,13 @@ def _beside(
     at_x = x + share[0] * (right[0] - x) + share[1] * (down[0] - x)
     at_y = y + share[0] * (right[1] - y) + share[1] * (down[1] - y)
     return float(at_x + radius_mm * normal[0]), float(at_y + radius_mm * normal[1])
+
+
+def _pull(indenters: Sequence[Indenter]) -> tuple[float, float, float]:
+    """Return the sum of the tangential forces, newtons, and the friction: its mean over the normal forces."""
+    load_n = sum(i.force_n for i in indenters)
+    friction = sum(i.force_n * i.friction for i in indenters) / load_n if load_n > 0 else 1.0
+    return sum(i.shear_n[0] for i in indenters), sum(i.shear_n[1] for i in indenters), friction
 
 
 def _poses(

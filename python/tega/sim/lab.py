@@ -20,7 +20,7 @@ from tega.errors import InvalidValueError
 from tega.inbox.frames import FrameMeter
 from tega.inbox.sources import SourceReport
 from tega.sim.conditions import ARMS
-from tega.sim.gel import Gel, ball, board
+from tega.sim.gel import Gel, Shear, ball, board
 from tega.sim.plan import loop_settings
 from tega.sim.seams import Indenter
 from tega.sim.true_touch import FULL_N
@@ -59,6 +59,7 @@ class Lab:
         preset: Readings of the loop.
         parameters: Of the population; none means the package's own.
         settings: Of the loop, see :class:`tega.sim.plan.TrialPlan`.
+        shear: Of the gels, likewise.
 
     Attributes:
         gels: The four fingertips' gels and cameras.
@@ -74,6 +75,7 @@ class Lab:
         parameters: Parameters | None = None,
         *,
         settings: Sequence[str] = (),
+        shear: Shear = "off",
     ) -> None:
         from tega.sim.operator import calibrate, draw_person, load_parameters
 
@@ -85,7 +87,8 @@ class Lab:
             self._someone, seed=seed, rate_hz=EMG_HZ, preset=preset, tau_s=block_s(self.config)
         )
         self.gels: Mapping[str, Gel] = {
-            finger: Gel(len(FINGERS) * seed + number, memory=True) for number, finger in enumerate(FINGERS)
+            finger: Gel(len(FINGERS) * seed + number, memory=True, shear=shear)
+            for number, finger in enumerate(FINGERS)
         }
         self.baselines = {finger: _baseline(gel) for finger, gel in self.gels.items()}
         self.touch: Mapping[str, TouchMaxima] = {finger: self._press(finger) for finger in FINGERS}
@@ -170,9 +173,11 @@ def _object(press: int, force_n: float) -> Indenter:
 
 
 @lru_cache(maxsize=8)
-def lab_of(seed: int, preset: Literal["paper", "live"], settings: tuple[str, ...] = ()) -> Lab:
+def lab_of(
+    seed: int, preset: Literal["paper", "live"], settings: tuple[str, ...] = (), shear: Shear = "off"
+) -> Lab:
     """Return a person's lab, from memory where it was there just now."""
-    return Lab(seed, preset, settings=settings)
+    return Lab(seed, preset, settings=settings, shear=shear)
 
 
 def _baseline(gel: Gel) -> NDArray[np.uint8]:

@@ -120,7 +120,7 @@ class Lift:
         self._bus = self._telling()
         kept = streams is not None or recorder is not None or bool(lab.config.stages.beside)
         self.rig = TrialRig(
-            world=World(spec, seed=plan.seed + number),
+            world=World(spec, seed=plan.seed + number, shear=plan.shear != "off"),
             poses_rad=GRASP_POSES_RAD,
             gels=lab.gels,
             baselines=lab.baselines,

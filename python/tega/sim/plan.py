@@ -11,6 +11,7 @@ from tega.config import LOOP_KEYS, SessionConfig, load_config
 from tega.errors import ConfigError, InvalidValueError
 from tega.sim.beside import BesideResult
 from tega.sim.conditions import CONDITIONS, Condition
+from tega.sim.gel import Shear
 from tega.sim.operator.vision import ViewName
 from tega.sim.score import TrialEvent
 from tega.sim.world.objects import OBJECTS, ObjectSpec
@@ -36,6 +37,7 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
             with object and vest first, see :mod:`tega.sim.practice`.
         view: Sight of the hand while the object is held, see :data:`tega.sim.operator.VIEWS`.
         spec: The object, where it is none of :data:`tega.sim.world.OBJECTS`.
+        shear: Whether the gels give way sideways, and what on them shows it, see :class:`tega.sim.gel.Gel`.
     """
 
     object: str
@@ -51,6 +53,7 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     rules: Literal[1, 2] = 1
     view: ViewName = "direct"
     spec: ObjectSpec | None = None
+    shear: Shear = "off"
 
     @property
     def object_spec(self) -> ObjectSpec:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import msgspec
 
-from tega.detect import DetectedEvent, Detector, TouchFrame
+from tega.detect import DetectedEvent, Detector, ShearFrame, TouchFrame
 from tega.detect.settings import SETTINGS
 from tega.errors import RecordingError
 from tega.study.hand_rows import HandRow, hand_path, read_hand
@@ -63,6 +63,7 @@ def events_of(
     *,
     live: bool = False,
     detector: Detector | None = None,
+    shear: Sequence[tuple[float, str, ShearFrame]] = (),
 ) -> list[DetectedEvent]:
     """Find the events of a trial.
 
@@ -71,6 +72,7 @@ def events_of(
         hand: Looks at its hand and arm.
         live: Say only what could have been said at the time, as the run does.
         detector: What finds them; one with the settings in use where ``None``.
+        shear: Time, finger and shear of its frames, where it was read.
 
     Returns:
         Events in the order of time.
@@ -78,13 +80,19 @@ def events_of(
     if detector is None:
         detector = Detector(look_ahead_s=0.0 if live else SETTINGS.look_ahead_s)
     found: list[DetectedEvent] = []
-    items = [(row.t_s, 1, row) for row in touch] + [(row.t_s, 0, row) for row in hand]
+    items: list[tuple[float, int, TouchRow | HandRow | tuple[float, str, ShearFrame]]] = [
+        *((row.t_s, 2, row) for row in touch),
+        *((row[0], 1, row) for row in shear),
+        *((row.t_s, 0, row) for row in hand),
+    ]
     last_s = 0.0
     for t_s, _, row in sorted(items, key=lambda item: item[:2]):
         last_s = t_s
         if isinstance(row, TouchRow):
             seen = TouchFrame(bool(row.in_contact), row.eda, row.mass, row.peak, row.x, row.y)
             found += detector.touch(t_s, row.finger, seen)
+        elif not isinstance(row, HandRow):
+            detector.shear(*row)
         else:
             found += detector.hand(t_s, level=row.level, closure=row.closure, height_m=row.height_m)
     found += detector.close(last_s)

@@ -186,8 +186,10 @@ class TouchLoop:
 
 def _events(detector: Detector, finger: str, t_ns: int, metrics: ContactMetrics) -> Sequence[Event]:
     """Return the events that a frame shows."""
-    from tega.detect import TouchFrame
+    from tega.detect import ShearFrame, TouchFrame
 
+    if (shear := ShearFrame.of({value.name: value.value for value in metrics.more})) is not None:
+        detector.shear(t_ns / 1e9, finger, shear)
     touch = TouchFrame(metrics.in_contact, metrics.eda, metrics.mass, metrics.peak, *metrics.centroid_xy)
     return [
         Event(

@@ -5,6 +5,7 @@
     python -m tega_figures.check_events --fit 1000:1023                       # weights for tega.detect.settings
     python -m tega_figures.check_events --seeds 2000:2020 --conditions haptic # the table of docs/detect.md
     python -m tega_figures.check_events --narrowing --objects bag             # what a deformation could be told by
+    python -m tega_figures.check_events --seeds 2000:2020 --conditions haptic --shear texture   # of docs/evidence/shear.md
 
 Needs the extras ``sim`` and ``study``. A seed is a person; those that the rules were fitted on are never reported.
 """
@@ -19,9 +20,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from tega.detect import DetectedEvent, Detector
+from tega.detect import DetectedEvent, Detector, ShearFrame
 from tega.detect.detector import Rise
-from tega.detect.settings import FEATURES, HAND_FEATURES, SETTINGS, Rule
+from tega.detect.settings import FEATURES, HAND_FEATURES, SETTINGS, SHEAR_FEATURES, Rule
 from tega.sim.plan import TrialPlan, TrialResult
 from tega.sim.streams import Streams
 from tega.study.detecting import events_of
@@ -56,6 +57,7 @@ class KeptTrial(NamedTuple):
         hand: Hand and arm a hundred times a second.
         slipping: Beginning and end of each slip, seconds.
         narrowing: How much narrower the object is, by time: seconds, millimetres.
+        shear: Time, finger and shear of every frame; empty where the gels have none.
     """
 
     result: TrialResult
@@ -63,6 +65,7 @@ class KeptTrial(NamedTuple):
     hand: list[HandRow]
     slipping: list[tuple[float, float]]
     narrowing: Sequence[tuple[float, float]] = ()
+    shear: Sequence[tuple[float, str, ShearFrame]] = ()
 
 
 class _Keeper(Streams):
@@ -72,6 +75,7 @@ class _Keeper(Streams):
         self.hand: list[HandRow] = []
         self.speed: list[tuple[float, float]] = []
         self.narrowing: list[tuple[float, float]] = []
+        self.shear: list[tuple[float, str, ShearFrame]] = []
         self._level: int | None = None
 
     def act(self, percept: Percept, act: Act) -> None:
@@ -80,6 +84,8 @@ class _Keeper(Streams):
         self.narrowing.append((percept.t_s, 1e3 * percept.scene.deformation_m))
 
     def contact(self, contact: Contact) -> None:
+        if (shear := ShearFrame.of({value.name: value.value for value in contact.more})) is not None:
+            self.shear.append((contact.t_ns / 1e9, contact.finger, shear))
         self.touch.append(
             TouchRow(
                 contact.t_ns / 1e9,
@@ -108,7 +114,7 @@ def run(plan: TrialPlan) -> KeptTrial:
         if event.kind == "slip":
             rests = (t for t, v in keeper.speed if t > event.t_s + 0.3 and v < REST_M_S)
             slipping.append((event.t_s, next(rests, result.duration_s)))
-    return KeptTrial(result, keeper.touch, keeper.hand, slipping, keeper.narrowing)
+    return KeptTrial(result, keeper.touch, keeper.hand, slipping, keeper.narrowing, keeper.shear)
 
 
 class JudgedTrial(NamedTuple):
@@ -127,7 +133,8 @@ def judge(kept: KeptTrial) -> JudgedTrial:
     """Find a trial's events in each of :data:`WAYS`."""
     times: dict[tuple[str, str], list[float]] = {}
     for way in WAYS:
-        found = events_of(kept.touch, [] if way == WAYS[2] else kept.hand, live=way != WAYS[0])
+        hand = [] if way == WAYS[2] else kept.hand
+        found = events_of(kept.touch, hand, live=way != WAYS[0], shear=kept.shear)
         for kind in KINDS:
             times[way, kind] = [
                 event.t_s if way == WAYS[0] else event.known_s for event in found if event.kind == kind
@@ -180,8 +187,8 @@ class _SlipTrial(NamedTuple):
 
 def _looks(kept: KeptTrial, *, hand: bool) -> _SlipTrial:
     looks = _Looks()
-    events_of(kept.touch, kept.hand if hand else [], detector=looks)
-    width = len(HAND_FEATURES if hand else FEATURES)
+    events_of(kept.touch, kept.hand if hand else [], detector=looks, shear=kept.shear)
+    width = len(HAND_FEATURES if hand else SHEAR_FEATURES if kept.shear else FEATURES)
     rows = [row for row in looks.seen if len(row[1]) == width]
     t_s = np.array([row[0] for row in rows])
     slips, near = np.zeros(len(rows)), np.zeros(len(rows), dtype=bool)
@@ -291,7 +298,7 @@ def narrowing(trials: Sequence[KeptTrial]) -> Iterable[str]:
 
 
 def _plans(
-    seeds: Iterable[int], conditions: Sequence[str], stiffness: float, friction: float
+    seeds: Iterable[int], conditions: Sequence[str], stiffness: float, friction: float, shear: str = "off"
 ) -> list[TrialPlan]:
     from tega.sim.world import OBJECTS
 
@@ -303,6 +310,8 @@ def _plans(
                 "seed": seed,
                 "stiffness_n_m": OBJECTS[name].stiffness_n_m * stiffness,
                 "friction": OBJECTS[name].friction * friction,
+                "shear": shear,
+                "settings": () if shear == "off" else ("stages.metric.name=shear",),
             }
         )
         for seed in seeds
@@ -347,6 +356,20 @@ def _table(trials: Sequence[JudgedTrial]) -> Iterable[str]:
                 )
 
 
+def false_alarms(trials: Sequence[JudgedTrial]) -> str:
+    """Say how many slips a minute are told by touch alone, live, that are none, and how late the others are told."""
+    slips = compare(trials, WAYS[2], "slip")
+    minutes = sum(one.result.duration_s for one in trials) / 60
+    false = (slips.n_b - slips.matched) / minutes
+    late_s: list[float] = []
+    for one in trials:
+        truth = [e.t_s for e in one.result.events if e.kind == "slip"]
+        found = one.found[WAYS[2], "slip"]
+        late_s += [found[j] - truth[i] for i, j in match_events(truth, found, tolerance_s=TOLERANCE_S)]
+    median_s = float(np.median(late_s)) if late_s else None
+    return f"slip, {WAYS[2]}: {false:.2f} false a minute, median delay {_number(median_s)} s"
+
+
 def _number(value: float | None) -> str:
     return "–" if value is None else f"{value:.2f}"
 
@@ -366,6 +389,9 @@ def main() -> None:
     parser.add_argument("--conditions", default="haptic,non-haptic,event-gated")
     parser.add_argument("--stiffness", type=float, default=1.0, help="of the objects, times their own")
     parser.add_argument("--friction", type=float, default=1.0, help="likewise")
+    parser.add_argument(
+        "--shear", default="off", choices=["off", "texture", "dots"], help="of the gels; the metric is shear then"
+    )
     parser.add_argument("--objects", default="", help="some of them, by name; all unless given")
     parser.add_argument(
         "--narrowing", action="store_true", help="how well the signals tell an object's narrowing"
@@ -375,12 +401,12 @@ def main() -> None:
     from joblib import Parallel, delayed
 
     if asked.fit is not None:
-        plans = _plans(asked.fit, ["haptic"], asked.stiffness, asked.friction)
+        plans = _plans(asked.fit, ["haptic"], asked.stiffness, asked.friction, asked.shear)
         kept: list[KeptTrial] = Parallel(n_jobs=asked.jobs)(delayed(run)(plan) for plan in plans)
         for name, hand in (("touch", False), ("hand", True)):
             sys.stdout.write(f"{name}: {fit(kept, hand=hand)}\n")
         return
-    plans = _plans(asked.seeds, asked.conditions.split(","), asked.stiffness, asked.friction)
+    plans = _plans(asked.seeds, asked.conditions.split(","), asked.stiffness, asked.friction, asked.shear)
     plans = [plan for plan in plans if not asked.objects or plan.object in asked.objects.split(",")]
     if asked.narrowing:
         trials: list[KeptTrial] = Parallel(n_jobs=asked.jobs)(delayed(run)(plan) for plan in plans)
@@ -389,6 +415,7 @@ def main() -> None:
     judged: list[JudgedTrial] = Parallel(n_jobs=asked.jobs)(delayed(_judged)(plan) for plan in plans)
     for line in _table(judged):
         sys.stdout.write(line + "\n")
+    sys.stdout.write(false_alarms(judged) + "\n")
 
 
 if __name__ == "__main__":
