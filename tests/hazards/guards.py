@@ -229,6 +229,13 @@ GUARDS: Final = (
         f"{_LOST}the_loss_of_the_hand_s_guard_holds_until_there_is_another",
     ),
     Guard(
+        "a device that is left while its guard is replaced is left to nobody",
+        """                if closing:
+                    self._part_from(process)""",
+        "                pass",
+        "tests/unit/test_guard_process.py::test_a_device_that_is_left_while_its_guard_is_replaced_is_let_go_of",
+    ),
+    Guard(
         "a closed terminal ends the program at once",
         '("SIGTERM", "SIGHUP")',
         '("SIGTERM",)',

@@ -87,7 +87,11 @@ def test_what_has_slid_does_not_come_back_with_the_pull_and_all_is_gone_when_it_
 
 @pytest.mark.parametrize(
     ("wrong", "named"),
-    [({"shear_n": (float("nan"), 0.0)}, "shear_n"), ({"shear_n": (0.0, 2000.0)}, "shear_n"), ({"friction": -0.1}, "friction")],
+    [
+        ({"shear_n": (float("nan"), 0.0)}, "shear_n"),
+        ({"shear_n": (0.0, 2000.0)}, "shear_n"),
+        ({"friction": -0.1}, "friction"),
+    ],
 )
 def test_a_pull_that_is_none_is_refused(wrong: dict[str, Any], named: str) -> None:
     with pytest.raises(InvalidValueError, match=named):
@@ -148,7 +152,9 @@ def test_a_print_that_is_moved_under_a_dent_is_found_again() -> None:
             x, y = x + share * dx, y + share * dy
             top, left = int(y) - 3, int(x) - 3
             patch = level[max(top, 0) : top + 8, max(left, 0) : left + 8]
-            r, c = np.ogrid[max(top, 0) : max(top, 0) + patch.shape[0], max(left, 0) : max(left, 0) + patch.shape[1]]
+            r, c = np.ogrid[
+                max(top, 0) : max(top, 0) + patch.shape[0], max(left, 0) : max(left, 0) + patch.shape[1]
+            ]
             patch -= 20 * np.exp(-((c - x) ** 2 + (r - y) ** 2) / 4.0)[:, :, None]
         return np.clip(np.rint(level), 0, 255).astype(np.uint8)
 

@@ -56,7 +56,8 @@ class GuardProcess:
     def __init__(self, what: str, module: str, *arguments: str) -> None:
         self._what = what
         self._words = python_command(module, *arguments)
-        self._closing = threading.Event()
+        self._closing, self._safe = threading.Event(), False
+        self._swap = threading.Lock()  # of the process, against the program's leaving
         self._next_s = 0.0
         self.n_lost = 0
         self.problem = ""
@@ -80,22 +81,39 @@ class GuardProcess:
             self._process.kill()  # it stands still: the thread that watches it sees its end
             return
         self._asked_s = now_s
-        self._write(b".\n")
+        self._write(b".\n", self._process)
 
     def dismiss(self) -> None:
         """Tell the guard that the device has been left safe, and wait for its end."""
-        self._closing.set()
-        self._write(b"done\n")
-        end_child(self._process, _LEAVE_S)
+        self._leave(safe=True)
         self._thread.join(_LEAVE_S)
 
     def leave_to_it(self) -> None:
-        """Leave the device to the guard: to it this looks as if the program were gone, and it goes on trying."""
-        self._closing.set()
-        _left.append(self._process)
-        if self._process.stdin is not None:
+        """Leave the device to the guard: to it this looks as if the program were gone, and it goes on trying.
+
+        A guard that was lost just now is waited for: another one is being started.
+        """
+        self._leave(safe=False)
+        end_s = time.monotonic() + _READY_S
+        while self.problem and time.monotonic() < end_s:
+            time.sleep(0.01)
+
+    def _leave(self, *, safe: bool) -> None:
+        with self._swap:
+            self._safe, process = safe, self._process
+            self._closing.set()
+        self._part_from(process)
+
+    def _part_from(self, process: subprocess.Popen[bytes]) -> None:
+        """End a process where the device has been left safe, else leave the device to it."""
+        if self._safe:
+            self._write(b"done\n", process)
+            end_child(process, _LEAVE_S)
+            return
+        _left.append(process)
+        if process.stdin is not None:
             with contextlib.suppress(OSError):
-                self._process.stdin.close()
+                process.stdin.close()
 
     def _start(self) -> subprocess.Popen[bytes]:
         process = subprocess.Popen(
@@ -122,10 +140,10 @@ class GuardProcess:
         self._asked_s = self._heard_s = time.monotonic()
         return process
 
-    def _write(self, line: bytes) -> None:
-        if self._process.stdin is not None:
+    def _write(self, line: bytes, process: subprocess.Popen[bytes]) -> None:
+        if process.stdin is not None:
             with contextlib.suppress(OSError, ValueError):  # it is gone: the thread that watches it sees that
-                os.write(self._process.stdin.fileno(), line)
+                os.write(process.stdin.fileno(), line)
 
     def _watch(self) -> None:
         """Hear the answers, and start another process when this one is gone."""
@@ -140,14 +158,19 @@ class GuardProcess:
             self.n_lost += 1
             self.problem = f"the process that {self._what} was lost; another is being started"
             _forget(process)
-            while self.problem and not self._closing.is_set():
+            while self.problem and not self._safe:
                 try:
-                    self._process = self._start()
-                    # Until it has heard something it takes the device for switched off.
-                    self._write(b"done\n" if self._closing.is_set() else b".\n")
-                    self.problem = ""
+                    process = self._start()
                 except (DeviceUnavailableError, OSError):
                     time.sleep(_AGAIN_S)
+                    continue
+                # Until it has heard something it takes the device for switched off.
+                self._write(b".\n", process)
+                with self._swap:
+                    self._process, closing = process, self._closing.is_set()
+                if closing:
+                    self._part_from(process)
+                self.problem = ""
 
 
 def _forget(process: subprocess.Popen[bytes]) -> None:

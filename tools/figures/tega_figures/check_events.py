@@ -390,7 +390,10 @@ def main() -> None:
     parser.add_argument("--stiffness", type=float, default=1.0, help="of the objects, times their own")
     parser.add_argument("--friction", type=float, default=1.0, help="likewise")
     parser.add_argument(
-        "--shear", default="off", choices=["off", "texture", "dots"], help="of the gels; the metric is shear then"
+        "--shear",
+        default="off",
+        choices=["off", "texture", "dots"],
+        help="of the gels; the metric is shear then",
     )
     parser.add_argument("--objects", default="", help="some of them, by name; all unless given")
     parser.add_argument(

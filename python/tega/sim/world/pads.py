@@ -131,7 +131,10 @@ class PadContacts:
         # The contact's force is what its first shape does to its second.
         first, second = (-f if pad_first else f for f in forces[row + 1 : row + 3].tolist())
         friction = float(contact.friction[number, 0])
-        return [*(first * a + second * b for a, b in zip(across[:3], across[3:], strict=True)), float(forces[row]) * friction]
+        return [
+            *(first * a + second * b for a, b in zip(across[:3], across[3:], strict=True)),
+            float(forces[row]) * friction,
+        ]
 
     def _indenter(self, pad: int, shape: int, sums: list[float]) -> Indenter:
         force_n = sums[0]
@@ -169,4 +172,3 @@ class PadContacts:
         along /= math.sqrt(along @ along)
         where = near_m + 1e-3 * self._size_mm[_FLEX][0] * out
         return where, np.stack([out, np.cross(along, out), along], axis=1).ravel()
-

@@ -1,0 +1,63 @@
+"""The guard of a device is lost just before the program closes the device: its successor is treated likewise."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from reference.waiting import until
+from tega.devices.guard_process import GuardProcess
+
+# Says that it lets go by a file of its own number, and starts slowly once a first one has begun.
+GUARD = """
+import os, sys, time
+from pathlib import Path
+from tega.devices.guard_process import stand_by
+
+folder = Path(sys.argv[1])
+(folder / f"begun-{os.getpid()}").touch()
+if len(list(folder.glob("begun-*"))) > 1:
+    end_s = time.monotonic() + 60
+    while not (folder / "go on").exists() and time.monotonic() < end_s:
+        time.sleep(0.01)
+stand_by(lambda _goes_on: (folder / f"let-go-{os.getpid()}").touch())
+(folder / f"ended-{os.getpid()}").touch()
+"""
+
+
+@pytest.fixture
+def lost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> GuardProcess:
+    """A guard whose process was killed, and whose second one has begun and is not ready."""
+    (tmp_path / "slow_guard.py").write_text(GUARD)
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")]))
+    guard = GuardProcess("guards a file", "slow_guard", str(tmp_path))
+    guard.beat()
+    os.kill(guard.pid, signal.SIGKILL)
+    until(lambda: len(list(tmp_path.glob("begun-*"))) == 2)
+    return guard
+
+
+def one(folder: Path, what: str) -> Callable[[], bool]:
+    return lambda: len(list(folder.glob(f"{what}-*"))) == 1
+
+
+def test_a_device_that_is_left_while_its_guard_is_replaced_is_let_go_of(
+    lost: GuardProcess, tmp_path: Path
+) -> None:
+    (tmp_path / "go on").touch()
+    lost.leave_to_it()
+    until(one(tmp_path, "let-go"))
+
+
+def test_a_guard_that_is_dismissed_while_it_is_replaced_leaves_no_process(
+    lost: GuardProcess, tmp_path: Path
+) -> None:
+    (tmp_path / "go on").touch()
+    lost.dismiss()
+    until(one(tmp_path, "ended"))
+    until(lambda: lost._process.returncode is not None)
+    assert not list(tmp_path.glob("let-go-*"))
