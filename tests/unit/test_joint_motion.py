@@ -1,4 +1,4 @@
-"""Latency from muscle to joint, on the emulated hand's node and the driver's own conversation, in a time that is told."""
+"""Latency from muscle to joint, on the emulated hand's node and its driver's conversation, on a clock that is set."""
 
 from __future__ import annotations
 

@@ -23,9 +23,9 @@ class Latency(Record, frozen=True, kw_only=True):
     Attributes:
         path: ``touch``, ``intent`` or ``motion``.
         source: The finger, or ``emg``.
-        stamps_ns: Times since the start of the session: captured, received, measured, taken up, then of touch made and
-            let go, of intent when the hand's report was in that the torques answer, and handed over; of motion when the hand was
-            told and when a joint was seen to move.
+        stamps_ns: Times since the start of the session: captured, received, measured, then of touch taken up, made, let
+            go and handed over; of intent when the hand was told, when its report was in that the torques answer, and
+            handed over; of motion when the hand was told and when a joint was seen to move.
     """
 
     topic: ClassVar[str] = "/latency/{path}"

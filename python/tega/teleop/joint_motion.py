@@ -34,9 +34,9 @@ class JointMotion:
     """Watches a hand at every tick: at rest it learns each joint's noise, after a new closure it waits for motion.
 
     A motion counts where the closure was held and the joints stood for 0.3 s before, and where two reports that differ
-    show the same joint or another beyond its threshold. It has the time at which the first of them was seen, which is up
-    to a tick of 3 ms after the report was in. What is imposed by a guard, taken back before anything moved, or
-    moved by somebody else counts as nothing.
+    show a joint beyond its threshold. It has the time at which the first of them was seen, up to a tick of 3 ms after
+    the report was in. What is imposed by a guard, taken back before anything moved, or moved by somebody else
+    counts as nothing.
 
     Args:
         angles_rad: Gives the joint angles as last reported, float64 (16,), rad; NaN before the first report.
