@@ -32,7 +32,7 @@ _SPAN_NS: Final = 50_000_000
 _SLOW: Final = 0.9
 
 
-class _Shown:
+class _SaidOnce:
     """Tells the guide what goes on, each thing once."""
 
     def __init__(self, guide: AcceptanceGuide) -> None:
@@ -89,7 +89,7 @@ def accept_arm(config: SessionConfig, arm: ArmConfig, guide: AcceptanceGuide) ->
     turns: list[ArmTurn] = []
     bus = Bus()
     bus.subscribe(ArmTurn, turns.append)
-    told, said = _Shown(guide), ""
+    told, said = _SaidOnce(guide), ""
     try:
         for up_m in (LEAST_UP_M, 0.0):
             guide.say("Let go of dead-man and clutch; hold both once you are asked to, until it is there.")
