@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -161,13 +162,107 @@ def test_a_device_that_is_not_there_fails_at_once(bench: EmulatedBench, settings
     assert "pair it" in step.todo
 
 
-def test_arm_tracker_and_inputs_are_only_looked_at(tmp_path: Path) -> None:
+def after(seconds: float, do: Callable[[], object]) -> None:
+    """Do something a little later, while the program watches."""
+    threading.Timer(seconds, do).start()
+
+
+def test_a_tracker_is_accepted_by_hand(tmp_path: Path) -> None:
+    with emulated_lab(tmp_path, vest=False, fingers=(), arm=True) as lab:
+        headset = lab.headset
+        headset.say("at 0 1.2 0")
+
+        def act(text: str) -> None:
+            if text.startswith("Move the forearm"):
+                after(1.0, lambda: headset.say("at 0 1.2 -0.1"))
+            if "out of the tracker" in text:
+                headset.say("lose")
+            if text.startswith("Bring it back"):
+                headset.say("find")
+
+        config = check_tree(lab.tree, {}, base=tmp_path).config
+        report = accept_device(
+            config, acceptance_case(config, "tracker"), Person("yes", act=act), answered=True
+        )
+    steps = by_name(report)
+    assert tuple(steps) == STEPS
+    assert all(step.status in {"passed", "look"} for step in steps.values()), report_text(report)
+    assert steps["rate"].measured["rate_hz"] > 5
+    assert steps["latency"].measured["age_p50_ms"] >= 0
+    assert steps["least"].status == "passed"
+    assert steps["least"].measured["moved_m"] == pytest.approx(0.1, abs=0.02)
+    assert steps["stop"].said.startswith("a forearm that is out of sight is told as lost")
+
+
+def test_a_switch_is_accepted_by_hand_and_one_that_is_held_by_itself_fails(tmp_path: Path) -> None:
+    with emulated_lab(tmp_path, vest=False, fingers=(), arm=True) as lab:
+        cap = lab.cap
+
+        def press() -> None:
+            cap.say("press 0")
+            cap.say("lift 0")
+            cap.say("push 300 0 0 0 0 0")
+            cap.say("push 0 0 0 0 0 0")
+
+        def act(text: str) -> None:
+            if text.startswith("Press and let go"):
+                after(1.0, press)
+
+        config = check_tree(lab.tree, {}, base=tmp_path).config
+        case = acceptance_case(config, "dead_man")
+        steps = by_name(accept_device(config, case, Person("yes", act=act), answered=True))
+        assert tuple(steps) == STEPS
+        assert {step.status for step in steps.values()} <= {"passed", "look"}, steps
+        assert steps["least"].status == steps["latency"].status == steps["stop"].status == "passed"
+        assert "left" in steps["least"].said
+
+        def stick(text: str) -> None:
+            if text.startswith("Let go"):
+                cap.say("lift 0")
+                cap.say("press 0")
+
+        stuck = by_name(accept_device(config, case, Person("yes", act=stick), answered=True))
+    assert stuck["limits"].status == stuck["stop"].status == "failed"
+    assert "is held although nobody touches it" in stuck["limits"].said
+
+
+def test_an_arm_goes_up_a_little_under_the_dead_man_and_comes_back(tmp_path: Path) -> None:
+    with emulated_lab(tmp_path, vest=False, fingers=(), arm=True) as lab:
+        cap = lab.cap
+
+        def act(text: str) -> None:
+            if text.startswith("Let go"):
+                for button in (0, 1):
+                    cap.say(f"lift {button}")
+            if text.startswith("hold the dead-man switch"):
+                for button in (0, 1):
+                    cap.say(f"press {button}")
+
+        config = check_tree(lab.tree, {}, base=tmp_path).config
+        case = acceptance_case(config, "arm")
+        refused = by_name(accept_device(config, case, Person("yes", yes=False, act=act), answered=True))
+        assert {step.status for name, step in refused.items() if name != "identity"} == {"skipped"}
+        report = accept_device(config, case, Person("yes", act=act), answered=True)
+    steps = by_name(report)
+    assert tuple(steps) == STEPS
+    assert {step.status for step in steps.values()} <= {"passed", "look"}, report_text(report)
+    assert steps["rate"].measured["rate_hz"] > 20
+    assert steps["least"].status == "passed"
+    assert steps["least"].measured["up_m"] == pytest.approx(0.02, abs=0.005)
+    assert steps["limits"].measured["told_m_s"] <= 0.05
+    assert steps["stop"].measured["drift_mm"] < 1
+
+
+def test_nobody_at_the_dead_man_moves_no_arm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tega.teleop.homing.PATIENCE_S", 2.0)
     with emulated_lab(tmp_path, vest=False, fingers=(), arm=True) as lab:
         config = check_tree(lab.tree, {}, base=tmp_path).config
-        for name in ("tracker", "dead_man", "arm"):
-            report = accept_device(config, acceptance_case(config, name), Person(""), answered=True)
-            assert report.steps[0].status in {"passed", "look"}, report.steps[0]
-            assert {s.status for s in report.steps[1:]} == {"skipped"}
+        report = accept_device(config, acceptance_case(config, "arm"), Person(""), answered=True)
+    steps = by_name(report)
+    assert (steps["limits"].status, steps["least"].status) == ("skipped", "failed")
+    assert not report.passed
+    assert "nobody held the dead-man switch" in steps["least"].said
+    assert steps["stop"].status == "look"
 
 
 def test_the_report_is_written_twice_and_tells_no_key(settings: Path, tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +16,13 @@ from click.testing import CliRunner
 from reference.trackers import wrist_goes
 from tega.arm import StampedPose
 from tega.arm.sweep import ForearmSweep
+from tega.calibration.records import ArmRecord, read_record
+from tega.calibration.steps_arm import take_heading
+from tega.cli.calibrate import calibrate
 from tega.cli.forward import forward
+from tega.cli.guide import LineGuide
+from tega.config import load_config
+from tega.errors import CalibrationError
 from tega_emulators.process import Emulator
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs Linux or macOS")
@@ -54,6 +61,58 @@ def test_the_operator_sees_how_the_check_goes_and_what_to_set(tmp_path: Path) ->
     assert "forward [####################]  +20 cm" in said.output
     assert "forward is forward" in said.output
     assert "  [arm.mapping]\n  yaw_rad = -0." in said.output
+
+
+@pytest.mark.slow
+def test_the_wizard_keeps_forward_for_a_person_and_a_run_follows_it(tmp_path: Path) -> None:
+    words = ["--person", "p01", "--only", "arm", "--yes", "--time-scale", "0.1", "--json"]
+    with moving(tmp_path, 0.5) as file:
+        said = CliRunner().invoke(calibrate, [str(file), *words])
+        assert said.exit_code == 0, said.output
+        (kept,) = (tmp_path / "calibrations" / "people" / "p01").glob("arm-*.toml")
+        record = read_record(kept, ArmRecord)
+        assert record.yaw_rad == pytest.approx(0.5, abs=0.03)
+        assert (record.person, record.frame, record.driver) == ("p01", "openxr", "hololens")
+        loaded = load_config(file, sets=('calibration.person="p01"',))
+        assert loaded.config.arm is not None
+        assert loaded.config.arm.mapping.yaw_rad == record.yaw_rad
+        assert loaded.values["arm.mapping.yaw_rad"].origin == f"people/p01/{kept.name}"
+        # What the settings say themselves wins, and another person has nothing of it.
+        given = load_config(file, sets=('calibration.person="p01"', "arm.mapping.yaw_rad=-1.0"))
+        other = load_config(file, sets=('calibration.person="p02"',))
+    assert given.config.arm is not None
+    assert given.config.arm.mapping.yaw_rad == -1.0
+    assert other.config.arm is not None
+    assert other.config.arm.mapping.yaw_rad == 0.0
+
+
+class _Scripted:
+    """A tracker that has each of its movements in one read, and nothing before it."""
+
+    frame, problem = "openxr", ""
+
+    def __init__(self, *headings_rad: float) -> None:
+        self._coming: list[list[StampedPose]] = []
+        for heading in headings_rad:
+            way = np.array([-np.sin(heading), 0.0, -np.cos(heading)])
+            places = [0.01 * min(k, 20) * way for k in range(100)]
+            sweep = [StampedPose(k * 10_000_000, tuple(place), _TURN) for k, place in enumerate(places)]
+            self._coming += [[], sweep]
+
+    def read(self, _now_ns: int) -> list[StampedPose]:
+        return self._coming.pop(0)
+
+
+def test_a_heading_that_does_not_come_out_forward_is_not_kept() -> None:
+    guide = LineGuide(yes=True, get_ready_s=0.0)
+    straight: Any = _Scripted(0.4, 0.45)
+    taken = take_heading(straight, guide)
+    assert taken.yaw_rad == pytest.approx(0.4, abs=1e-3)
+    assert taken.check is not None
+    assert taken.check.off_rad == pytest.approx(0.05, abs=1e-3)
+    crooked: Any = _Scripted(0.0, 1.2)
+    with pytest.raises(CalibrationError, match="forward came out 69° to the left"):
+        take_heading(crooked, guide)
 
 
 def test_a_tracker_that_sees_nothing_is_told(tmp_path: Path) -> None:

@@ -382,6 +382,47 @@ def test_the_public_package_opens_it(dataset: Path, monkeypatch: pytest.MonkeyPa
         assert item["action"][0] == rows(dataset)[k]["action"]
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="the arm's process needs Linux or macOS")
+def test_the_public_package_opens_arm_force_and_scene_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HF_HUB_OFFLINE", "1")
+    public = pytest.importorskip("lerobot.datasets.lerobot_dataset", reason="needs the package lerobot")
+    begun_ns = 5_000_000_000
+
+    def firm(topic: str, value: Any) -> Any:
+        if topic.endswith("/contact"):
+            value.depth_mm, value.force_n = 0.5, 2.5
+        return value
+
+    tables = {"tega": {"start_ns": str(begun_ns)}}
+    recording = rewritten(_with_arm(tmp_path), tmp_path / "trial-001.mcap", firm, tables=tables)
+    side = filmed(tmp_path / "side.mp4", [begun_ns + ms * 1_000_000 for ms in range(-90, 1700, 50)])
+    dataset = export_lerobot(
+        [recording], tmp_path / "dataset", fps=FPS, task="lift the bag", scenes={"side": side}
+    )
+    opened = public.LeRobotDataset("tega/test", root=dataset, video_backend="pyav")
+    table = rows(dataset)
+    assert set(opened.meta.video_keys) == {f"observation.images.{name}" for name in ("thumb", "ring", "side")}
+    greys = []
+    for k in (0, len(opened) // 2, len(opened) - 1):
+        item = opened[k]
+        for name, feature in opened.meta.features.items():
+            if feature["dtype"] == "float32" and name != "timestamp":
+                assert np.array_equal(item[name].numpy(), np.array(table[k][name], np.float32)), name
+        assert item["observation.arm"].shape == (7,)
+        assert item["action"].shape == (8,)
+        assert item["observation.touch_si"].tolist() == [0.0, 0.5, 2.5] * 2
+        assert item["observation.emg"].shape == (1000 // FPS, 3)
+        assert item["observation.vest"].shape == (40,)
+        assert item["observation.state"].shape == (16,)
+        assert item["observation.images.side"].shape == (3, 48, 64)
+        assert item["task"] == "lift the bag"
+        greys.append(255 * float(item["observation.images.side"].mean()))
+    assert greys == sorted(greys)
+    assert greys[-1] - greys[0] > 20  # the camera's pictures get brighter by 4 of 255 each 50 ms
+
+
 @pytest.mark.parametrize(
     ("topic", "field"),
     [("/hand/joints", "joints"), ("/vest/frame", "intensities"), ("/emg/samples", "samples")],

@@ -157,7 +157,7 @@ def _vest_stop(vest: Any, dark: MotorLevels, percent: int, guide: AcceptanceGuid
     vest.close()
     closed_s = time.monotonic() - start_s
     silent = guide.ask("Is every motor silent now?")
-    seen = _seen(silent)
+    seen = seen_status(silent)
     return AcceptanceStep(
         name="stop",
         status="failed" if counters is not None and not silenced else seen,
@@ -278,7 +278,7 @@ def _move(hand: Any, share: float, guide: AcceptanceGuide) -> list[AcceptanceSte
         ),
         AcceptanceStep(
             name="least",
-            status="failed" if problem else _seen(seen) if moved else "look",
+            status="failed" if problem else seen_status(seen) if moved else "look",
             said=f"told to close to level {LEAST_LEVEL:g}, its joints moved by up to {furthest:.3f} rad and came back"
             + (f"; {problem}" if problem else ""),
             todo=""
@@ -305,14 +305,14 @@ def _hand_stop(hand: Any, guide: AcceptanceGuide) -> AcceptanceStep:
     limp = guide.ask("Is the hand limp now?")
     return AcceptanceStep(
         name="stop",
-        status=_seen(limp),
+        status=seen_status(limp),
         said="it was let go",
         measured={"let_go_s": round(closed_s, 3)},
         answers={"Is the hand limp?": limp},
     )
 
 
-def _seen(answer: str) -> AcceptanceStatus:
+def seen_status(answer: str) -> AcceptanceStatus:
     """Return how a step went by what a person saw: a no is a failure, and where nobody looked somebody should."""
     return "look" if not answer else "failed" if answer.lower().startswith("n") else "passed"
 

@@ -10,9 +10,12 @@ from typing import Any, Final
 
 import msgspec
 
+from tega.acceptance.arm import accept_arm
+from tega.acceptance.leading import accept_input, accept_tracker
 from tega.acceptance.outputs import accept_hand, accept_vest, least_vest_options, skipped_steps
 from tega.acceptance.report import STEPS, AcceptanceGuide, AcceptanceReport, AcceptanceStep
 from tega.acceptance.sensors import accept_amplifier, accept_camera, reopen_step
+from tega.arm.settings import GateSettings
 from tega.config import DEFAULT_LAYOUT, SessionConfig
 from tega.devices import driver_class
 from tega.devices.base import optional
@@ -23,12 +26,6 @@ from tega.errors import ConfigError, TegaError
 from tega.worn_vest import dose_file, worn_vest
 
 _LOOK_S: Final = 30.0
-_BY_HAND: Final = {
-    "arm": "an arm is first moved as its own page says, docs/hardware/franka.md",
-    "input": "move it in tega-teleop run, which shows what it says",
-    "tracker": "move it in tega-teleop run, which shows what it says",
-    "vest": "its driver has no limit of strength",
-}
 
 
 def acceptance_case(config: SessionConfig, name: str) -> DriverCase:
@@ -117,8 +114,17 @@ def _steps(config: SessionConfig, case: DriverCase, guide: AcceptanceGuide) -> I
     yield found
     if case.kind == "hand" and found.status != "failed":
         yield from accept_hand(driver, case.options, guide)
-    elif case.kind != "hand":
-        yield from skipped_steps(STEPS[1:], _BY_HAND[case.kind])
+    elif case.kind == "arm" and config.arm is not None and found.status != "failed":
+        yield from accept_arm(config, config.arm, guide)
+    elif case.kind == "tracker" and found.status != "failed":
+        gate = GateSettings() if config.arm is None else config.arm.gate
+        with driver(case.options) as tracker:
+            yield from accept_tracker(tracker, gate, guide)
+    elif case.kind == "input" and found.status != "failed":
+        with driver(case.options) as source:
+            yield from accept_input(source, guide)
+    elif case.kind == "vest":
+        yield from skipped_steps(STEPS[1:], "its driver has no limit of strength")
 
 
 def _identity(device: Any) -> AcceptanceStep:

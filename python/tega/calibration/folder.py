@@ -6,10 +6,12 @@
         gels/D20641/20261121-150405.png     every baseline taken of this sensor,
         gels/D20641/20261121-150405.toml    and what it was like
         vests/127.0.0.1_15881/20261121-150405-motor07.toml   how long that motor takes to start
+        cameras/front.json                  the lens of the scene camera that is called front
         people/p01/person.toml              which hand is the person's own: set once
         people/p01/touch-D20641.toml        one file per person and device, the newest
         people/p01/emg-ttyUSB0.toml
         people/p01/vest-127.0.0.1_15881.toml
+        people/p01/arm-10.0.0.7_3810.toml   which way is forward for that tracker
         people/p01/before/                  what those replaced, with their dates
         people/p01/practice/                scores
         people/p01/fitts/                   results of Fitts tests, see tega.skill.kept
@@ -28,6 +30,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeVar
 import msgspec
 
 from tega.calibration.records import (
+    ArmRecord,
     CalibrationRecord,
     EmgRecord,
     GelRecord,
@@ -49,19 +52,21 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tega.devices.base import DeviceInfo
+    from tega.scene.lens import Lens
 
 
-Part = Literal["touch", "emg", "vest"]
+Part = Literal["touch", "emg", "vest", "arm"]
 
 OwnHand = Literal["left", "right"]
 
 RESUME_H = 4.0
 """An interrupted calibration is gone on with for so long; later the electrodes sit elsewhere."""
 
-_TYPES: dict[Part, type[TouchRecord | EmgRecord | VestCalibration]] = {
+_TYPES: dict[Part, type[TouchRecord | EmgRecord | VestCalibration | ArmRecord]] = {
     "touch": TouchRecord,
     "emg": EmgRecord,
     "vest": VestCalibration,
+    "arm": ArmRecord,
 }
 _FACTS = "person.toml"
 _STAMP = "%Y%m%d-%H%M%S"
@@ -176,6 +181,28 @@ class CalibrationFolder:
                 newest[record.motor] = record
         return [newest[motor] for motor in sorted(newest)]
 
+    # Scene cameras, whoever is filmed.
+
+    def keep_lens(self, camera: str, lens: Lens, made: datetime) -> Path:
+        """Keep a scene camera's lens, and return the file; the one before goes into ``before/``.
+
+        Raises:
+            UnsafeNameError: The camera's name cannot be a file's.
+        """
+        from tega.scene.lens import save_lens
+
+        path = self.lens_file(camera)
+        if path.is_file():
+            before = path.parent / "before" / f"{path.stem}.until-{made.strftime(_STAMP)}.json"
+            write_whole(before, path.read_bytes(), sync=True)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        save_lens(path, lens)
+        return path
+
+    def lens_file(self, camera: str) -> Path:
+        """Return where a scene camera's lens is kept."""
+        return self.path / "cameras" / f"{plain_name(camera, what='camera', source='calibration')}.json"
+
     # People.
 
     def person(self, person: str) -> Path:
@@ -222,7 +249,7 @@ class CalibrationFolder:
         """Return a file's name as seen from the folder."""
         return path.relative_to(self.path).as_posix() if path.is_relative_to(self.path) else path.name
 
-    def keep(self, record: TouchRecord | EmgRecord | VestCalibration) -> Path:
+    def keep(self, record: TouchRecord | EmgRecord | VestCalibration | ArmRecord) -> Path:
         """Keep a record; the one before goes into ``before/``."""
         part = next(part for part, kind in _TYPES.items() if isinstance(record, kind))
         path = self.file(record.person, part, record.device)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import msgspec
 
 from tega.calibration.folder import CalibrationFolder, Part, device_name
-from tega.calibration.records import EmgRecord, TouchRecord, VestCalibration
+from tega.calibration.records import ArmRecord, EmgRecord, TouchRecord, VestCalibration
 from tega.calibration.store import Calibration, EmgMaxima, FingerMaxima, TouchMaxima, refused_law
 from tega.calibration.wearing import site_motors
 from tega.errors import CalibrationError, TegaError
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 # By 5 % a rate is another than the one calibrated with: the same limit as for a device that lies about its rate.
 _RATE_TOLERANCE = 0.05
 _MOTORS = 40
+_HEADING_OLD_H = 12.0
 _FRAME_S = 1.0
 
 
@@ -41,7 +42,13 @@ class Personal(NamedTuple):
 
 def calibrate_command(settings: str, person: str, part: Part | None = None, *, refresh: bool = False) -> str:
     """Return the command that makes a calibration, as it is typed."""
-    only = {"touch": " --only tactile", "emg": " --only emg", "vest": " --only vest", None: ""}[part]
+    only = {
+        "touch": " --only tactile",
+        "emg": " --only emg",
+        "vest": " --only vest",
+        "arm": " --only arm",
+        None: "",
+    }[part]
     return f"tega-teleop calibrate {settings} --person {person}{only}{' --refresh' if refresh else ''}"
 
 
@@ -86,6 +93,7 @@ def person_calibration(
         muscles = msgspec.structs.replace(conditions, maxima=maxima)
         warnings += emg_warnings(record_emg, config, settings=settings, now=now)
     warnings += vest_warnings(config, folder, person, settings=settings, now=now)
+    warnings += _arm_warnings(config, folder, person, settings=settings, now=now)
     return Personal(
         Calibration(
             preset=config.session.preset,
@@ -236,6 +244,17 @@ def vest_warnings(
     return warnings + [f"vest: {note}" for note in record.notes]
 
 
+def _arm_warnings(
+    config: SessionConfig, folder: CalibrationFolder, person: str, *, settings: str, now: datetime
+) -> list[str]:
+    """Say that a heading is old: a headset that was started anew may call another way forward."""
+    info = _tracker_info(config)
+    record = None if info is None else folder.record(person, ArmRecord, device_name(info))
+    if record is None:
+        return []
+    return _old("arm: forward", record.made, _HEADING_OLD_H, now, calibrate_command(settings, person, "arm"))
+
+
 def _old(what: str, made: datetime, limit_h: float, now: datetime, command: str) -> list[str]:
     age = now - made
     if age <= timedelta(hours=limit_h):
@@ -298,6 +317,8 @@ def with_person(loaded: LoadedConfig, *, given: set[str]) -> LoadedConfig:
         threshold, step = felt_by(vest)
         name = folder.named(folder.file(person, "vest", vest.device))
         found["vest.threshold"], found["vest.step"] = (threshold, name), (step, name)
+    tracker = _tracker_info(config)
+    found |= _of_the_heading(None if tracker is None else readable(ArmRecord, tracker), folder)
     found |= _of_the_hand(config, folder, person)
     changes: dict[str, Any] = {}
     for key, (value, name) in found.items():
@@ -320,8 +341,18 @@ def with_person(loaded: LoadedConfig, *, given: set[str]) -> LoadedConfig:
     arm = config.arm
     if arm is not None:
         forearm = changes.get("arm.mapping.forearm", arm.mapping.forearm)
-        arm = msgspec.structs.replace(arm, mapping=msgspec.structs.replace(arm.mapping, forearm=forearm))
+        yaw_rad = changes.get("arm.mapping.yaw_rad", arm.mapping.yaw_rad)
+        mapping = msgspec.structs.replace(arm.mapping, forearm=forearm, yaw_rad=yaw_rad)
+        arm = msgspec.structs.replace(arm, mapping=mapping)
     return LoadedConfig(msgspec.structs.replace(config, tactile=tactile, vest=vest_section, arm=arm), values)
+
+
+def _of_the_heading(record: ArmRecord | None, folder: CalibrationFolder) -> dict[str, tuple[Any, str]]:
+    """Return which way the person calls forward, where that was found."""
+    if record is None:
+        return {}
+    name = folder.named(folder.file(record.person, "arm", record.device))
+    return {"arm.mapping.yaw_rad": (record.yaw_rad, name)}
 
 
 def _of_the_hand(config: SessionConfig, folder: CalibrationFolder, person: str) -> dict[str, tuple[Any, str]]:
@@ -343,7 +374,16 @@ def live_vest(config: SessionConfig) -> DeviceInfo | None:
     return info if info is not None and info.live else None
 
 
-def closed_info(driver: str, kind: Literal["tactile", "emg", "vest"], options: Any) -> DeviceInfo | None:
+def _tracker_info(config: SessionConfig) -> DeviceInfo | None:
+    """Return the description of the tracker that leads the arm of some settings, if it is a real one."""
+    tracker = None if config.arm is None else config.arm.tracker
+    info = None if tracker is None else closed_info(tracker.driver, "tracker", tracker.options)
+    return info if info is not None and info.live else None
+
+
+def closed_info(
+    driver: str, kind: Literal["tactile", "emg", "vest", "tracker"], options: Any
+) -> DeviceInfo | None:
     """Return the description that a device gives while it is closed."""
     from tega.devices.registry import driver_class
 

@@ -5,9 +5,10 @@ A record is written whole or not at all, and refused where its format or version
 
 from __future__ import annotations
 
+import math
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import ClassVar, Literal, TypeVar
+from typing import Annotated, ClassVar, Literal, TypeVar
 
 import msgspec
 import tomlkit
@@ -181,6 +182,27 @@ class VestCalibration(CalibrationRecord, frozen=True, kw_only=True, tag_field="f
     named_right: int
     named: int
     false_alarms: int
+
+
+class ArmRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format", tag="tega-arm"):
+    """Heading of one person's forward in the axes of a tracker.
+
+    Attributes:
+        person: Whose forearm.
+        frame: Axes of the tracker, a name of :data:`tega.arm.FRAMES`.
+        yaw_rad: As in ``arm.mapping.yaw_rad``.
+        off_rad: How far from forward the second movement came out, to the left.
+    """
+
+    comments: ClassVar[dict[str, str]] = {
+        "yaw_rad": "as in arm.mapping.yaw_rad",
+        "off_rad": "how far from forward the second movement came out, to the left",
+    }
+
+    person: str
+    frame: str
+    yaw_rad: Annotated[float, msgspec.Meta(ge=-math.pi, le=math.pi)]
+    off_rad: float
 
 
 class PracticeRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format", tag="tega-practice"):

@@ -47,7 +47,7 @@ def refresh(
     Args:
         config: The settings.
         person: Whose calibration.
-        parts: What to refresh; the vest needs none.
+        parts: What to refresh; vest, forearm and cameras need none.
         folder: Where it is kept.
         guide: Shows and asks.
         times: How long things take.
@@ -61,8 +61,10 @@ def refresh(
         CalibrationError: There is no calibration to refresh, or it has changed too much.
         DeviceUnavailableError: A device is missing or went away.
     """
-    if not any(part != "vest" for part in parts):
-        raise ConfigError("nothing to refresh: a vest needs none", "leave out --refresh")
+    if not any(part == "emg" or part.startswith("tactile.") for part in parts):
+        raise ConfigError(
+            "nothing to refresh: only fingertips and muscles change from day to day", "leave out --refresh"
+        )
     files = []
     guide.part(
         "Refresh", "Everything off the fingertips, then rest, then one strong squeeze. Twenty seconds."

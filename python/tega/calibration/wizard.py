@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import msgspec
@@ -13,8 +14,16 @@ from tega.calibration.folder import CalibrationFolder, Unfinished, device_name
 from tega.calibration.guide import Guide, Undecided
 from tega.calibration.known_press import Ball
 from tega.calibration.person import closed_info
-from tega.calibration.records import EmgRecord, GelRecord, TouchRecord, VestCalibration, read_record
+from tega.calibration.records import (
+    ArmRecord,
+    EmgRecord,
+    GelRecord,
+    TouchRecord,
+    VestCalibration,
+    read_record,
+)
 from tega.calibration.staircase import LEVEL_PERCENT, TOP_LEVEL, highest_level
+from tega.calibration.steps_arm import take_heading
 from tega.calibration.steps_emg import (
     Maxima,
     Quiet,
@@ -30,6 +39,7 @@ from tega.calibration.steps_vest import FeltSite, Pulses, take_steps, take_thres
 from tega.calibration.times import Times
 from tega.calibration.wearing import middle_sites, site_face
 from tega.config import DEFAULT_LAYOUT, EmgConfig, SessionConfig, TactileConfig
+from tega.config_sections import TrackerConfig
 from tega.devices.registry import driver_class
 from tega.errors import CalibrationError, ConfigError
 from tega.opencv import read_image
@@ -42,8 +52,13 @@ if TYPE_CHECKING:
     from tega.haptics import Layout
 
 
-Only = Literal["tactile", "emg", "vest"]
-_KINDS: dict[str, Only] = {"tactile": "tactile", "emg": "emg", "vest": "vest"}
+Only = Literal["tactile", "emg", "vest", "arm", "scene"]
+_KINDS: dict[str, Literal["tactile", "emg", "vest", "tracker"]] = {
+    "tactile": "tactile",
+    "emg": "emg",
+    "vest": "vest",
+    "arm": "tracker",
+}
 
 _Result = TypeVar("_Result", bound=msgspec.Struct)
 _Kept = TypeVar("_Kept")
@@ -55,12 +70,15 @@ class _KeptBaseline(msgspec.Struct, frozen=True):
     notes: tuple[str, ...]
 
 
-def parts_of(config: SessionConfig, only: Sequence[Only] = ()) -> tuple[str, ...]:
-    """Return the parts of a calibration: ``tactile.thumb``, ``emg``, ``vest``.
+def parts_of(
+    config: SessionConfig, only: Sequence[Only] = (), *, cameras: Sequence[str] = ()
+) -> tuple[str, ...]:
+    """Return the parts of a calibration: ``tactile.thumb``, ``emg``, ``vest``, ``arm``, ``scene.front``.
 
     Args:
         config: The settings.
         only: What is asked for; empty for all that the settings have.
+        cameras: Names of scene cameras.
 
     Raises:
         ConfigError: What is asked for is not in the settings, or nothing is.
@@ -68,10 +86,13 @@ def parts_of(config: SessionConfig, only: Sequence[Only] = ()) -> tuple[str, ...
     have = [f"tactile.{finger}" for finger in config.tactile.in_use()]
     have += ["emg"] if config.emg is not None else []
     have += ["vest"] if config.vest.driver is not None else []
+    have += ["arm"] if config.arm is not None and config.arm.tracker is not None else []
+    have += [f"scene.{camera}" for camera in cameras]
     for what in only:
         if not any(part.startswith(what) for part in have):
             raise ConfigError(
-                f"--only {what}: the settings have no [{what}] device", f"they have {', '.join(have)}"
+                f"--only {what}: the settings have no [{'arm.tracker' if what == 'arm' else what}] device",
+                f"they have {', '.join(have)}",
             )
     wanted = tuple(part for part in have if not only or part.split(".")[0] in only)
     if not wanted:
@@ -96,6 +117,8 @@ class Calibrating:
         ceiling_percent: Nothing stronger is shown on the vest.
         each_motor: Ask about every motor of the vest, not about its columns.
         each_step: Look for the step at every column or motor, not at one of each face.
+        cameras: Source of each scene camera, by its name.
+        camera_size: Width and height to ask a camera for, pixels.
         ball: A ball and a force that somebody knows, to fit each gel's depth and stiffness by.
         seed: Of the order in which the vest's columns are shown.
     """
@@ -112,10 +135,12 @@ class Calibrating:
         ceiling_percent: int = 60,
         each_motor: bool = False,
         each_step: bool = False,
+        cameras: Mapping[str, str] = MappingProxyType({}),
+        camera_size: tuple[int, int] = (1920, 1080),
         ball: Ball | None = None,
         seed: int = 0,
     ) -> None:
-        self._ball = ball
+        self._ball, self._cameras, self._camera_size = ball, cameras, camera_size
         self._config = config
         self._person = person
         self._folder = folder
@@ -177,7 +202,15 @@ class Calibrating:
     def _device(self, part: str) -> str:
         kind, _, finger = part.partition(".")
         config = self._config
-        section: Any = {"emg": config.emg, "vest": config.vest}.get(kind) or config.tactile.in_use()[finger]
+        if kind == "scene":
+            self._folder.lens_file(
+                finger
+            )  # a name that cannot be a file's is refused before anything is asked
+            return self._cameras[finger]
+        tracker = None if config.arm is None else config.arm.tracker
+        section: Any = {"emg": config.emg, "vest": config.vest, "arm": tracker}.get(
+            kind
+        ) or config.tactile.in_use()[finger]
         info = closed_info(section.driver, _KINDS[kind], section.options)
         return "" if info is None else device_name(info)
 
@@ -192,6 +225,10 @@ class Calibrating:
             return self._folder.keep(self._finger(finger, self._config.tactile.in_use()[finger]))
         if part == "emg" and self._config.emg is not None:
             return self._folder.keep(self._emg(self._config.emg))
+        if part == "arm" and self._config.arm is not None and self._config.arm.tracker is not None:
+            return self._folder.keep(self._arm(self._config.arm.tracker))
+        if part.startswith("scene."):
+            return self._scene(part.removeprefix("scene."))
         return self._folder.keep(self._vest())
 
     # Fingertips.
@@ -360,6 +397,43 @@ class Calibrating:
             self._keep(step, {s: msgspec.to_builtins(f) for s, f in felt.items()})
 
         return keep
+
+    # Forearm.
+
+    def _arm(self, section: TrackerConfig) -> ArmRecord:
+        self._guide.part(
+            f"Forearm{self._place}",
+            "Which way is forward for you: two movements of the forearm, the second of which checks the first. No "
+            "robot is opened, and nothing moves.",
+        )
+        with driver_class(section.driver, "tracker")(section.options) as tracker:
+            _check_live(tracker)
+            taken = take_heading(tracker, self._guide)
+            assert taken.check is not None
+            return ArmRecord(
+                person=self._person,
+                device=device_name(tracker.info),
+                driver=tracker.info.driver,
+                made=self._now(),
+                frame=tracker.frame,
+                yaw_rad=taken.yaw_rad,
+                off_rad=round(taken.check.off_rad, 4),
+            )
+
+    # Scene cameras.
+
+    def _scene(self, camera: str) -> Path:
+        from tega.scene.sources import calibrate_from
+
+        self._guide.part(
+            f"Scene camera: {camera}{self._place}",
+            "The printed board before the camera, at many places and tilts: the program says where, and takes the "
+            "pictures itself. tega-teleop scene tags prints the board.",
+        )
+        self._guide.ready("Hold the board before the camera")
+        lens = calibrate_from(self._cameras[camera], self._camera_size, tell=self._guide.say)
+        self._guide.say(f"{lens.n_views} views fit to {lens.rms_px:.3f} pixels")
+        return self._folder.keep_lens(camera, lens, self._now())
 
     # What is done is kept.
 

@@ -1,4 +1,4 @@
-"""Calibrate fingertips, muscles and vest for a person: ``tega-teleop calibrate``."""
+"""Calibrate fingertips, muscles, vest and the forearm's tracker for a person: ``tega-teleop calibrate``."""
 
 from __future__ import annotations
 
@@ -23,10 +23,18 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--only",
-    type=click.Choice(["tactile", "emg", "vest"]),
+    type=click.Choice(["tactile", "emg", "vest", "arm", "scene"]),
     multiple=True,
     help="Only this part; repeatable.",
 )
+@click.option(
+    "--camera",
+    "cameras",
+    multiple=True,
+    metavar="NAME=SOURCE",
+    help="A scene camera whose lens is calibrated with the printed board, as by scene calibrate; repeatable.",
+)
+@click.option("--camera-size", metavar="WxH", default="1920x1080", show_default=True, help="Of its pictures.")
 @click.option(
     "--hand",
     type=click.Choice(["left", "right"]),
@@ -69,6 +77,8 @@ def calibrate(
     settings: Path,
     person: str,
     only: tuple[Any, ...],
+    cameras: tuple[str, ...],
+    camera_size: str,
     hand: OwnHand | None,
     refresh: bool,
     restart: bool,
@@ -87,8 +97,8 @@ def calibrate(
 
     Fingertips: a baseline, then presses with something round and something flat. Muscles: rest, three squeezes, and
     each muscle alone. Vest: the place of each column, the weakest vibration that is felt, the least step that is
-    noticed. Ctrl-C keeps what is done, and the same command goes on from there. Afterwards run
-    tega-teleop run SETTINGS.toml --person ID.
+    noticed. Forearm: which way is forward. With --camera: the lens of a scene camera. Ctrl-C keeps what is done, and
+    the same command goes on from there. Afterwards run tega-teleop run SETTINGS.toml --person ID.
 
     With --json: {"person", "folder", "refresh", "finished", "done", "left", "files": [{"file", "record"}]}.
     """
@@ -100,13 +110,17 @@ def calibrate(
     from tega.calibration.wizard import Calibrating, parts_of
     from tega.cli.guide import guide_for
     from tega.cli.options import echo_json
+    from tega.cli.scene import parse_size
 
     config, kept = _settings(settings, person, folder, sets)
     if hand is not None:
         CalibrationFolder(kept).keep_hand(person, hand)
         there = f"calibration.folder={json.dumps(str(kept))}"
         config, _ = _settings(settings, person, folder, (*sets, there))
-    parts = parts_of(config, only)
+    filmed = {name: source for name, _, source in (one.partition("=") for one in cameras)}
+    if not all(filmed.values()) or len(filmed) < len(cameras):
+        raise click.BadParameter("name each camera once, as front=0", param_hint="--camera")
+    parts = parts_of(config, only, cameras=tuple(filmed))
     times = Times(pause_s=pause_s).scaled(time_scale)
     guide = guide_for(yes=yes, get_ready_s=times.get_ready_s)
     home = CalibrationFolder(kept)
@@ -122,11 +136,16 @@ def calibrate(
         ceiling_percent=ceiling,
         each_motor=each_motor,
         each_step=each_step,
+        cameras=filmed,
+        camera_size=parse_size(camera_size),
         ball=None if known_ball is None else Ball(*known_ball),
         seed=sum(person.encode()),
     )
     where = [] if folder is None else ["--set", f"calibration.folder={folder}"]
-    same = [word for name in only for word in ("--only", name)] + [w for s in sets for w in ("--set", s)]
+    same = [word for name in only for word in ("--only", name)]
+    same += [word for one in cameras for word in ("--camera", one)]
+    same += ["--camera-size", camera_size] if cameras else []
+    same += [w for s in sets for w in ("--set", s)]
     again = shlex.join(["tega-teleop", "calibrate", str(settings), "--person", person, *same, *where])
     try:
         if refresh:
@@ -180,6 +199,9 @@ def _told(files: list[Path]) -> list[dict[str, Any]]:
 
     told = []
     for file in files:
+        if file.suffix == ".json":
+            told.append({"file": str(file), "record": json.loads(file.read_text(encoding="utf-8"))})
+            continue
         record = file if file.suffix == ".toml" else file.with_suffix(".toml")
         tree = tomllib.loads(record.read_text(encoding="utf-8"))
         plain = {k: v.isoformat() if hasattr(v, "isoformat") else v for k, v in tree.items()}

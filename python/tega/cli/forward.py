@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from tega.devices.base import Tracker
 
 
-_LOOK_S = 0.02
 _BAR = 20
 _WIDTH = 79
 
@@ -61,6 +60,7 @@ def forward(*, config: Path, seconds: float, as_json: bool) -> None:
         if said.ok:
             click.echo("Put this into the settings, in the robot's file where there are two machines:")
             click.echo(f"  [arm.mapping]\n  yaw_rad = {yaw_rad}")
+            click.echo("tega-teleop calibrate keeps it for a person instead, as one of its steps.")
     if not said.ok:
         sys.exit(1)
 
@@ -88,45 +88,22 @@ def _ask(words: str, *, as_json: bool) -> None:
 
 
 def _watch(tracker: Tracker, seconds: float, *, yaw_rad: float | None) -> ForearmSweep:
-    """Wait for a movement; with a yaw show how it looks from the robot while it lasts.
+    """Wait for a movement; with a yaw show how it looks from the robot while it lasts."""
+    from tega.calibration.steps_arm import watch_sweep
 
-    Raises:
-        CalibrationError: There was none.
-    """
-    import time
+    said = ""
 
-    import numpy as np
+    def shown(sweep: ForearmSweep, _left_s: float) -> None:
+        nonlocal said
+        if yaw_rad is not None and (line := _seen(sweep)) != said:
+            said = line
+            click.echo(f"\r{line}", nl=False)
 
-    from tega.arm.sweep import ForearmSweep
-    from tega.errors import CalibrationError
-
-    sweep = ForearmSweep(tracker.frame, yaw_rad=yaw_rad or 0.0)
-    tracker.read(time.monotonic_ns())  # what came before the key is not of this movement
-    end_s = time.monotonic() + seconds
-    shown = ""
     try:
-        while not sweep.done and time.monotonic() < end_s:
-            for pose in tracker.read(time.monotonic_ns()):
-                sweep.take(pose)
-            if yaw_rad is not None and (line := _seen(sweep)) != shown:
-                shown = line
-                click.echo(f"\r{line}", nl=False)
-            time.sleep(_LOOK_S)
+        return watch_sweep(tracker, seconds, yaw_rad=yaw_rad, shown=shown)
     finally:
         if yaw_rad is not None:
             click.echo()
-    if sweep.done:
-        return sweep
-    if not sweep.places:
-        raise CalibrationError(
-            f"the forearm was not seen within {seconds:g} s",
-            tracker.problem or "is it in the tracker's sight?",
-        )
-    gone_cm = 100 * float(np.linalg.norm(sweep.gone_m))
-    raise CalibrationError(
-        f"no movement that came to rest was seen within {seconds:g} s; the forearm is {gone_cm:.0f} cm from its start",
-        "move it straight forward by 20 cm, then hold it still",
-    )
 
 
 def _seen(sweep: ForearmSweep) -> str:

@@ -171,7 +171,7 @@ def latency_tables(latency_ms: dict[str, Any]) -> Iterator[Table]:
     from rich.box import SIMPLE
     from rich.table import Table
 
-    titles = {"touch": "camera to vest, ms", "intent": "muscle to hand, ms"}
+    titles = {"touch": "camera to vest, ms", "intent": "muscle to hand, ms", "motion": "muscle to joint, ms"}
     for path, stages in latency_ms.items():
         table = Table(title=titles[path], title_justify="left", box=SIMPLE)
         for name in ("stage", "p50", "p95", "p99", "worst"):

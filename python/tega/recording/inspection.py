@@ -18,7 +18,7 @@ from tega.records.schema import read
 
 # Two and a half periods without an item are a gap: one was lost, and not only late.
 _GAP_PERIODS = 2.5
-_PATHS = {"touch": "camera to vest", "intent": "muscle to hand"}
+_PATHS = {"touch": "camera to vest", "intent": "muscle to hand", "motion": "muscle to joint"}
 
 
 class StreamFacts(msgspec.Struct, frozen=True):

@@ -1,4 +1,4 @@
-"""Define the record of a delay: of one camera frame to the vest, or of one block of EMG to the hand."""
+"""Define the record of a delay: of one camera frame to the vest, of one block of EMG to the hand or to its joints."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from tega.records.base import Ns, Record
 
 TOUCH_STAGES: Final = ("camera", "contact", "wait", "map", "held", "hand-over", "own", "in-hand", "whole")
 INTENT_STAGES: Final = ("sample", "levels", "wait", "report", "hand-over", "own", "whole")
+MOTION_STAGES: Final = ("sample", "levels", "wait", "joint", "whole")
 
 # Recordings of before there was a greatest rate do not tell when it let a frame go.
 _STAMPS_WITHOUT_HELD: Final = 6
@@ -17,13 +18,14 @@ _STAMPS_WITHOUT_REPORT: Final = 5
 
 
 class Latency(Record, frozen=True, kw_only=True):
-    """The way of one camera frame to the vest, or of one block of EMG to the hand.
+    """The way of one camera frame to the vest, or of one block of EMG to the hand or to the first motion of a joint.
 
     Attributes:
-        path: ``touch`` or ``intent``.
+        path: ``touch``, ``intent`` or ``motion``.
         source: The finger, or ``emg``.
-        stamps_ns: Times since the start of the session: captured, received, measured, taken up, then of touch made and
-            let go, of intent when the hand's report was in that the torques answer, and handed over.
+        stamps_ns: Times since the start of the session: captured, received, measured, then of touch taken up, made, let
+            go and handed over; of intent when the hand was told, when its report was in that the torques answer, and
+            handed over; of motion when the hand was told and when a joint was seen to move.
     """
 
     topic: ClassVar[str] = "/latency/{path}"
@@ -38,15 +40,17 @@ class Latency(Record, frozen=True, kw_only=True):
         return self.stamps_ns[-1]
 
     def stages_ns(self) -> dict[str, int]:
-        """Return the delay of each stage, by :data:`TOUCH_STAGES` or :data:`INTENT_STAGES`."""
+        """Return the delay of each stage, by :data:`TOUCH_STAGES`, :data:`INTENT_STAGES` or :data:`MOTION_STAGES`."""
         stamps = self.stamps_ns
         if self.path == "touch" and len(stamps) == _STAMPS_WITHOUT_HELD:
             stamps = (*stamps[:5], stamps[4], stamps[5])
-        elif self.path != "touch" and len(stamps) == _STAMPS_WITHOUT_REPORT:
+        elif self.path == "intent" and len(stamps) == _STAMPS_WITHOUT_REPORT:
             stamps = (*stamps[:4], stamps[3], stamps[4])
         steps = [later - sooner for sooner, later in pairwise(stamps)]
         whole = stamps[-1] - stamps[0]
         if self.path == "touch":
             own = steps[1] + steps[3] + steps[5]
             return dict(zip(TOUCH_STAGES, (*steps, own, whole - steps[0], whole), strict=True))
+        if self.path == "motion":
+            return dict(zip(MOTION_STAGES, (*steps, whole), strict=True))
         return dict(zip(INTENT_STAGES, (*steps, steps[1] + steps[4], whole), strict=True))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 import msgspec
 import numpy as np
 
+from tega.arm.pose import Pose
 from tega.arm.settings import FilterSettings, MappingSettings
 from tega.arm.way_to_start import SPEED_M_S, TURN_RAD_S, WayToStart
 from tega.bus import Bus
@@ -111,6 +112,30 @@ def go_to_start(
                 break
             time.sleep(_LOOK_S)
         return f"the arm is at its start, {1000 * (way.off_m or 0.0):.0f} mm off" + hand.words
+
+
+def watch_arm(config: SessionConfig, seconds: float, *, bus: Bus) -> None:
+    """Open the arm of the settings and watch it for a while; nothing may move.
+
+    Args:
+        config: The settings, with an arm and its switches.
+        seconds: How long.
+        bus: Told of every turn of the arm.
+
+    Raises:
+        ConfigError: The settings have no arm, or something that it needs is missing.
+        DeviceUnavailableError: A device is missing, went away or is at fault.
+    """
+    if config.arm is None:
+        raise ConfigError("no arm is set", "set arm.driver")
+    replace = msgspec.structs.replace
+    config = replace(config, arm=_unsteered(config.arm), session=replace(config.session, pace="real"))
+    with ExitStack() as stack:
+        nowhere = WayToStart(Pose(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0])))
+        steering = open_arm(stack, config, open_inputs(stack, config), tracker=nowhere)
+        steering.start(bus, time.monotonic_ns(), may_move=lambda: False)
+        stack.callback(steering.stop)
+        time.sleep(seconds)
 
 
 def _unsteered(arm: ArmConfig) -> ArmConfig:

@@ -22,6 +22,10 @@ report    - the hand reports its joints, every 3 ms on its own clock; torques an
 hand-over - its first torques are handed to the transport
 own       levels and hand-over together
 whole     sample to hand-over
+motion, of each block of EMG that first asks a resting hand for another closure
+sample, levels, wait as above
+joint     the hand was told - a joint of it was seen to move in the positions that it reports
+whole     sample to that motion
 ========  ==============================================================================================
 """
 
@@ -33,14 +37,15 @@ from typing import TYPE_CHECKING, Any, Final
 
 from tega.bus import Bus
 from tega.inbox.histogram import Histogram
-from tega.records.latency import INTENT_STAGES, TOUCH_STAGES, Latency
+from tega.records.latency import INTENT_STAGES, MOTION_STAGES, TOUCH_STAGES, Latency
 
 if TYPE_CHECKING:
     from tega.calibration.motor_onset import MotorOnset
     from tega.devices.base import StampingVest
+    from tega.teleop.joint_motion import JointMotion
 
 
-__all__ = ["INTENT_STAGES", "SKIN", "TOUCH_STAGES", "LatencyTrace"]
+__all__ = ["INTENT_STAGES", "MOTION_STAGES", "SKIN", "TOUCH_STAGES", "LatencyTrace"]
 
 SKIN: Final = "skin"
 """The stage that the motor's onset is part of; there is none where that was not measured."""
@@ -62,6 +67,7 @@ class LatencyTrace:
         vests: Those that tell what they hand over.
         answered_ns: Tells when a hand's torques first left at or after a monotonic time, and first when the report that
             they answer was in; ``None`` without such a hand.
+        joints: Watches the hand's reported positions; ``None`` without such a hand.
         motor: What comes after the hand-over, as it was measured; ``None`` where it was not.
         bus: Told of every frame and block that has arrived.
 
@@ -82,6 +88,7 @@ class LatencyTrace:
         steady: bool = False,
         vests: Sequence[StampingVest] = (),
         answered_ns: Callable[[int], tuple[int, int] | None] | None = None,
+        joints: JointMotion | None = None,
         motor: MotorOnset | None = None,
         bus: Bus | None = None,
     ) -> None:
@@ -99,7 +106,13 @@ class LatencyTrace:
         self._ticks: dict[int, dict[str, tuple[int, ...]]] = {}
         self._felt: dict[str, int] = {}
         self._block: tuple[int, ...] | None = None
-        self.spreads = {"touch": _spreads(TOUCH_STAGES), "intent": _spreads(INTENT_STAGES)}
+        self._joints = joints
+        self._asking: tuple[int, ...] | None = None
+        self.spreads = {
+            "touch": _spreads(TOUCH_STAGES),
+            "intent": _spreads(INTENT_STAGES),
+            "motion": _spreads(MOTION_STAGES),
+        }
         self._live = _spreads(TOUCH_STAGES)
         self._live_until_ns = _LIVE_NS
         self._bus = Bus() if bus is None else bus
@@ -123,6 +136,8 @@ class LatencyTrace:
             if item[0] == t_ns:
                 self._fresh[name] = item
                 self._offered.pop(name, None)
+                if name == "emg":
+                    self._asking = item
                 return
 
     def vest(self, tick_ns: int, began_ns: int, made_ns: int, *, changed: bool) -> None:
@@ -160,8 +175,21 @@ class LatencyTrace:
             self.last_warning = self.warning or self.last_warning
             self._live, self._live_until_ns = _spreads(TOUCH_STAGES), made_ns + _LIVE_NS
 
-    def commanded(self) -> None:
-        """Note that the hand is told the newest level, and look whether it has sent what it was told before."""
+    @property
+    def n_unmoved(self) -> int:
+        """New closures after which no joint of the hand moved for a second; they are in no percentile."""
+        return 0 if self._joints is None else self._joints.n_unmoved
+
+    def commanded(self, level: float | None) -> None:
+        """Note that the hand is told the newest level, and look whether it has sent what it was told before, and moved.
+
+        Args:
+            level: What the muscles ask, 1 to 5; ``None`` where something else was told, as by a guard.
+        """
+        if self._joints is not None:
+            moved = self._joints.look(self.now_ns(), level, self._asking)
+            if moved is not None:
+                self._arrived("motion", "emg", moved)
         if self._answered_ns is None:
             return
         if self._block is not None:
@@ -179,13 +207,14 @@ class LatencyTrace:
         for path, what, ours in (
             ("touch", "camera to vest", self._limited),
             ("intent", "muscle to hand", "own"),
+            ("motion", "muscle to joint", ""),
         ):
-            whole, own = self.spreads[path]["whole"], self.spreads[path][ours]
+            whole = self.spreads[path]["whole"]
             if whole.n:
-                said.append(
-                    f"{what} {whole.at(0.5) / 1e6:.0f} ms, p99 {whole.at(0.99) / 1e6:.0f} "
-                    f"(ours {own.at(0.5) / 1e6:.1f}, p99 {own.at(0.99) / 1e6:.1f})"
-                )
+                said.append(f"{what} {whole.at(0.5) / 1e6:.0f} ms, p99 {whole.at(0.99) / 1e6:.0f}")
+                if ours:
+                    own = self.spreads[path][ours]
+                    said[-1] += f" (ours {own.at(0.5) / 1e6:.1f}, p99 {own.at(0.99) / 1e6:.1f})"
                 if path == "touch" and self.motor is not None:
                     said[-1] += f", to the skin {whole.at(0.5) / 1e6 + self.motor.ms:.0f}"
         return " · ".join(said)

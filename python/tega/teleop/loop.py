@@ -345,7 +345,7 @@ class DualLoop:
             sink.write(t_ns, frames)
         self._tell_hand(t_ns, frames)
         if self._trace is not None:
-            self._trace.commanded()
+            self._trace.commanded(level if level == wanted else None)
         self.report.n_hand_ticks += 1
         self.report.level_ticks[split_level(level)[0]] += 1
 

@@ -14,6 +14,7 @@ from tega.inbox.sources import Contact, EmgBlock, grasp_blocks, picture_of, samp
 from tega.inbox.stream import LiveStream, PulledStream, Stream
 from tega.records import EmgSamples, Picture
 from tega.stages.base import MeasuredPicture
+from tega.teleop.joint_motion import JointMotion
 from tega.teleop.latency import LatencyTrace
 
 if TYPE_CHECKING:
@@ -46,13 +47,15 @@ def latency_trace(
     if not any(source.info.live for source in prepared.sources):
         return None
     hand = sinks.steered
+    answering = hand if isinstance(hand, AnsweringHand) else None
     return LatencyTrace(
         now_ns=pacer.elapsed_ns,
         start_ns=start_ns,
         budget_ms=budget_ms,
         steady=steady,
         vests=[vest for vest in sinks.live_vests if isinstance(vest, StampingVest)],
-        answered_ns=hand.answered_ns if isinstance(hand, AnsweringHand) else None,
+        answered_ns=None if answering is None else answering.answered_ns,
+        joints=None if answering is None else JointMotion(lambda: answering.angles_rad),
         motor=motor,
         bus=bus,
     )

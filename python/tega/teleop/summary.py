@@ -92,6 +92,7 @@ def summarise(state: RunFacts, *, error: BaseException | None = None) -> dict[st
         "rate_hz": 1e9 / HAND_TICK_NS,
         "ticks": loop.n_hand_ticks,
         "level_s": {str(level): ticks * HAND_TICK_NS / 1e9 for level, ticks in loop.level_ticks.items()},
+        **({} if state.trace is None else {"unmoved": state.trace.n_unmoved}),
         "sinks": _drivers(state, "hand"),
     }
     if inputs := state.rig.inputs.summary():

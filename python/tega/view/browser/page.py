@@ -189,7 +189,7 @@ class Page:
                 if not past:
                     self._paint_touch(captions_html(state, self._labels), self._torso(state))
                 self._delays.note(latency_ms)
-                self._rates.content = rates_html(rates_hz) + self._delays.svg()
+                self._rates.content = rates_html(rates_hz, state.loop.latency) + self._delays.svg()
             elif not past:
                 self._course.draw()
                 if state.emg is not None:

@@ -185,7 +185,8 @@ def _depth(metrics: ContactMetrics) -> str:
     return next((f", {one.value:.2f} mm" for one in metrics.more if one.name == "depth_mm"), "")
 
 
-def rates_html(rates_hz: dict[str, float]) -> str:
-    """List the measured rates."""
+def rates_html(rates_hz: dict[str, float], latency: str = "") -> str:
+    """List the measured rates, and how old what is felt and done is."""
     rates = " · ".join(f"{escape(name)} {rate:.0f} Hz" for name, rate in rates_hz.items())
-    return f'<div style="{FONT};font-size:11px;color:#6c757d;padding:2px 10px">{rates}</div>'
+    said = f"{rates}<br>{escape(latency)}" if latency else rates
+    return f'<div style="{FONT};font-size:11px;color:#6c757d;padding:2px 10px">{said}</div>'

@@ -1,0 +1,117 @@
+"""Find when the joints of a hand begin to move after a new closure, in the positions that the hand reports."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["JointMotion"]
+
+_REST_TICKS: Final = 100
+"""Looks in which a closure is held and the joints stand before a motion counts: 0.3 s at the hand's rate."""
+_NEW_LEVEL: Final = 0.1
+"""By how much a closure differs that is a new one, levels: up to 0.04 rad between the built-in poses."""
+_LEAST_RAD: Final = 0.002
+"""Motion below this is not counted, however quiet the hand is: some 20 steps of an Allegro Hand's encoders."""
+_TIMES_NOISE: Final = 3.0
+"""A joint has moved once it is so many times as far from rest as it was at most in a hundred looks at rest."""
+_RESTLESS_RAD: Final = 0.003
+"""Joints that are further than this from their mean within a hundred looks are on their way."""
+_GIVE_UP_NS: Final = 1_000_000_000
+
+
+class _Rest(NamedTuple):
+    mean_rad: NDArray[np.float64]
+    threshold_rad: NDArray[np.float64]
+
+
+class JointMotion:
+    """Watches a hand at every tick: at rest it learns each joint's noise, after a new closure it waits for motion.
+
+    A motion counts where the closure was held and the joints stood for 0.3 s before, and where two reports that differ
+    show a joint beyond its threshold. It has the time at which the first of them was seen, up to a tick of 3 ms after
+    the report was in. What is imposed by a guard, taken back before anything moved, or moved by somebody else
+    counts as nothing.
+
+    Args:
+        angles_rad: Gives the joint angles as last reported, float64 (16,), rad; NaN before the first report.
+
+    Attributes:
+        n_unmoved: New closures after which no joint moved for a second; they are in no percentile.
+    """
+
+    def __init__(self, angles_rad: Callable[[], NDArray[np.float64]]) -> None:
+        self._angles_rad = angles_rad
+        self._seen: list[NDArray[np.float64]] = []
+        self._held: float = 0.0
+        self._rest: _Rest | None = None
+        self._told: tuple[int, ...] = ()
+        self._first: tuple[int, NDArray[np.float64]] | None = None
+        self.n_unmoved = 0
+
+    def look(self, now_ns: int, level: float | None, block: tuple[int, ...] | None) -> tuple[int, ...] | None:
+        """Look at the hand, once it was told a level.
+
+        Args:
+            now_ns: Time since the start of the session.
+            level: What muscles ask of it, 1 to 5; ``None`` where something else does.
+            block: Stamps of the newest block of EMG: captured, received, measured.
+
+        Returns:
+            The stamps of the block, when the hand was told, and when a joint was seen to move, once that is
+            confirmed; else ``None``.
+        """
+        angles = self._angles_rad()
+        if level is None:
+            self._begin(0.0)
+            return None
+        if self._told:
+            return self._wait(now_ns, level, angles)
+        if abs(level - self._held) > _NEW_LEVEL:
+            if self._rest is not None and block is not None and not self._beyond(self._rest, angles):
+                self._told = (*block, now_ns)
+            else:
+                self._begin(level)
+            return None
+        if self._rest is not None and self._beyond(self._rest, angles):
+            self._begin(level)
+        self._seen.append(angles)
+        if len(self._seen) == _REST_TICKS:
+            looks = np.array(self._seen)
+            self._seen.clear()
+            mean = looks.mean(axis=0)
+            spread = np.abs(looks - mean).max(axis=0)
+            stands = bool(spread.max() < _RESTLESS_RAD)  # not where one is no number
+            self._rest = _Rest(mean, np.maximum(_TIMES_NOISE * spread, _LEAST_RAD)) if stands else None
+        return None
+
+    def _wait(self, now_ns: int, level: float, angles: NDArray[np.float64]) -> tuple[int, ...] | None:
+        assert self._rest is not None
+        if abs(level - self._held) <= _NEW_LEVEL:  # taken back
+            self._begin(level)
+        elif now_ns - self._told[-1] > _GIVE_UP_NS:
+            self.n_unmoved += 1
+            self._begin(level)
+        elif not self._beyond(self._rest, angles):
+            self._first = None
+        elif self._first is None:
+            self._first = now_ns, angles
+        elif not np.array_equal(angles, self._first[1]):
+            stamps = (*self._told, self._first[0])
+            self._begin(level)
+            return stamps
+        return None
+
+    def _begin(self, level: float) -> None:
+        """Forget what rest was, and look whether the hand stands at a level."""
+        self._held, self._rest, self._told, self._first = level, None, (), None
+        self._seen.clear()
+
+    @staticmethod
+    def _beyond(rest: _Rest, angles: NDArray[np.float64]) -> bool:
+        return bool((np.abs(angles - rest.mean_rad) > rest.threshold_rad).any())
