@@ -87,7 +87,10 @@ def refined_corners(
         )
         lefts.append(np.concatenate([moved[tag] / prior for tag in tags]))
         matrix = np.concatenate(rows)
-        change = -np.linalg.lstsq(matrix, np.concatenate(lefts), rcond=None)[0]
+        # Columns of one length, so that the normal equations lose no digits; the prior makes them definite.
+        scale = 1 / np.maximum(np.sqrt((matrix**2).sum(0)), 1e-12)
+        matrix *= scale
+        change = -scale * np.linalg.solve(matrix.T @ matrix, matrix.T @ np.concatenate(lefts))
         for k, (position, rotation) in enumerate(places):
             one = change[6 * k : 6 * k + 6]
             places[k] = position + one[:3], rotation_about(one[3:]) @ rotation

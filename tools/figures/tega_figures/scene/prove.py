@@ -129,18 +129,28 @@ def folded(layout: TagLayout, rng: np.random.Generator) -> TagLayout:
     )
 
 
-def through_h264(
-    pictures: Iterator[tuple[float, NDArray[np.uint8]]], rate_hz: float
-) -> Iterator[tuple[float, NDArray[np.uint8]]]:
-    """Return pictures as a recording has them: encoded and decoded."""
-    encoder: SceneEncoder | None = None
+def write_film(
+    file: Path, pictures: Iterator[tuple[float, NDArray[np.uint8]]], size: tuple[int, int], rate_hz: float
+) -> None:
+    """Encode pictures as a recording has them, and keep the packets: times, lengths, bytes."""
+    encoder = SceneEncoder(*size, rate_hz=rate_hz)
+    packets = [one for t_s, image in pictures for one in encoder.encode(image, round(t_s * 1e9))]
+    packets += encoder.close()
+    data = np.frombuffer(b"".join(packet for _, packet in packets), np.uint8)
+    part = file.with_suffix(".part.npz")
+    np.savez(part, t_ns=[t_ns for t_ns, _ in packets], n=[len(packet) for _, packet in packets], data=data)
+    part.rename(file)
+
+
+def read_film(file: Path) -> Iterator[tuple[float, NDArray[np.uint8]]]:
+    """Return times and pictures of a film as they are decoded."""
     decoder = SceneDecoder()
-    for t_s, image in pictures:
-        encoder = encoder or SceneEncoder(image.shape[1], image.shape[0], rate_hz=rate_hz)
-        for t_ns, packet in encoder.encode(image, round(t_s * 1e9)):
-            decoder.take(t_ns, packet)
-            if (decoded := decoder.image()) is not None:
-                yield decoded[0] / 1e9, decoded[1]
+    with np.load(file) as kept:
+        t_ns, ends, data = kept["t_ns"].tolist(), np.cumsum(kept["n"]).tolist(), kept["data"].tobytes()
+    for at_ns, begin, end in zip(t_ns, [0, *ends], ends, strict=False):
+        decoder.take(at_ns, data[begin:end])
+        if (decoded := decoder.image()) is not None:
+            yield decoded[0] / 1e9, decoded[1]
 
 
 def window(trial: TrueTrial, *, placed: bool) -> tuple[float, float]:
