@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from tega.scene.lens import Lens
-from tega.scene.pose import CORNER_PX, FittedPose, residuals, rotation_about
+from tega.scene.pose import CORNER_PX, FittedPose, corner_weights, residuals, rotation_about
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -56,6 +56,7 @@ def refined_corners(
     step = max(1, len(useful) // _MOST_PICTURES)
     useful = useful[::step][:_MOST_PICTURES]
     rays = [lens.rays(np.concatenate([one[tag] for tag in shown])) for _, shown, one in useful]
+    weights = [np.concatenate([corner_weights(one[tag]) for tag in shown]) for _, shown, one in useful]
     places = [(pose.position_m, pose.rotation) for pose, _, _ in useful]
     now = {tag: np.array(corners) for tag, corners in corners_m.items()}
     moved = {tag: np.zeros(6) for tag in tags}
@@ -80,8 +81,8 @@ def refined_corners(
                 arms = now[tag] - now[tag].mean(0)
                 row[at, begin : begin + 3] = per_point[at]
                 row[at, begin + 3 : begin + 6] = np.cross(np.repeat(arms, 2, axis=0), per_point[at])
-            rows.append(row / sigma)
-            lefts.append(left / sigma)
+            rows.append(row * (weights[k][:, None] / sigma))
+            lefts.append(left * (weights[k] / sigma))
         rows.append(
             np.column_stack([np.zeros((6 * len(tags), n_poses)), np.diag(np.tile(1 / prior, len(tags)))])
         )

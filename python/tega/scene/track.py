@@ -11,7 +11,7 @@ from tega.errors import RecordingError
 from tega.scene.corners import TagFinder
 from tega.scene.layout import TagLayout
 from tega.scene.lens import Lens
-from tega.scene.pose import BodyFitter, FittedPose
+from tega.scene.pose import CORNER_PX, BodyFitter, FittedPose
 from tega.scene.refine import refined_corners
 
 if TYPE_CHECKING:
@@ -222,12 +222,15 @@ def _against_table(poses: list[FittedPose | None], table: FittedPose) -> BodyTra
     )
     up = table.rotation.T
     both = np.kron(np.eye(2), up)
+    # One tag alone leaves two residuals, which are small by chance now and then: no picture is better than most.
+    usual_px = float(np.median([pose.rms_px for pose in poses if pose and pose.n_tags > 1] or [CORNER_PX]))
     for k, pose in enumerate(poses):
         if pose is None:
             continue
+        too_small = max(1.0, usual_px / max(pose.rms_px, CORNER_PX)) ** 2
         track.position_m[k] = up @ (pose.position_m - table.position_m)
         track.rotation[k] = up @ pose.rotation
-        track.covariance[k] = both @ pose.covariance @ both.T
+        track.covariance[k] = too_small * both @ pose.covariance @ both.T
         track.n_tags[k] = pose.n_tags
         track.width_m[k], track.width_error_m[k], track.rms_px[k] = (
             pose.width_m,
