@@ -134,8 +134,8 @@ def score(
     """Score one lift from a video: lift-off, 0.2 m, stable, slips, deformations, drop, put down, each with its error.
 
     With --json: {"events": [{"kind", "t_s", "t_error_s", "size_m", "size_error_m"}], "success", "slid_m",
-    "slid_error_m", "narrowing_m", "narrowing_error_m", "height_m", "along_mm", "across_mm", "seen", "hand_seen",
-    "longest_gap_s", "notes"}.
+    "slid_error_m", "narrowing_m", "narrowing_error_m", "height_m", "along_mm", "across_mm", "seen", "placed",
+    "hand_seen", "longest_gap_s", "notes"}.
     """
     import math
 

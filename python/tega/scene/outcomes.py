@@ -40,6 +40,11 @@ folded box has in all pictures alike, and of the height over the table at which 
 OutcomeKind = Literal["lift_off", "lifted", "slip", "deformation", "drop", "put_down"]
 
 
+PLACED_M: Final = 2e-3
+"""Standard error of the object's place, in its worst direction, beyond which a picture is not asked where it is: most of
+it is hidden, or smeared by a fall."""
+
+
 class SceneEvent(msgspec.Struct, frozen=True):
     """One outcome, as measured.
 
@@ -69,9 +74,10 @@ class SceneOutcome(msgspec.Struct, frozen=True, kw_only=True):
         narrowing_m: Largest narrowing; not there where its tags were not seen.
         narrowing_error_m: Standard error of that.
         height_m: Largest height, metres.
-        along_mm: Standard error of the object's place along the view, millimetres, one picture.
+        along_mm: Standard error of the object's place along the view, millimetres, one picture of those that place it.
         across_mm: Likewise across it.
         seen: Share of the pictures in which the object was seen.
+        placed: Share of the pictures that place it (:data:`PLACED_M`).
         hand_seen: Share in which the hand was.
         longest_gap_s: Longest time without the object, between two sights of it.
         notes: What to look at before these numbers are believed.
@@ -87,6 +93,7 @@ class SceneOutcome(msgspec.Struct, frozen=True, kw_only=True):
     along_mm: float
     across_mm: float
     seen: float
+    placed: float
     hand_seen: float
     longest_gap_s: float
     notes: tuple[str, ...]
@@ -180,6 +187,12 @@ def scene_courses(track: SceneTrack, layout: TagLayout, *, begin_s: float, end_s
     )
 
 
+def placed(pose: BodyTrack, at_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which pictures place a point of a body to :data:`PLACED_M`, bool (n,)."""
+    _, cov = pose.point(at_m)
+    return np.asarray(np.linalg.eigvalsh(np.nan_to_num(cov, nan=1.0))[:, -1] <= PLACED_M**2)
+
+
 def _heights(
     track: SceneTrack, pose: BodyTrack, body: TagBody, at_m: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -249,8 +262,11 @@ def score_scene(
     events = [ruling.measured(one.kind, one.t_s, one.size_m) for one in ruling.scorer.events]
     events += _put_down(ruling, track)
     events.sort(key=lambda event: event.t_s)
-    _, cov = track.object.point(np.array([0, 0, layout.object.grip_mm / 1000]))
-    cov = cov[inside][seen]
+    grip = np.array([0, 0, layout.object.grip_mm / 1000])
+    sure = inside & placed(track.object, grip)
+    cov = track.object.point(grip)[1][
+        sure if sure.any() else inside & np.isfinite(track.object.position_m[:, 0])
+    ]
     along = np.sqrt(np.einsum("i,nij,j->n", track.view, cov, track.view))
     across = np.sqrt(np.maximum(0, np.trace(cov, axis1=1, axis2=2) - along**2) / 2)
     times = track.t_s[inside][seen]
@@ -281,6 +297,7 @@ def score_scene(
         along_mm=float(1000 * np.median(along)),
         across_mm=float(1000 * np.median(across)),
         seen=float(seen.mean()),
+        placed=float(sure[inside].mean()),
         hand_seen=hand_seen,
         longest_gap_s=gap_s,
         notes=tuple(notes),
@@ -366,7 +383,8 @@ def _put_down(ruling: SceneRule, track: SceneTrack) -> list[SceneEvent]:
     if not after or ruling.scorer.time_of("drop") is not None:
         return []
     base, cov = track.object.point(np.zeros(3))
-    then = (track.t_s > after[-1] + 0.1) & np.isfinite(base[:, 0])
+    sure = placed(track.object, np.zeros(3))
+    then = (track.t_s > after[-1] + 0.1) & (sure if sure.any() else np.isfinite(base[:, 0]))
     if not then.any():
         then = (track.t_s > after[-1] - 0.1) & np.isfinite(base[:, 0])
     at, spread = np.median(base[then], axis=0), np.median(cov[then], axis=0)

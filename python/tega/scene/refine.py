@@ -26,6 +26,8 @@ _MOST_PICTURES: Final = 60
 _ROUNDS: Final = 6
 _STRANGE_PX: Final = 0.5
 _SPREAD_PX: Final = 2 * CORNER_PX
+_NOTHING: Final = 1e-9
+"""Added to the diagonal, so that a picture all of whose tags were left out stays where it is."""
 
 
 def refined_corners(
@@ -91,7 +93,8 @@ def refined_corners(
         # Columns of one length, so that the normal equations lose no digits; the prior makes them definite.
         scale = 1 / np.maximum(np.sqrt((matrix**2).sum(0)), 1e-12)
         matrix *= scale
-        change = -scale * np.linalg.solve(matrix.T @ matrix, matrix.T @ np.concatenate(lefts))
+        normal = matrix.T @ matrix + _NOTHING * np.eye(len(scale))
+        change = -scale * np.linalg.solve(normal, matrix.T @ np.concatenate(lefts))
         for k, (position, rotation) in enumerate(places):
             one = change[6 * k : 6 * k + 6]
             places[k] = position + one[:3], rotation_about(one[3:]) @ rotation

@@ -116,9 +116,11 @@ def sight_tags(
 
     Arguments and errors as of :func:`track_scene`.
     """
-    ids = {name: frozenset(tag.id for tag in body.all_tags()) for name, body in layout.bodies().items()}
-    moving = ids["object"] | ids["hand"]
-    finder = TagFinder(layout.family, moving | ids["table"])
+    tags = {name: body.all_tags() for name, body in layout.bodies().items()}
+    finder = TagFinder(layout.family, frozenset(tag.id for some in tags.values() for tag in some))
+    moving = frozenset(tag.id for name in ("object", "hand") for tag in tags[name])
+    # By tags that slide alone no pose is known: the others may be beyond the part that is looked at.
+    firm = [{tag.id for tag in tags[name] if not any(tag.slides)} for name in ("object", "hand")]
     sightings = SceneSightings([], [])
     seen: dict[int, NDArray[np.float64]] = {}
     for number, (t_s, image) in enumerate(pictures):
@@ -128,7 +130,7 @@ def sight_tags(
                 f"{lens.width}×{lens.height}",
                 "record at that resolution, or calibrate at this one",
             )
-        lost = any(ids[name] and not ids[name] & seen.keys() for name in ("object", "hand"))
+        lost = any(some and not some & seen.keys() for some in firm)
         around = [corners for tag, corners in seen.items() if tag in moving]
         whole = number % _WHOLE_EVERY == 0 or lost
         seen = finder.find(image, within=None if whole else _around(around, lens))
