@@ -41,8 +41,8 @@ OutcomeKind = Literal["lift_off", "lifted", "slip", "deformation", "drop", "put_
 
 
 PLACED_M: Final = 2e-3
-"""Standard error of the object's place, in its worst direction, beyond which a picture is not asked where it is: most of
-it is hidden, or smeared by a fall."""
+"""Standard error of the object's place, in its worst direction, beyond which a picture is not asked where it is: most
+of it is hidden, or smeared by a fall."""
 
 
 class SceneEvent(msgspec.Struct, frozen=True):

@@ -86,13 +86,16 @@ def trended(
     errors: NDArray[np.float64],
     at_s: NDArray[np.float64],
 ) -> Course:
-    """Fit pieces of parabolas with few changes of acceleration; arguments as of :func:`smoothed`.
+    """Fit pieces of parabolas with few changes of acceleration.
 
     Minimised is half the sum of squared residuals over errors, plus a cost of the sum of the absolute third differences
     over the median error, by least squares that are weighted anew in each round. Errors that the residuals belie are
     scaled up once. The error of the course is that of one picture: more than it is.
 
     Args:
+        t_s: As of :func:`smoothed`, as the next two.
+        values: What was measured.
+        errors: Its standard errors.
         at_s: (m,), moments in equal steps.
     """
     good = np.isfinite(values) & np.isfinite(errors)
