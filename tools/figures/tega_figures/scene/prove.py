@@ -1,9 +1,9 @@
 """Prove the scene cameras' scores on rendered video of simulated trials: errors of place, slip, width and events.
 
 ``python -m tega_figures.scene.prove OUT.jsonl`` goes through the design below and adds a line a trial; one that is
-there is passed over, so that the same call goes on after a stop. Films are kept beside it (0.4 GB) and not rendered
-anew. ``python -m tega_figures.scene.accuracy OUT.jsonl`` makes the page's table of it. The design is fixed, and every
-trial of it is in the table; :data:`CHOSEN_ON` are those that the method was chosen on.
+there is passed over, so that the same call goes on after a stop. Films (0.4 GB) and the tags that were found in them
+are kept beside it. ``python -m tega_figures.scene.accuracy OUT.jsonl`` makes the page's table of it. The design is
+fixed, and every trial of it is in the table; :data:`CHOSEN_ON` are those that the method was chosen on.
 
 The camera's lens is calibrated from rendered pictures of the ChArUco board; the boxes are folded with errors that the
 layout does not know (0.1 mm, 0.2°), the table's sheet is printed with some (0.1 mm, 0.05°), and the height of the
@@ -28,11 +28,20 @@ from tega.scene.lens import Lens, load_lens, save_lens
 from tega.scene.outcomes import SceneCourses, SceneEvent, SceneRule, righted, scene_courses, score_scene
 from tega.scene.outcomes import placed as is_placed
 from tega.scene.smoothing import Course
-from tega.scene.track import SceneTrack, track_scene
+from tega.scene.track import SceneSightings, SceneTrack, follow_bodies, sight_tags
 from tega.scene.video import SceneEncoder
 from tega.sim.plan import TrialPlan
 from tega.sim.score import TrialScorer
-from tega_figures.scene.bench import LENS, WRIST_MM, Occluder, RenderedTrial, bench_layout, board_pictures
+from tega_figures.scene.bench import (
+    LENS,
+    WRIST_MM,
+    Occluder,
+    RenderedTrial,
+    bench_layout,
+    board_pictures,
+    camera_pose,
+    world_pose,
+)
 from tega_figures.scene.render import Film
 from tega_figures.scene.trials import TrueTrial, true_trial
 
@@ -253,31 +262,57 @@ def prove(
     placed: bool,
     number: int,
 ) -> ProvenTrial:
-    """Simulate, render, encode, decode, track and score one trial, and compare; its film is read where it is kept."""
+    """Simulate, render, encode, decode, track and score one trial, and compare; film and tags are read where kept."""
     trial = true_trial(plan)
     begin_s, end_s = window(trial, placed=placed)
-    scorer, stands = ruled(trial, begin_s, end_s)
-    layout = bench_layout(trial)
-    films = {"bright": Film(), "dim": DIM, "rolling": ROLLING}
-    rendered = RenderedTrial(
-        trial,
-        films[film],
-        rate_hz=rate_hz,
-        begin_s=begin_s,
-        end_s=end_s,
-        seed=1000 + number,
-        layout=folded(layout, np.random.default_rng(number)),
-    )
-    if occluded:
-        lift_s = scorer.time_of("lift_off") or begin_s + 1
-        at = rendered.seen_at("object", np.array([0, 0, trial.spec.height_m]), lift_s + 0.8)
-        rendered.occluders = (Occluder(lift_s + 0.8, lift_s + 1.0, at, (80.0, 110.0)),)
     if not kept.exists():
+        rendered = RenderedTrial(
+            trial,
+            {"bright": Film(), "dim": DIM, "rolling": ROLLING}[film],
+            rate_hz=rate_hz,
+            begin_s=begin_s,
+            end_s=end_s,
+            seed=1000 + number,
+            layout=folded(bench_layout(trial), np.random.default_rng(number)),
+        )
+        if occluded:
+            lift_s = ruled(trial, begin_s, end_s)[0].time_of("lift_off") or begin_s + 1
+            at = rendered.seen_at("object", np.array([0, 0, trial.spec.height_m]), lift_s + 0.8)
+            rendered.occluders = (Occluder(lift_s + 0.8, lift_s + 1.0, at, (80.0, 110.0)),)
         write_film(kept, rendered.pictures(), (lens.width, lens.height), rate_hz)
-    rest = int(np.searchsorted(trial.t_s, begin_s))
-    sunk_mm = float(1000 * trial.object[rest, 2, 3])
-    layout = ruled_layout(layout, sunk_mm, np.random.default_rng(500 + number))
-    track = track_scene(read_film(kept), lens, layout)
+    sunk_mm = float(1000 * trial.object[np.searchsorted(trial.t_s, begin_s), 2, 3])
+    layout = ruled_layout(bench_layout(trial), sunk_mm, np.random.default_rng(500 + number))
+    track = follow_bodies(found_tags(kept, lens, layout), lens, layout)
+    return compared(
+        trial, track, layout, rate_hz=rate_hz, film=film, occluded=occluded, placed=placed, sunk_mm=sunk_mm
+    )
+
+
+def found_tags(film: Path, lens: Lens, layout: TagLayout) -> SceneSightings:
+    """Return the tags in a film, found or as they are kept; take the file away when the search for tags has changed."""
+    kept = film.with_suffix(".tags.json")
+    if not kept.exists():
+        seen = sight_tags(read_film(film), lens, layout)
+        tags = [{str(tag): corners.tolist() for tag, corners in one.items()} for one in seen.corners]
+        kept.write_bytes(msgspec.json.encode((seen.t_s, tags)))
+    t_s, tags = msgspec.json.decode(kept.read_bytes())
+    return SceneSightings(t_s, [{int(tag): np.array(one[tag]) for tag in one} for one in tags])
+
+
+def compared(
+    trial: TrueTrial,
+    track: SceneTrack,
+    layout: TagLayout,
+    *,
+    rate_hz: float,
+    film: str,
+    occluded: bool,
+    placed: bool,
+    sunk_mm: float,
+) -> ProvenTrial:
+    """Score a trial that was tracked, and compare with the truth."""
+    begin_s, end_s = window(trial, placed=placed)
+    scorer, stands = ruled(trial, begin_s, end_s)
     outcome = score_scene(track, layout, harm_m=trial.spec.harm_m)
     track = righted(track, layout, begin_s=float(track.t_s[0]))
     true = true_events(trial, begin_s, end_s)
@@ -292,14 +327,14 @@ def prove(
         mine = [one for one in outcome.events if one.kind == "put_down"]
         put_mm = 1000 * (mine[0].size_m - true[-1].size_m) if mine else None
     return ProvenTrial(
-        name=name_of(plan),
+        name=name_of(trial.plan),
         rate_hz=rate_hz,
         film=film,
         occluded=occluded,
         placed=placed,
         n_pictures=len(track.t_s),
-        object_mm=_off(rendered, track, "object", np.array([0, 0, layout.object.grip_mm / 1000]), sunk_mm),
-        hand_mm=_off(rendered, track, "hand", np.array(WRIST_MM) / 1000, 0.0),
+        object_mm=_off(trial, track, "object", np.array([0, 0, layout.object.grip_mm / 1000]), sunk_mm),
+        hand_mm=_off(trial, track, "hand", np.array(WRIST_MM) / 1000, 0.0),
         claimed_mm=(outcome.along_mm, outcome.across_mm),
         slip_mm=_slip_off(trial, track, layout, scorer, (begin_s, end_s)),
         width_mm=_width_off(trial, track, layout),
@@ -311,15 +346,15 @@ def prove(
 
 
 def _off(
-    rendered: RenderedTrial, track: SceneTrack, name: str, at_m: NDArray[np.float64], sunk_mm: float
+    trial: TrueTrial, track: SceneTrack, name: str, at_m: NDArray[np.float64], sunk_mm: float
 ) -> tuple[float, float, float]:
     """Return errors of a point, root mean square, millimetres: in space, along the view, across it."""
     pose = track.object if name == "object" else track.hand
     measured, _ = pose.point(at_m)
-    true = np.array([rendered.world_pose(name, float(t_s)) for t_s in track.t_s])
+    true = np.array([world_pose(trial, name, float(t_s)) for t_s in track.t_s])
     left = 1000 * (measured - true[:, :, :3] @ (at_m - (0, 0, sunk_mm / 1000)) - true[:, :, 3])
     left = left[is_placed(pose, at_m)]
-    along = left @ rendered.world_to_camera[2, :3]
+    along = left @ camera_pose()[2, :3]
     whole, deep = float((left**2).sum(1).mean()), float((along**2).mean())
     return float(np.sqrt(whole)), float(np.sqrt(deep)), float(np.sqrt((whole - deep) / 2))
 
