@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import threading
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -107,12 +108,17 @@ def test_a_damaged_file_of_offsets_is_told(tmp_path: Path) -> None:
         read_offsets(recording)
 
 
+@pytest.mark.slow
 def test_an_offset_is_measured_in_a_recording_and_taken_off_by_export(tmp_path: Path) -> None:
     pytest.importorskip("av")
     pytest.importorskip("foxglove")
     from foxglove import channels, messages
 
+    from tega.bus import Bus
     from tega.recording.mcap_file import McapFile
+    from tega.replay.followed_file import PlayedMoment
+    from tega.replay.played_scene import followed_scene
+    from tega.scene.decode import ScenePicture
     from tega.scene.pictures import read_times, times_path
     from tega.scene.video import SceneEncoder
 
@@ -150,5 +156,12 @@ def test_an_offset_is_measured_in_a_recording_and_taken_off_by_export(tmp_path: 
     assert said.exit_code == 0, said.output
     exported = np.array(read_times(times_path(tmp_path / "front.mp4"))) / 1e9
     assert np.abs(exported - (t_s - found["late_s"])).max() < 1e-6
+    # What is played shows a picture when it was taken, not when it came.
+    bus, seen = Bus(), list[int]()
+    bus.subscribe(ScenePicture, lambda one: seen.append(one.t_ns), vital=True)
+    film = followed_scene(recording, bus, start_ns=0, end_ns=2**62, behind_ns=2**62)
+    for at_s in (BEGIN_S + 2.0, BEGIN_S + 3.5):
+        film.follow(PlayedMoment(0, round(at_s * 1e9), 0), threading.Event())
+        assert seen[-1] / 1e9 == pytest.approx(exported[exported <= at_s][-1], abs=1e-6)
     with pytest.raises(RecordingError, match="no camera 'side'"):
         measure_offset(recording, "side", tmp_path / "flashes.csv")
