@@ -149,8 +149,8 @@ def score(
     """Score one lift from a video: lift-off, 0.2 m, stable, slips, deformations, drop, put down, each with its error.
 
     With --json: {"events": [{"kind", "t_s", "t_error_s", "size_m", "size_error_m"}], "success", "slid_m",
-    "slid_error_m", "narrowing_m", "narrowing_error_m", "height_m", "along_mm", "across_mm", "seen", "hand_seen",
-    "longest_gap_s", "notes"}.
+    "slid_error_m", "narrowing_m", "narrowing_error_m", "height_m", "along_mm", "across_mm", "seen", "placed",
+    "hand_seen", "longest_gap_s", "notes"}.
     """
     import math
 
@@ -388,3 +388,48 @@ def export(*, recording: Path, name: str, out: Path, as_json: bool) -> None:
         echo_json({"pictures": n, "file": str(out), "times": str(times_path(out))})
         return
     click.echo(f"{out}: {n} pictures; {times_path(out)}: when each was taken, on the session's clock")
+
+
+@scene.command(epilog="Example: tega-teleop scene flash flashes.csv")
+@click.argument("out", type=_FILE, metavar="FLASHES.csv")
+@click.option(
+    "--flashes", type=click.IntRange(3, 100), default=12, show_default=True, help="How often it gets white."
+)
+def flash(*, out: Path, flashes: int) -> None:
+    """Make this terminal white and black by turns, fewer than two times a second, and write down when.
+
+    Hold it before the cameras while scene record runs; then scene offset says how late each camera is.
+    """
+    from tega.scene.offset import flash_light
+
+    def write(text: str) -> None:
+        click.echo(text, nl=False, color=True)
+
+    flash_light(out, write, n_flashes=flashes)
+    click.echo(f"{out}: {2 * flashes} moments; tega-teleop scene offset SCENE.mcap NAME {out}")
+
+
+@scene.command(epilog="Example: tega-teleop scene offset session.mcap front flashes.csv")
+@click.argument("recording", type=_FILE)
+@click.argument("name")
+@click.argument("flashes", type=_FILE, metavar="FLASHES.csv")
+@json_option
+def offset(*, recording: Path, name: str, flashes: Path, as_json: bool) -> None:
+    """Estimate how late a recorded camera is by the light of scene flash, and keep that beside the recording.
+
+    Export, play and clips take it off. With --json: {"late_s", "error_s", "n_edges", "file"}.
+    """
+    import msgspec
+
+    from tega.scene.offset import measure_offset
+    from tega.scene.offset_file import keep_offset, offsets_path
+
+    found = measure_offset(recording, name, flashes)
+    keep_offset(recording, name, found)
+    if as_json:
+        echo_json({**msgspec.to_builtins(found), "file": str(offsets_path(recording))})
+        return
+    click.echo(
+        f"{name}: {1000 * found.late_s:.1f} ± {1000 * found.error_s:.1f} ms late, by {found.n_edges} switchings; "
+        f"{offsets_path(recording)}: taken off by export, play and clips"
+    )

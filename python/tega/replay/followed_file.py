@@ -67,6 +67,7 @@ class FollowedFile:
         zero_ns: Log time at the beginning of the recording.
         followers: Of each topic that is wanted.
         behind_ns: Reading that is further behind leaves out what lies between, time of the recording.
+        delays_ns: How much later than it was so a topic's messages came; 0 unless given.
 
     Attributes:
         zero_ns: As given.
@@ -74,11 +75,21 @@ class FollowedFile:
     """
 
     def __init__(
-        self, reader: McapReader, zero_ns: int, followers: Mapping[str, StreamFollower], *, behind_ns: int
+        self,
+        reader: McapReader,
+        zero_ns: int,
+        followers: Mapping[str, StreamFollower],
+        *,
+        behind_ns: int,
+        delays_ns: Mapping[str, int] | None = None,
     ) -> None:
         self._reader, self.zero_ns, self._followers = reader, zero_ns, dict(followers)
         self.followers = list({id(one): one for one in followers.values()}.values())
         self._behind_ns = behind_ns
+        self._delays_ns = dict(delays_ns or {})
+        delays = [self._delays_ns.get(topic, 0) for topic in followers] or [0]
+        # Taking delays off brings messages out of order by as much as they differ.
+        self._disorder_ns, self._least_delay_ns = reader.late_ns + max(delays) - min(delays), min(delays)
         self._n_jumps = -1
         self._messages: Iterator[Message] = iter(())
         # What was read and waits for its time, as a heap: a file is not in the order of its log times.
@@ -96,7 +107,7 @@ class FollowedFile:
         while not closing.is_set():
             if self._waiting and self._waiting[0][0] <= moment.at_ns and self._is_next():
                 self._take(moment)
-            elif self._ended or self._newest_ns > moment.at_ns + self._reader.late_ns:
+            elif self._ended or self._newest_ns > moment.at_ns + self._disorder_ns:
                 break
             else:
                 self._read()
@@ -113,13 +124,13 @@ class FollowedFile:
         since_ns = min((one.since_ns for one in self.followers), default=NEVER_NS)
         if jumped or since_ns > (self._waiting[0][0] if self._waiting else self._newest_ns):
             self._messages = self._reader.messages(
-                self._followers.__contains__, since_ns=max(self.zero_ns + since_ns, 0)
+                self._followers.__contains__, since_ns=max(self.zero_ns + since_ns + self._least_delay_ns, 0)
             )
             self._waiting, self._newest_ns, self._ended = [], -NEVER_NS, False
 
     def _is_next(self) -> bool:
         """Whether nothing that is not read yet can be earlier than the first that waits."""
-        return self._ended or self._waiting[0][0] + self._reader.late_ns <= self._newest_ns
+        return self._ended or self._waiting[0][0] + self._disorder_ns <= self._newest_ns
 
     def _read(self) -> None:
         try:
@@ -130,7 +141,7 @@ class FollowedFile:
         if found is None:
             self._ended, self._messages = True, iter(())
             return
-        at_ns = found.log_ns - self.zero_ns
+        at_ns = found.log_ns - self.zero_ns - self._delays_ns.get(found.topic, 0)
         self._newest_ns, self._n_read = max(self._newest_ns, at_ns), self._n_read + 1
         heappush(self._waiting, (at_ns, self._n_read, found))
 

@@ -12,6 +12,7 @@ from tega.foreign_file import tells_damage
 from tega.recording.mcap_reader import McapReader
 from tega.replay.followed_file import NEVER_NS, FollowedFile, PlayedMoment, StreamFollower
 from tega.scene.decode import SceneDecoder, ScenePicture, note_key
+from tega.scene.offset_file import read_offsets
 from tega.scene.record import scene_epoch
 
 if TYPE_CHECKING:
@@ -135,11 +136,12 @@ def followed_scene(path: Path, bus: Bus, *, start_ns: int, end_ns: int, behind_n
             f"recording of {end_ns / 1e9:.1f} s",
             "name the scene that was recorded beside it, on the same machine",
         )
+    late = {f"/scene/{name}/video": offset.late_ns for name, offset in read_offsets(path).items()}
     followers: Mapping[str, StreamFollower] = {
-        topic: PlayedCamera(topic, (key_ns - zero_ns for key_ns in found), bus)
+        topic: PlayedCamera(topic, [key_ns - zero_ns - late.get(topic, 0) for key_ns in found], bus)
         for topic, found in keys.items()
     }
-    return FollowedFile(reader, zero_ns, followers, behind_ns=behind_ns)
+    return FollowedFile(reader, zero_ns, followers, behind_ns=behind_ns, delays_ns=late)
 
 
 def refuse_namesakes(followers: Iterable[StreamFollower]) -> None:

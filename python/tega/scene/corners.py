@@ -81,28 +81,36 @@ class TagFinder:
         """
         grey = image if image.ndim == 2 else self._cv2.cvtColor(image, self._cv2.COLOR_BGR2GRAY)
         left, top, right, bottom = within or (0, 0, grey.shape[1], grey.shape[0])
-        found, numbers, _ = self._detector.detectMarkers(np.ascontiguousarray(grey[top:bottom, left:right]))
-        if numbers is None:
-            return {}
         tags: dict[int, NDArray[np.float64]] = {}
         twice: set[int] = set()
-        for corners, number in zip(found, np.asarray(numbers).ravel().tolist(), strict=True):
-            if number not in self._wanted:
-                continue
+        for number, corners in self.candidates(np.ascontiguousarray(grey[top:bottom, left:right])):
             if number in tags:
                 twice.add(number)  # one of the two is a reflection, or another print: neither can be trusted
-            refined: NDArray[np.float64] | None = np.add(
-                np.asarray(corners, np.float64).reshape(4, 2), (left, top)
-            )
-            before: NDArray[np.float64] | None = None
-            for reach_px in _REACHES_PX:
-                if refined is not None:
-                    before, refined = refined, self._refined(grey, refined, reach_px)
-            if refined is None or before is None or np.abs(refined - before).max() > _SETTLED_PX:
-                continue
-            if _module_px(refined, self._modules) >= _LEAST_MODULE_PX:
+            refined = self.refined(grey, corners + np.array([left, top]))
+            if refined is not None and _module_px(refined, self._modules) >= _LEAST_MODULE_PX:
                 tags[number] = refined
         return {number: corners for number, corners in tags.items() if number not in twice}
+
+    def candidates(self, grey: NDArray[np.uint8]) -> list[tuple[int, NDArray[np.float64]]]:
+        """Return numbers and corners of the wanted tags as OpenCV's detector has them; one may be there twice."""
+        found, numbers, _ = self._detector.detectMarkers(grey)
+        if numbers is None:
+            return []
+        return [
+            (number, np.asarray(corners, np.float64).reshape(4, 2))
+            for corners, number in zip(found, np.asarray(numbers).ravel().tolist(), strict=True)
+            if number in self._wanted
+        ]
+
+    def refined(self, grey: NDArray[np.uint8], corners: NDArray[np.float64]) -> NDArray[np.float64] | None:
+        """Return corners where the sides meet once each is measured anew; ``None`` where a side does not settle."""
+        now: NDArray[np.float64] | None = corners
+        before = corners
+        for reach_px in _REACHES_PX:
+            if now is None:
+                return None
+            before, now = now, self._refined(grey, now, reach_px)
+        return None if now is None or np.abs(now - before).max() > _SETTLED_PX else now
 
     def _refined(
         self, grey: NDArray[np.uint8], corners: NDArray[np.float64], reach_px: float

@@ -1,8 +1,9 @@
 """Score a lift from the poses that a camera saw: lift-off, 0.2 m, stable, slips, deformations, drop, put down.
 
 The rule is that of a simulated trial's truth (:class:`tega.sim.score.TrialScorer`); what it is told here is measured.
-Heights, slip and width are smoothed by straight lines fitted about each moment (Gaussian weights), which also say speed
-and error, and are looked at a hundred times a second.
+Heights and width are smoothed by straight lines about each moment, slip by few pieces of parabolas, which neither
+smear the beginning of a fall nor take noise for motion (:mod:`tega.scene.smoothing`). All are looked at a hundred times
+a second.
 """
 
 from __future__ import annotations
@@ -13,9 +14,9 @@ import msgspec
 import numpy as np
 
 from tega.errors import RecordingError
-from tega.scene.layout import TagLayout
-from tega.scene.smoothing import KERNEL_S, Course, joined, smoothed, where_seen
-from tega.scene.track import SceneTrack
+from tega.scene.layout import TagBody, TagLayout
+from tega.scene.smoothing import KERNEL_S, Course, joined, smoothed, trended, where_seen
+from tega.scene.track import BodyTrack, SceneTrack
 from tega.sim.score import LIFT_WINDOW_S, TrialScorer
 from tega.sim.seams import WorldTruth
 
@@ -32,8 +33,16 @@ _GRID_S: Final = 0.01
 _REST_S: Final = 0.6
 _GAP_S: Final = 0.25
 _SUSTAINED_S: Final = 0.05
+_ALONG_M, _ACROSS_M, _TALL_M = 1.5e-3, 0.2e-3, 0.3e-3
+"""Standard errors that are thought likely: of the place of the object's tags along the view and across it, which the
+folded box has in all pictures alike, and of the height over the table at which the layout says they are."""
 
 OutcomeKind = Literal["lift_off", "lifted", "slip", "deformation", "drop", "put_down"]
+
+
+PLACED_M: Final = 2e-3
+"""Standard error of the object's place, in its worst direction, beyond which a picture is not asked where it is: most
+of it is hidden, or smeared by a fall."""
 
 
 class SceneEvent(msgspec.Struct, frozen=True):
@@ -65,9 +74,10 @@ class SceneOutcome(msgspec.Struct, frozen=True, kw_only=True):
         narrowing_m: Largest narrowing; not there where its tags were not seen.
         narrowing_error_m: Standard error of that.
         height_m: Largest height, metres.
-        along_mm: Standard error of the object's place along the view, millimetres, one picture.
+        along_mm: Standard error of the object's place along the view, millimetres, one picture of those that place it.
         across_mm: Likewise across it.
         seen: Share of the pictures in which the object was seen.
+        placed: Share of the pictures that place it (:data:`PLACED_M`).
         hand_seen: Share in which the hand was.
         longest_gap_s: Longest time without the object, between two sights of it.
         notes: What to look at before these numbers are believed.
@@ -83,6 +93,7 @@ class SceneOutcome(msgspec.Struct, frozen=True, kw_only=True):
     along_mm: float
     across_mm: float
     seen: float
+    placed: float
     hand_seen: float
     longest_gap_s: float
     notes: tuple[str, ...]
@@ -111,6 +122,8 @@ def righted(track: SceneTrack, layout: TagLayout, *, begin_s: float) -> SceneTra
     """Return poses of an object that stands upright on the table while it rests at the trial's start.
 
     A box on its lid is never quite parallel to it: what it leans at rest is taken out, about the middle of its tags.
+    Then its base is over or under the table by what the place is wrong, nearly all of it along the view: that much it
+    is moved along the view (conditional mean of a normal error), and what is left, straight down.
 
     Args:
         track: Poses.
@@ -136,6 +149,10 @@ def righted(track: SceneTrack, layout: TagLayout, *, begin_s: float) -> SceneTra
     right = np.eye(3) + cross + cross @ cross / (1 + up[2])
     middle = np.mean([tag.at_mm for tag in layout.object.all_tags() if not any(tag.slides)], axis=0) / 1000
     position = body.position_m + body.rotation @ (middle - right @ middle)
+    ray = np.median(position[rest], axis=0) + middle - track.eye_m
+    ray /= np.linalg.norm(ray)
+    likely = (_ALONG_M**2 - _ACROSS_M**2) * np.outer(ray, ray) + _ACROSS_M**2 * np.eye(3)
+    position -= np.median(position[rest, 2]) * likely[:, 2] / (likely[2, 2] + _TALL_M**2)
     position[:, 2] -= np.median(position[rest, 2])
     return track._replace(object=body._replace(position_m=position, rotation=body.rotation @ right))
 
@@ -149,24 +166,66 @@ def scene_courses(track: SceneTrack, layout: TagLayout, *, begin_s: float, end_s
         begin_s: Start of the trial on the video's clock; the object stands untouched for a moment from then on.
         end_s: Its end.
     """
-    t_s = track.t_s
-    grip, cov = track.object.point(np.array([0, 0, layout.object.grip_mm / 1000]))
-    base, base_cov = track.object.point(np.zeros(3))
-    palm, palm_cov = track.hand.point(np.zeros(3))
-    up = track.object.rotation[:, 2, 2]
-    lowest = base[:, 2] - layout.object.base_mm / 2000 * np.sqrt(np.clip(1 - up**2, 0, 1))
-    rest = (t_s >= begin_s) & (t_s <= begin_s + _REST_S) & np.isfinite(grip[:, 2])
+    t_s, thing = track.t_s, track.object
+    grip, grip_error = _heights(track, thing, layout.object, np.array([0, 0, layout.object.grip_mm / 1000]))
+    base, base_error = _heights(track, thing, layout.object, np.zeros(3))
+    lowest = base - layout.object.base_mm / 2000 * np.sqrt(np.clip(1 - thing.rotation[:, 2, 2] ** 2, 0, 1))
+    rest = (t_s >= begin_s) & (t_s <= begin_s + _REST_S) & np.isfinite(grip)
     grid = np.arange(begin_s, end_s, _GRID_S)
-    width = track.object.width_m - (
-        np.nanmedian(track.object.width_m[rest]) if np.isfinite(track.object.width_m[rest]).any() else 0.0
+    palm, palm_error = np.full((2, len(t_s)), np.nan)
+    if layout.hand.all_tags():
+        palm, palm_error = _heights(track, track.hand, layout.hand, np.zeros(3))
+    width = thing.width_m - (
+        np.nanmedian(thing.width_m[rest]) if np.isfinite(thing.width_m[rest]).any() else 0.0
     )
     return SceneCourses(
         grid,
-        smoothed(t_s, grip[:, 2] - np.median(grip[rest, 2]), np.sqrt(cov[:, 2, 2]), grid),
-        joined(t_s, lowest - np.median(lowest[rest]), np.sqrt(base_cov[:, 2, 2]), grid),
-        smoothed(t_s, palm[:, 2] - grip[:, 2], np.sqrt(cov[:, 2, 2] + palm_cov[:, 2, 2]), grid),
-        where_seen(t_s[np.isfinite(width)], grid, smoothed(t_s, width, track.object.width_error_m, grid)),
+        smoothed(t_s, grip - np.median(grip[rest]), grip_error, grid),
+        joined(t_s, lowest - np.median(lowest[rest]), base_error, grid),
+        trended(t_s, palm - grip, np.hypot(grip_error, palm_error), grid),
+        where_seen(t_s[np.isfinite(width)], grid, smoothed(t_s, width, thing.width_error_m, grid)),
     )
+
+
+def placed(pose: BodyTrack, at_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which pictures place a point of a body to :data:`PLACED_M`, bool (n,)."""
+    _, cov = pose.point(at_m)
+    return np.asarray(np.linalg.eigvalsh(np.nan_to_num(cov, nan=1.0))[:, -1] <= PLACED_M**2)
+
+
+def _heights(
+    track: SceneTrack, pose: BodyTrack, body: TagBody, at_m: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return a point's height over the table in each picture, and its standard error there, float64 (n,), metres.
+
+    A camera sees what is across its view some ten times better than what is along it, and looks down, so that the
+    noise along the view is in the height. But how far something is from the camera on level ground hardly changes
+    while it is lifted, slips or falls: that is smoothed over time, and the height is where each picture's ray is at
+    that distance.
+
+    Args:
+        track: Where the camera stands.
+        pose: Of the body.
+        body: Its tags; the ray is that to their middle.
+        at_m: The point, float64 (3,), in the body's axes.
+    """
+    middle = np.mean([tag.at_mm for tag in body.all_tags() if not any(tag.slides)], axis=0) / 1000
+    place, cov = pose.point(middle)
+    from_eye = place - track.eye_m
+    away = np.hypot(from_eye[:, 0], from_eye[:, 1])
+    level = np.zeros_like(from_eye)
+    level[:, :2] = from_eye[:, :2] / away[:, None]
+    grid = np.arange(track.t_s[0], track.t_s[-1] + _GRID_S, _GRID_S)
+    steady = trended(track.t_s, away, np.sqrt(np.einsum("ni,nij,nj->n", level, cov, level)), grid)
+    drop = from_eye[:, 2] / away
+    across = np.array([0, 0, 1.0]) - drop[:, None] * level
+    arm = pose.rotation @ (at_m - middle)
+    turn = np.column_stack([arm[:, 1], -arm[:, 0]])  # how a small turn about x and y moves its end up
+    variance = np.einsum("ni,nij,nj->n", across, cov, across) + np.einsum(
+        "ni,nij,nj->n", turn, pose.covariance[:, 3:5, 3:5], turn
+    )
+    height = track.eye_m[2] + drop * np.interp(track.t_s, grid, steady.value) + arm[:, 2]
+    return height, np.sqrt(variance)
 
 
 def score_scene(
@@ -203,8 +262,11 @@ def score_scene(
     events = [ruling.measured(one.kind, one.t_s, one.size_m) for one in ruling.scorer.events]
     events += _put_down(ruling, track)
     events.sort(key=lambda event: event.t_s)
-    _, cov = track.object.point(np.array([0, 0, layout.object.grip_mm / 1000]))
-    cov = cov[inside][seen]
+    grip = np.array([0, 0, layout.object.grip_mm / 1000])
+    sure = inside & placed(track.object, grip)
+    cov = track.object.point(grip)[1][
+        sure if sure.any() else inside & np.isfinite(track.object.position_m[:, 0])
+    ]
     along = np.sqrt(np.einsum("i,nij,j->n", track.view, cov, track.view))
     across = np.sqrt(np.maximum(0, np.trace(cov, axis1=1, axis2=2) - along**2) / 2)
     times = track.t_s[inside][seen]
@@ -235,6 +297,7 @@ def score_scene(
         along_mm=float(1000 * np.median(along)),
         across_mm=float(1000 * np.median(across)),
         seen=float(seen.mean()),
+        placed=float(sure[inside].mean()),
         hand_seen=hand_seen,
         longest_gap_s=gap_s,
         notes=tuple(notes),
@@ -320,7 +383,8 @@ def _put_down(ruling: SceneRule, track: SceneTrack) -> list[SceneEvent]:
     if not after or ruling.scorer.time_of("drop") is not None:
         return []
     base, cov = track.object.point(np.zeros(3))
-    then = (track.t_s > after[-1] + 0.1) & np.isfinite(base[:, 0])
+    sure = placed(track.object, np.zeros(3))
+    then = (track.t_s > after[-1] + 0.1) & (sure if sure.any() else np.isfinite(base[:, 0]))
     if not then.any():
         then = (track.t_s > after[-1] - 0.1) & np.isfinite(base[:, 0])
     at, spread = np.median(base[then], axis=0), np.median(cov[then], axis=0)

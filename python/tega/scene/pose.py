@@ -26,6 +26,12 @@ STRANGE_PX: Final = 1.5
 """Residual from which a tag is left out: half hidden, misread, or elsewhere than the layout says."""
 
 
+_WIDE_PX: Final = 40.0
+"""Width of a tag, where it is narrowest, from which its corners are as good as they get. Of narrower ones the lens's
+blur runs both edges of the black border into one another: with the blur of `dim` (docs/evidence/scene.md) corners were
+off by 0.1 px at 40 px, 0.2 px at 32, 0.4 px at 28, and 0.7 px at 25, by much the same in picture after picture."""
+
+
 class FittedPose(NamedTuple):
     """Pose of a body in the camera's axes: x right, y down, z along the view.
 
@@ -106,6 +112,7 @@ class BodyFitter:
         """Return position, rotation, and each tag's largest residual, pixels."""
         points = np.concatenate([self.corners_m[number] for number in used])
         rays = self._lens.rays(np.concatenate([seen[number] for number in used]))
+        weights = np.concatenate([corner_weights(seen[number]) for number in used])
         starts: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
         if before is not None:
             starts.append((before.position_m, before.rotation))
@@ -113,11 +120,12 @@ class BodyFitter:
             starts.append((shift, turn))
         best: tuple[float, NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None = None
         for shift, turn in starts:
-            refined = _refine(points, rays, shift, turn)
+            refined = _refine(points, rays, weights, shift, turn)
             if refined is None:
                 continue
             position, rotation, left = refined
             cost = float((left**2).sum())
+            left = left / weights
             if best is None or cost < best[0] * (0.5 if before is not None else 1):
                 best = cost, position, rotation, left
         if best is None:
@@ -139,7 +147,8 @@ class BodyFitter:
         """
         points = np.concatenate([self.corners_m[number] for number in used])
         rays = self._lens.rays(np.concatenate([seen[number] for number in used]))
-        left, slope = residuals(points, rays, position, rotation)
+        weights = np.concatenate([corner_weights(seen[number]) for number in used])
+        left, slope = _weighed(points, rays, weights, position, rotation)
         rms_px = float(np.sqrt((left**2).sum() / max(1, len(left) - 6))) * self._lens.fx
         normal = slope.T @ slope
         if np.linalg.cond(normal) > 1e14:
@@ -169,6 +178,14 @@ class BodyFitter:
         share = -along / (along @ along)
         spread = (share @ share) * sigma**2 + share @ slope @ covariance @ slope.T @ share
         return float(share @ left), float(np.sqrt(spread))
+
+
+def corner_weights(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return what the eight coordinates of a tag's corners, (4, 2) pixels, count in a fit, (8,), 1 where it is wide."""
+    (x1, y1), (x2, y2) = corners[2] - corners[0], corners[3] - corners[1]
+    longest = max(float(np.hypot(*(corners[k] - corners[k - 1]))) for k in range(4))
+    narrow_px = float(abs(x1 * y2 - x2 * y1)) / 2 / longest
+    return np.full(8, min(1.0, narrow_px / _WIDE_PX) ** 4)
 
 
 def _middle(corners: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -217,18 +234,19 @@ def _first_poses(
 def _refine(
     points: NDArray[np.float64],
     rays: NDArray[np.float64],
+    weights: NDArray[np.float64],
     position: NDArray[np.float64],
     rotation: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
-    """Return position, rotation and residuals (2 n,) at depth 1, of the least sum of squares near a start."""
+    """Return position, rotation and weighed residuals (2 n,) at depth 1, of their least sum of squares near a start."""
     damping = 1e-6
-    left, slope = residuals(points, rays, position, rotation)
+    left, slope = _weighed(points, rays, weights, position, rotation)
     cost = float(left @ left)
     for _ in range(_STEPS):
         normal = slope.T @ slope
         step = -np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), slope.T @ left)
         there, turned = position + step[:3], rotation_about(step[3:]) @ rotation
-        new, new_slope = residuals(points, rays, there, turned)
+        new, new_slope = _weighed(points, rays, weights, there, turned)
         new_cost = float(new @ new)
         if not np.isfinite(new_cost):
             return None
@@ -243,6 +261,18 @@ def _refine(
             if damping > 1e3:
                 break
     return (position, rotation, left) if position[2] > 0 else None
+
+
+def _weighed(
+    points: NDArray[np.float64],
+    rays: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    position: NDArray[np.float64],
+    rotation: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return :func:`residuals` times weights (2 n,)."""
+    left, slope = residuals(points, rays, position, rotation)
+    return left * weights, slope * weights[:, None]
 
 
 def residuals(

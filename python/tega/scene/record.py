@@ -24,6 +24,7 @@ from tega.lifecycle import require
 from tega.plain_name import plain_name
 from tega.recording.mcap_file import McapFile
 from tega.recording.mcap_reader import McapReader, table_ns
+from tega.scene.offset_file import read_offsets
 from tega.scene.pictures import times_path
 from tega.scene.sources import is_camera, open_pictures
 from tega.scene.video import SceneEncoder, VideoFormat
@@ -194,6 +195,8 @@ class _CameraThread(threading.Thread):
 def export_camera(recording: Path, name: str, out: Path) -> int:
     """Write a camera of a recording as MP4, without encoding it anew, and its time code beside it.
 
+    The times are less the camera's offset, where one was estimated (:mod:`tega.scene.offset`).
+
     Args:
         recording: The MCAP file.
         name: The camera's name.
@@ -234,7 +237,9 @@ def export_camera(recording: Path, name: str, out: Path) -> int:
             raise RecordingError(f"{recording.name}: {name} is no whole {kind} video: {error}") from error
     if number != len(times):
         raise RecordingError(f"{recording.name}: {number} of {len(times)} pictures of {name} are whole")
-    lines = [f"{k},{t_ns - epoch_ns}\n" for k, t_ns in enumerate(times)]
+    offset = read_offsets(recording).get(name)
+    zero_ns = epoch_ns + (0 if offset is None else offset.late_ns)
+    lines = [f"{k},{t_ns - zero_ns}\n" for k, t_ns in enumerate(times)]
     write_whole(times_path(out), "picture,t_ns\n" + "".join(lines))
     return len(times)
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from tega.scene.lens import Lens
-from tega.scene.pose import CORNER_PX, FittedPose, residuals, rotation_about
+from tega.scene.pose import CORNER_PX, FittedPose, corner_weights, residuals, rotation_about
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -26,6 +26,8 @@ _MOST_PICTURES: Final = 60
 _ROUNDS: Final = 6
 _STRANGE_PX: Final = 0.5
 _SPREAD_PX: Final = 2 * CORNER_PX
+_NOTHING: Final = 1e-9
+"""Added to the diagonal, so that a picture all of whose tags were left out stays where it is."""
 
 
 def refined_corners(
@@ -56,6 +58,7 @@ def refined_corners(
     step = max(1, len(useful) // _MOST_PICTURES)
     useful = useful[::step][:_MOST_PICTURES]
     rays = [lens.rays(np.concatenate([one[tag] for tag in shown])) for _, shown, one in useful]
+    weights = [np.concatenate([corner_weights(one[tag]) for tag in shown]) for _, shown, one in useful]
     places = [(pose.position_m, pose.rotation) for pose, _, _ in useful]
     now = {tag: np.array(corners) for tag, corners in corners_m.items()}
     moved = {tag: np.zeros(6) for tag in tags}
@@ -80,14 +83,18 @@ def refined_corners(
                 arms = now[tag] - now[tag].mean(0)
                 row[at, begin : begin + 3] = per_point[at]
                 row[at, begin + 3 : begin + 6] = np.cross(np.repeat(arms, 2, axis=0), per_point[at])
-            rows.append(row / sigma)
-            lefts.append(left / sigma)
+            rows.append(row * (weights[k][:, None] / sigma))
+            lefts.append(left * (weights[k] / sigma))
         rows.append(
             np.column_stack([np.zeros((6 * len(tags), n_poses)), np.diag(np.tile(1 / prior, len(tags)))])
         )
         lefts.append(np.concatenate([moved[tag] / prior for tag in tags]))
         matrix = np.concatenate(rows)
-        change = -np.linalg.lstsq(matrix, np.concatenate(lefts), rcond=None)[0]
+        # Columns of one length, so that the normal equations lose no digits; the prior makes them definite.
+        scale = 1 / np.maximum(np.sqrt((matrix**2).sum(0)), 1e-12)
+        matrix *= scale
+        normal = matrix.T @ matrix + _NOTHING * np.eye(len(scale))
+        change = -scale * np.linalg.solve(normal, matrix.T @ np.concatenate(lefts))
         for k, (position, rotation) in enumerate(places):
             one = change[6 * k : 6 * k + 6]
             places[k] = position + one[:3], rotation_about(one[3:]) @ rotation

@@ -1,4 +1,10 @@
-"""Fit straight lines to what was measured in single pictures: smoothed courses with their errors."""
+"""Smooth what was measured in single pictures: courses with their speeds and errors.
+
+A straight line about each moment smears a sudden fall over the moments before it. Where the moment at which something
+begins to move counts, :func:`trended` fits pieces of parabolas with as few changes of acceleration as the errors allow
+(trend filtering of second order: Kim, Koh, Boyd and Gorinevsky, *l1 Trend Filtering*, SIAM Review 51, 2009), so that
+what is slow is averaged over long and what is sudden stays sudden.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +17,12 @@ if TYPE_CHECKING:
 
 KERNEL_S: Final = 0.035
 _NEAR_S: Final = 0.05
+_CHANGE_COST: Final = 30.0
+"""What changes of acceleration cost against residuals. Chosen on simulated slips of other people than the proof has,
+with errors of 0.1 to 0.3 mm a picture: 30 to 100 do as well, 3 and 1000 worse."""
+
+_ROUNDS: Final = 25
+_THIRD: Final = np.array([-1.0, 3.0, -3.0, 1.0])
 
 
 class Course(NamedTuple):
@@ -66,6 +78,86 @@ def smoothed(
         slope[k] = (weight * (s0 * x - s1)) @ y[first:last] / det
         error[k] = np.sqrt((share**2) @ sigma[first:last] ** 2)
     return Course(value, slope, error)
+
+
+def trended(
+    t_s: NDArray[np.float64],
+    values: NDArray[np.float64],
+    errors: NDArray[np.float64],
+    at_s: NDArray[np.float64],
+) -> Course:
+    """Fit pieces of parabolas with few changes of acceleration.
+
+    Minimised is half the sum of squared residuals over errors, plus a cost of the sum of the absolute third differences
+    over the median error, by least squares that are weighted anew in each round. Errors that the residuals belie are
+    scaled up once. The error of the course is that of one picture: more than it is.
+
+    Args:
+        t_s: As of :func:`smoothed`, as the next two.
+        values: What was measured.
+        errors: Its standard errors.
+        at_s: (m,), moments in equal steps.
+    """
+    good = np.isfinite(values) & np.isfinite(errors)
+    if good.sum() < 3 or len(at_s) < 4:
+        return Course(*np.full((3, len(at_s)), np.nan))
+    t, y, sigma = t_s[good], values[good], np.maximum(errors[good], 1e-6)
+    value = _few_parabolas(t, y, sigma, at_s)
+    # The median of what is normal is 0.67 of its standard deviation.
+    off = float(np.median(np.abs(y - np.interp(t, at_s, value)) / sigma)) / 0.6745
+    if off > 1:
+        sigma = sigma * off
+        value = _few_parabolas(t, y, sigma, at_s)
+    return Course(value, np.gradient(value, at_s), np.interp(at_s, t, sigma))
+
+
+def _few_parabolas(
+    t: NDArray[np.float64], y: NDArray[np.float64], sigma: NDArray[np.float64], at_s: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the course at the moments, (m,)."""
+    m = len(at_s)
+    place = np.clip((t - at_s[0]) / (at_s[1] - at_s[0]), 0, m - 1 - 1e-9)
+    first = place.astype(np.intp)
+    late = place - first
+    early, weight = 1 - late, 1 / sigma**2
+    # Row i of a band has the normal matrix's entries (i, i), (i, i - 1), (i, i - 2), (i, i - 3).
+    told, right = np.zeros((m, 4)), np.zeros(m)
+    np.add.at(told[:, 0], first, weight * early**2)
+    np.add.at(told[:, 0], first + 1, weight * late**2)
+    np.add.at(told[:, 1], first + 1, weight * early * late)
+    np.add.at(right, first, weight * early * y)
+    np.add.at(right, first + 1, weight * late * y)
+    usual = float(np.median(sigma))
+    change = np.full(m - 3, usual / 20)
+    value = np.zeros(m)
+    for _ in range(_ROUNDS):
+        cost = _CHANGE_COST / usual / np.maximum(np.abs(change), 1e-4 * usual)
+        band = told.copy()
+        for i in range(4):
+            for j in range(i + 1):
+                band[i : m - 3 + i, i - j] += cost * _THIRD[i] * _THIRD[j]
+        value = _solved(band, right)
+        change = np.diff(value, 3)
+    return value
+
+
+def _solved(band: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Solve a symmetric system with three bands beside the diagonal (LDL), row by row."""
+    rows, x = band.tolist(), right.tolist()
+    for i, row in enumerate(rows):
+        for k in range(min(3, i), 0, -1):
+            over = rows[i - k]
+            for n in range(k + 1, min(3, i) + 1):
+                row[k] -= row[n] * over[n - k]  # row[n] is still L times D there
+        for k in range(1, min(3, i) + 1):
+            times_d, row[k] = row[k], row[k] / rows[i - k][0]
+            row[0] -= row[k] * times_d
+            x[i] -= row[k] * x[i - k]
+    for i in range(len(rows) - 1, -1, -1):
+        x[i] = x[i] / rows[i][0] - sum(
+            rows[i + k][k] * x[i + k] for k in range(1, min(3, len(rows) - 1 - i) + 1)
+        )
+    return np.array(x)
 
 
 def joined(

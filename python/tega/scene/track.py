@@ -11,7 +11,7 @@ from tega.errors import RecordingError
 from tega.scene.corners import TagFinder
 from tega.scene.layout import TagLayout
 from tega.scene.lens import Lens
-from tega.scene.pose import BodyFitter, FittedPose
+from tega.scene.pose import CORNER_PX, BodyFitter, FittedPose
 from tega.scene.refine import refined_corners
 
 if TYPE_CHECKING:
@@ -21,7 +21,6 @@ _MARGIN_PX: Final = 70
 _WHOLE_EVERY: Final = 30
 """Of so many pictures one is looked at whole; in the others, where the tags were."""
 
-_TABLE_EVERY: Final = 5
 _MOVED_PX: Final = 2.0
 _REFINED_STRANGE_PX: Final = 0.6
 
@@ -81,13 +80,22 @@ class SceneTrack(NamedTuple):
     n_moved: int
 
 
+class SceneSightings(NamedTuple):
+    """Tags that were seen in n pictures.
+
+    Attributes:
+        t_s: Times of the pictures, seconds, rising.
+        corners: Of each picture: (4, 2) pixels by tag. Those of the table are there now and then.
+    """
+
+    t_s: list[float]
+    corners: list[dict[int, NDArray[np.float64]]]
+
+
 def track_scene(
     pictures: Iterable[tuple[float, NDArray[np.uint8]]], lens: Lens, layout: TagLayout
 ) -> SceneTrack:
-    """Follow the bodies of a layout through pictures.
-
-    The table's tags are taken over all pictures together: the camera stands still. Where each tag truly sits on its
-    body is found from the pictures, too (:mod:`tega.scene.refine`).
+    """Follow the bodies of a layout through pictures: :func:`sight_tags`, then :func:`follow_bodies`.
 
     Args:
         pictures: Time in seconds, rising, and picture, uint8 (H, W) or (H, W, 3).
@@ -98,14 +106,22 @@ def track_scene(
         RecordingError: There is no picture, one has another size than the lens was calibrated for, or the table's tags
             are never seen.
     """
-    fitters = {name: BodyFitter(body, lens) for name, body in layout.bodies().items()}
-    table_ids = fitters["table"].ids
-    finder = TagFinder(layout.family, frozenset().union(*(fitter.ids for fitter in fitters.values())))
-    newest: dict[str, FittedPose | None] = dict.fromkeys(("object", "hand"))
-    found: dict[str, list[FittedPose | None]] = {"object": [], "hand": []}
-    lying: list[dict[int, NDArray[np.float64]]] = []
-    kept: list[dict[int, NDArray[np.float64]]] = []
-    times: list[float] = []
+    return follow_bodies(sight_tags(pictures, lens, layout), lens, layout)
+
+
+def sight_tags(
+    pictures: Iterable[tuple[float, NDArray[np.uint8]]], lens: Lens, layout: TagLayout
+) -> SceneSightings:
+    """Find the tags of a layout in pictures, which are looked at whole only now and then or when a body is lost.
+
+    Arguments and errors as of :func:`track_scene`.
+    """
+    tags = {name: body.all_tags() for name, body in layout.bodies().items()}
+    finder = TagFinder(layout.family, frozenset(tag.id for some in tags.values() for tag in some))
+    moving = frozenset(tag.id for name in ("object", "hand") for tag in tags[name])
+    # By tags that slide alone no pose is known: the others may be beyond the part that is looked at.
+    firm = [{tag.id for tag in tags[name] if not any(tag.slides)} for name in ("object", "hand")]
+    sightings = SceneSightings([], [])
     seen: dict[int, NDArray[np.float64]] = {}
     for number, (t_s, image) in enumerate(pictures):
         if image.shape[:2] != (lens.height, lens.width):
@@ -114,22 +130,38 @@ def track_scene(
                 f"{lens.width}×{lens.height}",
                 "record at that resolution, or calibrate at this one",
             )
-        moving = [corners for tag, corners in seen.items() if tag not in table_ids]
-        lost = any(poses and poses[-1] is None for poses in found.values())
+        lost = any(some and not some & seen.keys() for some in firm)
+        around = [corners for tag, corners in seen.items() if tag in moving]
         whole = number % _WHOLE_EVERY == 0 or lost
-        seen = finder.find(image, within=None if whole else _around(moving, lens))
-        if number % _TABLE_EVERY == 0 or not lying:
-            table = {tag: corners for tag, corners in seen.items() if tag in table_ids}
-            if table:
-                lying.append(table)
-        for name, poses in found.items():
-            pose = fitters[name].fit(seen, newest[name])
-            newest[name] = pose or newest[name]
-            poses.append(pose)
-        kept.append({tag: corners for tag, corners in seen.items() if tag not in table_ids})
-        times.append(t_s)
-    if not times:
+        seen = finder.find(image, within=None if whole else _around(around, lens))
+        sightings.t_s.append(t_s)
+        sightings.corners.append(seen)
+    if not sightings.t_s:
         raise RecordingError("the video has no pictures")
+    return sightings
+
+
+def follow_bodies(sightings: SceneSightings, lens: Lens, layout: TagLayout) -> SceneTrack:
+    """Fit the bodies of a layout to the tags that were seen.
+
+    The table's tags are taken over all pictures together: the camera stands still. Where each tag truly sits on its
+    body is found from the pictures, too (:mod:`tega.scene.refine`).
+
+    Args:
+        sightings: As of :func:`sight_tags`.
+        lens: Of the camera.
+        layout: Which tags are where.
+
+    Raises:
+        RecordingError: The table's tags are never seen.
+    """
+    fitters = {name: BodyFitter(body, lens) for name, body in layout.bodies().items()}
+    table_ids = fitters["table"].ids
+    lying = [
+        table
+        for one in sightings.corners
+        if (table := {tag: corners for tag, corners in one.items() if tag in table_ids})
+    ]
     middle = {
         tag: np.median([one[tag] for one in lying if tag in one], axis=0)
         for tag in sorted(frozenset().union(*lying) if lying else ())
@@ -144,16 +176,16 @@ def track_scene(
         max(float(np.abs(corners - middle[tag]).max()) for tag, corners in one.items()) > _MOVED_PX
         for one in lying
     )
-    for name, poses in found.items():
-        fitter, before = fitters[name], None
+    found: dict[str, list[FittedPose | None]] = {}
+    for name in ("object", "hand"):
+        fitter = fitters[name]
+        poses = _fitted(fitter, sightings)
         fitter.strange_px = _REFINED_STRANGE_PX
-        fitter.corners_m = refined_corners(fitter.corners_m, kept, poses, lens)
-        for k, one in enumerate(kept):
-            poses[k] = fitter.fit(one, before)
-            before = poses[k] or before
+        fitter.corners_m = refined_corners(fitter.corners_m, sightings.corners, poses, lens)
+        found[name] = _fitted(fitter, sightings)
     up = table_pose.rotation.T
     return SceneTrack(
-        np.array(times),
+        np.array(sightings.t_s),
         _against_table(found["object"], table_pose),
         _against_table(found["hand"], table_pose),
         up[:, 2],
@@ -161,6 +193,16 @@ def track_scene(
         table_pose.rms_px,
         moved,
     )
+
+
+def _fitted(fitter: BodyFitter, sightings: SceneSightings) -> list[FittedPose | None]:
+    """Return the pose in each picture, each begun with the one before."""
+    before: FittedPose | None = None
+    poses = []
+    for seen in sightings.corners:
+        poses.append(fitter.fit(seen, before))
+        before = poses[-1] or before
+    return poses
 
 
 def _around(corners: list[NDArray[np.float64]], lens: Lens) -> tuple[int, int, int, int]:
@@ -182,12 +224,15 @@ def _against_table(poses: list[FittedPose | None], table: FittedPose) -> BodyTra
     )
     up = table.rotation.T
     both = np.kron(np.eye(2), up)
+    # One tag alone leaves two residuals, which are small by chance now and then: no picture is better than most.
+    usual_px = float(np.median([pose.rms_px for pose in poses if pose and pose.n_tags > 1] or [CORNER_PX]))
     for k, pose in enumerate(poses):
         if pose is None:
             continue
+        too_small = max(1.0, usual_px / max(pose.rms_px, CORNER_PX)) ** 2
         track.position_m[k] = up @ (pose.position_m - table.position_m)
         track.rotation[k] = up @ pose.rotation
-        track.covariance[k] = both @ pose.covariance @ both.T
+        track.covariance[k] = too_small * both @ pose.covariance @ both.T
         track.n_tags[k] = pose.n_tags
         track.width_m[k], track.width_error_m[k], track.rms_px[k] = (
             pose.width_m,

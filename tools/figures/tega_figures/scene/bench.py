@@ -78,6 +78,13 @@ def _interpolated(t_s: NDArray[np.float64], poses: NDArray[np.float64], at_s: fl
     return np.column_stack([turn, (1 - share) * a[:, 3] + share * b[:, 3]])
 
 
+def world_pose(trial: TrueTrial, body: str, t_s: float) -> NDArray[np.float64]:
+    """Return a body's true pose (3, 4) in the world's axes, which are the table's."""
+    if body == "table":
+        return np.eye(3, 4)
+    return _interpolated(trial.t_s, trial.palm if body == "hand" else trial.object, t_s)
+
+
 def _still(pose: NDArray[np.float64], _body: str, _t_s: float) -> NDArray[np.float64]:
     return pose
 
@@ -173,9 +180,7 @@ class RenderedTrial:
 
     def world_pose(self, body: str, t_s: float) -> NDArray[np.float64]:
         """Return a body's true pose (3, 4) in the world's axes, which are the table's."""
-        if body == "table":
-            return np.eye(3, 4)
-        return _interpolated(self._trial.t_s, self._trial.palm if body == "hand" else self._trial.object, t_s)
+        return world_pose(self._trial, body, t_s)
 
     def seen_at(self, body: str, at_m: NDArray[np.float64], t_s: float) -> tuple[float, float]:
         """Return where a point of a body is seen, pixels."""

@@ -1,0 +1,167 @@
+"""How late a scene camera is, is found by a light that the machine switches, and is taken off."""
+
+from __future__ import annotations
+
+import json
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from tega.cli.main import cli
+from tega.errors import RecordingError
+from tega.scene.offset import estimate_offset, flash_light, measure_offset, read_flashes
+from tega.scene.offset_file import CameraOffset, keep_offset, offsets_path, read_offsets
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+RATE_HZ, BEGIN_S = 30.0, 100.0
+EXPOSURE_S = 0.01
+
+
+def _flashes(tmp_path: Path) -> Path:
+    """Return moments as the verb writes them, by a clock that stands still but for what is waited."""
+    now = [BEGIN_S + 0.7]
+    file = tmp_path / "flashes.csv"
+    flash_light(
+        file,
+        lambda _: None,
+        n_flashes=8,
+        wait=lambda s: now.__setitem__(0, now[0] + s),
+        clock_ns=lambda: round(now[0] * 1e9),
+    )
+    return file
+
+
+def _light(edges: list[tuple[int, bool]], t_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return how much of each exposure the light was on."""
+    inside = t_s[:, None] + EXPOSURE_S * (np.arange(20) / 20 - 0.475)
+    at_s, on = (
+        np.array([t_ns for t_ns, _ in edges]) / 1e9,
+        np.array([0.0, *(float(is_on) for _, is_on in edges)]),
+    )
+    return np.asarray(on[np.searchsorted(at_s, inside, side="right")].mean(1))
+
+
+def _filmed(
+    edges: list[tuple[int, bool]], late_s: float, seed: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return times of arrival, with jitter and lost pictures, and the light in each."""
+    rng = np.random.default_rng(seed)
+    taken_s = np.arange(BEGIN_S + rng.uniform(0, 1 / RATE_HZ), edges[-1][0] / 1e9 + 1.0, 1 / RATE_HZ)
+    taken_s = taken_s[rng.random(len(taken_s)) > 0.02]
+    arrived_s = taken_s + late_s + np.abs(rng.normal(0, 0.004, len(taken_s)))
+    return np.maximum.accumulate(arrived_s + 1e-6 * np.arange(len(taken_s))), _light(edges, taken_s)
+
+
+@pytest.mark.parametrize(("late_s", "seed"), [(0.0, 1), (0.021, 2), (0.047, 3), (0.26, 4), (1.1, 5)])
+def test_a_known_delay_is_found_to_half_a_picture(tmp_path: Path, late_s: float, seed: int) -> None:
+    edges = read_flashes(_flashes(tmp_path))
+    t_s, light = _filmed(edges, late_s, seed)
+    rng = np.random.default_rng(seed)
+    shades = rng.normal(90, 3, (len(t_s), 30))
+    shades[:, 3] += 60 * np.sin(t_s * 2.1)  # something else that gets light and dark
+    shades[:, 17] += 40 * light
+    found = estimate_offset(t_s, shades, edges)
+    assert abs(found.late_s - late_s - 0.0032) < 0.5 / RATE_HZ  # jitter of arrival is late in the mean, too
+    assert abs(found.late_s - late_s - 0.0032) < 4 * found.error_s < 0.5 / RATE_HZ
+    assert found.n_edges >= 14
+
+
+def test_pictures_without_the_light_are_refused(tmp_path: Path) -> None:
+    edges = read_flashes(_flashes(tmp_path))
+    t_s, _ = _filmed(edges, 0.05, 1)
+    shades = np.random.default_rng(1).normal(90, 3, (len(t_s), 30))
+    with pytest.raises(RecordingError, match="no part of the pictures follows the light"):
+        estimate_offset(t_s, shades, edges)
+    with pytest.raises(RecordingError, match="switchings"):
+        estimate_offset(t_s[:40], shades[:40], edges)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "t_ns,on\n1,1\n",
+        "t_ns,on\n" + "".join(f"{9 - k},{k % 2}\n" for k in range(9)),
+        "t_ns,on\n5,maybe\n",
+    ],
+)
+def test_moments_of_no_light_are_refused(tmp_path: Path, text: str) -> None:
+    (tmp_path / "f.csv").write_text(text)
+    with pytest.raises(RecordingError, match="not the moments of a light"):
+        read_flashes(tmp_path / "f.csv")
+
+
+def test_a_damaged_file_of_offsets_is_told(tmp_path: Path) -> None:
+    recording = tmp_path / "s.mcap"
+    assert read_offsets(recording) == {}
+    keep_offset(recording, "front", CameraOffset(0.04, 0.002, 12))
+    keep_offset(recording, "side", CameraOffset(0.09, 0.002, 12))
+    assert [one.late_ns for one in read_offsets(recording).values()] == [40_000_000, 90_000_000]
+    offsets_path(recording).write_text('{"front": {"late_s": 1e9, "error_s": 0, "n_edges": 1}}')
+    with pytest.raises(RecordingError, match="no offsets of scene cameras"):
+        read_offsets(recording)
+
+
+@pytest.mark.slow
+def test_an_offset_is_measured_in_a_recording_and_taken_off_by_export(tmp_path: Path) -> None:
+    pytest.importorskip("av")
+    pytest.importorskip("foxglove")
+    from foxglove import channels, messages
+
+    from tega.bus import Bus
+    from tega.recording.mcap_file import McapFile
+    from tega.replay.followed_file import PlayedMoment
+    from tega.replay.played_scene import followed_scene
+    from tega.scene.decode import ScenePicture
+    from tega.scene.pictures import read_times, times_path
+    from tega.scene.video import SceneEncoder
+
+    late_s = 0.053
+    edges = read_flashes(_flashes(tmp_path))
+    t_s, light = _filmed(edges, late_s, 6)
+    recording = tmp_path / "scene.mcap"
+    file = McapFile(recording, lossless=True)
+    file.epoch_ns = 1_700_000_000_000_000_000
+    file.metadata("tega.scene", {"clock": "monotonic", "epoch_ns": str(file.epoch_ns)})
+    channel = channels.CompressedVideoChannel("/scene/front/video", context=file.context)
+    encoder, rng = SceneEncoder(160, 120, rate_hz=RATE_HZ), np.random.default_rng(6)
+    for at_s, lit in zip(t_s, light, strict=True):
+        image = rng.integers(60, 90, (120, 160)).astype(np.uint8)
+        image[50:80, 90:130] += np.uint8(70 * lit)
+        for t_ns, data in encoder.encode(image, round(at_s * 1e9)):
+            at_ns = file.epoch_ns + t_ns
+            channel.log(
+                messages.CompressedVideo(
+                    timestamp=messages.Timestamp(*divmod(at_ns, 1_000_000_000)),
+                    frame_id="front",
+                    data=data,
+                    format="h264",
+                ),
+                log_time=at_ns,
+            )
+    file.close()
+    said = CliRunner().invoke(
+        cli, ["scene", "offset", str(recording), "front", str(tmp_path / "flashes.csv"), "--json"]
+    )
+    assert said.exit_code == 0, said.output
+    found = json.loads(said.output)
+    assert abs(found["late_s"] - late_s - 0.0032) < 0.5 / RATE_HZ
+    said = CliRunner().invoke(cli, ["scene", "export", str(recording), "front", str(tmp_path / "front.mp4")])
+    assert said.exit_code == 0, said.output
+    exported = np.array(read_times(times_path(tmp_path / "front.mp4"))) / 1e9
+    assert np.abs(exported - (t_s - found["late_s"])).max() < 1e-6
+    # What is played shows a picture when it was taken, not when it came.
+    bus, seen = Bus(), list[int]()
+    bus.subscribe(ScenePicture, lambda one: seen.append(one.t_ns), vital=True)
+    film = followed_scene(recording, bus, start_ns=0, end_ns=2**62, behind_ns=2**62)
+    for at_s in (BEGIN_S + 2.0, BEGIN_S + 3.5):
+        film.follow(PlayedMoment(0, round(at_s * 1e9), 0), threading.Event())
+        assert seen[-1] / 1e9 == pytest.approx(exported[exported <= at_s][-1], abs=1e-6)
+    with pytest.raises(RecordingError, match="no camera 'side'"):
+        measure_offset(recording, "side", tmp_path / "flashes.csv")
