@@ -148,6 +148,32 @@ def test_closing_is_told_from_rest_within_a_day() -> None:
     assert np.mean(found) >= 0.9
 
 
+def worn_again(emg: NDArray[np.float64], seed: int) -> NDArray[np.float64]:
+    """Return the samples as of another day, simulated: the ring turned, gains of 1/2 to 2, up to twice the noise."""
+    rng = np.random.default_rng(seed)
+    turned, gains = int(rng.integers(-2, 3)), 2 ** rng.uniform(-1, 1, 8)
+    return np.roll(emg, turned, axis=1) * gains + rng.uniform(0, 0.02) * rng.normal(size=emg.shape)
+
+
+def test_closing_is_told_from_rest_on_a_simulated_other_day() -> None:
+    pytest.importorskip("sklearn", reason="scikit-learn is not installed")
+    untouched, anew = [], []
+    for kept_back in (1, 2, 3, 4):
+        others = tuple(t for t in (1, 2, 3, 4) if t != kept_back)
+        decoder = fit(*closing(1, others * 2), rate_hz=200, tau=20)
+        emg, target = closing(1, (kept_back,) * 3)
+        for seed in range(5):
+            decoder.restart()
+            untouched.append(balanced(decoder.process(worn_again(emg, seed)), target))
+            ten_s, meant = closing(1, others)
+            today = decoder.recalibrated(worn_again(ten_s, seed), meant)
+            anew.append(balanced(today.process(worn_again(emg, seed)), target))
+    assert np.mean(untouched) >= 0.95
+    assert min(untouched) >= 0.8
+    assert np.mean(anew) >= 0.98
+    assert min(anew) >= 0.95
+
+
 def test_closing_is_told_from_rest_across_days() -> None:
     pytest.importorskip("sklearn", reason="scikit-learn is not installed")
     days = sorted({int(p.name[1:].partition("M")[0]) for p in (DATA / "longterm_myo").glob("D*M8T1.csv")})
