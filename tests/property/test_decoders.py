@@ -257,9 +257,7 @@ def test_recalibration_takes_out_other_gains() -> None:
         decoder.recalibrated(moved[:500], closure[:500])
 
 
-def ring(
-    seed: int, turned: int = 0, gain: float = 1.0
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def ring(seed: int, turned: int = 0, gain: float = 1.0) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return rest and fists of a ring of eight electrodes, of which three lie over the muscles that work."""
     rng = np.random.default_rng(seed)
     closure = np.tile(np.repeat([0.0, 1.0], 1500), 5)

@@ -40,7 +40,7 @@ def test_open_and_closed_are_treated_alike(closures: list[int]) -> None:
 
 def rising(first: float, last: float, blocks: int = 3) -> list[float]:
     """Return the closures of an effort that changes as muscles do, in three blocks."""
-    return np.linspace(first, last, blocks + 1)[1:].tolist()
+    return [first + (last - first) * n / blocks for n in range(1, blocks + 1)]
 
 
 @pytest.mark.parametrize(("levels_away", "blocks"), [(4, 2), (3, 2), (2, 3), (1, 8)])
