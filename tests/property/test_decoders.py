@@ -257,6 +257,29 @@ def test_recalibration_takes_out_other_gains() -> None:
         decoder.recalibrated(moved[:500], closure[:500])
 
 
+def ring(seed: int, turned: int = 0, gain: float = 1.0) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return rest and fists of a ring of eight electrodes, of which three lie over the muscles that work."""
+    rng = np.random.default_rng(seed)
+    closure = np.tile(np.repeat([0.0, 1.0], 1500), 5)
+    works = gain * np.roll([90.0, 40.0, 5.0, 3.0, 2.0, 2.0, 4.0, 30.0], turned)
+    return rng.normal(size=(len(closure), 8)) * (3 + works * closure[:, None]), closure
+
+
+@given(turned=st.integers(-2, 2), gain=st.floats(0.5, 2.0))
+def test_open_and_closed_are_told_apart_on_a_ring_that_was_turned(turned: int, gain: float) -> None:
+    emg, closure = ring(2, turned, gain)
+    decoder = LearnedDecoder(of_two().model)
+    told = decoder.process(emg)
+    wanted = closure.reshape(-1, TAU).mean(axis=1)
+    assert ((told >= 0.5) == (wanted >= 0.5)).mean() >= 0.95
+
+
+@cache
+def of_two() -> LearnedDecoder:
+    emg, closure = ring(1)
+    return fit(emg, closure, rate_hz=RATE_HZ, tau=TAU)
+
+
 # Stages.
 
 

@@ -1,8 +1,8 @@
 """What the learned decoder reaches on real recordings: fitted on one part in time, judged on another.
 
 Constants of the decoder (time constants, ridge) were chosen on the second halves of these recordings: the bars are
-in-sample in that sense. Those of the latch were chosen on the first halves. The swapped halves stand beside them, and
-docs/evidence/emg-decoders.md says how far constants may move.
+in-sample in that sense. Those of the latch were sought on the first halves, and taken among several in sight of the
+second. The swapped halves stand beside them, and docs/evidence/emg-decoders.md says how far constants may move.
 """
 
 from __future__ import annotations
@@ -63,8 +63,7 @@ def test_the_closure_is_hardly_later_than_print(name: str) -> None:
 
 @pytest.mark.parametrize("name", FOLLOWED_BY_THE_RULE)
 def test_the_level_is_hardly_later_than_print(name: str) -> None:
-    """The level of v2 misses the bar of 120 ms; docs/evidence/emg-decoders.md says why."""
-    assert told(name)["learned"].figures.level_delay_s <= (0.22 if name == "v2" else 0.120)
+    assert told(name)["learned"].figures.level_delay_s <= 0.120
 
 
 @pytest.mark.parametrize("name", BARS)
@@ -75,7 +74,9 @@ def test_the_closure_rises_above_the_rule_or_is_near_it(name: str) -> None:
 
 def test_swapped_halves_are_beside_and_worse() -> None:
     """No bar was set for them. v6 falls to what its other half teaches."""
-    swapped = {name: told(name, swapped=True)["learned"].figures.rank_correlation for name in BARS}
+    figures = {name: told(name, swapped=True)["learned"].figures for name in BARS}
+    swapped = {name: one.rank_correlation for name, one in figures.items()}
+    assert max(one.changes_per_s for one in figures.values()) <= 0.5
     assert np.mean(list(swapped.values())) >= 0.80
     assert min(swapped.values()) >= 0.60
 
@@ -145,6 +146,32 @@ def test_closing_is_told_from_rest_within_a_day() -> None:
         emg, target = closing(1, (kept_back,))
         found.append(balanced(decoder.process(emg), target))
     assert np.mean(found) >= 0.9
+
+
+def worn_again(emg: NDArray[np.float64], seed: int) -> NDArray[np.float64]:
+    """Return the samples as of another day, simulated: the ring turned, gains of 1/2 to 2, up to twice the noise."""
+    rng = np.random.default_rng(seed)
+    turned, gains = int(rng.integers(-2, 3)), 2 ** rng.uniform(-1, 1, 8)
+    return np.roll(emg, turned, axis=1) * gains + rng.uniform(0, 0.02) * rng.normal(size=emg.shape)
+
+
+def test_closing_is_told_from_rest_on_a_simulated_other_day() -> None:
+    pytest.importorskip("sklearn", reason="scikit-learn is not installed")
+    untouched, anew = [], []
+    for kept_back in (1, 2, 3, 4):
+        others = tuple(t for t in (1, 2, 3, 4) if t != kept_back)
+        decoder = fit(*closing(1, others * 2), rate_hz=200, tau=20)
+        emg, target = closing(1, (kept_back,) * 3)
+        for seed in range(5):
+            decoder.restart()
+            untouched.append(balanced(decoder.process(worn_again(emg, seed)), target))
+            ten_s, meant = closing(1, others)
+            today = decoder.recalibrated(worn_again(ten_s, seed), meant)
+            anew.append(balanced(today.process(worn_again(emg, seed)), target))
+    assert np.mean(untouched) >= 0.95
+    assert min(untouched) >= 0.8
+    assert np.mean(anew) >= 0.98
+    assert min(anew) >= 0.95
 
 
 def test_closing_is_told_from_rest_across_days() -> None:

@@ -154,4 +154,17 @@ def test_compare_prints_draws_and_gives_json(tmp_path: Path, capsys: pytest.Capt
         == 0
     )
     assert all(row["balanced_accuracy"] > 0.9 for row in json.loads(capsys.readouterr().out))
+    # Another day: trained on the first, ten seconds of the new one put all to it, and the rest is judged.
+    for name, value in (("rest9", 0), ("close9", 1)):
+        np.save(tmp_path / f"{name}.npy", emg[closure == value][800:1600][:, [1, 2, 0]] * [0.3, 3.0, 1.0])
+    days = [f"{tmp_path}/rest{n}.npy=0,{tmp_path}/close{n}.npy=1" for n in ("", "9")]
+    words = ["emg", "compare", f"{days[1]},{days[1]}", "--train", f"{days[0]},{days[0]}", "--rate-hz", "200"]
+    assert teleop(*words, "--recalibrate", "10", "--decoders", "rules,learned", "--json") == 0
+    rows = json.loads(capsys.readouterr().out)
+    assert [row["duration_s"] for row in rows] == [pytest.approx(6.0)] * 2
+    assert all("recalibrated by its first 10 s" in row["judged_on"] for row in rows)
+    assert all(row["trained_on"] == "rest.npy and 3 more" for row in rows)
+    assert rows[1]["balanced_accuracy"] > 0.95
+    assert teleop(*words, "--recalibrate", "16") != 0
+    assert "leave some of it to be judged" in capsys.readouterr().err
     assert teleop("emg", "compare", str(file), "--rate-hz", "200") == 2

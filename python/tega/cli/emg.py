@@ -184,6 +184,14 @@ def fit(
 )
 @click.option("--seed", type=int, default=1, show_default=True, help="Seed of the gains that --shift draws.")
 @click.option(
+    "--recalibrate",
+    "recalibrate_s",
+    type=click.FloatRange(0, 3600),
+    default=0.0,
+    metavar="SECONDS",
+    help="Recalibrate maxima and models with the first seconds of what is judged, and judge the rest.",
+)
+@click.option(
     "--picture",
     type=click.Path(path_type=Path, dir_okay=False),
     help="Draw target and closures into this PNG.",
@@ -202,6 +210,7 @@ def compare(
     train: str | None,
     shift: int,
     seed: int,
+    recalibrate_s: float,
     picture: Path | None,
     as_json: bool,
 ) -> None:
@@ -230,7 +239,8 @@ def compare(
         log = read(name)
         pairs = [("first half", "second half", *two_halves(log))]
         if train is not None:
-            pairs = [(Path(train).name, "whole", read(train), log)]
+            learnt = read(train)
+            pairs = [(learnt.name, "whole", learnt, log)]
         else:
             pairs.append(("second half", "first half (swapped)", *two_halves(log, swapped=True)))
         for trained_on, judged_on, learn, judged in pairs:
@@ -240,7 +250,9 @@ def compare(
             if shift:
                 judged = shifted_electrode(judged, seed=seed, places=shift)  # noqa: PLW2901
                 judged_on += ", electrodes shifted (simulated)"  # noqa: PLW2901
-            told = compared(learn, judged, decoders)
+            if recalibrate_s:
+                judged_on += f", recalibrated by its first {recalibrate_s:g} s"  # noqa: PLW2901
+            told = compared(learn, judged, decoders, recalibrate_s=recalibrate_s)
             where = {"log": log.name, "trained_on": trained_on, "judged_on": judged_on}
             rows += [where | figures_of(one) for one in told]
             drawn.append((f"{log.name}, {judged_on}", log.tau / log.rate_hz, told))
@@ -255,7 +267,7 @@ def compare(
 
 
 _COLUMNS = (
-    ("rank ρ", "rank_correlation", 1, ".2f"),
+    ("rank", "rank_correlation", 1, ".2f"),
     ("r", "correlation", 1, ".2f"),
     ("RMSE", "rmse", 1, ".2f"),
     ("chg/s", "changes_per_s", 1, ".2f"),
@@ -267,9 +279,9 @@ _COLUMNS = (
     ("held", "held", 100, ".0f"),
 )
 _MEANT = (
-    "chg/s: changes of level; later: than rules-paper, ms; level: % of time at the target's level; told: rest and "
-    "effort told apart, balanced %; false: closings at rest per minute; conf: error of confidence; held: % of "
-    "blocks. Details: docs/evidence/emg-decoders.md"
+    "rank, r: correlations with the target; chg/s: changes of level; later: than rules-paper, ms; level: % of time at "
+    "the target's level; told: rest and effort told apart, balanced %; false: closings at rest per minute; conf: error "
+    "of confidence; held: % of blocks. Details: docs/evidence/emg-decoders.md"
 )
 
 
@@ -285,7 +297,12 @@ def _print(rows: list[dict[str, Any]]) -> None:
         rows, key=lambda row: (row["log"], row["trained_on"], row["judged_on"])
     ):
         table = Table(
-            box=SIMPLE, title=f"{log}: trained on {trained_on}, judged on {judged_on}", title_justify="left"
+            box=SIMPLE,
+            padding=(0, 1, 0, 0),
+            pad_edge=False,
+            show_edge=False,
+            title=f"{log}: trained on {trained_on}, judged on {judged_on}",
+            title_justify="left",
         )
         table.add_column("decoder", no_wrap=True)
         for name, *_ in _COLUMNS:

@@ -120,7 +120,12 @@ def shifted_electrode(log: Log, *, seed: int = 1, places: int = 1) -> Log:
 
 
 def compare(
-    train: Log, judged: Log, decoders: Sequence[str], *, features: Sequence[str] = ()
+    train: Log,
+    judged: Log,
+    decoders: Sequence[str],
+    *,
+    features: Sequence[str] = (),
+    recalibrate_s: float = 0.0,
 ) -> list[DecoderTold]:
     """Calibrate decoders on one log and judge them on another.
 
@@ -129,9 +134,10 @@ def compare(
         judged: What they are judged on, from a fresh start.
         decoders: Names: those of :data:`LEARNED`; ``rules``, ``rules-paper``; any installed decoder's.
         features: Of the learned ones; none means the usual.
+        recalibrate_s: So much of the judged log's beginning puts maxima and models to the day, and is not judged.
 
     Raises:
-        TegaError: A decoder cannot be made, or the training log is refused.
+        TegaError: A decoder cannot be made, or the training log or the recalibration is refused.
         ShapeError: The logs do not go together.
     """
     for log in (train, judged):
@@ -149,14 +155,26 @@ def compare(
     full = float(np.percentile(train.target, 98))
     if not full > 0:
         raise InvalidValueError(f"{train.name}: its target is 0", "train on a part with effort in it")
+    today = None
+    if recalibrate_s > 0:
+        n_today = round(recalibrate_s * judged.rate_hz)
+        if n_today >= len(judged.samples):
+            raise InvalidValueError(
+                f"{judged.name}: {recalibrate_s:g} s to recalibrate, and it is "
+                f"{len(judged.samples) / judged.rate_hz:g} s long",
+                "leave some of it to be judged",
+            )
+        today = judged._replace(samples=judged.samples[:n_today], target=judged.target[:n_today] / full)
+        judged = judged._replace(samples=judged.samples[n_today:], target=judged.target[n_today:])
+    scaled_on = train if today is None else today
     n = len(judged.samples) // tau
     wanted = np.clip(judged.target[: n * tau].reshape(n, tau).mean(axis=1) / full, 0, 1)
     paper = GraspIntent(
-        train.rate_hz, _maxima(train, "paper"), tau=tau, kind=train.kind, preset="paper"
+        train.rate_hz, _maxima(scaled_on, "paper"), tau=tau, kind=train.kind, preset="paper"
     ).process(judged.samples)
     found = []
     for name in decoders:
-        closure, level, confidence, held = _run(name, train, judged, tuple(features))
+        closure, level, confidence, held = _run(name, train, today, judged, tuple(features))
         figures = judge(closure, level, wanted, block_s, paper=paper, confidence=confidence, held=held)
         found.append(DecoderTold(name, closure, level, confidence, held, wanted, figures))
     return found
@@ -169,7 +187,7 @@ def _maxima(log: Log, preset: Literal["paper", "live"]) -> NDArray[np.float64]:
 
 
 def _run(
-    name: str, train: Log, judged: Log, features: tuple[str, ...]
+    name: str, train: Log, today: Log | None, judged: Log, features: tuple[str, ...]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
     if name in LEARNED:
         decoder: LearnedDecoder = fit(
@@ -181,6 +199,8 @@ def _run(
             model=LEARNED[name],
             features=features or DEFAULT_FEATURES,
         )
+        if today is not None:
+            decoder = decoder.recalibrated(today.samples, today.target)
         closure = decoder.process(judged.samples)
         return closure, decoder.levels.astype(float), decoder.confidence, decoder.held
     from tega.stages.base import MuscleSetup
@@ -193,7 +213,7 @@ def _run(
         train.rate_hz,
         train.tau,
         tuple(f"ch{c + 1}" for c in range(train.samples.shape[1])),
-        tuple(float(m) for m in _maxima(train, preset)),
+        tuple(float(m) for m in _maxima(today or train, preset)),
         preset,
     )
     stage = kind(setup, kind.options_type())

@@ -1,7 +1,9 @@
 """Hold a closure level until blocks beyond it have added up to evidence of another: a steady effort keeps its level.
 
 The smoothed closure would tell of a change late, and a block alone trembles. So each block's own closure, unsmoothed,
-is evidence, and a cumulative sum (Page's CUSUM) weighs it.
+is evidence, and a cumulative sum (Page's CUSUM) weighs it. How much evidence is asked for depends on what the level has
+done: the more it has changed of late, the more, and more again for a change back, since effort that has begun to rise
+or fall goes on for a second or so. A rare change is so believed soon, and a busy level calms down.
 """
 
 from __future__ import annotations
@@ -11,18 +13,29 @@ from typing import Final
 
 DRIFT_LEVELS: Final = 0.7
 """So far from the level a block's closure counts for neither side; half a level is its border."""
-AREA_LEVEL_S: Final = 0.25
-"""By how much, summed over time, it has to be beyond that."""
-CALM_S: Final = 1.0
-"""For about so long after a change up to twice the sum is asked for."""
+POWER: Final = 1.25
+"""What is beyond counts to this power, levels: above 1, a large change is believed before a small one."""
+AREA: Final = 0.13
+"""What that has to sum to, over time in seconds, where the level has been steady."""
+BUSY, BUSY_S = 0.1, 3.0
+"""So much more is asked for, for the square of the changes of late; a change is forgotten with that time constant."""
+BACK, BACK_S = 6.0, 1.5
+"""So many times more is asked for a change back, right after a change; that is forgotten with that time constant."""
+AHEAD: Final = 0.5
+"""The new level is the nearest to where effort goes: past the newest block by this share of its lead over the smoothed
+closure."""
 
 
 class Latch:
     """Give closures of single blocks a level.
 
-    What a block is beyond the drift is added up over time, each way for itself and never below 0. Where a sum reaches
-    the area, the level goes to the one nearest to the newest block: four levels away at the first block, one level away
-    after 0.9 s, if no block is back before.
+    A block at distance a from the level, in levels, adds (a - drift)^power to the sum of its own way, or takes
+    drift - a from it; the sums never fall below 0. The level changes where a sum, over time, reaches
+    ``area (1 + busy n²) (1 + back exp(-t / back_s))``: n counts the last changes, each as exp(-its age / busy_s), and
+    the last factor is there only for a change the other way than the last one, t ago. After long steadiness two levels
+    or more are so changed at the first block, and one level after 0.6 s, if no block is back before.
+    Effort that jumps within one block is taken for effort that still rises: its level is one too high for some two
+    seconds. Muscles take three blocks.
 
     Args:
         block_s: Time from one closure to the next, s.
@@ -32,19 +45,31 @@ class Latch:
         self._block_s = block_s
         self._up = self._down = 0.0
         self._since_s = math.inf
+        self._n_of_late = 0.0
+        self._last_way = 0
         self.level = 0
 
-    def take(self, closure: float) -> None:
-        """Take the next block's closure, 0 to 1; ``level`` is then its level, 1 to 5."""
-        place = 1.0 + 4.0 * closure
-        nearest = min(5, int(place + 0.5))
+    def take(self, closure: float, smoothed: float) -> None:
+        """Take the next block's closure and the smoothed one, 0 to 1; ``level`` is then its level, 1 to 5."""
+        goes_to = min(1.0, max(0.0, closure + AHEAD * (closure - smoothed)))
+        nearest = min(5, int(1.5 + 4.0 * goes_to))
         if self.level == 0:
             self.level = nearest
         self._since_s += self._block_s
-        away = place - self.level
-        self._up = max(0.0, self._up + (away - DRIFT_LEVELS) * self._block_s)
-        self._down = max(0.0, self._down + (-away - DRIFT_LEVELS) * self._block_s)
-        if max(self._up, self._down) >= AREA_LEVEL_S * (1.0 + math.exp(-self._since_s / CALM_S)):
-            if nearest != self.level:
-                self._since_s = 0.0
-            self.level, self._up, self._down = nearest, 0.0, 0.0
+        self._n_of_late *= math.exp(-self._block_s / BUSY_S)
+        away = 1.0 + 4.0 * closure - self.level
+        self._up = self._added(self._up, away)
+        self._down = self._added(self._down, -away)
+        way = 1 if self._up >= self._down else -1
+        asked = AREA * (1.0 + BUSY * self._n_of_late**2)
+        if way == -self._last_way:
+            asked *= 1.0 + BACK * math.exp(-self._since_s / BACK_S)
+        if max(self._up, self._down) >= asked and (nearest - self.level) * way > 0:
+            self.level, self._last_way = nearest, way
+            self._up = self._down = self._since_s = 0.0
+            self._n_of_late += 1.0
+
+    def _added(self, sum_so_far: float, away: float) -> float:
+        beyond = away - DRIFT_LEVELS
+        counts = beyond**POWER if beyond > 0 else beyond
+        return max(0.0, sum_so_far + counts * self._block_s)

@@ -190,7 +190,8 @@ class LearnedDecoder:
         held = novelty > self.model.hold_beyond
         if not held:
             self._last = wanted
-            self._latch.take(self.closure_of(self._scorer.effort(self._scorer.scaled(self._scorer.newest))))
+            newest = self._scorer.effort(self._scorer.scaled(self._scorer.newest))
+            self._latch.take(self.closure_of(newest), wanted)
         level = max(1, self._latch.level)
         return Decoded(self._last, level, confidence, held, channels, block.end, effort)
 

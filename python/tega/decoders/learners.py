@@ -14,11 +14,15 @@ if TYPE_CHECKING:
 
 RIDGE: Final = 2e-3
 """Strength of the ridge for each training block, on features in standard deviations."""
+RIDGE_OF_TWO: Final = 0.5
+"""The same where the target has two values alone, such as open and closed."""
 TARGET_POWER: Final = 0.65
 """The linear part is fitted to closure^0.65: amplitude grows faster than force; the monotone stage takes it back."""
 SUPPORTS: Final = 300
 LEAST_NOVELTY: Final = 3.0
 """Standard deviations beyond the training data that are always let pass: another day, a stronger squeeze."""
+LEAST_NOVELTY_OF_TWO: Final = 6.0
+"""The same where the target has two values: a muscle under an electrode that saw none before."""
 _FOLDS = 5
 
 
@@ -59,18 +63,20 @@ class EffortLearner:
     Args:
         model: "ridge", "huber" or "kernel".
 
+        strength: Of a ridge or a Huber regression, for each training block.
+
     Raises:
         MissingExtraError: scikit-learn is not installed.
     """
 
-    def __init__(self, model: str) -> None:
+    def __init__(self, model: str, *, strength: float = RIDGE) -> None:
         try:
             import sklearn  # noqa: F401
         except ImportError as error:
             raise MissingExtraError(
                 "fitting a decoder needs scikit-learn", "pip install 'tega[learn]'"
             ) from error
-        self._model = model
+        self._model, self._strength = model, strength
 
     def __call__(self, z: NDArray[np.float64], y: NDArray[np.float64]) -> EffortModel:
         """Fit it to standardised features ``(n, features)`` and closure ``(n,)``."""
@@ -78,7 +84,7 @@ class EffortLearner:
         if self._model == "ridge":
             from sklearn.linear_model import Ridge
 
-            line = Ridge(alpha=RIDGE * len(y)).fit(z, wanted)
+            line = Ridge(alpha=self._strength * len(y)).fit(z, wanted)
             return EffortModel(line.coef_, line.intercept_)
         if self._model == "huber":
             from sklearn.exceptions import ConvergenceWarning
@@ -87,7 +93,7 @@ class EffortLearner:
             with warnings.catch_warnings():
                 # It also warns where its line search cannot make the last digits any better.
                 warnings.simplefilter("ignore", ConvergenceWarning)
-                line = HuberRegressor(alpha=RIDGE * len(y), max_iter=2000).fit(z, wanted)
+                line = HuberRegressor(alpha=self._strength * len(y), max_iter=2000).fit(z, wanted)
             return EffortModel(line.coef_, line.intercept_)
         from sklearn.kernel_ridge import KernelRidge
 

@@ -10,10 +10,13 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 
-from tega.decoders.features import AMPLITUDES, FEATURES, Blocks, as_samples, block_features
+from tega.decoders.features import AMPLITUDES, AR_ORDER, FEATURES, Blocks, as_samples, block_features
 from tega.decoders.learned import LearnedDecoder
 from tega.decoders.learners import (
     LEAST_NOVELTY,
+    LEAST_NOVELTY_OF_TWO,
+    RIDGE,
+    RIDGE_OF_TWO,
     TARGET_POWER,
     EffortLearner,
     judge_kept_back,
@@ -31,6 +34,8 @@ if TYPE_CHECKING:
 
 DEFAULT_FEATURES: Final = ("MAV", "LOGVAR")
 SMOOTHING_S: Final = (0.15, 0.4)
+SMOOTHING_OF_TWO_S: Final = (0.05,)
+"""Time constants where the target has two values alone: they lie far apart, and need little smoothing."""
 FLOOR_PERCENTILE: Final = 12.0
 FULL_PERCENTILE: Final = 98.0
 DEAD_BAND: Final = 0.03
@@ -60,6 +65,10 @@ def fit(
     The target may come before the muscles (a cue that is followed late) or after them (a force): the shift at which
     the block's features explain it best is found first, -1 to 0.5 s, and taken out.
 
+    A target of two values alone, such as open and closed, teaches no levels, and often comes of one place of the
+    electrodes. Such a model is smoothed less, and held near the mean difference of both by a strong ridge on one
+    scale for all channels, so that it bears other gains, places and noise than it has seen.
+
     Args:
         emg: Samples ``(n, channels)``, any unit, finite.
         target: Closure or force at each sample, ``(n,)``; 0 is open.
@@ -70,7 +79,7 @@ def fit(
         model: "ridge", "huber" (unmoved by bursts in the target), or "kernel" (ridge with radial functions).
         full: Target that is full closure; ``None``: its 98th percentile.
         reject: Share of the training blocks, each compared with the others' range, whose like will be held, 0 to 0.2;
-            what is within three standard deviations of the training data is never held.
+            what is within three standard deviations of the training data, six of two values, is never held.
         channels: Their names; ``ch1``, ``ch2`` … where left out.
         person: Whose muscles, a code.
 
@@ -97,17 +106,22 @@ def fit(
     floors, values = _logarithms(values, wanted, samples.shape[1])
     y = closure[: len(blocks) * tau].reshape(-1, tau).mean(axis=1)
     lag = _lag(values, y**TARGET_POWER, block_s)
-    smoothed = np.concatenate([_smoothed(values, block_s, t) for t in SMOOTHING_S], axis=1)
+    two_classes = len(np.unique(closure)) == 2
+    smoothing_s = SMOOTHING_OF_TWO_S if two_classes else SMOOTHING_S
+    smoothed = np.concatenate([_smoothed(values, block_s, t) for t in smoothing_s], axis=1)
     x, y = _shifted(smoothed, y, lag)
     mean, sd = x.mean(axis=0), x.std(axis=0)
     sd = np.where(sd > 0, sd, 1.0)
+    if two_classes:
+        sd = _alike(sd, wanted * len(smoothing_s), samples.shape[1])
     z = (x - mean) / sd
-    learner = EffortLearner(model)
+    learner = EffortLearner(model, strength=RIDGE_OF_TWO if two_classes else RIDGE)
     parts = learner(z, y)
     efforts = parts.efforts(z)
     knots_effort, knots_closure = rising_polyline(efforts, y)
     confidence, novelty = judge_kept_back(learner, z, y)
-    hold_beyond = max(LEAST_NOVELTY, float(np.quantile(novelty, 1.0 - reject)))
+    least = LEAST_NOVELTY_OF_TWO if two_classes else LEAST_NOVELTY
+    hold_beyond = max(least, float(np.quantile(novelty, 1.0 - reject)))
     mav = np.array([np.abs(block.samples).mean(axis=0) for block in blocks])
     found = Model(
         kind=kind,
@@ -118,7 +132,7 @@ def fit(
         made=datetime.now(UTC).replace(microsecond=0),
         model=model,
         features=wanted,  # type: ignore[arg-type]  # checked above
-        smoothing_s=SMOOTHING_S,
+        smoothing_s=smoothing_s,
         floor=_tuple(floors),
         mean=_tuple(mean),
         scale=_tuple(sd),
@@ -258,6 +272,17 @@ def _smoothed(values: NDArray[np.float64], block_s: float, time_s: float) -> NDA
     for n, value in enumerate(values):
         state = out[n] = state + gain * (value - state)
     return out
+
+
+def _alike(sd: NDArray[np.float64], features: tuple[str, ...], channels: int) -> NDArray[np.float64]:
+    """Return the deviations with one for all channels of an amplitude: a quiet channel is not made loud."""
+    found, at = sd.copy(), 0
+    for name in features:
+        width = channels * (AR_ORDER if name == "AR" else 1)
+        if name in AMPLITUDES:
+            found[at : at + width] = np.sqrt((sd[at : at + width] ** 2).mean())
+        at += width
+    return found
 
 
 def _shifted(
