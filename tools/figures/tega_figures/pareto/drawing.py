@@ -79,9 +79,11 @@ def drawn(choice: Choice) -> Figure:
     panel = figure.subplots()
     panel.set_xscale("log")
     panel.xaxis.set_major_formatter("{x:g}")
+    panel.xaxis.set_minor_formatter("{x:g}")
     if min(v.error for v in choice.variants) > 0:
         panel.set_yscale("log")
         panel.yaxis.set_major_formatter("{x:g}")
+        panel.yaxis.set_minor_formatter("{x:g}")
     best = front(choice.variants)
     panel.step([v.cost for v in best], [v.error for v in best], where="post", color=LINE, lw=1, zorder=1)
     for v in choice.variants:
