@@ -139,6 +139,8 @@ measured: ## the pictures of what takes hours to measure, and their tables; TEGA
 	$(BIN)/python -m tega_figures.simulated_skill target/people.jsonl docs/images/emg-skill.png
 	$(BIN)/python tools/figures/decoder_pareto.py docs/images/emg-decoders-pareto.png
 	$(BIN)/python -m tega_figures.touch_peers.pareto docs/images/touch-pareto.svg
+	$(BIN)/python -m tega_figures.pareto.page
+	$(BIN)/python -m tega_figures.skipped
 	$(BIN)/tega-teleop soak --seconds 3600 --seed 7 --out target/soak
 	cp target/soak/faults.png docs/images/soak.png
 	$(BIN)/python -m tega_figures.readability docs/evidence/words.md

@@ -11,12 +11,16 @@ import numpy as np
 
 from tega_campaigns.report import table
 
-Group: TypeAlias = Literal["contact", "sigmoid", "emg"]
+Group: TypeAlias = Literal["contact", "touch", "sigmoid", "emg", "decoders"]
 GROUPS: Final[dict[Group, tuple[str, str]]] = {
     "contact": (
         "Contact metrics (Eq 1 to 6)",
         "Each is read with every difference and spread that it names, all of them where it names none; where one of "
         "EDA, peak pixel and contact verdict is not exactly right, the error counts as infinite.",
+    ),
+    "touch": (
+        "Touch, live",
+        "The tracker follows no equation, so it is held to what it promises whatever a camera shows.",
     ),
     "sigmoid": ("Vest intensity (Eq 7 to 9)", ""),
     "emg": (
@@ -24,6 +28,10 @@ GROUPS: Final[dict[Group, tuple[str, str]]] = {
         "Drift would show as a mean that moves away from the input's, or as an output that depends on how long the "
         "filter has run. What there is at high rates is rounding, which grows as the square of the rate: a constant "
         "comes to rest next to where it should, and stays there.",
+    ),
+    "decoders": (
+        "Learned EMG decoders",
+        "Taught once on made squeezes of three channels; held to what a decoder promises, not to an equation.",
     ),
 }
 """Titles of the groups of extremes, in the order of the page, and what is said of each."""
@@ -34,8 +42,8 @@ HEAD: Final = """\
 Every line is a property that the tests hold the kernels to (`tests/property/test_extremes_*.py`): what was done, how
 far the worst result was from an exact reference, and the bound that it has to keep. The references are whole numbers
 and fractions for the contact metrics, 60-digit decimals for the vest intensity and the EMG filter
-(`tega_figures.exact`); none of them shares code with what it judges. Hypothesis searches the ranges, with the same
-examples each time.
+(`tega_figures.exact`); none of them shares code with what it judges. What follows no equation is held to its
+promises. Hypothesis searches the ranges, with the same examples each time.
 
 This page is written by `make stress`, after every line has passed. Errors have one digit; the last digits of a
 logarithm or a sine differ from one C library to the next, and so may they.

@@ -12,7 +12,7 @@ from reference import extremes
 from reference.extremes import EXTREMES, GROUPS, Extreme, relative
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "stress.md"
-for kernel in ("contact", "vest", "emg", "fraction"):
+for kernel in ("contact", "touch", "vest", "emg", "fraction", "decoders"):
     importlib.import_module(f"property.test_extremes_{kernel}")
 
 

@@ -13,10 +13,8 @@ the measuring out.
 from __future__ import annotations
 
 import json
-import math
 import os
 from collections.abc import Sequence
-from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -24,11 +22,11 @@ import click
 
 from tega.tactile import Outline
 from tega.touch import TouchTracker
+from tega_figures.pareto.drawing import name_points
 from tega_figures.touch_peers.other_build import PROJECT, Child, built
 from tega_figures.touch_peers.readings import WITH_MEMORY, Image, Makes, PeerReading, Unit
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 __all__ = ["drawn", "measured"]
@@ -181,32 +179,12 @@ def drawn(rows: list[dict[str, Any]]) -> Figure:
     figure.draw_without_rendering()  # Labels are placed once the panels have their size.
     figure.set_layout_engine("none")
     for panel, key in zip(panels, errors, strict=True):
-        _name_points(panel, [(row["touched"], row[key], _short(row)) for row in rows])
+        name_points(panel, [(row["touched"], row[key], _short(row)) for row in rows])
     return figure
 
 
 def _short(row: dict[str, Any]) -> str:
     return f"{row['side']}" + ("" if row["every"] == 1 else f", 1/{row['every']}")
-
-
-def _name_points(panel: Axes, points: list[tuple[float, float, str]]) -> None:
-    """Write a name beside each point, at the nearest of many places that is free of points and of other names."""
-    from matplotlib.transforms import Bbox
-
-    at = panel.transData.transform([(x, y) for x, y, _ in points])
-    px = panel.figure.dpi / 72
-    taken = [Bbox.from_bounds(x - 6 * px, y - 6 * px, 12 * px, 12 * px) for x, y in at]
-    for x, y, name in points:
-        text = panel.annotate(name, (x, y), (0, 0), fontsize=8, textcoords="offset points", va="center")
-        for far, turn in product(range(8, 60, 4), range(0, 360, 30)):
-            across, up = far * math.cos(math.radians(turn)), far * math.sin(math.radians(turn))
-            text.xyann = across, up
-            text.set_horizontalalignment("left" if across > 1 else "right" if across < -1 else "center")
-            box = text.get_window_extent()
-            inside = panel.bbox.containsx(box.x0) and panel.bbox.containsx(box.x1)
-            if inside and panel.bbox.containsy(box.y0) and not any(box.overlaps(other) for other in taken):
-                break
-        taken.append(box)
 
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})

@@ -1,0 +1,132 @@
+"""The touch tracker at the ends of what a camera can deliver. It follows no equation: what is held "
+"is what it promises."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from reference.extremes import Extreme
+from tega.errors import InvalidValueError
+from tega.sim.gel import Gel
+from tega.touch import TouchTracker, TrackedContact
+
+Image = NDArray[np.uint8]
+RATE_HZ = 60.0
+ANY = Extreme(
+    "touch",
+    "any pictures",
+    "black, grey, saturated, noise, a ramp, one bright pixel, the untouched gel, in any order and at "
+    "any distance in time from "
+    "0 to 1e6 s: numbers are finite or NaN where there is no contact, EDA is the number of outlined "
+    "pixels, depth is finite and "
+    "not below 0; twice the same pictures give the same bits",
+    0,
+    "contacts that break a promise",
+)
+BACK = Extreme(
+    "touch",
+    "silence after a flash",
+    "one to twenty black or saturated pictures on an untouched gel, then ten seconds of the untouched gel",
+    0,
+    "pictures told as contact in the last second",
+)
+IMPOSSIBLE = Extreme(
+    "touch",
+    "impossible times",
+    "distances of NaN, ∞, below 0 and beyond 1e6 s: each is refused with `InvalidValueError`, and "
+    "the tracker is as before",
+    0,
+    "times taken",
+)
+
+
+@cache
+def pictures() -> dict[str, Image]:
+    """Return what a camera may show, 240 high and wide enough."""
+    gel = Gel(4)
+    still = np.ascontiguousarray(gel.still()[::2, ::2])
+    size = still.shape
+    rng = np.random.default_rng(9)
+    pixel = np.zeros(size, np.uint8)
+    pixel[40, 50] = 255
+    ramp = np.broadcast_to(np.linspace(0, 255, size[1])[None, :, None], size).astype(np.uint8)
+    return {
+        "still": still,
+        "black": np.zeros(size, np.uint8),
+        "grey": np.full(size, 128, np.uint8),
+        "saturated": np.full(size, 255, np.uint8),
+        "noise": rng.integers(0, 256, size).astype(np.uint8),
+        "ramp": ramp.copy(),
+        "pixel": pixel,
+    }
+
+
+def broken(contact: TrackedContact, tracker: TouchTracker) -> bool:
+    """Return whether a contact breaks a promise."""
+    mask, depth = tracker.mask(), tracker.depth_map()
+    numbers = (contact.peak, contact.cci, contact.eda)
+    where = contact.centroid_xy
+    placed = all(map(math.isfinite, where)) if contact.in_contact else True
+    return not (
+        all(map(math.isfinite, numbers))
+        and placed
+        and contact.eda == int(mask.sum())
+        and np.isfinite(depth).all()
+        and float(depth.min()) >= 0
+    )
+
+
+shown = st.lists(
+    st.tuples(
+        st.sampled_from(["still", "black", "grey", "saturated", "noise", "ramp", "pixel"]),
+        st.one_of(st.none(), st.sampled_from([0.0, 1e-9, 1.0, 1e6]), st.floats(0, 1e6)),
+    ),
+    min_size=1,
+    max_size=12,
+)
+
+
+@settings(max_examples=40)
+@given(first=st.sampled_from(["still", "black", "saturated", "noise"]), frames=shown)
+@example(first="black", frames=[("saturated", 0.0), ("black", 1e6), ("noise", None)])
+@example(first="saturated", frames=[("black", None)] * 5)
+def test_any_pictures_break_no_promise(first: str, frames: list[tuple[str, float | None]]) -> None:
+    one, other = (TouchTracker(pictures()[first], rate_hz=RATE_HZ) for _ in range(2))
+    errors = 0
+    for name, dt_s in frames:
+        contact, again = (tracker.update(pictures()[name], dt_s=dt_s) for tracker in (one, other))
+        errors += broken(contact, one) + (repr(contact) != repr(again))
+    ANY.hold(errors)
+
+
+@settings(max_examples=12)
+@given(flash=st.sampled_from(["black", "saturated"]), n=st.integers(1, 20))
+def test_an_untouched_gel_is_silent_again_after_a_flash(flash: str, n: int) -> None:
+    still = pictures()["still"]
+    tracker = TouchTracker(still, rate_hz=RATE_HZ)
+    for _ in range(30):
+        tracker.update(still)
+    for _ in range(n):
+        tracker.update(pictures()[flash])
+    told = [tracker.update(still).in_contact for _ in range(600)]
+    BACK.hold(sum(told[-60:]))
+
+
+@given(
+    dt_s=st.one_of(
+        st.sampled_from([math.nan, math.inf, -math.inf, -5e-324, 1.1e6]), st.floats(max_value=-1e-300)
+    )
+)
+def test_impossible_times_are_refused(dt_s: float) -> None:
+    tracker, other = (TouchTracker(pictures()["still"], rate_hz=RATE_HZ) for _ in range(2))
+    with pytest.raises(InvalidValueError):
+        tracker.update(pictures()["noise"], dt_s=dt_s)
+    same = repr(tracker.update(pictures()["ramp"])) == repr(other.update(pictures()["ramp"]))
+    IMPOSSIBLE.hold(int(not same))

@@ -1,0 +1,285 @@
+"""Measure what each skip saves, with it and without it in turns, and write the table of docs/evidence/skips.md.
+
+::
+
+    python -m tega_figures.skipped             # measures, and writes benches/skips.json and the page's table
+    python -m tega_figures.skipped --tables    # the table alone, from the committed figures
+
+A row says which scene lets TEGA leave something out, what that is, what the scene takes with and without it, and which
+test shows what changes by it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
+
+import click
+import msgspec
+import numpy as np
+
+from tega.calibration import TouchMaxima
+from tega.clock import ManualClock
+from tega.haptics import FINGERS
+from tega.inbox.sources import EmgBlock
+from tega.inbox.stream import PulledStream
+from tega.inbox.stuck_frames import LastFrame
+from tega.sim.gel import Gel, ball
+from tega.sim.trial import TrialPlan, run_trial
+from tega.tactile import ContactMetrics, contact_metrics
+from tega.teleop.hand import ModelledAllegro
+from tega.teleop.loop import DualLoop
+from tega.teleop.pacing import Pacer
+from tega.teleop.touch import TouchLoop
+from tega.touch import TouchTracker
+from tega.wire import x40_ble_frame
+from tega_figures.bench.machine import describe_machine
+from tega_figures.bench.scenes import SIZE_OF_A_FINGER, scenes
+from tega_figures.bench.timing import single_threaded, take_turns, timing
+
+PROJECT: Final = Path(__file__).resolve().parents[3]
+RESULTS: Final = PROJECT / "benches" / "skips.json"
+PAGE: Final = PROJECT / "docs" / "evidence" / "skips.md"
+MINUTE_NS: Final = 60_000_000_000
+TOUCH: Final = ContactMetrics(
+    mass=1.0,
+    centroid_xy=(1.0, 1.0),
+    spread=1.0,
+    threshold=1.0,
+    eda=50,
+    cci=0.5,
+    peak=9.0,
+    peak_xy=(1, 1),
+    in_contact=True,
+)
+
+
+class Skip(msgspec.Struct, frozen=True):
+    """One skip.
+
+    Attributes:
+        scene: What lets it happen.
+        left_out: What is not done then.
+        with_us: What the scene takes with the skip, median microseconds.
+        without_us: Without it.
+        changes: What is another by it.
+        shown_by: The tests that show that.
+    """
+
+    scene: str
+    left_out: str
+    with_us: float
+    without_us: float
+    changes: str
+    shown_by: str
+
+
+class Kept(msgspec.Struct, frozen=True):
+    """What was measured, and on which machine."""
+
+    where: str
+    skips: list[Skip]
+
+
+class Nowhere:
+    """A vest or hand that keeps nothing."""
+
+    def write(self, t_ns: int, what: Any) -> Any:  # noqa: ARG002
+        """Take it."""
+        return what
+
+
+class Says(msgspec.Struct, frozen=True):
+    """What a skip is said to be; its times are measured."""
+
+    scene: str
+    left_out: str
+    changes: str
+    shown_by: str
+
+
+def _reading() -> dict[Says, tuple[Callable[[], object], Callable[[], object]]]:
+    gel = Gel(5)
+    still, pressed = gel.still(), gel.frame([ball(force_n=2.5)], 1)
+    rest, touched = TouchTracker(still), TouchTracker(still)
+    for k in range(30):
+        rest.update(gel.frame([], k))
+        touched.update(pressed)
+    untouched = gel.frame([], 40)
+    last, constant = LastFrame(), LastFrame()
+    copy = pressed.copy()
+    last.keep(pressed, TOUCH)
+    shown = still.copy()
+    shown.flags.writeable = False
+    constant.keep(shown, TOUCH)
+    scene = scenes(SIZE_OF_A_FINGER)[1]
+    law = partial(contact_metrics, *scene, difference="rectified")
+    loop = TouchLoop({finger: TouchMaxima(cci_max=1.0, eda_max=20_000.0) for finger in FINGERS}, layout="x40")
+    for finger in FINGERS:
+        loop.update(finger, 0, TOUCH)
+    frame, again = loop.frame(1), loop.frame(1)
+    return {
+        Says(
+            "a finger touches nothing (`live`, tracker)",
+            "the robust fit of light, depth, outline",
+            "nothing while S is far under its threshold; a touch that only the robust fit would see "
+            "is told a little later",
+            "`tega-tactile` `tests/tracker.rs`, "
+            "`tests/unit/test_sim_touch.py::test_untouched_frames_are_never_contact`",
+        ): (partial(rest.update, untouched), partial(touched.update, pressed)),
+        Says(
+            "a picture under its old number",
+            "reading it, telling it, recording it",
+            "nothing; counted as `duplicate`",
+            "`test_repeats.py::test_a_frame_delivered_again_is_neither_measured_nor_new`",
+        ): (lambda: None, partial(touched.update, pressed)),
+        Says(
+            "a picture with the pixels of the one before",
+            "reading it",
+            "nothing; counted as `identical`",
+            "`test_repeats.py::test_equal_pixels_are_measured_once_and_give_the_same`, "
+            "`test_pictures_are_equal_exactly_when_every_pixel_is`",
+        ): (partial(last.repeat, copy), partial(touched.update, pressed)),
+        Says(
+            "a picture that is the very array of the one before, in memory that cannot be written",
+            "comparing it, reading it",
+            "nothing; counted as `identical`",
+            "`test_repeats.py::test_a_buffer_that_is_filled_again_is_not_taken_for_a_stuck_sensor`",
+        ): (partial(constant.repeat, shown), partial(rest.update, untouched)),
+        Says(
+            "equations, threshold under every pixel",
+            "the threshold count: all pixels lie above it",
+            "nothing",
+            "`tega-tactile` `grey::tests::bands_say_what_rows_say`",
+        ): (partial(law, factor=2.0), partial(law, factor=1.28)),
+        Says(
+            "equations, threshold over most of the picture",
+            "bands of four rows that no pixel of can reach it",
+            "nothing",
+            "`tega-tactile` `grey::tests::bands_say_what_rows_say`",
+        ): (partial(law, factor=0.5), partial(law, factor=1.28)),
+        Says(
+            "the vest shows this frame already",
+            "its packet, and a write to the radio link, which is not in these times",
+            "no motor: a frame that stands is renewed every 0.1 s",
+            "`test_vest_pace.py::test_a_frame_that_stands_is_renewed_and_what_comes_alike_is_not_sent_beside_it`",
+        ): (lambda: bool(again == frame), lambda: x40_ble_frame(frame.x40())),
+        Says(
+            "a simulated fingertip that nothing touches",
+            "rendering its picture",
+            "nothing in the lift's tables; the picture has no noise of its own",
+            "`test_sim_trial.py::test_a_lift_repeats_bit_for_bit_and_is_the_same_with_every_fingertip_rendered`",
+        ): (lambda: shown, partial(gel.frame, [], 41)),
+    }
+
+
+def _minute(*, emg: bool) -> object:
+    contacts = [(k * 16_666_667, TOUCH) for k in range(3600)]
+    blocks = [EmgBlock(k * 100_000_000, (2,), 2) for k in range(1, 600)]
+    loop = DualLoop(
+        pacer=Pacer(ManualClock()),
+        touch=TouchLoop({"thumb": TouchMaxima(cci_max=1.0, eda_max=100.0)}, layout="x40"),
+        contacts={"thumb": PulledStream(contacts, end_ns=MINUTE_NS)},
+        levels=PulledStream(blocks, end_ns=MINUTE_NS) if emg else None,
+        hand=ModelledAllegro(),
+        vests=[Nowhere()],
+        hands=[Nowhere()],
+        live_vests=[],
+    )
+    loop.run()
+    return loop
+
+
+def _timed_us(call: Callable[[], object]) -> float:
+    started_ns = time.process_time_ns()
+    call()
+    return (time.process_time_ns() - started_ns) / 1000
+
+
+def _whole() -> list[Skip]:
+    """Measure skips that take a run: processor time, each twice, in turns."""
+    plan = TrialPlan(object="container", operator="scripted", seed=3)
+    run_trial(plan)
+    runs: dict[Says, tuple[Callable[[], object], Callable[[], object]]] = {
+        Says(
+            "a lift in the simulated bench, as a whole",
+            "rendering and reading fingertips that nothing touches",
+            "nothing: truth, contacts, levels and vest are the same tables",
+            "`test_sim_trial.py::test_a_lift_repeats_bit_for_bit_and_is_the_same_with_every_fingertip_rendered`",
+        ): (partial(run_trial, plan), partial(run_trial, plan, skip_untouched=False)),
+        Says(
+            "no EMG in the settings, a minute of one finger",
+            "the hand's ticks every 3 ms",
+            "nothing of touch and vest",
+            "`test_skips.py::test_without_emg_no_hand_ticks_and_nobody_wakes_for_it`",
+        ): (partial(_minute, emg=False), partial(_minute, emg=True)),
+    }
+    found = []
+    for says, (left_out, done) in runs.items():
+        times = [(_timed_us(left_out), _timed_us(done)) for _ in range(2)]
+        found.append(_skip(says, *(float(v) for v in np.min(times, axis=0))))
+    return found
+
+
+def _skip(says: Says, with_us: float, without_us: float) -> Skip:
+    return Skip(says.scene, says.left_out, with_us, without_us, says.changes, says.shown_by)
+
+
+def measure(*, budget_s: float) -> list[Skip]:
+    """Measure every skip; those of a single call in turns, by the wall clock."""
+    ways = list(_reading().items())
+    calls = {
+        f"{number} {way}": call for number, (_, pair) in enumerate(ways) for way, call in enumerate(pair)
+    }
+    turns = take_turns(calls, budget_s=budget_s)
+    median_us = {name: timing(turn).median_us for name, turn in turns.items()}
+    return [
+        *(_skip(says, median_us[f"{n} 0"], median_us[f"{n} 1"]) for n, (says, _) in enumerate(ways)),
+        *_whole(),
+    ]
+
+
+def table(skips: list[Skip]) -> str:
+    """Make the page's table."""
+    lines = [["scene", "left out", "with", "without", "saved", "what changes", "shown by"], ["---"] * 7]
+    for skip in skips:
+        saved = 100 * (1 - skip.with_us / skip.without_us)
+        times = [_time(skip.with_us), _time(skip.without_us), f"{saved:.0f} %"]
+        lines.append([skip.scene, skip.left_out, *times, skip.changes, skip.shown_by])
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def _time(us: float) -> str:
+    return f"{us:.1f} µs" if us < 1000 else f"{us / 1000:.3g} ms"
+
+
+def page(text: str) -> str:
+    """Return the page with the table of the committed figures."""
+    kept = msgspec.json.decode(RESULTS.read_bytes(), type=Kept)
+    head, found, rest = text.partition("<!-- made: skips -->\n")
+    _, end, after = rest.partition("\n<!-- end -->")
+    if not found or not end:
+        raise SystemExit(f"{PAGE.name} has no part 'skips'")
+    return f"{head}{found}\n{table(kept.skips)}\n\nMeasured on {kept.where}.\n{end}{after}"
+
+
+@click.command(context_settings={"help_option_names": ["-h", "--help"]})
+@click.option("--tables", is_flag=True, help="Make the table of the committed figures; measure nothing.")
+@click.option("--budget", default=3.0, show_default=True, help="Seconds that timing single calls may take.")
+def main(*, tables: bool, budget: float) -> None:
+    """Measure unless told not to, then write the page's table."""
+    if not tables:
+        machine = describe_machine()
+        with single_threaded():
+            skips = measure(budget_s=budget)
+        load = "" if machine.load_per_core is None else f", load {machine.load_per_core:.1f} a core"
+        kept = Kept(f"{machine.cpu}, {machine.instruction_set}{load}", skips)
+        RESULTS.write_bytes(msgspec.json.format(msgspec.json.encode(kept), indent=1) + b"\n")
+    PAGE.write_text(page(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
