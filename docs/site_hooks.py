@@ -6,6 +6,7 @@ import re
 import sys
 from pathlib import Path
 
+from jinja2 import Environment
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files, InclusionLevel
 from mkdocs.structure.pages import Page
@@ -36,6 +37,14 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         level = InclusionLevel.NOT_IN_NAV if "/python/" in name else InclusionLevel.INCLUDED
         files.append(File.generated(config, name, content=text, inclusion=level))
     return files
+
+
+def on_env(env: Environment, config: MkDocsConfig, files: Files) -> Environment:  # noqa: ARG001
+    """Have the search work from the disk without a network: the plugin `offline` fetches what it takes from one."""
+    config.extra_javascript[:] = [
+        "file-worker.js" if "iframe-worker" in str(script) else script for script in config.extra_javascript
+    ]
+    return env
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:  # noqa: ARG001

@@ -8,22 +8,18 @@ import os
 import signal
 from collections.abc import Generator
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import pytest
 from hypothesis import HealthCheck, settings
 
 from reference.written import watch_recordings
 
-settings.register_profile("dev", deadline=None, max_examples=40, print_blob=True)
-settings.register_profile("ci", deadline=None, max_examples=60, print_blob=True, derandomize=True)
-settings.register_profile(
-    "deep",
-    deadline=None,
-    max_examples=2000,
-    print_blob=True,
-    suppress_health_check=[HealthCheck.too_slow],
-)
+# Whether drawing an input is slow asks the wall clock: on a loaded machine, or under qemu, it failed.
+_UNTIMED: Any = {"deadline": None, "print_blob": True, "suppress_health_check": [HealthCheck.too_slow]}
+settings.register_profile("dev", max_examples=40, **_UNTIMED)
+settings.register_profile("ci", max_examples=60, derandomize=True, **_UNTIMED)
+settings.register_profile("deep", max_examples=2000, **_UNTIMED)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci" if os.environ.get("CI") else "dev"))
 
 # A shell's background job ignores Ctrl-C, and so would every program that the tests start and stop by it.

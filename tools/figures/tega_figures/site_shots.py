@@ -22,7 +22,7 @@ PAGES: Final = (
     "tutorials/only-the-vest.html",
     "hardware/what-to-buy.html",
     "reference/settings.html",
-    "evidence/performance.html",
+    "performance.html",
 )
 """One of each part of the site."""
 

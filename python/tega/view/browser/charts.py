@@ -122,9 +122,7 @@ class MuscleCharts:
             lines = tuple(_line(colour, 1) for _, colour in muscles)
             self._gui.add_html(_caption("EMG over time (s):", muscles))
             self._raw = _plot(self._gui, lines, channels, y_axis=False)
-            self._gui.add_html(
-                _caption("drive, share of the maximum, over time (s); dashed: where levels 2 to 5 begin", ())
-            )
+            self._gui.add_html(_caption("drive over time (s), share of maximum; dashed: levels 2–5", ()))
             dashed = tuple(_line(_THRESHOLD_GREY, 1, dash=(4, 4)) for _ in THRESHOLDS)
             self._drive = _plot(self._gui, dashed + lines, 1.2)
         t = t_s - np.arange(n - 1, -1, -1) / emg.rate_hz

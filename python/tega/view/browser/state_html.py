@@ -34,8 +34,8 @@ FONT: Final = "font-family:system-ui,sans-serif;font-size:12px;color:#343a40"
 
 LEGEND: Final = (
     f'<div style="{FONT};font-size:11px;line-height:1.4;padding:0 10px;color:#6c757d">'
-    'top: camera pictures; below: touch maps, <b style="color:#27a045">○</b> peak, '
-    '<b style="color:#3b8cff">—</b> border of the area (EDA)<br>'
+    'top: cameras; below: touch maps, <b style="color:#27a045">○</b> peak, '
+    '<b style="color:#3b8cff">—</b> outline (EDA)<br>'
     f'scene: <b style="color:{GHOST_COLOUR}">blue, translucent:</b> the hand as commanded; red arrows: forces</div>'
 )
 """What the colours mean, in small grey lines."""
@@ -168,13 +168,15 @@ def captions_html(state: ViewState, labels: ContactLabels) -> str:
             text = '<b style="color:#e67700">silent:</b><br>no fresh<br>picture'
         else:
             kind = labels.name(finger, felt, in_contact=contact[1].in_contact)
-            word = "no contact" if kind == "none" else f"{kind}{_depth(contact[1])}"
+            word, depth = ("no contact", "") if kind == "none" else (kind, _depth(contact[1]))
             text = (
                 f"CCI {felt.cci_norm:.2f}<br>EDA {felt.eda_norm:.2f}<br>"
-                f'<b style="color:{_TYPE_COLOURS[kind]}">{word}</b>'
+                '<span style="white-space:nowrap;font-size:11px">'
+                f'<b style="color:{_TYPE_COLOURS[kind]}">{word}</b>{depth}</span>'
             )
         cells.append(
-            f'<td style="width:25%;text-align:center;line-height:1.35"><b>{finger}</b><br>{text}</td>'
+            '<td style="width:25%;text-align:center;vertical-align:top;line-height:1.35">'
+            f"<b>{finger}</b><br>{text}</td>"
         )
     style = f"{FONT};width:100%;table-layout:fixed;margin-top:-10px;padding:0 8px"
     return f'<table style="{style}"><tr>{"".join(cells)}</tr></table>'
@@ -182,7 +184,7 @@ def captions_html(state: ViewState, labels: ContactLabels) -> str:
 
 def _depth(metrics: ContactMetrics) -> str:
     """Say how deep a dent is, where the metric knows."""
-    return next((f", {one.value:.2f} mm" for one in metrics.more if one.name == "depth_mm"), "")
+    return next((f" {one.value:.2f} mm" for one in metrics.more if one.name == "depth_mm"), "")
 
 
 def rates_html(rates_hz: dict[str, float], latency: str = "") -> str:

@@ -1,0 +1,36 @@
+"""What the built site needs besides its pages: a search that works from the disk, and pages to take pictures of."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from reference.chromium import launched
+from tega_figures.site_shots import PAGES
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+GENERATED = {"reference/settings.html"}
+
+pytestmark = pytest.mark.skipif(not DOCS.is_dir(), reason="not a checkout")
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if page not in GENERATED])
+def test_a_page_that_is_shown_in_pictures_is_there(page: str) -> None:
+    assert (DOCS / page).with_suffix(".md").is_file()
+
+
+@pytest.mark.slow
+def test_a_page_from_the_disk_has_a_worker_for_its_search(tmp_path: Path) -> None:
+    (tmp_path / "twice.js").write_text('addEventListener("message", (asked) => postMessage(2 * asked.data));')
+    (tmp_path / "page.html").write_text(
+        '<body><script src="file-worker.js"></script><script>const worker = new Worker("twice.js");'
+        'worker.addEventListener("message", (told) => { document.title = told.data; });'
+        "worker.postMessage(21);</script>"
+    )
+    shutil.copy(DOCS / "file-worker.js", tmp_path)
+    with launched() as browser:
+        shown = browser.new_page()
+        shown.goto((tmp_path / "page.html").as_uri())
+        shown.wait_for_function("document.title === '42'", timeout=60_000)
