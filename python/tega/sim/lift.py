@@ -35,8 +35,6 @@ from tega.teleop.moment import LoopView, Moment
 from tega.view.state import EmgTail, ViewState
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from tega.haptics import Layout
     from tega.sim.lab import Lab
     from tega.sim.recorded import LiftRecorder

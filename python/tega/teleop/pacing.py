@@ -16,9 +16,7 @@ from tega.inbox.wake import Bell
 CATCH_UP_NS = 100_000_000
 
 
-LATE_EDGES_NS: Final = tuple(
-    round(1e6 * edge_ms) for edge_ms in (0.1, 0.2, 0.5, 1, 2, 3, 5, 10, 20, 50, 100)
-)
+LATE_EDGES_NS: Final = tuple(round(1e6 * edge_ms) for edge_ms in (0.1, 0.2, 0.5, 1, 2, 3, 5, 10, 20, 50, 100))
 """Upper bounds of the bins in which late ticks are counted, nanoseconds; one bin more has what is later still."""
 
 

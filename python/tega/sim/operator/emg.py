@@ -160,7 +160,9 @@ class ForearmEmg:
         lengths = None if n == 1 else np.diff(bounds)
         for m, source in enumerate(second.sources):
             # One tick, as a trial asks for it, has one amplitude.
-            scale = scales[0][m] if lengths is None else np.repeat([row[m] for row in scales], lengths)[:, None]
+            scale = (
+                scales[0][m] if lengths is None else np.repeat([row[m] for row in scales], lengths)[:, None]
+            )
             seen = source[first:end] * scale
             signal += (
                 seen

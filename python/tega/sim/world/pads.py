@@ -148,4 +148,3 @@ class PadContacts:
         along /= math.sqrt(along @ along)
         where = near_m + 1e-3 * self._size_mm[_FLEX][0] * out
         return where, np.stack([out, np.cross(along, out), along], axis=1).ravel()
-

@@ -20,7 +20,7 @@ from tega.teleop.hand import HAND_TICK_NS
 from tega.teleop.pacing import LATE_EDGES_NS
 from tega.threads import run_realtime
 
-__all__ = ["LateTicks", "Witness", "witness"]
+__all__ = ["LateTicks", "BareClock", "witness"]
 
 _PATIENCE_S = 5.0
 
@@ -55,7 +55,7 @@ class LateTicks(msgspec.Struct, frozen=True, kw_only=True):
         return cls.of_bins(late, worst_ms=max(late_ns, default=0) / 1e6)
 
 
-class Witness:
+class BareClock:
     """A process that is ready to keep the clock.
 
     Args:
@@ -78,7 +78,7 @@ class Witness:
 
 
 @contextmanager
-def witness(*, realtime: bool) -> Iterator[Witness]:
+def witness(*, realtime: bool) -> Iterator[BareClock]:
     """Start a witness, and end it with the block.
 
     Args:
@@ -93,7 +93,7 @@ def witness(*, realtime: bool) -> Iterator[Witness]:
     try:
         assert process.stdout is not None
         process.stdout.readline()
-        yield Witness(process)
+        yield BareClock(process)
     finally:
         end_child(process, _PATIENCE_S)
 
