@@ -20,7 +20,7 @@ from tega.teleop.hand import HAND_TICK_NS
 from tega.teleop.pacing import LATE_EDGES_NS
 from tega.threads import run_realtime
 
-__all__ = ["LateTicks", "BareClock", "witness"]
+__all__ = ["BareClock", "LateTicks", "witness"]
 
 _PATIENCE_S = 5.0
 
