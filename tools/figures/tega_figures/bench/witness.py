@@ -84,18 +84,18 @@ def witness(*, realtime: bool) -> Iterator[BareClock]:
     Args:
         realtime: Whether it asks for the real-time priority of the loop's thread.
     """
-    process = subprocess.Popen(
+    with subprocess.Popen(
         python_command(__name__, "act" if realtime else "ordinary"),
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         env=python_environment(),
-    )
-    try:
-        assert process.stdout is not None
-        process.stdout.readline()
-        yield BareClock(process)
-    finally:
-        end_child(process, _PATIENCE_S)
+    ) as process:
+        try:
+            assert process.stdout is not None
+            process.stdout.readline()
+            yield BareClock(process)
+        finally:
+            end_child(process, _PATIENCE_S)
 
 
 def _keep() -> None:
