@@ -38,7 +38,7 @@ def pad_pose(
     to_gel = np.array([[0, -1, 0], [0, 0, -1], [1, 0, 0]]) @ turned.T
     off, out = to_gel @ (near_m - at_m), to_gel @ normal
     out /= np.linalg.norm(out)
-    # On the capsule the normal leans from the middle by the arc from it; along the finger its straight part goes before.
+    # On the capsule the normal leans by the arc from the middle; along the finger the straight part goes before it.
     straight = np.clip(off[1] - radius_m * out[1], -half_length_m, half_length_m)
     lean = np.arctan2(np.hypot(out[0], out[1]), out[2])
     sideways = out[:2] / max(np.hypot(out[0], out[1]), 1e-300)

@@ -307,3 +307,17 @@ def test_a_page_with_a_part_that_nothing_makes_is_refused():
     text = figures.PAGE.read_text(encoding="utf-8").replace("made: tick ", "made: tock ")
     with pytest.raises(SystemExit, match="tock"):
         figures.page(text, results, committed)
+
+
+def test_a_bare_clock_in_a_process_of_its_own_tells_how_late_each_tick_was():
+    from tega_figures.bench.witness import LateTicks, witness
+
+    with witness(realtime=False) as clock:
+        clock.begin(0.06)
+        told = clock.late()
+    assert told.ticks == sum(told.late) == 20
+    assert told == LateTicks.of_bins(told.late, worst_ms=told.worst_ms)
+    # By hand: two in the first bin, one each in those of 1 to 2 ms and of more than 100 ms.
+    counted = LateTicks.of([0, 100_000, 1_000_001, 200_000_000])
+    assert counted.late == (2, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 1)
+    assert (counted.over_1_ms, counted.worst_ms) == (2, 200.0)

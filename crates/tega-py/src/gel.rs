@@ -188,7 +188,7 @@ pub(crate) fn gel_fall(x_mm: f64, y_mm: f64) -> (f64, f64) {
     tega_gel::fall(x_mm, y_mm).into()
 }
 
-/// The arrays are of MuJoCo's memory: a place (3,), and a rotation (9,), row after row.
+/// The arrays are of `MuJoCo`'s memory: a place (3,), and a rotation (9,), row after row.
 #[pyfunction]
 #[pyo3(signature = (pad, near_m, normal, shape, /, *, radius_m, half_length_m))]
 pub(crate) fn gel_pad_pose<'py>(

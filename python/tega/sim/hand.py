@@ -109,7 +109,7 @@ class SimulatedBus:
         else:
             for frame in frames:
                 self._take(frame)
-        self._apply(self._counts * self._scale)
+        self._apply(self._counts.astype(np.float64) * self._scale)
         return frames
 
     def _take(self, frame: CanFrame) -> None:

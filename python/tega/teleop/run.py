@@ -91,9 +91,12 @@ def run_loop(
     unmeasured = [name for name, f in prepared.fingers.items() if f.stream is None and f.measured is None]
     metrics = {name: _metric(rig, name) for name in unmeasured}
     fed = {name: is_fed(finger, partial(_metric, rig, name)) for name, finger in prepared.fingers.items()}
-    touch = touch_loop(config, prepared.calibration, prepared.fingers)
-    if rig.bus.wants(Moment) or rig.bus.wants(Event):
-        touch.find_events()
+    touch = touch_loop(
+        config,
+        prepared.calibration,
+        prepared.fingers,
+        find_events=rig.bus.wants(Moment) or rig.bus.wants(Event),
+    )
     start_ns = pacer.start()
     if recording is not None:
         recording.begin(start_ns, clock.now_ns())

@@ -20,7 +20,7 @@ from tega.teleop.hand import HAND_TICK_NS
 from tega.teleop.pacing import LATE_EDGES_NS
 from tega.threads import run_realtime
 
-__all__ = ["LateTicks", "Witness", "witness"]
+__all__ = ["BareClock", "LateTicks", "witness"]
 
 _PATIENCE_S = 5.0
 
@@ -55,7 +55,7 @@ class LateTicks(msgspec.Struct, frozen=True, kw_only=True):
         return cls.of_bins(late, worst_ms=max(late_ns, default=0) / 1e6)
 
 
-class Witness:
+class BareClock:
     """A process that is ready to keep the clock.
 
     Args:
@@ -78,24 +78,24 @@ class Witness:
 
 
 @contextmanager
-def witness(*, realtime: bool) -> Iterator[Witness]:
+def witness(*, realtime: bool) -> Iterator[BareClock]:
     """Start a witness, and end it with the block.
 
     Args:
         realtime: Whether it asks for the real-time priority of the loop's thread.
     """
-    process = subprocess.Popen(
+    with subprocess.Popen(
         python_command(__name__, "act" if realtime else "ordinary"),
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         env=python_environment(),
-    )
-    try:
-        assert process.stdout is not None
-        process.stdout.readline()
-        yield Witness(process)
-    finally:
-        end_child(process, _PATIENCE_S)
+    ) as process:
+        try:
+            assert process.stdout is not None
+            process.stdout.readline()
+            yield BareClock(process)
+        finally:
+            end_child(process, _PATIENCE_S)
 
 
 def _keep() -> None:
