@@ -111,6 +111,7 @@ class Lift:
         recorded = other_vest(lab, plan, number) if self._arm.sham == "replayed" else ()
         if isinstance(person, Operator):
             person.pulses = self._arm.pulses
+            person.bears_m = spec.harm_m
         person.begin(plan.object, width_m=spec.diameter_m, trial=number, rest_s=_REST_S)
         self._emg = lab.emg(f"{plan.object} {number}")
         self._emg.fatigue = fatigue
