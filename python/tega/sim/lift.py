@@ -24,6 +24,7 @@ from tega.sim.lab import EMG_HZ
 from tega.sim.other_trial import other_vest
 from tega.sim.pacing import SimulatedPacer
 from tega.sim.plan import TrialPlan, TrialResult
+from tega.sim.reflex import trial_reflex
 from tega.sim.rig import CAMERA_DELAY_NS, TrialRig
 from tega.sim.score import LIFT_WINDOW_S, TrialScorer
 from tega.sim.true_touch import TrueTouch, touch_of
@@ -145,12 +146,32 @@ class Lift:
                 f"condition {plan.condition!r} cannot be recorded: its vest is not made of the pictures",
                 "leave --record out, or choose another condition",
             )
+        self._reflex = trial_reflex(
+            lab.config,
+            self._arm.reflex,
+            self._bus,
+            closure=self.rig.closure,
+            slip_mm_s=lambda: 1e3 * self.rig.truth.slip_m_s,
+        )
+        if recorder is not None and self._arm.reflex != "none" and lab.config.stages.reflex.name is None:
+            raise InvalidValueError(
+                f"condition {plan.condition!r} cannot be recorded: the settings name no reflex",
+                'name one, such as stages.reflex.name = "grip", or choose another condition',
+            )
         self._beside = self._look_on()
 
     @property
     def fatigue(self) -> float:
         """Fatigued share of the muscles now."""
         return self._emg.fatigue
+
+    @property
+    def _needs_no_touch(self) -> bool:
+        """Whether the outcome does not hang on what the pictures show: nothing of them is worn, kept or recorded."""
+        told = self._arm.sham == "off" or isinstance(self._touch, TrueTouch)
+        told = told and (self._reflex is None or self._arm.reflex == "true slips")
+        looked_at = self._streams is not None or self._recorder is not None or self._beside is not None
+        return told and not looked_at
 
     @property
     def end_s(self) -> float:
@@ -173,6 +194,7 @@ class Lift:
     ) -> None:
         """Run the loop until the lift is over; see :func:`tega.sim.trial.run_trial`."""
         rig, world = self.rig, self.rig.world
+        rig.unlooked = observer is None and self._needs_no_touch
 
         def encoders() -> NDArray[np.float64]:
             angles = world.angles_rad
@@ -198,6 +220,7 @@ class Lift:
             hands=[SimulatedBus(world.set_torques, full_duty=self._full_duty_nm)],
             bus=self._bus,
             guard=None if observer is None else Guard(),  # nothing here gets lost; its state is shown
+            reflex=self._reflex,
         )
         loop.run(stop=stop)
         self.scorer.close()

@@ -87,6 +87,7 @@ class TrialRig:
         on_act: Told after every 10 ms what was perceived and done.
 
     Attributes:
+        unlooked: Whether nobody asks what the cameras see: then no picture is rendered or measured.
         contacts: Stream of measured frames, by finger, for the loop.
         levels: Stream of EMG blocks, for the loop.
         frames: The newest picture of each finger.
@@ -141,7 +142,7 @@ class TrialRig:
         self._act_ns = self._camera_ns = 0
         self._n_frames = self._n_samples = 0
         self.vest: MotorLevels | None = None
-        self._over = False
+        self._over = self.unlooked = False
         self.t_ns = 0
         self.truth = world.truth()
         self.act = Act(0.0, (0.0, 0.0), "reach")
@@ -167,6 +168,8 @@ class TrialRig:
         number = self._n_frames
         self._n_frames = number + 1
         self._camera_ns = round((number + 1) * 1e9 / CAMERA_HZ)
+        if self.unlooked:
+            return
         arrival_ns, next_ns = t_ns + CAMERA_DELAY_NS, self._camera_ns + CAMERA_DELAY_NS
         # As each finger was in the frame before: the cameras take theirs at one time.
         bearing = [meter.metric.bears_load for meter in self._meters]
