@@ -43,10 +43,10 @@ class Guard(NamedTuple):
 
 GUARDS: Final = (
     Guard(
-        "the reflex's wish and its sum have no bound",
+        "the reflex's sum has no bound",
         "self.added = min(max(added, 0.0), self._s.most_levels, _CLOSED - own)",
         "self.added = added",
-        f"{_REFLEX}the_addition_is_bounded_slow_and_never_below_the_person_s_own_closure",
+        f"{_REFLEX}a_closed_hand_is_told_no_more_than_closed",
     ),
     Guard(
         "the reflex firms the grip at once",
@@ -58,7 +58,7 @@ GUARDS: Final = (
         "the reflex needs no authority",
         "target = authority * self._s.most_levels * max(wish, 0.0)",
         "target = self._s.most_levels * max(wish, 0.0)",
-        f"{_REFLEX}the_addition_is_bounded_slow_and_never_below_the_person_s_own_closure",
+        f"{_REFLEX}a_slip_firms_the_grip_by_its_share_and_the_addition_decays_when_it_ends",
     ),
     Guard(
         "the reflex holds what somebody opens the hand for",

@@ -151,6 +151,13 @@ def test_a_slip_firms_the_grip_by_its_share_and_the_addition_decays_when_it_ends
     assert bench.ticks(400, 3.0, touch("index", incipient=0.0)) == 3.0
 
 
+def test_a_closed_hand_is_told_no_more_than_closed() -> None:
+    bench = grip()
+    assert bench.ticks(400, 4.8, touch("index", incipient=1.0)) == pytest.approx(5.0)
+    assert bench.tick(5.0, touch("index", incipient=1.0)) == 5.0
+    assert bench.arc.added == 0.0
+
+
 def test_a_fast_slip_firms_the_grip_too_and_what_is_not_finite_does_not() -> None:
     assert grip().ticks(400, 3.0, touch("index", slip_mm_s=5.0)) == pytest.approx(3.5)
     assert grip().ticks(400, 3.0, touch("index", slip_mm_s=math.nan, incipient=math.inf)) == 3.0

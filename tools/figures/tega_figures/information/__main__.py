@@ -81,7 +81,7 @@ def main() -> None:
 @click.option("--people", default=40, show_default=True)
 @click.option("--first", default=1000, show_default=True, help="Seed of the first person.")
 @click.option("--giving", is_flag=True, help="On objects whose walls give before they are harmed.")
-def run(file: Path, people: int, first: int, giving: bool) -> None:
+def run(file: Path, people: int, first: int, *, giving: bool) -> None:
     """Run every arm that FILE does not hold yet, and write it there."""
     runs = _read(file) if file.is_file() else []
     seeds = range(first, first + people)

@@ -47,6 +47,9 @@ CELLS: Final[tuple[tuple[ViewName, Condition], ...]] = (
     ("hidden", "replayed"),
     ("hidden", "constant"),
     ("hidden", "unrelated"),
+    ("hidden", "true-reflex"),
+    ("hidden", "reflex"),
+    ("hidden", "haptic-reflex"),
 )
 """View and condition of each session of a person, in the order in which they are run."""
 
@@ -75,6 +78,7 @@ def main() -> None:
 @click.option("--object", "names", multiple=True, type=click.Choice(list(SOFTEST)), help="Instead of all.")
 def run(
     file: Path,
+    *,
     people: int,
     first: int,
     only: tuple[str, ...],
