@@ -17,9 +17,9 @@ from tega.config_sections import (
     STAGE_GROUPS,
     InputConfig,
     InputSection,
+    ReflexSection,
     SessionConfig,
     StageConfig,
-    ReflexSection,
     StagesSection,
     TactileSection,
 )

@@ -241,6 +241,8 @@ def _take(recorded: Recorded, message: Message, chunk: Callable[[EmgChunk], None
             recorded.tried.append((value.t_ns, value.motor, value.percent))
         case "tega.Event":
             recorded.events.append(read(Event, value))
+        case "tega.ReflexGrip":
+            recorded.reflex.append(read(ReflexGrip, value))
         case "tega.Adaptation":
             recorded.adaptations.append(read(Adaptation, value))
         case "tega.BesideContact" | "tega.BesideIntent":
@@ -270,8 +272,6 @@ def _keep(recorded: Recorded, message: Message) -> None:
             recorded.skipped.add(value.t_ns)
         case "tega.Haptics":
             recorded.haptics.append((value.n_asked, value.on, value.t_ns))
-        case "tega.ReflexGrip":
-            recorded.reflex.append(read(ReflexGrip, value))
         case "tega.Imposed":
             imposed = read(Imposed, value)
             recorded.imposed.append((imposed.t_ns, joined_level(imposed.level, imposed.closure)))

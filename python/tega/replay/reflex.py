@@ -69,7 +69,7 @@ def recorded_arc(
     def moment(t_ns: int) -> ReflexMoment:
         row = rows.get(t_ns)
         if row is None:
-            return ReflexMoment(0.0, True, None)
+            return ReflexMoment(0.0, allowed=True, measured=None)
         return ReflexMoment(row.authority, row.allowed, row.measured)
 
     return RecordedArc(

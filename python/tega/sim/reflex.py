@@ -81,7 +81,8 @@ def trial_reflex(
         return None
 
     def moment(_t_ns: int) -> ReflexMoment:
-        return ReflexMoment(settings.authority, True, closure() if settings.authority > 0 else None)
+        measured = closure() if settings.authority > 0 else None
+        return ReflexMoment(settings.authority, allowed=True, measured=measured)
 
     if tells == "true slips":
         return TrueSlipArc(reflex, settings, moment=moment, slip_mm_s=slip_mm_s)

@@ -131,7 +131,7 @@ class DualLoop:
         self._guard = guard
         self._trace = trace
         self._endless = endless
-        self._reflex = reflex
+        self.reflex = reflex
         self._newest: dict[str, Contact] = {}
         self._block: EmgBlock | None = None
         self._felt_anew = False
@@ -324,8 +324,8 @@ class DualLoop:
                     **felt._asdict(),
                 )
             )
-        if self._reflex is not None:
-            self._reflex.heard(self._touch.found)
+        if self.reflex is not None:
+            self.reflex.heard(self._touch.found)
         for event in self._touch.found:
             told = msgspec.structs.replace(event, taken_ns=self._pacer.tick_ns)
             self._moments.event = told
@@ -347,8 +347,8 @@ class DualLoop:
             self._imposed = imposed
             whole, closure = split_level(imposed)
             self._bus.publish(Imposed(t_ns=self._pacer.tick_ns, level=whole, closure=closure))
-        if self._reflex is not None:
-            level = self._reflex.step(t_ns, level, partial(self._touch.fresh_contacts, t_ns))
+        if self.reflex is not None:
+            level = self.reflex.step(t_ns, level, partial(self._touch.fresh_contacts, t_ns))
         self._asked = level
         frames = self._hand.step(level)
         for sink in self._hands:

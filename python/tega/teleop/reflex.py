@@ -1,8 +1,8 @@
 """Add what the reflex wishes to the closure that the person asks for, within bounds that no reflex can leave.
 
 The addition stands between decoder and limits: the hand's own limits of torque and speed come after it. It is 0 or
-more, so that it never opens a hand that holds; it is 0 as soon as the person opens the hand, and is taken back where the
-person loosens the grip, so that it never keeps hold of what the person lets go of.
+more, so that it never opens a hand that holds; it is 0 as soon as the person opens the hand, and is taken back where
+the person loosens the grip, so that it never keeps hold of what the person lets go of.
 """
 
 from __future__ import annotations
@@ -227,8 +227,9 @@ def open_reflex(
         if (now := authority()) != wanted and now is not None:
             wanted = dial.authority = now
         if (share := dial.authority) <= 0 and arc.added <= 0:
-            return ReflexMoment(0.0, True, None)
-        return ReflexMoment(share, active(), None if hand is None else closure(np.asarray(hand.angles_rad)))
+            return ReflexMoment(0.0, allowed=True, measured=None)
+        measured = None if hand is None else closure(np.asarray(hand.angles_rad))
+        return ReflexMoment(share, active(), measured)
 
     arc = ReflexArc(reflex, settings, moment=moment, tell=bus.publish)
     return arc

@@ -123,14 +123,6 @@ def run_loop(
         station.begin(prepared, start_ns=start_ns, bell=bell, trace=trace, guard=guard)
         flows.callback(station.end)
     _steer(flows, rig, start_ns)
-    reflex = open_reflex(
-        config,
-        rig.bus,
-        prepared.fingers,
-        active=lambda: guard.state == "active",
-        hand=sinks.steered,
-        authority=authority,
-    )
     touching, recorded = Touching(), flows.enter_context(closing(RecordedFingers()))
     loop = DualLoop(
         pacer=pacer,
@@ -178,12 +170,19 @@ def run_loop(
             t_ns, frame, refused=partial(_untried, guard, haptics), bus=rig.bus
         ),
         sent=lambda t_ns, sent: tests.sent(t_ns, sent, rig.bus),
-        reflex=reflex,
+        reflex=open_reflex(
+            config,
+            rig.bus,
+            prepared.fingers,
+            active=lambda: guard.state == "active",
+            hand=sinks.steered,
+            authority=authority,
+        ),
     )
 
     def conclude(error: BaseException | None) -> dict[str, Any]:
         flows.close()  # a source is not asked how it was while its thread reads on
-        facts = RunFacts(rig, layout, pace, loop.report, pacer.report(), trace, real_time, reflex)
+        facts = RunFacts(rig, layout, pace, loop.report, pacer.report(), trace, real_time, loop.reflex)
         return _conclude(stack, facts, error, n_waits=pacer.n_waits)
 
     duration_ns = None if session.duration_s is None else round(session.duration_s * 1e9)
