@@ -1,4 +1,4 @@
-"""Wish a firmer grip at incipient slip and a looser one before harm, from what the fingertips feel."""
+"""Ask for a firmer grip at incipient slip and take it back before harm, by what the fingertips feel."""
 
 from __future__ import annotations
 
