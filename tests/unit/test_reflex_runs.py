@@ -178,18 +178,33 @@ def test_an_arm_with_a_reflex_has_it_at_full_authority() -> None:
     from tega.sim.reflex import trial_reflex
 
     config = load_config(None, environ={}).config
-    slip_mm_s = 0.0
+    slip_mm_s, forces_n = 0.0, (0.0,) * 4
 
     def arc(tells: Any) -> Any:
-        return trial_reflex(config, tells, Bus(), closure=lambda: 3.0, slip_mm_s=lambda: slip_mm_s)
+        return trial_reflex(
+            config,
+            tells,
+            Bus(),
+            closure=lambda: 1.0 if max(forces_n) == 0 else 2.5,
+            slip_mm_s=lambda: slip_mm_s,
+            forces_n=lambda: forces_n,
+        )
 
     assert arc("none") is None
-    true, touch = arc("true slips"), arc("touch")
-    for n in range(1, 100):
-        assert true.step(n * 3 * MS, 3.0, dict) == 3.0
+    true, touch, n = arc("true slips"), arc("touch"), 0
+
+    def told() -> float:
+        nonlocal n
+        for n in range(n + 1, n + 201):
+            level = true.step(n * 3 * MS, 3.0, dict)
+            assert touch.step(n * 3 * MS, 3.0, dict) == 3.0, "nothing touches"
+        return float(level)
+
     slip_mm_s = 10.0
-    for n in range(100, 300):
-        told = true.step(n * 3 * MS, 3.0, dict)
-        assert touch.step(n * 3 * MS, 3.0, dict) == 3.0, "nothing touches"
-    assert told == pytest.approx(3.5)
+    assert told() == 3.0, "no finger bears a force"
+    slip_mm_s, forces_n = 0.0, (0.0, 1.0, 0.0, 0.0)
+    assert told() == 3.0
+    slip_mm_s = 10.0
+    # Closing onto the object is no give of it.
+    assert told() == pytest.approx(3.5)
     assert set(FINGERS) == set(true.reflex._fingers)

@@ -152,6 +152,7 @@ class Lift:
             self._bus,
             closure=self.rig.closure,
             slip_mm_s=lambda: 1e3 * self.rig.truth.slip_m_s,
+            forces_n=lambda: self.rig.truth.pad_force_n,
         )
         if recorder is not None and self._arm.reflex != "none" and lab.config.stages.reflex.name is None:
             raise InvalidValueError(

@@ -25,13 +25,14 @@ FULL_REFLEX: Final = ReflexSection(name="grip", authority=1.0)
 
 
 class TrueSlipArc(ReflexArc):
-    """An arc whose reflex is told the true speed of the slide, on every finger, and no event.
+    """An arc whose reflex is told the true speed of the slide, on every finger that bears a force, and no event.
 
     Args:
         reflex: The stage.
         settings: Its bounds.
         moment: As of :class:`tega.teleop.reflex.ReflexArc`.
         slip_mm_s: Tells how fast the object slides through the grasp now, mm/s.
+        forces_n: Tells the true force on each pad, newtons, thumb first.
     """
 
     def __init__(
@@ -41,9 +42,10 @@ class TrueSlipArc(ReflexArc):
         *,
         moment: Callable[[int], ReflexMoment],
         slip_mm_s: Callable[[], float],
+        forces_n: Callable[[], Sequence[float]],
     ) -> None:
         super().__init__(reflex, settings, moment=moment)
-        self._slip_mm_s = slip_mm_s
+        self._slip_mm_s, self._forces_n = slip_mm_s, forces_n
 
     def heard(self, events: Sequence[Event]) -> None:
         """Hear nothing of what was found in the pictures."""
@@ -51,7 +53,10 @@ class TrueSlipArc(ReflexArc):
     def step(self, t_ns: int, own: float, contacts: Callable[[], Mapping[str, Contact]]) -> float:  # noqa: ARG002
         """Return what the hand is to be told at a tick."""
         told = (NamedValue("slip_mm_s", self._slip_mm_s(), "mm/s"),)
-        true = {name: Contact(finger=name, t_ns=t_ns, in_contact=True, more=told) for name in FINGERS}
+        true = {
+            name: Contact(finger=name, t_ns=t_ns, in_contact=force_n > 0, more=told)
+            for name, force_n in zip(FINGERS, self._forces_n(), strict=True)
+        }
         return super().step(t_ns, own, lambda: true)
 
 
@@ -62,6 +67,7 @@ def trial_reflex(
     *,
     closure: Callable[[], float],
     slip_mm_s: Callable[[], float],
+    forces_n: Callable[[], Sequence[float]],
 ) -> ReflexArc | None:
     """Make the reflex of a trial; ``None`` where neither its condition nor the settings have one.
 
@@ -71,6 +77,7 @@ def trial_reflex(
         bus: Told of every addition.
         closure: Tells the hand's closure by its joints, levels.
         slip_mm_s: Tells how fast the object slides, mm/s.
+        forces_n: Tells the true force on each pad, newtons, thumb first.
     """
     stages = config.stages
     if tells != "none" and stages.reflex.name is None:
@@ -85,5 +92,5 @@ def trial_reflex(
         return ReflexMoment(settings.authority, allowed=True, measured=measured)
 
     if tells == "true slips":
-        return TrueSlipArc(reflex, settings, moment=moment, slip_mm_s=slip_mm_s)
+        return TrueSlipArc(reflex, settings, moment=moment, slip_mm_s=slip_mm_s, forces_n=forces_n)
     return ReflexArc(reflex, settings, moment=moment, tell=bus.publish)
