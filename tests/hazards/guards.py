@@ -540,6 +540,12 @@ def _late(what: str, old: str, new: str, shown_by: str) -> Guard:
 
 LATE: Final = (
     _late(
+        "the way back of what a reflex added",
+        "_BACK_LEVELS_PER_S: Final = 5.0",
+        "_BACK_LEVELS_PER_S: Final = 0.5",
+        f"{_TIMES}what_a_reflex_added_is_taken_back_within_200_ms_of_a_hold",
+    ),
+    _late(
         "the vest's watchdog",
         "WATCHDOG_S: Final = 0.2",
         "WATCHDOG_S: Final = 2.0",

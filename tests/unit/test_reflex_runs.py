@@ -195,7 +195,8 @@ def test_an_arm_with_a_reflex_has_it_at_full_authority() -> None:
 
     def told() -> float:
         nonlocal n
-        for n in range(n + 1, n + 201):
+        for _ in range(200):
+            n += 1
             level = true.step(n * 3 * MS, 3.0, dict)
             assert touch.step(n * 3 * MS, 3.0, dict) == 3.0, "nothing touches"
         return float(level)
