@@ -17,6 +17,7 @@ from tega.config_sections import (
     STAGE_GROUPS,
     InputConfig,
     InputSection,
+    ReflexSection,
     SessionConfig,
     StageConfig,
     StagesSection,
@@ -181,7 +182,36 @@ def _typed_stages(
             raise ConfigError(f"{place}: {error.message}", error.hint) from None
         typed = convert(one.options, wanted.options_type, f"{key}.options")
         beside.append(msgspec.structs.replace(one, options=typed))
-    return StagesSection(**sections, beside=tuple(beside), adaptation=config.stages.adaptation)
+    return StagesSection(
+        **sections,
+        beside=tuple(beside),
+        adaptation=config.stages.adaptation,
+        reflex=_typed_reflex(config, origins, convert),
+    )
+
+
+def _typed_reflex(
+    config: SessionConfig, origins: Mapping[str, str], convert: Callable[[Any, Any, str], Any]
+) -> ReflexSection:
+    """Return the reflex with its own options; one without a name is off, and has none."""
+    reflex, key = config.stages.reflex, "stages.reflex"
+    if reflex.name is None:
+        if reflex.authority > 0 or reflex.options:
+            place = where(origins, f"{key}.authority" if reflex.authority > 0 else key)
+            raise ConfigError(
+                f"{place}: {key} has settings, but {key}.name is not set",
+                f'name a reflex, such as {key}.name = "grip", or leave them out',
+            )
+        return reflex
+    try:
+        wanted = stage_class("reflex", reflex.name)
+    except ConfigError as error:
+        raise ConfigError(
+            f"{where(origins, f'{key}.name')}: {key}.name: {error.message}", error.hint
+        ) from None
+    return msgspec.structs.replace(
+        reflex, options=convert(reflex.options, wanted.options_type, f"{key}.options")
+    )
 
 
 # Settings that have another name now.

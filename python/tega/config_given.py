@@ -40,7 +40,7 @@ def override_recorded(tree: dict[str, Any], sets: Sequence[str]) -> dict[str, st
     options of the one that ran.
     """
     named = {item.partition("=")[0].strip() for item in sets}
-    for group in STAGE_GROUPS:
+    for group in (*STAGE_GROUPS, "reflex"):
         if f"stages.{group}.name" in named and isinstance(tree.get("stages"), dict):
             tree["stages"].pop(group, None)
     return override_tree(tree, sets)

@@ -35,7 +35,7 @@ def driver_options(name: str, tree: Mapping[str, Any], *, sets: Sequence[str] = 
 
 
 def stage_options(
-    group: Literal["metric", "decoder", "mapping"], name: str, *, sets: Sequence[str] = ()
+    group: Literal["metric", "decoder", "mapping", "reflex"], name: str, *, sets: Sequence[str] = ()
 ) -> Any:
     """Check a stage's options outside a session, as its ``options`` table would be.
 

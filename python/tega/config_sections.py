@@ -45,6 +45,7 @@ __all__ = [
     "MaskingSection",
     "Pace",
     "RecordingSection",
+    "ReflexSection",
     "SessionConfig",
     "SessionSection",
     "StageConfig",
@@ -243,6 +244,7 @@ class InputSection(_Section, frozen=True):
         recover: A button that says, with the dead-man let go, that the arm may go on after a fault or a stop.
         marker: A switch that marks a moment.
         undo: A button that undoes the online adaptation of EMG; pressed again, that begins anew.
+        reflex: A button that takes the reflex's authority away; pressed again, gives it back.
     """
 
     motion: InputConfig | None = None
@@ -251,6 +253,7 @@ class InputSection(_Section, frozen=True):
     recover: InputConfig | None = None
     marker: InputConfig | None = None
     undo: InputConfig | None = None
+    reflex: InputConfig | None = None
 
     def in_use(self) -> dict[str, InputConfig]:
         """Return the inputs that have a device."""
@@ -421,6 +424,25 @@ class AdaptationSection(_Section, frozen=True):
     offset_percent_per_min: Annotated[float, msgspec.Meta(ge=0, le=10)] = 2.0
 
 
+class ReflexSection(StageConfig, frozen=True):
+    """The reflex that firms the grip at a slip and eases it again, beyond what the person asks for.
+
+    Attributes:
+        name: Its name, as ``tega-teleop stages`` lists it; none means no reflex.
+        options: Its own settings.
+        authority: Share of the largest addition that it may use at the start, 0 (none) to 1; page and button set it
+            while a run goes on.
+        most_levels: Largest addition to the closure that the person asks for, levels of the five.
+        rise_levels_per_s: By so much the addition grows in a second at most.
+        fall_levels_per_s: By so much it shrinks in a second once its cause has ended.
+    """
+
+    authority: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.0
+    most_levels: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.5
+    rise_levels_per_s: Annotated[float, msgspec.Meta(gt=0, le=10)] = 5.0
+    fall_levels_per_s: Annotated[float, msgspec.Meta(ge=0.1, le=5)] = 0.5
+
+
 class StagesSection(_Section, frozen=True):
     """The stages that turn pictures into contacts, EMG into intent, and contacts into motor levels.
 
@@ -430,6 +452,7 @@ class StagesSection(_Section, frozen=True):
         mapping: Turns contacts into motor levels.
         beside: Further metrics and decoders that look on and are recorded; they move nothing.
         adaptation: Whether the decoder's samples follow slow changes of skin and electrodes.
+        reflex: Adds to the closure between decoder and limits, by what the fingertips feel.
     """
 
     metric: StageConfig = StageConfig()
@@ -437,6 +460,7 @@ class StagesSection(_Section, frozen=True):
     mapping: StageConfig = StageConfig()
     beside: tuple[BesideConfig, ...] = ()
     adaptation: AdaptationSection = AdaptationSection()
+    reflex: ReflexSection = ReflexSection()
 
 
 class MaskingSection(_Section, frozen=True):

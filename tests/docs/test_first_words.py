@@ -17,7 +17,7 @@ Compose Compute Connect Convert Copy Correlate Cut Debounce Decide Declare Decod
 Describe Detect Draw Drive Drop Emphasise Encode End Estimate Exchange Export Filter Find Fit Follow Gather Give Group
 Hold Import Inspect Judge Keep Lay Lead Learn Let Light Limit List Listen Load Look Make Map Mark Measure Merge Move
 Name Note Notice Observe Open Pace Parse Plan Play Practise Prepare Print Publish Queue Read Recognise Record
-Refresh Refuse Render Report Resample Run Say Score Send Serve Set Show Silence Simulate Spread Stamp Stand Start
+Refresh Refuse Render Report Resample Run Say Score See Send Serve Set Show Silence Simulate Spread Stamp Stand Start
 Steer Stream Sum Switch Synthesise Take Teach Tell Test Track Trim Try Turn Vary Wake Watch Withdraw Write
 """
 VERBS = frozenset(SORTED_VERBS.split())

@@ -18,8 +18,9 @@ RESULTS = Path(tega_figures.information.__file__).with_name("fresh.json")
 pytestmark = pytest.mark.skipif(not PAGE.is_file(), reason="not a checkout")
 
 
-def test_the_page_shows_the_table_of_the_kept_run_and_the_digest_of_the_rules() -> None:
-    printed = CliRunner().invoke(main, ["table", str(RESULTS)])
+@pytest.mark.parametrize("file", ["fresh.json", "giving.json"])
+def test_the_page_shows_the_table_of_the_kept_run_and_the_digest_of_the_rules(file: str) -> None:
+    printed = CliRunner().invoke(main, ["table", str(RESULTS.with_name(file))])
     assert printed.exit_code == 0
     assert printed.output.strip() in PAGE.read_text(encoding="utf-8")
 

@@ -21,6 +21,7 @@ _FOREIGN: Final = "tests/property/test_foreign_files.py::test_"
 _PICTURES: Final = "tests/unit/test_picture_votes.py::test_"
 _VESTS: Final = "tests/contract/test_vests.py::test_"
 _START: Final = "tests/unit/test_arm_to_start.py::test_"
+_REFLEX: Final = "tests/property/test_reflex.py::test_"
 _LIMB: Final = "tests/unit/test_limb_loss.py::test_"
 
 
@@ -41,6 +42,48 @@ class Guard(NamedTuple):
 
 
 GUARDS: Final = (
+    Guard(
+        "the reflex's sum has no bound",
+        "self.added = min(max(added, 0.0), self._s.most_levels, _CLOSED - own)",
+        "self.added = added",
+        f"{_REFLEX}a_closed_hand_is_told_no_more_than_closed",
+    ),
+    Guard(
+        "the reflex firms the grip at once",
+        "self.added + self._s.rise_levels_per_s * dt_s)",
+        "9.0)",
+        f"{_REFLEX}the_addition_is_bounded_slow_and_never_below_the_person_s_own_closure",
+    ),
+    Guard(
+        "the reflex needs no authority",
+        "target = authority * self._s.most_levels * max(wish, 0.0)",
+        "target = self._s.most_levels * max(wish, 0.0)",
+        f"{_REFLEX}a_slip_firms_the_grip_by_its_share_and_the_addition_decays_when_it_ends",
+    ),
+    Guard(
+        "the reflex holds what somebody opens the hand for",
+        "        if own <= _OPEN:\n            added = 0.0",
+        "        if False:\n            added = 0.0",
+        f"{_REFLEX}who_opens_the_hand_lets_go_at_once",
+    ),
+    Guard(
+        "the reflex answers the slip of what is let go",
+        "held_back = not now.allowed or self._firmest - own >= _LOOSENED",
+        "held_back = not now.allowed",
+        f"{_REFLEX}who_loosens_the_grip_is_not_held_against_it_by_the_slip_that_follows",
+    ),
+    Guard(
+        "the reflex goes on in a hold",
+        "held_back = not now.allowed or self._firmest - own >= _LOOSENED",
+        "held_back = self._firmest - own >= _LOOSENED",
+        f"{_TIMES}what_a_reflex_added_is_taken_back_within_200_ms_of_a_hold",
+    ),
+    Guard(
+        "the reflex firms a grip that no finger feels",
+        "holding = own > _OPEN and any(contact.in_contact for contact in fresh.values())",
+        "holding = own > _OPEN",
+        f"{_REFLEX}the_addition_is_bounded_slow_and_never_below_the_person_s_own_closure",
+    ),
     Guard(
         "EMG that is lost is not seen",
         "        if age_ns > stale_ns:",
@@ -503,6 +546,12 @@ def _late(what: str, old: str, new: str, shown_by: str) -> Guard:
 
 
 LATE: Final = (
+    _late(
+        "the way back of what a reflex added",
+        "_BACK_LEVELS_PER_S: Final = 5.0",
+        "_BACK_LEVELS_PER_S: Final = 0.5",
+        f"{_TIMES}what_a_reflex_added_is_taken_back_within_200_ms_of_a_hold",
+    ),
     _late(
         "the vest's watchdog",
         "WATCHDOG_S: Final = 0.2",

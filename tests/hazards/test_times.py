@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from reference.scripted import MS, touching
 from reference.waiting import until
 from tega.calibration import TouchMaxima
+from tega.config import ReflexSection
 from tega.devices import allegro, guard_process, hand_bus, hand_guard, vest_ble, vest_ble_guard, vest_stream
 from tega.devices.allegro import AllegroOptions
 from tega.devices.hand_guard import guard_hand
@@ -36,9 +37,13 @@ from tega.net.clock import Offset
 from tega.net.gate import StampGate
 from tega.net.messages import Stamped
 from tega.net.settings import NetSection
+from tega.records import Contact, NamedValue
 from tega.safety.guard import Guard, Watched
 from tega.safety.settings import SafetySection
+from tega.stages.base import ReflexSetup
+from tega.stages.grip_reflex import GripReflex, GripReflexOptions
 from tega.teleop.hand import HAND_TICK_NS
+from tega.teleop.reflex import ReflexArc, ReflexMoment
 from tega.teleop.touch import TouchLoop
 from tega.wire import (
     HAND_FINGERS,
@@ -135,6 +140,37 @@ def test_a_dead_man_a_late_loop_and_a_lost_link_hold_at_the_next_look() -> None:
     punctual.late_ns = 99 * MS
     punctual.until(lambda t_ms=punctual.t_ms: punctual.t_ms > t_ms + 500)  # type: ignore[misc]
     assert punctual.guard.state == "active"
+
+
+def test_what_a_reflex_added_is_taken_back_within_200_ms_of_a_hold() -> None:
+    run, now = _Run(emg_lost_ms=160), ReflexMoment(1.0, True, None)
+    bounds = ReflexSection(name="grip", authority=1.0, most_levels=1.0)
+    arc = ReflexArc(
+        GripReflex(ReflexSetup(("thumb",)), GripReflexOptions()), bounds, moment=lambda _t_ns: now
+    )
+    slips = Contact(finger="thumb", t_ns=0, in_contact=True, more=(NamedValue("incipient", 1.0),))
+
+    def ticked(contacts: dict[str, Contact]) -> float:
+        run.t_ms += TICK_MS
+        return arc.step(round(run.t_ms * MS), 3.0, lambda: contacts)
+
+    while arc.added < 1.0:
+        ticked({"thumb": slips})
+    run.silent_from_ms["emg"] = run.t_ms
+    held_ms = run.until(lambda: run.guard.state == "hold")
+    assert held_ms <= 260 + TICK_MS
+    now, began_ms = ReflexMoment(1.0, run.guard.state == "active", None), run.t_ms
+    while ticked({"thumb": slips}) > 3.0:
+        assert run.t_ms < began_ms + 1000
+    assert run.t_ms - began_ms <= 200 + TICK_MS
+    # Its fingers lost, in an active run: as slowly as a slip is forgotten.
+    now = ReflexMoment(1.0, True, None)
+    while arc.added < 1.0:
+        ticked({"thumb": slips})
+    began_ms = run.t_ms
+    while ticked({}) > 3.0:
+        assert run.t_ms < began_ms + 10_000
+    assert run.t_ms - began_ms == pytest.approx(2000, abs=2 * TICK_MS)
 
 
 def test_a_stale_finger_is_silent_after_100_ms_and_a_refresh() -> None:

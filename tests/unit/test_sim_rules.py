@@ -9,6 +9,8 @@ import pytest
 
 from tega.sim.operator import Operator, Rules, draw_person, sham_vest, typical_person
 from tega.sim.operator.panels import ConfirmedClosure
+from tega.sim.operator.settled import JudgingEyes, SettledGrip
+from tega.sim.operator.vision import Kind, SeenEvent
 from tega.sim.plan import TrialResult
 from tega_figures.information.agent import IdealAgent
 from tega_figures.information.bench import bench_arms, bench_table
@@ -83,6 +85,63 @@ def test_practice_teaches_what_the_vest_shows_and_a_sham_teaches_distrust() -> N
 
     assert trust("informative") > 0.5
     assert trust("unrelated") < 0.05
+
+
+def eyes(bears_m: float) -> JudgingEyes:
+    person = typical_person()
+    streams = {
+        name: np.random.default_rng(n) for n, name in enumerate(("gaze", "looks", "poses", "reaction"))
+    }
+    return JudgingEyes(person.vision, bears_m=bears_m, width_m=0.1, **streams)
+
+
+def test_a_dent_is_judged_when_it_has_grown_and_by_what_the_object_bears() -> None:
+    looking = eyes(0.02)
+    # A look whose chance would see anything: what is judged once is not judged again.
+    assert looking._dented(0.1, 0.0)
+    assert not any(looking._dented(0.1, 0.0) for _ in range(100))
+    assert looking._dented(0.13, 0.0)
+    # It eased, and grew anew.
+    assert not looking._dented(0.05, 0.0)
+    assert looking._dented(0.07, 0.0)
+    # Half of the looks at what it bears, few at half of that; without a word about it, half at what can be seen.
+    assert eyes(0.02)._seen(0.2, 0.2) == 0.5
+    assert not eyes(0.02)._dented(0.1, 0.01)
+    assert eyes(0.0)._dented(0.1, 0.5)
+
+
+def test_what_a_command_has_not_changed_yet_is_not_answered() -> None:
+    operator = Operator(typical_person(), seed=1, rules=Rules(version=3))
+    operator.begin("object", width_m=0.07)
+    assert operator._trial is not None
+    grip = operator._trial.grip
+    assert isinstance(grip, SettledGrip)
+
+    def answered(kind: Kind, began_s: float) -> bool:
+        return grip._answers(SeenEvent(began_s + 0.3, kind, began_s))
+
+    grip._command(1.0, 3, "close")
+    assert [answered("slip", at) for at in (0.9, 1.2, 1.7)] == [False, False, True]
+    assert [answered("deformation", at) for at in (0.9, 1.2, 1.7)] == [False, True, True]
+    grip._command(5.0, 2, "cost")
+    assert [answered("slip", at) for at in (4.9, 5.2, 5.7)] == [False, True, True]
+    assert [answered("deformation", at) for at in (4.9, 5.2, 5.7)] == [False, False, True]
+
+
+def test_on_walls_that_give_the_third_version_slips_less_than_the_second() -> None:
+    slips = {
+        version: person_outcomes("off", [0, 1], version=version, giving=True, n_trials=2)[:, 0].sum()
+        for version in (2, 3)
+    }
+    assert slips[3] < slips[2]
+
+
+def test_a_wall_gives_before_it_is_harmed() -> None:
+    hard, giving = Grasp(2.4, 3.6), Grasp(2.4, 3.6, gives_from=1.5)
+    assert hard.narrower_m(3.5) == 0.0
+    assert 0 < giving.narrower_m(2.4) < giving.bears_m
+    assert giving.narrower_m(4.01) > giving.bears_m
+    assert hard.narrower_m(4.01) > hard.bears_m
 
 
 def test_the_first_version_is_the_default() -> None:

@@ -135,7 +135,16 @@ def run_viewed(
     from tega.view.browser.hand_figure import EYE_M, LOOK_AT_M
 
     bus = run_bus.Bus() if bus is None else bus
-    controls = Controls(can_pause=can_pause, can_mute=True, can_go=wait, playhead=playhead)
+    reflex = config.stages.reflex if run is None else None
+    controls = Controls(
+        can_pause=can_pause,
+        can_mute=True,
+        can_go=wait,
+        playhead=playhead,
+        reflex=None if reflex is None or reflex.name is None else reflex.authority,
+    )
+    if controls.reflex is not None:
+        options["authority"] = lambda: controls.reflex
     if run is None and not can_pause:
         options["motor_tests"] = tests = MotorTests()
         options["go"] = lambda: controls.may_go

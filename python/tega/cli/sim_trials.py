@@ -65,10 +65,10 @@ def sim() -> None:
 )
 @click.option(
     "--rules",
-    type=click.IntRange(1, 2),
+    type=click.IntRange(1, 3),
     default=1,
     show_default=True,
-    help="Version of the rules that the persons follow; by 2 they practise first.",
+    help="Version of the rules that the persons follow; by 2 and 3 they practise first.",
 )
 @object_options
 @loop_options

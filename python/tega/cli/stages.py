@@ -1,4 +1,4 @@
-"""List the installed metrics, decoders, mappings and layouts, with their options: ``tega-teleop stages``."""
+"""List the installed metrics, decoders, mappings, reflexes and layouts, with their options: ``tega-teleop stages``."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ _TITLES = {
     "metric": "Metrics: a fingertip's picture to a contact (stages.metric.name)",
     "decoder": "Decoders: EMG to intent (stages.decoder.name)",
     "mapping": "Mappings: contacts to motor levels (stages.mapping.name)",
+    "reflex": "Reflexes: firm the grip by what is felt (stages.reflex.name)",
     "layout": "Layouts: where the motors are (vest.layout)",
 }
 

@@ -1,18 +1,28 @@
-"""Check metrics, decoders, mappings and layouts, whoever wrote them, against the contracts of their kinds."""
+"""Check metrics, decoders, mappings, reflexes and layouts, whoever wrote them, against the contracts of their kinds."""
 
 from __future__ import annotations
 
 import math
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from tega.contract.rule import rule
 from tega.haptics import FINGERS
 from tega.motor_layout import SHIPPED, MotorLayout
-from tega.records import Contact, Event, Intent
-from tega.stages.base import Decoder, FingerSetup, Mapping, Metric, MuscleSetup, VestSetup
+from tega.records import Contact, Event, Intent, NamedValue
+from tega.stages.base import (
+    Decoder,
+    FingerSetup,
+    Mapping,
+    Metric,
+    MuscleSetup,
+    Reflex,
+    ReflexSetup,
+    VestSetup,
+)
 
 _FRAME_NS = 16_666_667
 
@@ -21,7 +31,7 @@ def check_stage(stage: Any, options: Any = None) -> None:
     """Put a stage through the contract of its kind.
 
     Args:
-        stage: A class of metric, decoder or mapping, or a layout.
+        stage: A class of metric, decoder, mapping or reflex, or a layout.
         options: Its options; ``None`` for its defaults.
 
     Raises:
@@ -38,6 +48,8 @@ def check_stage(stage: Any, options: Any = None) -> None:
         check_metric(stage, options)
     elif issubclass(stage, Decoder):
         check_decoder(stage, options)
+    elif issubclass(stage, Reflex):
+        check_reflex(stage, options)
     else:
         check_mapping(stage, options)
 
@@ -154,6 +166,33 @@ def check_mapping(mapping: type[Mapping], options: Any) -> None:
             _percents(made.levels(10**11, {}, ()), n).max() == 0,
             "when every finger is lost, every motor rests again",
         )
+
+
+def check_reflex(reflex: type[Reflex], options: Any) -> None:
+    """Check a reflex on an object that is touched, slips, is lost from sight, and is let go."""
+
+    def run() -> list[tuple[float, str]]:
+        made: Any = reflex(ReflexSetup(FINGERS), options)  # type: ignore[call-arg]
+        found = []
+        for step in range(1, 400):
+            t_ns = step * 3_000_000
+            slips = 100 <= step < 150
+            contacts = {finger: _touching(finger, t_ns, 0.5) for finger in FINGERS if step < 300}
+            if slips:
+                signs = (NamedValue("incipient", 1.0), NamedValue("slip_mm_s", 20.0, "mm/s"))
+                contacts = {n: msgspec.structs.replace(c, more=signs) for n, c in contacts.items()}
+            events = (Event(t_ns=t_ns, kind="slip", finger=""),) if slips and made.wants_events else ()
+            # The second half of the time no hand is measured.
+            measured = 3.0 if step < 200 else None
+            wish = made.wish(t_ns, 3.0, measured, contacts, events)
+            rule(isinstance(wish, float) and math.isfinite(wish), "wish is a finite float")
+            rule(-1 <= wish <= 1, "wish is -1 to 1")
+            rule(step < 300 or wish <= 0, "without a fresh finger nothing is wished")
+            rule("\n" not in made.cause, "cause is one line")
+            found.append((wish, made.cause))
+        return found
+
+    rule(repr(run()) == repr(run()), "the same touch gives the same wishes")
 
 
 def _touching(finger: str, t_ns: int, share: float) -> Contact:

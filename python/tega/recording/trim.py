@@ -33,6 +33,7 @@ _LEADING = frozenset(
         "Haptics",
         "TriedMotor",
         "Imposed",
+        "ReflexGrip",
         "ArmTurn",
     )
 )

@@ -16,7 +16,15 @@ from tega.records.arm import (
 from tega.records.base import Record
 from tega.records.beside import BesideContact, BesideIntent
 from tega.records.emg import Adaptation, AdaptationSwitch, EmgSamples, Intent, MuscleCondition
-from tega.records.hand import BusFrame, HandCommand, HandExchange, Imposed, Joints, bus_frames
+from tega.records.hand import (
+    BusFrame,
+    HandCommand,
+    HandExchange,
+    Imposed,
+    Joints,
+    ReflexGrip,
+    bus_frames,
+)
 from tega.records.latency import Latency
 from tega.records.operator import Button, InputState
 from tega.records.run import (
@@ -71,6 +79,7 @@ __all__ = [
     "PoseRecord",
     "Record",
     "RecorderStatus",
+    "ReflexGrip",
     "RunState",
     "SentFrame",
     "Skip",
@@ -120,5 +129,6 @@ RECORDS: tuple[type[Record], ...] = (
     AdaptationSwitch,
     Adaptation,
     MuscleCondition,
+    ReflexGrip,
 )
 """All of them."""

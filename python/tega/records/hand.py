@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from typing import Any
 
 
+Levels = Annotated[float, quantity("level")]
+
+
 class BusFrame(msgspec.Struct, frozen=True):
     """One frame of a CAN bus.
 
@@ -99,6 +102,42 @@ class Imposed(Record, frozen=True, kw_only=True):
     t_ns: Ns
     level: Step
     closure: Share | None = None
+
+
+class ReflexGrip(Record, frozen=True, kw_only=True):
+    """Addition of the reflex to the closure that the person asks for, at each tick at which it was asked.
+
+    Attributes:
+        t_ns: The tick, since the start of the session.
+        own: Closure that the person asks for, 1 to 5 with fractions.
+        added: What the hand is told beyond that.
+        authority: Share of the largest addition that the reflex may use.
+        allowed: Whether the run was active.
+        measured: Closure of the hand by its joints; ``None`` where no hand is measured.
+        wish: What the reflex asked for, -1 (take back) to 1.
+        cause: Why, in a few words.
+    """
+
+    topic: ClassVar[str] = "/hand/reflex"
+    table: ClassVar[tuple[str, ...]] = (
+        "t_s",
+        "own",
+        "added",
+        "authority",
+        "allowed",
+        "measured",
+        "wish",
+        "cause",
+    )
+
+    t_ns: Ns
+    own: Levels
+    added: Levels
+    authority: Share = 0.0
+    allowed: bool = True
+    measured: Levels | None = None
+    wish: Share = 0.0
+    cause: str = ""
 
 
 class Joints(Record, frozen=True, kw_only=True):

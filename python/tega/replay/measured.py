@@ -203,6 +203,10 @@ class Measured:
                 (f"stages.adaptation.{f}", getattr(head.config.stages.adaptation, f), getattr(adapted, f))
                 for f in adapted.__struct_fields__
             ),
+            *(
+                (f"stages.reflex.{f}", getattr(head.config.stages.reflex, f), getattr(other.stages.reflex, f))
+                for f in other.stages.reflex.__struct_fields__
+            ),
             *((f"hand.{f}", getattr(head.config.hand, f), getattr(hand, f)) for f in hand.__struct_fields__),
         ):
             if old != new:

@@ -15,7 +15,7 @@ from typing import Any
 import msgspec
 
 from tega.bus import Bus
-from tega.config import Pace, SessionConfig, VestConfig, load_config
+from tega.config import Pace, ReflexSection, SessionConfig, VestConfig, load_config
 from tega.devices.base import TactileFrame
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError
@@ -237,6 +237,8 @@ def _settings(
         ),
         hand=to.hand,
         input=to.input,
+        # What moves then is what the person asked; the reflex belongs to who is there.
+        stages=msgspec.structs.replace(then.stages, reflex=ReflexSection()),
         arm=None,  # its path is shown, and a recording must not move a robot
         markers=to.markers,
         safety=msgspec.structs.replace(

@@ -8,7 +8,7 @@ JPEG pictures from the contacts as recorded, and the pictures are measured besid
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +19,7 @@ from tega.bus import Bus
 from tega.clock import ManualClock
 from tega.foreign_file import tells_damage
 from tega.inbox.stream import NEVER_NS, Item, PulledStream
-from tega.records import Adaptation, BusFrame, Contact, Event, HandCommand, Intent, VestFrame
+from tega.records import Adaptation, BusFrame, Contact, Event, HandCommand, Intent, ReflexGrip, VestFrame
 from tega.records.schema import values
 from tega.replay.arm import compare_arm
 from tega.replay.beside import compare_beside
@@ -34,6 +34,7 @@ from tega.replay.measured import (
     picture_errors,
 )
 from tega.replay.recorded import Recorded, read_recorded
+from tega.replay.reflex import recorded_arc
 from tega.teleop.hand import ModelledAllegro
 from tega.teleop.loop import DualLoop
 from tega.teleop.moment import Moment
@@ -134,6 +135,7 @@ class _Again(msgspec.Struct):
     events: list[Event] = []
     vest: list[tuple[int, str, bytes]] = []
     hand: list[tuple[int, float, Sequence[BusFrame]]] = []
+    reflex: list[ReflexGrip] = []
     end_ns: int = 0
 
     def contact(self, contact: Contact) -> None:
@@ -156,7 +158,9 @@ def _run(recorded: Recorded, measured: Measured, bus: Bus) -> _Again:
     head, config = recorded.head, measured.config
     again = _Again({finger: [] for finger in recorded.contacts})
     pacer = _RecordedPacer(recorded)
-    hand = _ModelledHand(recorded, pacer, config.hand.device_id)
+    reflex = recorded_arc(recorded, config, tick_ns=lambda: pacer.tick_ns, tell=again.reflex.append)
+    imposed = {} if reflex is not None else dict(recorded.imposed)
+    hand = _ModelledHand(recorded, pacer, config.hand.device_id, imposed)
     with_emg = "emg" in head.sources
     asked = 0
     on = {n_asked: on for n_asked, on, _ in recorded.haptics}
@@ -199,6 +203,7 @@ def _run(recorded: Recorded, measured: Measured, bus: Bus) -> _Again:
         haptics=haptics,
         endless=bool(recorded.turns),
         tried=tried if recorded.tried else lambda _t_ns, frame: frame,
+        reflex=reflex,
     )
     ended = "" if recorded.end is None else recorded.end[1]
     duration_ns = recorded.end[0] if recorded.end is not None and ended == "duration" else None
@@ -261,11 +266,13 @@ class _RecordedPacer(Pacer):
 class _ModelledHand:
     """The modelled hand; where a real one closed its own loop, only the levels it was asked for."""
 
-    def __init__(self, recorded: Recorded, pacer: _RecordedPacer, device_id: int) -> None:
+    def __init__(
+        self, recorded: Recorded, pacer: _RecordedPacer, device_id: int, imposed: Mapping[int, float]
+    ) -> None:
         self._model = ModelledAllegro(device_id=device_id)
         self._steered = recorded.head.facts["steered"] == "true"
         self._pacer = pacer
-        self._imposed = dict(recorded.imposed)
+        self._imposed = imposed
         self._level: float = 0
         self.level: float = 0
 
@@ -330,6 +337,11 @@ def _compare(recorded: Recorded, again: _Again, cut_ns: int | None) -> list[Comp
             for rows in (recorded.hand, [row for row in again.hand if row[0] >= from_ns])
         )
         streams.append(compare("/hand/frames", ours, theirs, until_ns=cut_ns))
+    added = [row for row in again.reflex if row.t_ns >= from_ns]
+    told = [row for row in recorded.reflex if row.t_ns >= from_ns]
+    if added or told:
+        ours, theirs = ([(row.t_ns, values(row)) for row in rows] for rows in (told, added))
+        streams.append(compare(ReflexGrip.topic, ours, theirs, until_ns=cut_ns))
     return streams
 
 

@@ -32,6 +32,7 @@ from tega.records import (
     HandExchange,
     Imposed,
     Intent,
+    ReflexGrip,
 )
 from tega.records.schema import read
 from tega.scene.decode import note_key
@@ -92,6 +93,7 @@ class Recorded(msgspec.Struct):
         beside: What the stages beside the connected ones said, by topic, as recorded.
         adaptations: Gains and offsets of EMG, in order, as recorded.
         imposed: When a level was set against the muscles: time, level (0 for no longer).
+        reflex: What the reflex added, tick by tick, as recorded.
         markers: Marked moments: time, text.
         end: How the loop ended; ``None`` where the recording was cut.
         dropped: Records lost, by topic.
@@ -117,6 +119,7 @@ class Recorded(msgspec.Struct):
     haptics: list[tuple[int, bool, int]] = []
     tried: list[tuple[int, int, int]] = []
     imposed: list[tuple[int, float]] = []
+    reflex: list[ReflexGrip] = []
     markers: list[tuple[int, str]] = []
     beside: dict[str, list[Any]] = {}
     adaptations: list[Adaptation] = []
@@ -238,6 +241,8 @@ def _take(recorded: Recorded, message: Message, chunk: Callable[[EmgChunk], None
             recorded.tried.append((value.t_ns, value.motor, value.percent))
         case "tega.Event":
             recorded.events.append(read(Event, value))
+        case "tega.ReflexGrip":
+            recorded.reflex.append(read(ReflexGrip, value))
         case "tega.Adaptation":
             recorded.adaptations.append(read(Adaptation, value))
         case "tega.BesideContact" | "tega.BesideIntent":

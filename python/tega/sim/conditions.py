@@ -12,6 +12,10 @@ have gained from a vest. ``oracle`` pulses at true slips, ``true-force`` shows t
 real vest, ``ideal-vest`` shows them in proportion, on a skin that misses nothing. From one to the next, ``ideal-vest``,
 ``true-force``, ``haptic`` add the real vest with its wearer's skin, and the real reading of pictures. The sham of
 ``oracle`` is ``mistimed``: the pulses of another trial.
+
+``reflex`` has no vest and a reflex that firms the grip (:mod:`tega.teleop.reflex`), ``haptic-reflex`` both, at the
+settings' reflex or, where they name none, ``grip`` with full authority. ``true-reflex`` is their positive control: the
+same reflex is told the true speed of the slide.
 """
 
 from __future__ import annotations
@@ -40,10 +44,13 @@ Condition = Literal[
     "true-force",
     "ideal-vest",
     "mistimed",
+    "reflex",
+    "haptic-reflex",
+    "true-reflex",
 ]
 
 CONDITIONS: tuple[Condition, ...] = get_args(Condition)
-"""Haptic, non-haptic, the sham arms, event-gated, and the positive controls."""
+"""Haptic, non-haptic, the sham arms, event-gated, the positive controls, and the arms with a reflex."""
 
 Tells: TypeAlias = Literal["touch", "events", "true slips", "true force", "true force, linear"]
 """What the vest's frames are made of: what the loop measured, or what is true in the simulated world."""
@@ -55,6 +62,9 @@ WornOn: TypeAlias = Literal["own", "clear", "none"]
 _OF_FRAMES: Final = frozenset({"informative", "permuted", "inverted", "half"})
 """Shams that make what is worn of the frame that the loop made."""
 
+ReflexTells: TypeAlias = Literal["none", "touch", "true slips"]
+"""What a reflex learns of slips from: what the loop measured, or the world's truth."""
+
 
 class Arm(NamedTuple):
     """One condition of a comparison.
@@ -63,11 +73,13 @@ class Arm(NamedTuple):
         tells: What the frames are made of.
         sham: What is worn of them, see :func:`tega.sim.operator.sham_vest`.
         skin: What the motors reach.
+        reflex: What tells the reflex of a slip, where there is one.
     """
 
     tells: Tells = "touch"
     sham: ShamName = "informative"
     skin: WornOn = "own"
+    reflex: ReflexTells = "none"
 
     @property
     def pulses(self) -> bool:
@@ -75,9 +87,9 @@ class Arm(NamedTuple):
         return self.tells in {"events", "true slips"}
 
     @property
-    def shows_pictures(self) -> bool:
-        """Whether what is worn hangs on what the fingertips' pictures show."""
-        return self.tells in {"touch", "events"} and self.sham in _OF_FRAMES
+    def hangs_on_pictures(self) -> bool:
+        """Whether what is worn, or the reflex, hangs on what the fingertips' pictures show."""
+        return self.reflex == "touch" or (self.tells in {"touch", "events"} and self.sham in _OF_FRAMES)
 
 
 ARMS: Final[dict[Condition, Arm]] = {
@@ -96,6 +108,9 @@ ARMS: Final[dict[Condition, Arm]] = {
     "true-force": Arm("true force"),
     "ideal-vest": Arm("true force, linear", skin="clear"),
     "mistimed": Arm("true slips", sham="replayed"),
+    "reflex": Arm(sham="off", reflex="touch"),
+    "haptic-reflex": Arm(reflex="touch"),
+    "true-reflex": Arm(sham="off", reflex="true slips"),
 }
 """What each condition is."""
 

@@ -24,6 +24,7 @@ from tega.sim.lab import EMG_HZ
 from tega.sim.other_trial import other_vest
 from tega.sim.pacing import SimulatedPacer
 from tega.sim.plan import TrialPlan, TrialResult
+from tega.sim.reflex import trial_reflex
 from tega.sim.rig import TrialRig
 from tega.sim.score import LIFT_WINDOW_S, TrialScorer
 from tega.sim.true_touch import TrueTouch, touch_of
@@ -111,12 +112,15 @@ class Lift:
         recorded = other_vest(lab, plan, number) if self._arm.sham == "replayed" else ()
         if isinstance(person, Operator):
             person.pulses = self._arm.pulses
+            person.bears_m = spec.harm_m
         person.begin(plan.object, width_m=spec.diameter_m, trial=number, rest_s=_REST_S)
         self._emg = lab.emg(f"{plan.object} {number}")
         self._emg.fatigue = fatigue
         self._emg.rest(_REST_S)
         self._bus = self._telling()
-        kept = streams is not None or recorder is not None or bool(lab.config.stages.beside)
+        stages = lab.config.stages
+        kept = streams is not None or recorder is not None or bool(stages.beside)
+        felt = self._arm.hangs_on_pictures or (stages.reflex.name is not None and self._arm.reflex == "none")
         self.rig = TrialRig(
             world=World(spec, seed=plan.seed + number, shear=plan.shear != "off"),
             poses_rad=GRASP_POSES_RAD,
@@ -137,7 +141,7 @@ class Lift:
             lift_by_s=lift_by_s,
             muted=muted,
             skip_untouched=skip_untouched and not _remembers(lab),
-            with_cameras=watched or kept or self._arm.shows_pictures or not skip_untouched,
+            with_cameras=watched or kept or felt or not skip_untouched,
             on_act=self._note,
         )
         self._touch = touch_of(lab, plan, layout=self.layout)
@@ -145,6 +149,19 @@ class Lift:
             raise InvalidValueError(
                 f"condition {plan.condition!r} cannot be recorded: its vest is not made of the pictures",
                 "leave --record out, or choose another condition",
+            )
+        self._reflex = trial_reflex(
+            lab.config,
+            self._arm.reflex,
+            self._bus,
+            closure=self.rig.closure,
+            slip_mm_s=lambda: 1e3 * self.rig.truth.slip_m_s,
+            forces_n=lambda: self.rig.truth.pad_force_n,
+        )
+        if recorder is not None and self._arm.reflex != "none" and lab.config.stages.reflex.name is None:
+            raise InvalidValueError(
+                f"condition {plan.condition!r} cannot be recorded: the settings name no reflex",
+                'name one, such as stages.reflex.name = "grip", or choose another condition',
             )
         self._beside = self._look_on()
 
@@ -195,6 +212,7 @@ class Lift:
             hands=[SimulatedBus(world.set_torques, full_duty=self._full_duty_nm)],
             bus=self._bus,
             guard=None if observer is None else Guard(),  # nothing here gets lost; its state is shown
+            reflex=self._reflex,
         )
         loop.run(stop=stop)
         self.scorer.close()

@@ -33,8 +33,8 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
         friction: Between object and gel.
         settings: Of the loop, as ``key=value``: those of stages (``stages.metric.name=reading``) and
             :data:`tega.config.LOOP_KEYS`.
-        rules: Version of the rules that a simulated person follows, see :class:`tega.sim.operator.Rules`; 2 practises
-            with object and vest first, see :mod:`tega.sim.practice`.
+        rules: Version of the rules that a simulated person follows, see :class:`tega.sim.operator.Rules`; by 2 and 3
+            the person practises with object and vest first, see :mod:`tega.sim.practice`.
         view: Sight of the hand while the object is held, see :data:`tega.sim.operator.VIEWS`.
         spec: The object, where it is none of :data:`tega.sim.world.OBJECTS`.
         shear: Whether the gels give way sideways, and what on them shows it, see :class:`tega.sim.gel.Gel`.
@@ -50,7 +50,7 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     stiffness_n_m: float | None = None
     friction: float | None = None
     settings: tuple[str, ...] = ()
-    rules: Literal[1, 2] = 1
+    rules: Literal[1, 2, 3] = 1
     view: ViewName = "direct"
     spec: ObjectSpec | None = None
     shear: Shear = "off"

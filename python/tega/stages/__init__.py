@@ -1,6 +1,6 @@
-"""Exchange metrics, decoders, mappings and layouts without touching TEGA, through entry points.
+"""Exchange metrics, decoders, mappings, reflexes and layouts without touching TEGA, through entry points.
 
-A stage is a class (a layout: an object) in any installed package, registered under one of four entry-point groups and
+A stage is a class (a layout: an object) in any installed package, registered under one of five entry-point groups and
 chosen by its name in the settings. See ``docs/own-stage.md``.
 """
 
@@ -14,6 +14,8 @@ from tega.stages.base import (
     MeasuredPicture,
     Metric,
     MuscleSetup,
+    Reflex,
+    ReflexSetup,
     StageOptions,
     TouchMap,
     VestSetup,
@@ -34,6 +36,8 @@ __all__ = [
     "MotorLayout",
     "MuscleSetup",
     "NamedValue",
+    "Reflex",
+    "ReflexSetup",
     "StageOptions",
     "StageRecord",
     "TouchMap",

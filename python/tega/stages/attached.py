@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final
 
 import msgspec
 
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from tega.config_sections import StagesSection
 
 
-_GROUPS: Final[tuple[Literal["metric", "decoder", "mapping"], ...]] = ("metric", "decoder", "mapping")
+_GROUPS: Final = ("metric", "decoder", "mapping", "reflex")
 _MOST_MIB = 64
 
 
 def attached_files(stages: StagesSection) -> dict[str, bytes]:
-    """Return the content of every file that the options of metric, decoder, mapping or one beside name.
+    """Return the content of every file that the options of metric, decoder, mapping, reflex or one beside name.
 
     Returns:
         By a name of its own: ``stage-decoder-model.json``; ``stage-beside0-model.json``.

@@ -99,6 +99,16 @@ class VestSetup(NamedTuple):
     felt: FeltMap | None = None
 
 
+class ReflexSetup(NamedTuple):
+    """Setup of a reflex: the hand that it firms.
+
+    Attributes:
+        fingers: Fingers that have a sensor, thumb first.
+    """
+
+    fingers: tuple[str, ...]
+
+
 class TouchMap(NamedTuple):
     """A metric's map of a fingertip and the outline of the contact, for drawing.
 
@@ -278,4 +288,46 @@ class Mapping(_Stage, ABC):
 
         Returns:
             float64 (motors,), percent, in the order of the layout; held within 0 to 100 and rounded half to even.
+        """
+
+
+class Reflex(_Stage, ABC):
+    """Wishes the grip to be firmer or eased by what the fingertips feel: entry-point group ``tega.reflexes``.
+
+    The class is called with a :class:`ReflexSetup` and its options, once a run. It only wishes: what is added to the
+    person's own closure is bounded, slow and never below 0, whatever it returns
+    (:class:`tega.teleop.reflex.ReflexArc`), and nothing is asked of it while nobody gives it authority.
+
+    Attributes:
+        wants_events: Whether events are to be looked for.
+    """
+
+    wants_events: bool = False
+
+    @property
+    def cause(self) -> str:
+        """Reason of the newest wish, in a few words for display; ``""`` for none."""
+        return ""
+
+    @abstractmethod
+    def wish(
+        self,
+        t_ns: int,
+        own: float,
+        measured: float | None,
+        contacts: collections.abc.Mapping[str, Contact],
+        events: Sequence[Event],
+    ) -> float:
+        """Return by how much the grip is to be firmer than the person closes it.
+
+        Args:
+            t_ns: The time, nanoseconds since the start of the session; grows from call to call.
+            own: Closure that the person asks for, levels 1 (open) to 5 with fractions.
+            measured: Closure of the hand as its joints say, in the same levels; ``None`` where no hand is measured.
+            contacts: The newest contact of every finger whose frame is fresh (100 ms or younger).
+            events: Events since the call before, oldest first; empty unless ``wants_events``.
+
+        Returns:
+            From 0 (nothing) to 1 (as much as may be added); below 0, down to -1, to take back at once what was added.
+            Numbers outside are held within, what is not finite counts as 0.
         """

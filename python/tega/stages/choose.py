@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Literal
 
 import msgspec
@@ -10,7 +10,16 @@ import msgspec
 from tega.config_errors import explain
 from tega.config_sections import DEFAULT_STAGES, StageConfig
 from tega.errors import ConfigError, TegaError
-from tega.stages.base import Decoder, FingerSetup, GelTraits, Metric, MuscleSetup, VestSetup
+from tega.stages.base import (
+    Decoder,
+    FingerSetup,
+    GelTraits,
+    Metric,
+    MuscleSetup,
+    Reflex,
+    ReflexSetup,
+    VestSetup,
+)
 from tega.stages.registry import stage_class
 
 if TYPE_CHECKING:
@@ -22,13 +31,14 @@ if TYPE_CHECKING:
 
 
 Preset = Literal["paper", "live"]
+StageKind = Literal["metric", "decoder", "mapping", "reflex"]
 
 
 class Chosen:
     """A stage of the settings: its class and its options.
 
     Args:
-        group: metric, decoder or mapping.
+        group: metric, decoder, mapping or reflex.
         section: Its table in the settings.
         preset: The session's preset, whose stage it is where the table names none.
 
@@ -41,11 +51,9 @@ class Chosen:
         ConfigError: No installed package brings it, or its options do not fit.
     """
 
-    def __init__(
-        self, group: Literal["metric", "decoder", "mapping"], section: StageConfig, preset: Preset
-    ) -> None:
+    def __init__(self, group: StageKind, section: StageConfig, preset: Preset) -> None:
         self.group = group
-        self.name = section.name or DEFAULT_STAGES[preset][group]
+        self.name = section.name or DEFAULT_STAGES[preset].get(group, "")
         self.kind: Any = stage_class(group, self.name)
         self.options: Any = _typed(section.options, self.kind.options_type, f"stages.{group}.options")
 
@@ -77,9 +85,7 @@ def _typed(options: Any, wanted: type[msgspec.Struct], prefix: str) -> Any:
         raise explain(error, options, wanted, prefix=prefix, origins={}) from None
 
 
-def chosen_stage(
-    group: Literal["metric", "decoder", "mapping"], stages: StagesSection, preset: Preset
-) -> Chosen:
+def chosen_stage(group: StageKind, stages: StagesSection, preset: Preset) -> Chosen:
     """Return the stage of a group that the settings ask for."""
     return Chosen(group, getattr(stages, group), preset)
 
@@ -161,3 +167,11 @@ def block_s(config: SessionConfig) -> float:
 def vest_mapping(stages: StagesSection, preset: Preset) -> Callable[[VestSetup], MappingStage]:
     """Return the function that makes the mapping of the vest."""
     return chosen_stage("mapping", stages, preset).make
+
+
+def grip_reflex(stages: StagesSection, preset: Preset, fingers: Iterable[str]) -> Reflex | None:
+    """Make the reflex of the settings; ``None`` where they name none."""
+    if stages.reflex.name is None:
+        return None
+    reflex: Reflex = chosen_stage("reflex", stages, preset).make(ReflexSetup(tuple(fingers)))
+    return reflex

@@ -1,4 +1,4 @@
-"""Find stages by name, through the entry points of four groups.
+"""Find stages by name, through the entry points of five groups.
 
 A package that declares ::
 
@@ -20,15 +20,16 @@ import msgspec
 from tega.errors import DeviceUnavailableError, TegaError
 from tega.motor_layout import MotorLayout, find_layout
 from tega.plugins import find_plugin, load_plugin, plugin_package, plugins
-from tega.stages.base import Decoder, Mapping, Metric, StageOptions
+from tega.stages.base import Decoder, Mapping, Metric, Reflex, StageOptions
 
-Group = Literal["metric", "decoder", "mapping", "layout"]
+Group = Literal["metric", "decoder", "mapping", "layout", "reflex"]
 
 GROUPS: Final[dict[Group, tuple[str, type]]] = {
     "metric": ("tega.metrics", Metric),
     "decoder": ("tega.decoders", Decoder),
     "mapping": ("tega.mappings", Mapping),
     "layout": ("tega.layouts", MotorLayout),
+    "reflex": ("tega.reflexes", Reflex),
 }
 """Entry-point group and base class of each kind of stage."""
 
@@ -55,7 +56,7 @@ class StageRecord(msgspec.Struct, frozen=True, kw_only=True):
     """One line of ``tega-teleop stages``.
 
     Attributes:
-        group: metric, decoder, mapping or layout.
+        group: metric, decoder, mapping, layout or reflex.
         name: Name to use in a settings file.
         summary: What it is, in one line.
         package: The distribution that brings it.
@@ -85,8 +86,8 @@ def find_stages(name: str) -> list[Group]:
     return [group for group in GROUPS if name in plugins(GROUPS[group][0])]
 
 
-def stage_class(group: Literal["metric", "decoder", "mapping"], name: str) -> Any:
-    """Return the class of a metric, decoder or mapping.
+def stage_class(group: Literal["metric", "decoder", "mapping", "reflex"], name: str) -> Any:
+    """Return the class of a metric, decoder, mapping or reflex.
 
     Args:
         group: Which kind of stage.

@@ -11,6 +11,7 @@ recorded input and a manual clock it is therefore a function: the same input giv
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import msgspec
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from tega.haptics import MotorLevels
     from tega.safety.guard import Guard
     from tega.teleop.latency import LatencyTrace
+    from tega.teleop.reflex import ReflexArc
     from tega.wire import CanFrame
 
 
@@ -86,6 +88,7 @@ class DualLoop:
         endless: Whether a loop without any source goes on all the same, since something else does.
         tried: Given each vest frame; returns it with the motor that somebody tries.
         sent: Told what a real vest was sent of a frame; ``None`` where there is none.
+        reflex: Adds to the closure that the person asks for; ``None`` without a reflex.
     """
 
     def __init__(
@@ -110,6 +113,7 @@ class DualLoop:
         endless: bool = False,
         tried: Callable[[int, MotorLevels], MotorLevels] = lambda _t_ns, frame: frame,
         sent: Callable[[int, MotorLevels | None], None] = lambda _t_ns, _sent: None,
+        reflex: ReflexArc | None = None,
     ) -> None:
         self._pacer = pacer
         self._touch = touch
@@ -127,6 +131,7 @@ class DualLoop:
         self._guard = guard
         self._trace = trace
         self._endless = endless
+        self.reflex = reflex
         self._newest: dict[str, Contact] = {}
         self._block: EmgBlock | None = None
         self._felt_anew = False
@@ -147,9 +152,10 @@ class DualLoop:
             inputs=self._inputs,
             guard=guard,
             trace=trace,
-            complete=complete,
+            complete=complete if reflex is None else [reflex.shown, *complete],
         )
-        if self._moments.wanted or self._bus.wants(Event):
+        reflexive = reflex is not None and reflex.reflex.wants_events
+        if self._moments.wanted or self._bus.wants(Event) or reflexive:
             touch.find_events()
         self._vest = VestOutput(
             touch,
@@ -318,6 +324,8 @@ class DualLoop:
                     **felt._asdict(),
                 )
             )
+        if self.reflex is not None:
+            self.reflex.heard(self._touch.found)
         for event in self._touch.found:
             told = msgspec.structs.replace(event, taken_ns=self._pacer.tick_ns)
             self._moments.event = told
@@ -339,6 +347,8 @@ class DualLoop:
             self._imposed = imposed
             whole, closure = split_level(imposed)
             self._bus.publish(Imposed(t_ns=self._pacer.tick_ns, level=whole, closure=closure))
+        if self.reflex is not None:
+            level = self.reflex.step(t_ns, level, partial(self._touch.fresh_contacts, t_ns))
         self._asked = level
         frames = self._hand.step(level)
         for sink in self._hands:

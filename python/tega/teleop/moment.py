@@ -47,6 +47,7 @@ class LoopView(NamedTuple):
         event: The newest event of touch; ``None`` before the first.
         target_rad: The 16 joint angles that the hand steers to; ``None`` where it does not tell them.
         vest_condition: What the vest says of itself, such as name, link and battery; ``""`` where it says nothing.
+        reflex: What the hand is told beyond the person's own closure, and why; ``""`` without a reflex.
     """
 
     t_ns: int
@@ -68,6 +69,7 @@ class LoopView(NamedTuple):
     event: Event | None = None
     target_rad: Sequence[float] | None = None
     vest_condition: str = ""
+    reflex: str = ""
 
     @property
     def picture_to_vest_ms(self) -> dict[str, float]:

@@ -21,6 +21,7 @@ from tega.teleop.moment import LoopView, Moment
 from tega.teleop.motor_tests import MotorTests
 from tega.teleop.open_streams import contact_stream, is_fed, latency_trace, level_stream
 from tega.teleop.pacing import Pacer
+from tega.teleop.reflex import open_reflex
 from tega.teleop.rig import Rig
 from tega.teleop.summary import RunFacts, summarise, write_summary
 from tega.teleop.touch_loop import touch_loop
@@ -45,6 +46,7 @@ def run_loop(
     haptics: Callable[[], bool],
     tests: MotorTests,
     shown: Callable[[LoopView], LoopView] = lambda view: view,
+    authority: Callable[[], float | None] = lambda: None,
 ) -> dict[str, Any]:
     """Run the dual loop until it ends, close what is open and write down what was.
 
@@ -57,6 +59,7 @@ def run_loop(
         haptics: Asked at every vest tick; every motor rests while it says no.
         tests: Wishes to feel a motor while the run is armed.
         shown: Completes each moment for a display.
+        authority: Asked at each tick of the hand what authority a page gives the reflex.
 
     Returns:
         The summary.
@@ -172,11 +175,19 @@ def run_loop(
             t_ns, frame, refused=partial(_untried, guard, haptics), bus=rig.bus
         ),
         sent=lambda t_ns, sent: tests.sent(t_ns, sent, rig.bus),
+        reflex=open_reflex(
+            config,
+            rig.bus,
+            prepared.fingers,
+            active=lambda: guard.state == "active",
+            hand=sinks.steered,
+            authority=authority,
+        ),
     )
 
     def conclude(error: BaseException | None) -> dict[str, Any]:
         flows.close()  # a source is not asked how it was while its thread reads on
-        facts = RunFacts(rig, layout, pace, loop.report, pacer.report(), trace, real_time)
+        facts = RunFacts(rig, layout, pace, loop.report, pacer.report(), trace, real_time, loop.reflex)
         return _conclude(stack, facts, error, n_waits=pacer.n_waits)
 
     duration_ns = None if session.duration_s is None else round(session.duration_s * 1e9)

@@ -39,6 +39,7 @@ def run_session(
     bus: Bus | None = None,
     motor_tests: MotorTests | None = None,
     shown: Callable[[LoopView], LoopView] = lambda view: view,
+    authority: Callable[[], float | None] = lambda: None,
 ) -> dict[str, Any]:
     """Run a session from its settings.
 
@@ -59,6 +60,8 @@ def run_session(
             subscribers.
         motor_tests: Wishes to feel a motor of the vest, heard while the run is armed.
         shown: Completes each moment for a display with what the loop does not know.
+        authority: Asked at each tick of the hand what authority a page gives the reflex, 0 to 1; ``None`` for what the
+            settings and the button of ``input.reflex`` say.
 
     Returns:
         The summary, as it was written to ``summary.json`` where there is a folder for it.
@@ -105,4 +108,5 @@ def run_session(
             haptics=haptics,
             tests=motor_tests or MotorTests(),
             shown=shown,
+            authority=authority,
         )

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from tega.teleop.latency import LatencyTrace
     from tega.teleop.loop_report import LoopReport
     from tega.teleop.pacing import PacingReport
+    from tega.teleop.reflex import ReflexArc
     from tega.teleop.rig import Rig
 
 
@@ -37,6 +38,7 @@ class RunFacts(NamedTuple):
         pacing: How well the clock was kept.
         trace: What followed frames and blocks through the loop; ``None`` where nothing was live.
         real_time: Whether the loop's thread went ahead of others.
+        reflex: What added to the person's own closure; ``None`` without a reflex.
     """
 
     rig: Rig
@@ -46,6 +48,7 @@ class RunFacts(NamedTuple):
     pacing: PacingReport
     trace: LatencyTrace | None
     real_time: bool
+    reflex: ReflexArc | None = None
 
 
 def summarise(state: RunFacts, *, error: BaseException | None = None) -> dict[str, Any]:
@@ -95,6 +98,13 @@ def summarise(state: RunFacts, *, error: BaseException | None = None) -> dict[st
         **({} if state.trace is None else {"unmoved": state.trace.n_unmoved}),
         "sinks": _drivers(state, "hand"),
     }
+    if (reflex := state.reflex) is not None:
+        summary["hand"]["reflex"] = {
+            "name": config.stages.reflex.name,
+            "authority": reflex.authority,
+            "added_s": reflex.n_added * HAND_TICK_NS / 1e9,
+            "most_added_levels": reflex.most_added,
+        }
     if inputs := state.rig.inputs.summary():
         summary["inputs"] = inputs
     if state.rig.steering is not None:

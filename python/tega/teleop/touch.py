@@ -140,13 +140,17 @@ class TouchLoop:
             fresh[FINGERS.index(finger)] = felt
         return fresh
 
+    def fresh_contacts(self, t_ns: int) -> dict[str, Contact]:
+        """Return the newest contact of every finger whose frame is not too old at a time."""
+        return {finger: contact for finger, (_, _, contact) in self._seen_lately(t_ns)}
+
     def frame(self, t_ns: int) -> MotorLevels:
         """Return the vest frame for a time.
 
         Raises:
             InvalidValueError: The mapping gave no finite number for every motor.
         """
-        contacts = {finger: contact for finger, (_, _, contact) in self._seen_lately(t_ns)}
+        contacts = self.fresh_contacts(t_ns)
         events = tuple(self._events)
         self._events.clear()
         return self.shown(t_ns, contacts, events)

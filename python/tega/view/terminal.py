@@ -186,6 +186,7 @@ def render(
         _intent(view),
         _closure(view.angles_rad),
         *([Text(f"touch  {view.newest_event}", "bold")] if view.newest_event else []),
+        *([Text(f"reflex {view.reflex}")] if view.reflex else []),
         *([_inputs(view)] if view.inputs else []),
         *([_arm(view)] if view.arm else []),
         *([Text(f"link  {view.link}")] if view.link else []),

@@ -121,8 +121,8 @@ SHARD = _Shard()
     help="Another parameter file for the simulated people; the report then calls it changed.",
 )  # fmt: skip
 @click.option(
-    "--rules", type=click.IntRange(1, 2), default=1, show_default=True,
-    help="Version of the rules that the people follow; with 2 they practise first.",
+    "--rules", type=click.IntRange(1, 3), default=1, show_default=True,
+    help="Version of the rules that the people follow; with 2 and 3 they practise first.",
 )  # fmt: skip
 @object_options
 @loop_options

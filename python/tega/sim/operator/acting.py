@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +22,8 @@ from tega.sim.operator.motor import MuscleMotor
 from tega.sim.operator.panels import ConfirmedClosure
 from tega.sim.operator.person import PersonNumbers, stream
 from tega.sim.operator.renewing import RenewingGrip
-from tega.sim.operator.rules import Rules
+from tega.sim.operator.rules import Rules, RulesVersion
+from tega.sim.operator.settled import JudgingEyes, SettledGrip
 from tega.sim.operator.vest_sense import LOOK_S, Skin
 from tega.sim.operator.vision import Eyes, SeenEvent, ViewName
 from tega.sim.seams import Act, Percept
@@ -37,6 +39,7 @@ _VEST_READ_S = 0.5
 # How long after a command has been followed the closure aimed at is a fair guess of the real one.
 _FRESH_S = 1.0
 _PANELS: tuple[Panel, Panel] = ("front", "back")
+_DECISIONS: dict[RulesVersion, type[GripDecisions]] = {1: GripDecisions, 2: RenewingGrip, 3: SettledGrip}
 
 
 @dataclass
@@ -66,12 +69,14 @@ class Operator:
             taught (:func:`tega.sim.operator.calibrate`); none means the effort of the calibration itself.
         rules: Which rules are followed.
         view: Sight of the hand while the object is held. Who is not told by the eyes learns from an object that falls,
-            which nobody misses, that the grip was too loose.
+            which nobody misses, that the grip was too loose; by the third version of the rules everybody does.
 
     Attributes:
         pulses: Whether the vest tells contact, slip and release only, which the person has been told: nothing is then
             read from how strong it is, and a pulse on both faces while something is held is answered as a slip that is
             seen.
+        bears_m: Narrowing from which the next object counts as harmed, metres, which the person was shown; 0 where
+            nobody has said. The third version of the rules asks for it.
 
     Raises:
         InvalidValueError: ``full_effort`` is not above 0.
@@ -100,6 +105,7 @@ class Operator:
         self._view = view
         self.person = person
         self.pulses = False
+        self.bears_m = 0.0
         self._seed, self._feels = seed, feels
         self._full = person.motor.calibration_effort if full_effort is None else full_effort
         if not self._full > 0:
@@ -152,7 +158,8 @@ class Operator:
             lifting=grip.phase == "lift",
             held=grip.held,
         )
-        if percept.scene.dropped and grip.held and self._view != "direct" and not trial.lost:
+        learns = self._rules.version == 3 or self._view != "direct"
+        if percept.scene.dropped and grip.held and learns and not trial.lost:
             trial.lost = True
             grip.belief.slipped(grip.closure.x, grip.closure.var)
         if self._feels:
@@ -166,7 +173,7 @@ class Operator:
     def practise(self, name: str, shown: Callable[[float, float], MotorLevels | None]) -> None:
         """Close and open the hand on an object level by level, watching it and feeling the vest, before it is lifted.
 
-        Only the second version of the rules learns from it, and only what each panel does at each closure.
+        The first version of the rules learns nothing from it, the others only what each panel does at each closure.
 
         Args:
             name: Of the object.
@@ -289,20 +296,22 @@ class Operator:
         self._skin.begin(
             rest_s=rest_s, noise=process("vest"), reaction=process("tactile reaction"), link=process("link")
         )
-        decisions = GripDecisions if self._rules.version == 1 else RenewingGrip
+        version = self._rules.version
+        sight: dict[str, Any] = {
+            "width_m": width_m,
+            "gaze": process("gaze"),
+            "looks": process("vision"),
+            "poses": process("pose"),
+            "reaction": process("visual reaction"),
+            "view": self._view,
+        }
         self._trial = TrialOfPerson(
-            grip=decisions(
+            grip=_DECISIONS[version](
                 person, self._recall(name, rest_s), SimulatedForearm((0.0, person.forearm.back_m))
             ),
-            eyes=Eyes(
-                person.vision,
-                width_m=width_m,
-                gaze=process("gaze"),
-                looks=process("vision"),
-                poses=process("pose"),
-                reaction=process("visual reaction"),
-                view=self._view,
-            ),
+            eyes=JudgingEyes(person.vision, bears_m=self.bears_m, **sight)
+            if version == 3
+            else Eyes(person.vision, **sight),
             motor=MuscleMotor(
                 person.motor, full_effort=self._full, aim=process("aim"), sense=process("effort sense")
             ),

@@ -128,14 +128,12 @@ class GripDecisions:
         if level is None and self.touching:
             self._learn(t_s, events)
             if t_s >= self._free_s:
-                level, why = self._adjust(kinds)
+                level, why = self._adjust({event.kind for event in events if self._answers(event)})
         return None if level is None else self._command(t_s, level, why)
 
     def _learn(self, t_s: float, events: list[SeenEvent]) -> None:
         for event in events:
-            # The hand needs a moment to follow a command: what was seen before belongs to the closure before it.
-            late = event.began_s < self._commanded_s + self._grip.closing_step_s
-            x, var = self._before if late else (self.closure.x, self.closure.var)
+            x, var = self._before if self._precedes(event) else (self.closure.x, self.closure.var)
             if event.kind == "slip" and self.phase in HELD:
                 self.belief.slipped(x, var)
                 self._need_told = True
@@ -151,6 +149,14 @@ class GripDecisions:
         if not self._harm_told:
             self.belief.spared(self.closure.x, self.closure.var)
             self._harm_told = True
+
+    def _precedes(self, event: SeenEvent) -> bool:
+        """Whether an event belongs to the closure before the last command: the hand needs a moment to follow one."""
+        return event.began_s < self._commanded_s + self._grip.closing_step_s
+
+    def _answers(self, _event: SeenEvent) -> bool:
+        """Whether an event is answered by a command at all."""
+        return True
 
     def _adjust(self, kinds: set[Kind]) -> tuple[int | None, str]:
         if self.phase in HELD and kinds & {"slip", "weaker"}:

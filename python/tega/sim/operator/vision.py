@@ -144,16 +144,29 @@ class Eyes:
         if not self._looking:
             return []
         found: list[SeenEvent] = []
-        share = scene.deformation_m / self._width_m
-        if self._elsewhere:
-            share /= blur(self._aside_deg)
-        if share > 0:
-            seen = normal_cdf(math.log(share / self._p.deform_theta) / self._p.deform_log_sd)
-            if deformed < seen:
-                found.append(self._noticed(t_s, "deformation"))
+        if self._dented(scene.deformation_m / self._width_m, float(deformed)):
+            found.append(self._noticed(t_s, "deformation"))
         if sum(force > _TOUCHING_N for force in scene.pad_force_n) >= 2 and touched < self._p.contact_p:
             found.append(self._noticed(t_s, "contact"))
         return found
+
+    def _dented(self, share: float, drawn: float) -> bool:
+        """Whether a look takes the object for deformed.
+
+        Args:
+            share: Narrowing, share of the width.
+            drawn: Chance of this look, 0 to 1.
+        """
+        return share > 0 and drawn < self._seen(share, self._p.deform_theta * self._blurred)
+
+    def _seen(self, share: float, middle: float) -> float:
+        """Probability that a narrowing is taken for more than one that is seen in half of the looks."""
+        return normal_cdf(math.log(share / middle) / self._p.deform_log_sd)
+
+    @property
+    def _blurred(self) -> float:
+        """How many times larger a size has to be to be seen as well as where the eyes are."""
+        return blur(self._aside_deg) if self._elsewhere else 1.0
 
     def _relative_speed_m_s(self, dt_s: float, scene: WorldTruth, *, lifting: bool) -> float:
         """Speed of the object against the fingers, whether it slides in the grasp or stays behind on the table."""

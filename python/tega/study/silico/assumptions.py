@@ -53,7 +53,7 @@ class Assumptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     everyone: dict[str, float] = {}
     preset: Literal["paper", "live"] = "live"
     settings: tuple[str, ...] = ()
-    rules: Literal[1, 2] = 1
+    rules: Literal[1, 2, 3] = 1
     people_sha256: str = ""
     objects: dict[str, dict[str, Any]] = {}
     view: ViewName = "direct"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
@@ -26,6 +27,7 @@ class Controls:
         can_go: Whether the run waits, armed, until it is told to go.
         undo: Undoes the online adaptation of EMG, or has it begin anew; ``None`` where there is none.
         playhead: Of a recording that is played; ``None`` where nobody can seek.
+        reflex: Authority of the reflex at the start; ``None`` where there is none.
     """
 
     def __init__(
@@ -38,6 +40,7 @@ class Controls:
         can_go: bool = False,
         undo: Callable[[], None] | None = None,
         playhead: Playhead | None = None,
+        reflex: float | None = None,
     ) -> None:
         self.can_pause = can_pause
         self.can_mute = can_mute
@@ -49,6 +52,7 @@ class Controls:
         self._stop = threading.Event()
         self._paused = False
         self._haptics = True
+        self._reflex = reflex
         self._object: str | None = None
 
     def stop(self) -> None:
@@ -81,6 +85,19 @@ class Controls:
     def haptics(self, wanted: bool) -> None:
         with self._lock:
             self._haptics = wanted or not self.can_mute
+
+    @property
+    def reflex(self) -> float | None:
+        """Authority that the reflex should have, 0 to 1; ``None`` where there is none."""
+        with self._lock:
+            return self._reflex
+
+    @reflex.setter
+    def reflex(self, wanted: object) -> None:
+        # What comes from a browser may be anything.
+        if isinstance(wanted, int | float) and not isinstance(wanted, bool) and math.isfinite(wanted):
+            with self._lock:
+                self._reflex = None if self._reflex is None else min(max(float(wanted), 0.0), 1.0)
 
     def go(self) -> None:
         """Let an armed run become active."""

@@ -65,8 +65,8 @@ class Page:
         timeline: The moments that can be looked back at.
         seek: The slider over a recording that is played; ``None`` where none is.
         cameras: The scene cameras' pictures.
-        inputs: viser's handles of the buttons and choices that there are: ``object``, ``haptics``, ``pause``, ``go``,
-            ``undo``, ``stop``.
+        inputs: viser's handles of the buttons and choices that there are: ``object``, ``haptics``, ``reflex``,
+            ``pause``, ``go``, ``undo``, ``stop``.
     """
 
     def __init__(
@@ -134,6 +134,15 @@ class Page:
             @haptics.on_update
             def _(event: Any) -> None:
                 controls.haptics = event.target.value is True
+
+        if (share := controls.reflex) is not None:
+            dial = self.inputs["reflex"] = gui.add_slider(
+                "reflex authority", min=0.0, max=1.0, step=0.05, initial_value=share
+            )
+
+            @dial.on_update
+            def _(event: Any) -> None:
+                controls.reflex = event.target.value
 
         if controls.can_pause:
             pause = self.inputs["pause"] = gui.add_button("Pause", color="gray")

@@ -141,6 +141,8 @@ def status_html(state: ViewState) -> str:
         rows["muscles"] = "levels " + " · ".join(str(level) for level in block[1])
     if newest := state.loop.newest_event:
         rows["touch"] = newest
+    if state.loop.reflex:
+        rows["reflex"] = state.loop.reflex
     if state.loop.vest_condition:
         rows["vest"] = state.loop.vest_condition
     rows |= {name.replace("_", " "): seen.words(name) for name, seen in state.loop.inputs.items()}

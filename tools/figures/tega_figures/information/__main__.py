@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.sim.operator import rules_digest
+from tega.sim.operator import RulesVersion, rules_digest
 from tega.sim.trials import read_results
 from tega_figures.information.bench import ArmOutcomes, bench_arms, bench_table
 from tega_figures.information.compare import (
@@ -44,7 +44,22 @@ RUNS: tuple[tuple[str, str], ...] = (
 )
 """Who under which arm, in the order in which they are run."""
 
-_NOTHING = {"rules 1": "off", "rules 2": "off", "agent": "nothing"}
+GIVING_RUNS: tuple[tuple[str, str], ...] = (
+    ("rules 3", "off"),
+    ("rules 3", "truth"),
+    ("rules 3", "vest"),
+    ("rules 3", "constant"),
+    ("rules 3", "unrelated"),
+    ("rules 3", "replayed"),
+    ("rules 2", "off"),
+    ("rules 2", "truth"),
+)
+"""Likewise on objects whose walls give before they are harmed."""
+
+_COLOURS = {"agent": "#555555", "rules 1": "#c8202f", "rules 2": "#1f5fbf", "rules 3": "#2a8a3c"}
+_VERSIONS: dict[str, RulesVersion] = {"rules 1": 1, "rules 2": 2, "rules 3": 3}
+
+_NOTHING = {**dict.fromkeys(_VERSIONS, "off"), "agent": "nothing"}
 
 
 class Run(msgspec.Struct, frozen=True):
@@ -65,17 +80,18 @@ def main() -> None:
 @click.argument("file", type=click.Path(dir_okay=False, path_type=Path))
 @click.option("--people", default=40, show_default=True)
 @click.option("--first", default=1000, show_default=True, help="Seed of the first person.")
-def run(file: Path, people: int, first: int) -> None:
+@click.option("--giving", is_flag=True, help="On objects whose walls give before they are harmed.")
+def run(file: Path, people: int, first: int, *, giving: bool) -> None:
     """Run every arm that FILE does not hold yet, and write it there."""
     runs = _read(file) if file.is_file() else []
     seeds = range(first, first + people)
-    for who, arm in RUNS:
+    for who, arm in GIVING_RUNS if giving else RUNS:
         if any((one.who, one.arm) == (who, arm) for one in runs):
             continue
         if who == "agent":
             rows = agent_outcomes(arm, seeds)  # type: ignore[arg-type]
         else:
-            rows = person_outcomes(arm, seeds, version=1 if who == "rules 1" else 2)  # type: ignore[arg-type]
+            rows = person_outcomes(arm, seeds, version=_VERSIONS[who], giving=giving)  # type: ignore[arg-type]
         runs.append(Run(who, arm, first, np.round(rows, 6).tolist()))
         file.write_bytes(msgspec.json.format(msgspec.json.encode(runs), indent=0))
         click.echo(f"{who} {arm}: {rows.mean(axis=0).round(3)}")
@@ -101,7 +117,7 @@ def picture(file: Path, png: Path) -> None:
     shown = [one for one in runs if one.arm != _NOTHING[one.who]]
     for place, one in enumerate(reversed(shown)):
         cost = paired(np.array(one.rows), _nothing(runs, one.who))["cost"]
-        colour = {"agent": "#555555", "rules 1": "#c8202f", "rules 2": "#1f5fbf"}[one.who]
+        colour = _COLOURS[one.who]
         axes.plot([cost.low, cost.high], [place, place], color=colour, lw=2)
         axes.plot([cost.mean], [place], "o", color=colour)
     axes.axvline(0, color="0.6", lw=0.8)
@@ -133,7 +149,12 @@ def table_text(file: Path) -> str:
     """Return the outcomes told nothing, and every arm's differences from that, as Markdown."""
     runs = _read(file)
     lines = [
-        f"Version 2 of the rules: SHA-256 `{rules_digest()}`. {len(runs[0].rows)} people, "
+        " ".join(
+            f"Version {version} of the rules: SHA-256 `{rules_digest(version)}`."
+            for who, version in _VERSIONS.items()
+            if version > 1 and any(one.who == who for one in runs)
+        )
+        + f" {len(runs[0].rows)} people, "
         f"seeds from {runs[0].first_seed}, {N_OBJECTS} objects each, {N_TRIALS} lifts of each.",
         "",
         f"| who | told | {' | '.join(OUTCOMES)} | null |",

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.haptics import MotorLevels
-from tega.sim.operator import Operator, PersonNumbers, Rules, clear_skin, draw_person, sham_vest
+from tega.sim.operator import Operator, PersonNumbers, Rules, RulesVersion, clear_skin, draw_person, sham_vest
 from tega.sim.operator.person import stream
 from tega_figures.information.agent import IdealAgent, Told
 from tega_figures.information.plant import graded_frame, grasp, plant_objects, told_frame
@@ -36,7 +36,12 @@ class Paired(NamedTuple):
 
 
 def person_outcomes(
-    arm: Arm, seeds: Sequence[int], *, version: Literal[1, 2], n_trials: int = N_TRIALS
+    arm: Arm,
+    seeds: Sequence[int],
+    *,
+    version: RulesVersion,
+    n_trials: int = N_TRIALS,
+    giving: bool = False,
 ) -> NDArray[np.float64]:
     """Return the mean outcomes of each person under an arm.
 
@@ -48,6 +53,7 @@ def person_outcomes(
         seeds: Who.
         version: Of the rules.
         n_trials: With each object.
+        giving: Whether walls give before they are harmed.
 
     Returns:
         float64 (n people, 4), in the order of :data:`OUTCOMES`.
@@ -56,11 +62,11 @@ def person_outcomes(
     for seed in seeds:
         drawn = draw_person(seed)
         person = clear_skin(drawn) if arm == "truth" else drawn
-        recorded = _recorded(seed, version, n_trials) if arm == "replayed" else []
+        recorded = _recorded(seed, version, n_trials, giving=giving) if arm == "replayed" else []
         operator = Operator(person, seed=seed, rules=Rules(version=version))
         told = graded_frame if arm == "truth" else told_frame
         trials = []
-        items = plant_objects(stream(seed, "plant objects"), N_OBJECTS)
+        items = plant_objects(stream(seed, "plant objects"), N_OBJECTS, giving=giving)
         for number in range(N_OBJECTS * n_trials):
             which = number % N_OBJECTS
             worn = _worn(arm, seed, number, recorded)
@@ -151,10 +157,12 @@ def _worn(arm: Arm, seed: int, number: int, recorded: list[list[tuple[float, Mot
     return sham_vest(arm, seed=seed * 1000 + number)  # type: ignore[arg-type]
 
 
-def _recorded(seed: int, version: Literal[1, 2], n_trials: int) -> list[list[tuple[float, MotorLevels]]]:
+def _recorded(
+    seed: int, version: RulesVersion, n_trials: int, *, giving: bool
+) -> list[list[tuple[float, MotorLevels]]]:
     """Return what the vest showed in each of the person's trials with the vest on."""
     operator = Operator(draw_person(seed), seed=seed, rules=Rules(version=version))
-    items = plant_objects(stream(seed, "plant objects"), N_OBJECTS)
+    items = plant_objects(stream(seed, "plant objects"), N_OBJECTS, giving=giving)
     shown: list[list[tuple[float, MotorLevels]]] = []
     for number in range(N_OBJECTS * n_trials):
         which, frames = number % N_OBJECTS, list[tuple[float, MotorLevels]]()

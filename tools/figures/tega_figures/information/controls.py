@@ -14,7 +14,7 @@ import msgspec
 
 from tega.foreign_file import read_foreign
 from tega.sim.conditions import Condition
-from tega.sim.operator import ViewName
+from tega.sim.operator import VIEWS, RulesVersion, ViewName
 from tega.sim.world import ObjectSpec, read_objects
 from tega_figures.information.bench import OFF
 from tega_figures.information.compare import paired
@@ -47,6 +47,9 @@ CELLS: Final[tuple[tuple[ViewName, Condition], ...]] = (
     ("hidden", "replayed"),
     ("hidden", "constant"),
     ("hidden", "unrelated"),
+    ("hidden", "true-reflex"),
+    ("hidden", "reflex"),
+    ("hidden", "haptic-reflex"),
 )
 """View and condition of each session of a person, in the order in which they are run."""
 
@@ -67,9 +70,22 @@ def main() -> None:
 @click.argument("file", type=click.Path(dir_okay=False, path_type=Path))
 @click.option("--people", default=N_PEOPLE, show_default=True)
 @click.option("--first", default=FIRST_SEED, show_default=True, help="Seed of the first person.")
-@click.option("--only", default="", help="Only the cells of this condition.")
+@click.option("--only", multiple=True, help="Only the cells of these conditions.")
+@click.option("--view", type=click.Choice(list(VIEWS)), help="Only the cells of this view.")
+@click.option(
+    "--rules", type=click.IntRange(2, 3), default=2, show_default=True, help="Version of the rules."
+)
 @click.option("--object", "names", multiple=True, type=click.Choice(list(SOFTEST)), help="Instead of all.")
-def run(file: Path, people: int, first: int, only: str, names: tuple[str, ...]) -> None:
+def run(
+    file: Path,
+    *,
+    people: int,
+    first: int,
+    only: tuple[str, ...],
+    view: ViewName | None,
+    rules: RulesVersion,
+    names: tuple[str, ...],
+) -> None:
     """Run the sessions that FILE does not hold yet, person by person, and add each as it ends."""
     known = (
         {(one.seed, one.object, one.view, one.condition) for one in read(file)} if file.exists() else set()
@@ -77,11 +93,15 @@ def run(file: Path, people: int, first: int, only: str, names: tuple[str, ...]) 
     specs = [SOFTEST[name] for name in names or SOFTEST]
     with file.open("ab") as out:
         for seed in range(first, first + people):
-            for view, condition in CELLS:
+            for seen, condition in CELLS:
+                if (only and condition not in only) or view not in {None, seen}:
+                    continue
                 for spec in specs:
-                    if (seed, spec.name, view, condition) in known or only not in {"", condition}:
+                    if (seed, spec.name, seen, condition) in known:
                         continue
-                    one = bench_session(seed, spec, view=view, condition=condition, n_lifts=N_LIFTS)
+                    one = bench_session(
+                        seed, spec, view=seen, condition=condition, n_lifts=N_LIFTS, rules=rules
+                    )
                     out.write(msgspec.json.encode(one) + b"\n")
                     out.flush()
 

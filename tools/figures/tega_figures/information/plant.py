@@ -13,6 +13,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from tega.haptics import MotorLevels, intensity, vest_frame
+from tega.sim.operator import Operator
 from tega.sim.seams import Act, Percept, WorldTruth
 
 HAND_S = 0.25
@@ -23,6 +24,9 @@ SLIP_LEVELS = 0.005 / SLIP_M_S_PER_LEVEL
 """Levels that are missing where a slide counts as a slip."""
 DEFORMED_LEVELS = 0.4
 """Levels over the closure that harms, where narrowing counts as a deformation: 4 % of the width."""
+
+TOUCH = 1.5
+"""Closure at which the fingers touch, levels."""
 
 HELD = frozenset({"lift", "hold", "place"})
 
@@ -47,19 +51,52 @@ class GraspOutcome(NamedTuple):
     acts: list[Act]
 
 
+GIVES_PER_LEVEL = 0.1
+"""Share of its width by which an object is narrowed for each level over the closure from which it gives."""
+
+
 class Grasp(NamedTuple):
-    """Object of a grasp: closure it needs and closure that harms it, levels; width, metres."""
+    """Object of a grasp.
+
+    Attributes:
+        need: Closure it needs, levels.
+        harm: Closure that harms it, levels.
+        width_m: Its width, metres.
+        gives_from: Closure from which its wall gives, levels; ``None`` for one that gives only where it is harmed.
+        gives: Share of its width for each level over that.
+    """
 
     need: float = 2.4
     harm: float = 3.6
     width_m: float = 0.07
+    gives_from: float | None = None
+    gives: float = GIVES_PER_LEVEL
+
+    def narrower_m(self, closure: float) -> float:
+        """Return by how much a closure narrows it, metres."""
+        first = self.harm if self.gives_from is None else self.gives_from
+        return self.width_m * self.gives * max(closure - first, 0.0)
+
+    @property
+    def bears_m(self) -> float:
+        """Narrowing beyond which it counts as deformed, metres."""
+        return self.narrower_m(self.harm + DEFORMED_LEVELS)
 
 
-def plant_objects(rng: np.random.Generator, n: int) -> list[Grasp]:
-    """Draw objects: a need of 1.8 to 4 levels, harm 0.8 to 2 levels above it."""
+def plant_objects(rng: np.random.Generator, n: int, *, giving: bool = False) -> list[Grasp]:
+    """Draw objects: a need of 1.8 to 4 levels, harm 0.8 to 2 levels above it.
+
+    Args:
+        rng: Draws them.
+        n: How many.
+        giving: Whether their walls give from the first touch on, by 2 to 10 % of the width a level.
+    """
     need = rng.uniform(1.8, 4.0, n)
     harm = need + rng.uniform(0.8, 2.0, n)
-    return [Grasp(float(a), float(b)) for a, b in zip(need, harm, strict=True)]
+    drawn = [Grasp(float(a), float(b)) for a, b in zip(need, harm, strict=True)]
+    if giving:
+        drawn = [one._replace(gives_from=TOUCH, gives=float(rng.uniform(0.02, 0.1))) for one in drawn]
+    return drawn
 
 
 class GraspActor(Protocol):
@@ -76,7 +113,7 @@ class GraspActor(Protocol):
 
 def told_frame(closure: float) -> MotorLevels:
     """Return the frame that tells a closure, by the law of the real vest."""
-    percent = intensity(max(closure - 1.5, 0.0) / 3, 1.0)
+    percent = intensity(max(closure - TOUCH, 0.0) / 3, 1.0)
     return vest_frame([percent] * 4, [percent] * 4)
 
 
@@ -110,6 +147,8 @@ def grasp(
         told: Makes the frame that tells a closure.
     """
     item = item or Grasp()
+    if isinstance(actor, Operator):
+        actor.bears_m = item.bears_m
     actor.begin(name, width_m=item.width_m, trial=trial)
     closure, height_m, slip_m, slip_m_s, left_behind_m = 1.0, 0.0, 0.0, 0.0, 0.1
     lifted = dropped = slipping = deformed = False
@@ -117,8 +156,8 @@ def grasp(
     made, acts = told(closure), list[Act]()
     for tick in range(round(100 * seconds)):
         t_s = tick / 100
-        grip = max(closure - 1.5, 0.0)
-        narrower_m = item.width_m * 0.1 * max(closure - item.harm, 0.0)
+        grip = max(closure - TOUCH, 0.0)
+        narrower_m = item.narrower_m(closure)
         if tick % 3 == 0:
             made = told(closure)
         force = (grip,) * 4
@@ -147,7 +186,7 @@ def grasp(
                 dropped, lifted, height_m = True, False, 0.0
         slips += slip_m_s > 0.005 and not slipping
         slipping = slip_m_s > 0.005
-        deformed = deformed or narrower_m > 0.04 * item.width_m
+        deformed = deformed or narrower_m > item.bears_m
         highest_m = max(highest_m, height_m)
         if act.phase in HELD:
             held_closure, n_held = held_closure + closure, n_held + 1

@@ -1,0 +1,96 @@
+"""Give a simulated trial its reflex: that of the settings, on what the loop measured or on the world's truth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Final
+
+import msgspec
+
+from tega.config import FINGERS, ReflexSection
+from tega.records import Contact, NamedValue
+from tega.stages.choose import grip_reflex
+from tega.teleop.reflex import ReflexArc, ReflexMoment
+
+if TYPE_CHECKING:
+    from tega.bus import Bus
+    from tega.config import SessionConfig
+    from tega.records import Event
+    from tega.sim.conditions import ReflexTells
+    from tega.stages.base import Reflex
+
+
+FULL_REFLEX: Final = ReflexSection(name="grip", authority=1.0)
+"""Reflex of the arms that have one, where the settings name none."""
+
+
+class TrueSlipArc(ReflexArc):
+    """An arc whose reflex is told the true speed of the slide, on every finger that bears a force, and no event.
+
+    Args:
+        reflex: The stage.
+        settings: Its bounds.
+        moment: As of :class:`tega.teleop.reflex.ReflexArc`.
+        slip_mm_s: Tells how fast the object slides through the grasp now, mm/s.
+        forces_n: Tells the true force on each pad, newtons, thumb first.
+    """
+
+    def __init__(
+        self,
+        reflex: Reflex,
+        settings: ReflexSection,
+        *,
+        moment: Callable[[int], ReflexMoment],
+        slip_mm_s: Callable[[], float],
+        forces_n: Callable[[], Sequence[float]],
+    ) -> None:
+        super().__init__(reflex, settings, moment=moment)
+        self._slip_mm_s, self._forces_n = slip_mm_s, forces_n
+
+    def heard(self, events: Sequence[Event]) -> None:
+        """Hear nothing of what was found in the pictures."""
+
+    def step(self, t_ns: int, own: float, contacts: Callable[[], Mapping[str, Contact]]) -> float:  # noqa: ARG002
+        """Return what the hand is to be told at a tick."""
+        told = (NamedValue("slip_mm_s", self._slip_mm_s(), "mm/s"),)
+        true = {
+            name: Contact(finger=name, t_ns=t_ns, in_contact=force_n > 0, more=told)
+            for name, force_n in zip(FINGERS, self._forces_n(), strict=True)
+        }
+        return super().step(t_ns, own, lambda: true)
+
+
+def trial_reflex(
+    config: SessionConfig,
+    tells: ReflexTells,
+    bus: Bus,
+    *,
+    closure: Callable[[], float],
+    slip_mm_s: Callable[[], float],
+    forces_n: Callable[[], Sequence[float]],
+) -> ReflexArc | None:
+    """Make the reflex of a trial; ``None`` where neither its condition nor the settings have one.
+
+    Args:
+        config: The trial's settings.
+        tells: What tells it of slips, by the condition.
+        bus: Told of every addition.
+        closure: Tells the hand's closure by its joints, levels.
+        slip_mm_s: Tells how fast the object slides, mm/s.
+        forces_n: Tells the true force on each pad, newtons, thumb first.
+    """
+    stages = config.stages
+    if tells != "none" and stages.reflex.name is None:
+        stages = msgspec.structs.replace(stages, reflex=FULL_REFLEX)
+    settings = stages.reflex
+    reflex = grip_reflex(stages, config.session.preset, FINGERS)
+    if reflex is None:
+        return None
+
+    def moment(_t_ns: int) -> ReflexMoment:
+        measured = closure() if settings.authority > 0 else None
+        return ReflexMoment(settings.authority, allowed=True, measured=measured)
+
+    if tells == "true slips":
+        return TrueSlipArc(reflex, settings, moment=moment, slip_mm_s=slip_mm_s, forces_n=forces_n)
+    return ReflexArc(reflex, settings, moment=moment, tell=bus.publish)

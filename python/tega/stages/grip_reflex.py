@@ -1,0 +1,142 @@
+"""Ask for a firmer grip at incipient slip and take it back before harm, by what the fingertips feel."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping as AnyMapping
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated, Final
+
+import msgspec
+
+from tega.stages.base import Reflex, ReflexSetup, StageOptions
+
+if TYPE_CHECKING:
+    from tega.records import Contact, Event
+
+
+# The wish fades over the last fifth of the way to a limit, so that it neither jumps nor chatters there.
+_MARGIN: Final = 0.2
+
+
+class GripReflexOptions(StageOptions, frozen=True):
+    """Options of ``grip``.
+
+    Attributes:
+        incipient_from: Share of a contact's rim that slips, from which on the grip is to be firmer; at 1, fully.
+        full_slip_mm_s: Speed of a slip at which the grip is to be firmer by all that may be added.
+        events: Whether a slip that was found by its events counts, for fingers whose metric knows none of the two.
+        keep_s: How long a wish outlasts its cause, seconds.
+        most_give_levels: Closure gained since the first touch at which nothing is added any more, levels: what is held
+            gives way. 0 for no such limit.
+        most_force_n: Force on a fingertip at which nothing is added any more, newtons; 0 for no such limit.
+    """
+
+    incipient_from: Annotated[float, msgspec.Meta(ge=0, lt=1)] = 0.4
+    full_slip_mm_s: Annotated[float, msgspec.Meta(gt=0, le=1000)] = 5.0
+    events: bool = True
+    keep_s: Annotated[float, msgspec.Meta(ge=0, le=5)] = 0.5
+    most_give_levels: Annotated[float, msgspec.Meta(ge=0, le=4)] = 1.2
+    most_force_n: Annotated[float, msgspec.Meta(ge=0, le=100)] = 0.0
+
+
+class GripReflex(Reflex):
+    """Firms the grip by how far the worst finger slips, and takes it back where the object gives or a finger is loaded.
+
+    A slip is told by a contact's named values ``incipient`` (share of the rim that slips, 0 to 1) and ``slip_mm_s``,
+    where its metric gives them, else by slip events. Harm is near where the closure has gained ``most_give_levels``
+    since the first touch, or a finger bears ``most_force_n``: the wish is the slip's, times what is left of the last
+    fifth of the way there, and beyond the limit below 0, which takes back what was added.
+
+    Args:
+        setup: The hand.
+        options: Its numbers.
+    """
+
+    summary = "firmer at incipient slip, eased where the object gives or a finger is loaded"
+    options_type = GripReflexOptions
+
+    def __init__(self, setup: ReflexSetup, options: GripReflexOptions) -> None:
+        self._fingers, self._o = setup.fingers, options
+        self.wants_events = options.events
+        self._first: float | None = None
+        self._asked, self._until_ns = 0.0, 0
+        self._why = self._cause = ""
+
+    @property
+    def cause(self) -> str:
+        """Reason of the newest wish."""
+        return self._cause
+
+    def wish(
+        self,
+        t_ns: int,
+        own: float,  # noqa: ARG002  # what the person asks is no sign of a slip
+        measured: float | None,
+        contacts: AnyMapping[str, Contact],
+        events: Sequence[Event],
+    ) -> float:
+        """Return the wish, see :meth:`tega.stages.Reflex.wish`."""
+        touching = [
+            contacts[name] for name in self._fingers if name in contacts and contacts[name].in_contact
+        ]
+        if not touching:
+            self._first, self._asked, self._cause = None, 0.0, ""
+            return 0.0
+        if self._first is None:
+            self._first = measured
+        self._look(t_ns, touching, events)
+        room = self._room(touching, measured)
+        if room <= 0:
+            self._asked = 0.0
+            return room
+        asked = self._asked if t_ns <= self._until_ns else 0.0
+        self._cause = self._why if asked > 0 else ""
+        return asked * room
+
+    def _look(self, t_ns: int, touching: Sequence[Contact], events: Sequence[Event]) -> None:
+        """Keep the strongest sign of a slip until it has been over for a while."""
+        signs = [(self._slips(contact), contact.finger) for contact in touching]
+        silent = {contact.finger for contact in touching if not _tells(contact)}
+        if self._o.events:
+            signs += [
+                (event.confidence, event.finger or "hand")
+                for event in events
+                if event.kind == "slip" and (event.finger in silent or (not event.finger and silent))
+            ]
+        strongest, finger = max(signs, key=lambda sign: sign[0])
+        if t_ns > self._until_ns:
+            self._asked = 0.0
+        if strongest > 0 and strongest >= self._asked:
+            self._asked, self._until_ns = min(strongest, 1.0), t_ns + round(self._o.keep_s * 1e9)
+            self._why = f"slip, {finger}"
+
+    def _slips(self, contact: Contact) -> float:
+        """How far a finger slips by its metric's own values, 0 to 1."""
+        o, most = self._o, 0.0
+        for one in contact.more:
+            if one.name == "incipient" and math.isfinite(one.value):
+                most = max(most, (one.value - o.incipient_from) / (1 - o.incipient_from))
+            elif one.name == "slip_mm_s" and math.isfinite(one.value):
+                most = max(most, abs(one.value) / o.full_slip_mm_s)
+        return min(most, 1.0)
+
+    def _room(self, touching: Sequence[Contact], measured: float | None) -> float:
+        """What is left before harm: 1 far from it, 0 at the limit, -1 well beyond it."""
+        o, room = self._o, 1.0
+        if o.most_give_levels > 0 and measured is not None and self._first is not None:
+            gained = measured - self._first
+            room = min(room, (o.most_give_levels - gained) / (_MARGIN * o.most_give_levels))
+            if room < 1:
+                self._cause = "eased: the object gives"
+        if o.most_force_n > 0:
+            force_n = max((c.force_n for c in touching if c.force_n is not None), default=0.0)
+            left = (o.most_force_n - force_n) / (_MARGIN * o.most_force_n)
+            if left < room:
+                room, self._cause = left, "eased: a finger is loaded"
+        return max(room, -1.0)
+
+
+def _tells(contact: Contact) -> bool:
+    """Whether a contact's metric knows of slips itself."""
+    return any(one.name in {"incipient", "slip_mm_s"} for one in contact.more)

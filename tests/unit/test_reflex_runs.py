@@ -1,0 +1,211 @@
+"""A run with a reflex: what the hand is told, what is recorded and shown, and the recording computed again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from reference.scripted import MS, Sink, touching
+from tega.bus import Bus
+from tega.calibration import TouchMaxima
+from tega.clock import ManualClock
+from tega.config import FINGERS, ReflexSection, SessionConfig, load_config
+from tega.errors import ConfigError
+from tega.inbox.sources import EmgBlock
+from tega.inbox.stream import PulledStream
+from tega.records import Button, HandCommand, Imposed, NamedValue, ReflexGrip
+from tega.replay.reflex import recorded_arc
+from tega.tactile import ContactMetrics
+from tega.teleop.hand import ModelledAllegro
+from tega.teleop.loop import DualLoop
+from tega.teleop.moment import LoopView, Moment
+from tega.teleop.pacing import Pacer
+from tega.teleop.reflex import ReflexArc, open_reflex
+from tega.teleop.touch import TouchLoop
+
+
+def slipping(share: float) -> ContactMetrics:
+    return touching(50)._replace(more=(NamedValue("incipient", share),))
+
+
+class Ran:
+    """A run on recorded input: level 3 throughout, the thumb slips from 0.2 to 0.4 s."""
+
+    def __init__(self, reflex: ReflexSection, *, presses: int = 0, page: float | None = None) -> None:
+        sets = [f"stages.reflex.{name}={getattr(reflex, name)}" for name in reflex.__struct_fields__[2:]]
+        named = [] if reflex.name is None else [f"stages.reflex.name={reflex.name}", *sets]
+        self.config: SessionConfig = load_config(None, environ={}, sets=named).config
+        bus, self.views = Bus(), list[LoopView]()
+        self.told: list[ReflexGrip] = []
+        self.commands: list[HandCommand] = []
+        bus.subscribe(ReflexGrip, self.told.append, vital=True)
+        bus.subscribe(HandCommand, self.commands.append, vital=True)
+        bus.subscribe(Moment, lambda moment: self.views.append(moment.view), vital=True)
+        thumb = [(k * 20 * MS, slipping(1.0 if 10 <= k < 20 else 0.0)) for k in range(100)]
+        self.arc: ReflexArc | None = open_reflex(
+            self.config, bus, ["thumb"], active=lambda: True, hand=None, authority=lambda: page
+        )
+        for n in range(presses):
+            bus.publish(Button(seat="reflex", t_ns=0, seq=n, button="1", pressed=True))
+        DualLoop(
+            pacer=Pacer(ManualClock()),
+            touch=TouchLoop({"thumb": TouchMaxima(cci_max=1.0, eda_max=100.0)}, layout="paper32"),
+            contacts={"thumb": PulledStream(thumb)},
+            levels=PulledStream([EmgBlock(0, (3,), 3)], end_ns=2000 * MS),
+            hand=ModelledAllegro(),
+            vests=[],
+            hands=[Sink()],
+            bus=bus,
+            reflex=self.arc,
+        ).run()
+
+
+FULL = ReflexSection(name="grip", authority=1.0)
+
+
+def test_a_slip_firms_the_hand_which_is_recorded_and_shown() -> None:
+    run = Ran(FULL)
+    assert run.arc is not None
+    most = max(one.added for one in run.told)
+    assert most == pytest.approx(0.5)
+    assert run.arc.most_added == most
+    firm = [one for one in run.commands if one.closure is not None]
+    first_ns, last_ns = firm[0].t_ns, firm[-1].t_ns
+    assert 200 * MS <= first_ns <= 206 * MS
+    # Half a second after the slip, and then half a level a second.
+    assert 1.85e9 < last_ns < 1.95e9
+    by_tick = {one.t_ns: one for one in run.told}
+    for command in run.commands[:-1]:
+        told = by_tick[command.t_ns]
+        closure = None if told.added == 0 else (told.own + told.added - 1) / 4
+        assert command.closure == closure
+    assert any(
+        view.reflex.startswith("+0.50 levels told to the hand, authority 100% (slip") for view in run.views
+    )
+    assert run.views[0].reflex == "authority 100%"
+
+
+def test_without_a_reflex_or_its_authority_the_hand_is_told_the_same_bits() -> None:
+    without = Ran(ReflexSection())
+    assert without.arc is None
+    assert without.views[-1].reflex == ""
+    idle = Ran(ReflexSection(name="grip"))
+    assert idle.told == []
+    assert idle.commands == without.commands
+    assert Ran(FULL).commands != without.commands
+
+
+def test_button_and_page_set_the_authority() -> None:
+    assert Ran(FULL, presses=1).told == []
+    assert max(one.added for one in Ran(FULL, presses=2).told) == pytest.approx(0.5)
+    assert max(one.added for one in Ran(FULL, page=0.4).told) == pytest.approx(0.5), (
+        "the page said nothing new"
+    )
+    given = iter([0.0])
+    config = load_config(None, environ={}, sets=["stages.reflex.name=grip"]).config
+    wanted = 0.0
+    arc = open_reflex(config, Bus(), ["thumb"], active=lambda: True, hand=None, authority=lambda: wanted)
+    assert arc is not None
+    assert next(given) == arc._moment(0).authority
+    wanted = 0.4
+    assert arc._moment(0).authority == 0.4
+
+
+def test_a_recorded_run_is_computed_again_with_what_was_imposed() -> None:
+    run = Ran(FULL)
+    rows = [one for one in run.told if one.t_ns < 1_000 * MS]
+    recorded: Any = SimpleNamespace(
+        reflex=rows, contacts={"thumb": []}, imposed=[(600 * MS, 4.0), (800 * MS, 0.0)]
+    )
+    again: list[ReflexGrip] = []
+    now = 0
+    arc = recorded_arc(recorded, run.config, tick_ns=lambda: now, tell=again.append)
+    assert arc is not None
+    from tega.stages.metrics import contact_record
+
+    for row in rows:
+        now = row.t_ns
+        share = 1.0 if 200 * MS <= now < 400 * MS else 0.0
+        arc.step(now, 3.0, lambda s=share: {"thumb": contact_record("thumb", 0, slipping(s))})  # type: ignore[misc]
+    same = [one for one in rows if one.t_ns < 600 * MS]
+    assert again[: len(same)] == same
+    assert {one.own for one in again if 600 * MS <= one.t_ns < 800 * MS} == {4.0}
+    assert Imposed.topic != ReflexGrip.topic
+
+
+@pytest.mark.parametrize(
+    ("sets", "said"),
+    [
+        (["stages.reflex.authority=0.5"], "stages.reflex.name is not set"),
+        (["stages.reflex.name=none"], "no reflex is called 'none'"),
+        (["stages.reflex.name=grip", "stages.reflex.authority=1.5"], "1.0"),
+        (["stages.reflex.name=grip", "stages.reflex.most_levels=3"], "most_levels"),
+        (["stages.reflex.name=grip", "stages.reflex.options.incipient_from=1"], "incipient_from"),
+    ],
+)
+def test_settings_that_do_not_fit_are_refused(sets: list[str], said: str) -> None:
+    with pytest.raises(ConfigError) as refused:
+        load_config(None, environ={}, sets=sets)
+    assert said in str(refused.value)
+
+
+@pytest.mark.slow
+def test_a_recorded_lift_with_a_reflex_is_computed_again_bit_for_bit(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
+    pytest.importorskip("foxglove", reason="needs the extra tega[record]")
+    from tega.replay import replay_file
+    from tega.sim.recorded import LiftRecorder
+    from tega.sim.trial import TrialPlan, run_trial
+
+    settings = ("stages.reflex.name=grip", "stages.reflex.authority=1", "stages.reflex.options.keep_s=1")
+    plan = TrialPlan(object="bottle", condition="haptic-reflex", seed=3, settings=settings, friction=0.45)
+    recorder = LiftRecorder(tmp_path / "rec", real_time=False)
+    run_trial(plan, recorder=recorder)
+    (file,) = (tmp_path / "rec").rglob("*.mcap")
+    found = replay_file(file)
+    assert found.same
+    (reflex,) = [stream for stream in found.streams if stream.stream == ReflexGrip.topic]
+    assert reflex.recorded == reflex.replayed > 1000
+    off = replay_file(file, sets=["stages.reflex.authority=0"])
+    assert "stages.reflex.authority: 1.0 -> 0.0" in off.changed
+
+
+def test_an_arm_with_a_reflex_has_it_at_full_authority() -> None:
+    pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
+    from tega.sim.reflex import trial_reflex
+
+    config = load_config(None, environ={}).config
+    slip_mm_s, forces_n = 0.0, (0.0,) * 4
+
+    def arc(tells: Any) -> Any:
+        return trial_reflex(
+            config,
+            tells,
+            Bus(),
+            closure=lambda: 1.0 if max(forces_n) == 0 else 2.5,
+            slip_mm_s=lambda: slip_mm_s,
+            forces_n=lambda: forces_n,
+        )
+
+    assert arc("none") is None
+    true, touch, n = arc("true slips"), arc("touch"), 0
+
+    def told() -> float:
+        nonlocal n
+        for _ in range(200):
+            n += 1
+            level = true.step(n * 3 * MS, 3.0, dict)
+            assert touch.step(n * 3 * MS, 3.0, dict) == 3.0, "nothing touches"
+        return float(level)
+
+    slip_mm_s = 10.0
+    assert told() == 3.0, "no finger bears a force"
+    slip_mm_s, forces_n = 0.0, (0.0, 1.0, 0.0, 0.0)
+    assert told() == 3.0
+    slip_mm_s = 10.0
+    # Closing onto the object is no give of it.
+    assert told() == pytest.approx(3.5)
+    assert set(FINGERS) == set(true.reflex._fingers)
