@@ -17,6 +17,7 @@ from tega.stages import FingerSetup
 from tega.stages.metrics import LiveOptions
 from tega.stages.shear import ShearMetric
 from tega.touch import TouchTracker
+from tega_figures.shear import stuck_radius
 
 FRICTION, LOAD_N = 0.6, 4.0
 
@@ -85,9 +86,22 @@ def test_what_has_slid_does_not_come_back_with_the_pull_and_all_is_gone_when_it_
     assert gel.sheared.peak_mm < 0.1 * left_mm
 
 
+@pytest.mark.parametrize("load_n", [2.0, 4.0])
+@pytest.mark.parametrize("share", [0.2, 0.4, 0.6, 0.8])
+def test_a_ball_sticks_where_cattaneo_and_mindlin_have_it(load_n: float, share: float) -> None:
+    found, less = stuck_radius(load_n, share)
+    assert found == pytest.approx((1 - share) ** (1 / 3), rel=0.05)
+    # Ciavarella and Jäger: what sticks is what would touch under that much less force.
+    assert found == pytest.approx(less, rel=0.06)
+
+
 @pytest.mark.parametrize(
     ("wrong", "named"),
-    [({"shear_n": (float("nan"), 0.0)}, "shear_n"), ({"shear_n": (0.0, 2000.0)}, "shear_n"), ({"friction": -0.1}, "friction")],
+    [
+        ({"shear_n": (float("nan"), 0.0)}, "shear_n"),
+        ({"shear_n": (0.0, 2000.0)}, "shear_n"),
+        ({"friction": -0.1}, "friction"),
+    ],
 )
 def test_a_pull_that_is_none_is_refused(wrong: dict[str, Any], named: str) -> None:
     with pytest.raises(InvalidValueError, match=named):
@@ -143,12 +157,14 @@ def test_a_print_that_is_moved_under_a_dent_is_found_again() -> None:
 
     def picture(dx: float, dy: float, press: float) -> np.ndarray[Any, Any]:
         level = 120 + press * dent + rng.normal(0, 2, (320, 240, 3))
-        for x, y in places:
-            share = min(1.0, 2 * np.exp(-((x - 120) ** 2 + (y - 160) ** 2) / (2 * 35.0**2)))
-            x, y = x + share * dx, y + share * dy
+        for was_x, was_y in places:
+            share = min(1.0, 2 * np.exp(-((was_x - 120) ** 2 + (was_y - 160) ** 2) / (2 * 35.0**2)))
+            x, y = was_x + share * dx, was_y + share * dy
             top, left = int(y) - 3, int(x) - 3
             patch = level[max(top, 0) : top + 8, max(left, 0) : left + 8]
-            r, c = np.ogrid[max(top, 0) : max(top, 0) + patch.shape[0], max(left, 0) : max(left, 0) + patch.shape[1]]
+            r, c = np.ogrid[
+                max(top, 0) : max(top, 0) + patch.shape[0], max(left, 0) : max(left, 0) + patch.shape[1]
+            ]
             patch -= 20 * np.exp(-((c - x) ** 2 + (r - y) ** 2) / 4.0)[:, :, None]
         return np.clip(np.rint(level), 0, 255).astype(np.uint8)
 

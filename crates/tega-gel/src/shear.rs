@@ -249,7 +249,8 @@ impl ShearField {
             let need = (need_x * need_x + need_y * need_y).sqrt();
             let sticks = need <= limit[c] && limit[c] > 0.0;
             let share = limit[c] / if need > limit[c] { need } else { 1.0 };
-            let (to_x, to_y) = ((need_x * share + beside_x[c]) / STIFF, (need_y * share + beside_y[c]) / STIFF);
+            let (to_x, to_y) =
+                ((need_x * share + beside_x[c]) / STIFF, (need_y * share + beside_y[c]) / STIFF);
             let (soft_x, soft_y) = (x[c] + RELAX * (to_x - x[c]), y[c] + RELAX * (to_y - y[c]));
             let (new_x, new_y) = if sticks { (with_x, with_y) } else { (soft_x, soft_y) };
             x[c] = if mine[c] { new_x } else { x[c] };
@@ -344,64 +345,4 @@ fn pull_plain(field: &mut ShearField, grid: &Grid, by: Pull) {
 tega_simd::dispatched! {
     /// See [`ShearField::pull`].
     pull = pull_plain, (field: &mut ShearField, grid: &Grid, by: Pull) -> ()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::{Form, Gel, Indenter, Setup, Shape, Surface};
-
-    fn ball(radius: f64, [x, y]: [f64; 2], force_n: f64) -> Indenter {
-        let pose_mm = [[1.0, 0.0, 0.0, x], [0.0, 1.0, 0.0, y], [0.0, 0.0, 1.0, 0.0]];
-        Indenter { shape: Shape::Sphere { radius }, pose_mm, force_n }
-    }
-
-    fn flat() -> Gel {
-        let setup = Setup { form: Form::Flat, surface: Surface::Texture, ..Setup::default() };
-        Gel::new(setup).expect("a spread within bounds")
-    }
-
-    const FRICTION: f64 = 0.6;
-
-    /// Pulls a ball by steps of a fiftieth of the limit up to a share of it.
-    fn pulled(gel: &mut Gel, indenter: Indenter, share: f64, turn: [f64; 2]) {
-        gel.forget();
-        let load_n = indenter.force_n;
-        for step in 1..=(50.0 * share).round() as i32 {
-            let pull = f64::from(step) / 50.0 * FRICTION * load_n;
-            gel.press(&[indenter], 0.0).expect("a ball");
-            gel.pull(Pull { force_n: turn.map(|t| t * pull), friction: FRICTION, load_n }).expect("a pull");
-        }
-    }
-
-    /// Stuck over touching radius, and the touching radius under the force that Ciavarella and Jäger have over that under
-    /// all of it: root means over nine places within a cell.
-    fn stuck(gel: &mut Gel, radius: f64, load_n: f64, share: f64) -> [f64; 2] {
-        let (mut stuck, mut less, mut all) = (0.0, 0.0, 0.0);
-        let step = WIDE_PX as f64 / PX_PER_MM / 3.0;
-        for place in 0..9 {
-            let at = [step * f64::from(place / 3), step * f64::from(place % 3)];
-            pulled(gel, ball(radius, at, load_n), share, [0.8, -0.6]);
-            let area = gel.touch().area_mm2;
-            stuck += area * (1.0 - gel.shear().slid);
-            all += area;
-            gel.press(&[ball(radius, at, (1.0 - share) * load_n)], 0.0).expect("a ball");
-            less += gel.touch().area_mm2;
-        }
-        [(stuck / all).sqrt(), (less / all).sqrt()]
-    }
-
-    #[test]
-    fn a_ball_sticks_where_cattaneo_and_mindlin_have_it() {
-        let mut gel = flat();
-        for load_n in [2.0, 4.0, 8.0] {
-            for share in [0.2, 0.4, 0.6, 0.8] {
-                let [found, jaeger] = stuck(&mut gel, 12.0, load_n, share);
-                let mindlin = (1.0 - share).cbrt();
-                println!("{load_n} N, {share}: stuck {found:.3}, mindlin {mindlin:.3} {:+.1} %, jaeger {jaeger:.3} {:+.1} %", 100.0*(found/mindlin-1.0), 100.0*(found/jaeger-1.0));
-                //assert!((found / mindlin - 1.0).abs() < 0.05, "{load_n} N, {share}: {found} against {mindlin}");
-                //assert!((found / jaeger - 1.0).abs() < 0.08, "{load_n} N, {share}: {found} against {jaeger}");
-            }
-        }
-    }
 }

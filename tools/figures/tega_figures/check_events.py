@@ -5,7 +5,7 @@
     python -m tega_figures.check_events --fit 1000:1023                       # weights for tega.detect.settings
     python -m tega_figures.check_events --seeds 2000:2020 --conditions haptic # the table of docs/detect.md
     python -m tega_figures.check_events --narrowing --objects bag             # what a deformation could be told by
-    python -m tega_figures.check_events --seeds 2000:2020 --conditions haptic --shear texture   # of docs/evidence/shear.md
+    python -m tega_figures.check_events --conditions haptic --shear texture   # of docs/evidence/shear.md
 
 Needs the extras ``sim`` and ``study``. A seed is a person; those that the rules were fitted on are never reported.
 """
@@ -390,7 +390,10 @@ def main() -> None:
     parser.add_argument("--stiffness", type=float, default=1.0, help="of the objects, times their own")
     parser.add_argument("--friction", type=float, default=1.0, help="likewise")
     parser.add_argument(
-        "--shear", default="off", choices=["off", "texture", "dots"], help="of the gels; the metric is shear then"
+        "--shear",
+        default="off",
+        choices=["off", "texture", "dots"],
+        help="of the gels; the metric is shear then",
     )
     parser.add_argument("--objects", default="", help="some of them, by name; all unless given")
     parser.add_argument(

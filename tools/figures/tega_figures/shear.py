@@ -2,7 +2,7 @@
 
 ::
 
-    python -m tega_figures.shear                               # the tables of docs/evidence/shear.md that need no recording
+    python -m tega_figures.shear                               # tables of docs/evidence/shear.md
     python -m tega_figures.shear --recorded ../shared/data/digit   # and those of recordings
     python -m tega_figures.shear --picture docs/images/shear.png
 
@@ -59,13 +59,14 @@ def stuck_radius(load_n: float, share: float, *, places: int = 3) -> tuple[float
 
 
 def _closed_form() -> Iterable[str]:
-    yield "| force N | pull over μ P | stuck over touching radius | Cattaneo and Mindlin | off by | touching radius under P - Q/μ |"
+    yield "| force N | Q / μP | stuck over touching radius | Cattaneo and Mindlin | off by | touching under P - Q/μ |"
     yield "|---|---|---|---|---|---|"
     for load_n in (2.0, 4.0, 8.0):
         for share in (0.2, 0.4, 0.6, 0.8):
             found, less = stuck_radius(load_n, share)
             theory = (1 - share) ** (1 / 3)
-            yield f"| {load_n:g} | {share} | {found:.3f} | {theory:.3f} | {100 * (found / theory - 1):+.1f} % | {less:.3f} |"
+            off = 100 * (found / theory - 1)
+            yield f"| {load_n:g} | {share} | {found:.3f} | {theory:.3f} | {off:+.1f} % | {less:.3f} |"
 
 
 class Course(NamedTuple):
@@ -84,7 +85,9 @@ class Course(NamedTuple):
     read: list[ShearReading]
 
 
-def follow(kind: Shear, seed: int, *, radius_mm: float = RADIUS_MM, load_n: float = 4.0, top: float = 0.95) -> Course:
+def follow(
+    kind: Shear, seed: int, *, radius_mm: float = RADIUS_MM, load_n: float = 4.0, top: float = 0.95
+) -> Course:
     """Press a ball, pull it within a second, and read every frame."""
     gel = Gel(seed, memory=True, shear=kind)
     baseline = np.rint(np.mean([gel.frame([], n) for n in range(30)], axis=0)).astype(np.uint8)
@@ -104,7 +107,7 @@ def follow(kind: Shear, seed: int, *, radius_mm: float = RADIUS_MM, load_n: floa
 
 
 def _reading() -> Iterable[str]:
-    yield "| gel | true slid | frames | read incipient: median | shear off by, mm: median, 95 % | direction off by, rad: 95 % |"
+    yield "| gel | truly slid | frames | incipient: median | shear off, mm: median, 95 % | direction off, rad: 95 % |"
     yield "|---|---|---|---|---|---|"
     for kind in ("texture", "dots"):
         courses = [follow(kind, seed, radius_mm=r) for seed in range(10, 16) for r in (8.0, 12.0)]
@@ -169,7 +172,7 @@ def _luma(image: NDArray[Any]) -> NDArray[np.float64]:
 
 
 def _high(luma: NDArray[np.float64], wide: int = 9) -> NDArray[np.float64]:
-    """Return what two means over 9 x 9 pixels, one of what the other leaves, leave of a picture; its border is cut off."""
+    """Return what two means over 9 x 9 pixels, one after the other, leave of a picture; its border is cut off."""
     for _ in range(2):
         windows = np.lib.stride_tricks.sliding_window_view(luma, (wide, wide))
         luma = luma[wide // 2 : -(wide // 2), wide // 2 : -(wide // 2)] - windows.mean(axis=(2, 3))
@@ -177,7 +180,7 @@ def _high(luma: NDArray[np.float64], wide: int = 9) -> NDArray[np.float64]:
 
 
 def grain_counts(frames: list[NDArray[np.uint8]]) -> float:
-    """Return the deviation of what does not change in frames, counts of grey: root of the covariance of two halves' medians."""
+    """Return the deviation of what stays in frames, counts of grey: root of the covariance of two halves' medians."""
     high = np.stack([_high(_luma(frame)) for frame in frames])
     one, two = np.median(high[0::2], axis=0), np.median(high[1::2], axis=0)
     return math.sqrt(max(float((one * two).mean()), 0.0))
@@ -241,26 +244,53 @@ def picture(path: Path) -> None:
     radii, field, reading = figure.subplots(1, 3)
     shares = np.linspace(0.1, 0.9, 9)
     for load_n, marker in ((2.0, "o"), (4.0, "s")):
-        radii.plot(shares, [stuck_radius(load_n, float(s))[0] for s in shares], marker, ms=4, label=f"simulated, {load_n:g} N")
+        radii.plot(
+            shares,
+            [stuck_radius(load_n, float(s))[0] for s in shares],
+            marker,
+            ms=4,
+            label=f"simulated, {load_n:g} N",
+        )
     fine = np.linspace(0, 1, 100)
     radii.plot(fine, (1 - fine) ** (1 / 3), color="0.4", label="Cattaneo and Mindlin")
-    radii.set(xlabel="pull over the limit of friction, Q / μP", ylabel="stuck over touching radius", ylim=(0, 1.05))
+    radii.set(
+        xlabel="pull over the limit of friction, Q / μP", ylabel="stuck over touching radius", ylim=(0, 1.05)
+    )
     radii.legend(fontsize=7, frameon=False)
     gel = Gel(1, shear="dots")
     for step in range(1, 36):
         pull_n = step / 50 * FRICTION * 4.0
-        one = ball(force_n=4.0, radius_mm=RADIUS_MM)._replace(shear_n=(0.6 * pull_n, 0.8 * pull_n), friction=FRICTION)
+        one = ball(force_n=4.0, radius_mm=RADIUS_MM)._replace(
+            shear_n=(0.6 * pull_n, 0.8 * pull_n), friction=FRICTION
+        )
         image = gel.frame([one], step)
     moved = gel.shear_mm()[1::2, 1::2] * PX_PER_MM
     rows, columns = np.mgrid[1:40:2, 1:30:2] * 8 + 3.5
     field.imshow(image[..., ::-1])
-    field.quiver(columns, rows, moved[..., 0], moved[..., 1], color="w", angles="xy", scale_units="xy", scale=0.6, width=0.006)
+    field.quiver(
+        columns,
+        rows,
+        moved[..., 0],
+        moved[..., 1],
+        color="w",
+        angles="xy",
+        scale_units="xy",
+        scale=0.6,
+        width=0.006,
+    )
     field.contour(gel.contact_mask(), [0.5], colors="#ffd23f", linewidths=1)
     field.set_title("pulled to 0.7 of the limit; outline: touching", fontsize=8)
     field.set_axis_off()
     for kind, color in (("texture", "#1f77b4"), ("dots", "#d62728")):
         course = follow(kind, 10)
-        reading.plot(course.true_mm[20:], [one.shear_mm for one in course.read[20:]], ".", ms=3, color=color, label=kind)
+        reading.plot(
+            course.true_mm[20:],
+            [one.shear_mm for one in course.read[20:]],
+            ".",
+            ms=3,
+            color=color,
+            label=kind,
+        )
     reading.plot([0, 1.2], [0, 1.2], color="0.6", lw=1, ls=":")
     reading.set(xlabel="true displacement of the middle, mm", ylabel="shear read, mm")
     reading.legend(fontsize=7, frameon=False)
@@ -270,7 +300,9 @@ def picture(path: Path) -> None:
 
 def main() -> None:
     """Print the tables, or draw the picture."""
-    parser = argparse.ArgumentParser(description="Shear, simulated and read, against theory, truth and recordings.")
+    parser = argparse.ArgumentParser(
+        description="Shear, simulated and read, against theory, truth and recordings."
+    )
     parser.add_argument("--recorded", type=Path, help="folder of the shared recordings of fingertips")
     parser.add_argument("--picture", type=Path, help="draw the picture there instead")
     asked = parser.parse_args()

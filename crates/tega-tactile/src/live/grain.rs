@@ -35,7 +35,15 @@ pub(super) struct Grain {
 impl Grain {
     pub fn new(height: usize, width: usize, step: usize) -> Self {
         let plane = vec![0; height * width];
-        Self { height, width, step, grey: plane.clone(), once: plane.clone(), twice: plane, gathered: Vec::new() }
+        Self {
+            height,
+            width,
+            step,
+            grey: plane.clone(),
+            once: plane.clone(),
+            twice: plane,
+            gathered: Vec::new(),
+        }
     }
 
     /// Takes a part of a picture of this size.

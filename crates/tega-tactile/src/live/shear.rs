@@ -167,7 +167,12 @@ impl ShearReader {
             return Err(TactileError::Channels { name: "frame", channels });
         }
         if (frame_h, frame_w) != (height, width) {
-            return Err(TactileError::ShapeMismatch { frame_h, frame_w, baseline_h: height, baseline_w: width });
+            return Err(TactileError::ShapeMismatch {
+                frame_h,
+                frame_w,
+                baseline_h: height,
+                baseline_w: width,
+            });
         }
         if !(0.0..=1e6).contains(&dt_s) {
             return Err(OutOfRange::new("dt_s", dt_s, "s", "0 to 1e6").into());
@@ -230,15 +235,14 @@ impl ShearReader {
             let g = if f < RIM { f / RIM } else { 1.0 };
             self.sought.push(Sought { cell, shares: [f, g] });
             let (y, x) = (cell / cols * side, cell % cols * side);
-            (rows, columns) = (
-                [rows[0].min(y), rows[1].max(y + side)],
-                [columns[0].min(x), columns[1].max(x + side)],
-            );
+            (rows, columns) =
+                ([rows[0].min(y), rows[1].max(y + side)], [columns[0].min(x), columns[1].max(x + side)]);
         }
         self.told.clear();
         self.told.resize(self.sought.len(), None);
         let [x, y] = [0, 1].map(|k| (self.shapes[0][k] + self.shapes[1][k]).abs());
-        let room = ((if x > y { x } else { y }) + (STEPS as f32 + 2.0) * LONGEST_PX * self.scale) as usize + 2;
+        let room =
+            ((if x > y { x } else { y }) + (STEPS as f32 + 2.0) * LONGEST_PX * self.scale) as usize + 2;
         let wider = |[from, to]: [usize; 2], size: usize| [from.saturating_sub(room), (to + room).min(size)];
         Some(Part { rows: wider(rows, height), cols: wider(columns, width) })
     }
@@ -253,7 +257,8 @@ impl ShearReader {
     fn compare(&mut self) -> f64 {
         let Grid { height, width, side, cols, .. } = self.grid;
         let (mut product, mut squares) = (0.0f32, [0.0f32; 2]);
-        let places: Vec<_> = self.sought.iter().map(|sought| (sought.cell, self.displacement(sought))).collect();
+        let places: Vec<_> =
+            self.sought.iter().map(|sought| (sought.cell, self.displacement(sought))).collect();
         for ((cell, [dx, dy]), told) in places.into_iter().zip(&mut self.told) {
             let (y, x) = (cell / cols * side, cell % cols * side);
             let (left, top) = (dx.floor(), dy.floor());

@@ -123,7 +123,10 @@ class PadContacts:
         # The contact's force is what its first shape does to its second.
         first, second = (-f if pad_first else f for f in forces[row + 1 : row + 3].tolist())
         friction = float(contact.friction[number, 0])
-        return [*(first * a + second * b for a, b in zip(across[:3], across[3:], strict=True)), float(forces[row]) * friction]
+        return [
+            *(first * a + second * b for a, b in zip(across[:3], across[3:], strict=True)),
+            float(forces[row]) * friction,
+        ]
 
     def _indenter(self, pad: int, shape: int, sums: list[float]) -> Indenter:
         data, site, force_n = self._data, self._sites[pad], sums[0]
