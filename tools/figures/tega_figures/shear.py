@@ -294,7 +294,6 @@ def picture(path: Path) -> None:
     reading.plot([0, 1.2], [0, 1.2], color="0.6", lw=1, ls=":")
     reading.set(xlabel="true displacement of the middle, mm", ylabel="shear read, mm")
     reading.legend(fontsize=7, frameon=False)
-    figure.tight_layout()
     figure.savefig(path, dpi=100)
 
 
