@@ -1,8 +1,8 @@
 """Read the shear of a fingertip camera's contact: how far its gel is pulled sideways, and how much of it has slid.
 
 What is printed on the gel moves with it: dots where there are any, else the faint grain that every gel has.
-:class:`ShearReader` seeks it again in each frame, from where it was in the untouched gel. ``docs/evidence/shear.md`` says
-how, and how well.
+:class:`ShearReader` seeks it again in each frame, from where it was in the untouched gel.
+``docs/evidence/shear.md`` says how, and how well.
 """
 
 from __future__ import annotations
@@ -85,5 +85,8 @@ class ShearReader:
         return ShearReading._make(self._reader.update(frame, tracker._tracker, dt_s=dt_s))  # noqa: SLF001
 
     def flow(self) -> NDArray[np.float32]:
-        """Return how far each cell is moved, float32 (rows, columns, 2), pixels to the right and down; 0 beside the contact."""
+        """Return how far each cell is moved, float32 (rows, columns, 2), pixels to the right and down.
+
+        It is 0 beside the contact.
+        """
         return self._reader.flow()

@@ -167,7 +167,7 @@ class Gel:
         return ShearTruth._make(self._gel.shear())
 
     def shear_mm(self) -> NDArray[np.float32]:
-        """Return how far the gel is pulled to the right and down, float32 (40, 30, 2), millimetres, 8 x 8 pixels each."""
+        """Return how far the gel is pulled to the right and down, float32 (40, 30, 2), mm, 8 x 8 pixels each."""
         return self._gel.shear_mm()
 
     @property

@@ -2,7 +2,7 @@
 
 ::
 
-    python -m tega_figures.shear                               # the tables of docs/evidence/shear.md that need no recording
+    python -m tega_figures.shear                               # tables of docs/evidence/shear.md
     python -m tega_figures.shear --recorded ../shared/data/digit   # and those of recordings
     python -m tega_figures.shear --picture docs/images/shear.png
 
@@ -59,13 +59,14 @@ def stuck_radius(load_n: float, share: float, *, places: int = 3) -> tuple[float
 
 
 def _closed_form() -> Iterable[str]:
-    yield "| force N | pull over μ P | stuck over touching radius | Cattaneo and Mindlin | off by | touching radius under P - Q/μ |"
+    yield "| force N | Q / μP | stuck over touching radius | Cattaneo and Mindlin | off by | touching under P - Q/μ |"
     yield "|---|---|---|---|---|---|"
     for load_n in (2.0, 4.0, 8.0):
         for share in (0.2, 0.4, 0.6, 0.8):
             found, less = stuck_radius(load_n, share)
             theory = (1 - share) ** (1 / 3)
-            yield f"| {load_n:g} | {share} | {found:.3f} | {theory:.3f} | {100 * (found / theory - 1):+.1f} % | {less:.3f} |"
+            off = 100 * (found / theory - 1)
+            yield f"| {load_n:g} | {share} | {found:.3f} | {theory:.3f} | {off:+.1f} % | {less:.3f} |"
 
 
 class Course(NamedTuple):
@@ -106,7 +107,7 @@ def follow(
 
 
 def _reading() -> Iterable[str]:
-    yield "| gel | true slid | frames | read incipient: median | shear off by, mm: median, 95 % | direction off by, rad: 95 % |"
+    yield "| gel | truly slid | frames | incipient: median | shear off, mm: median, 95 % | direction off, rad: 95 % |"
     yield "|---|---|---|---|---|---|"
     for kind in ("texture", "dots"):
         courses = [follow(kind, seed, radius_mm=r) for seed in range(10, 16) for r in (8.0, 12.0)]
@@ -171,7 +172,7 @@ def _luma(image: NDArray[Any]) -> NDArray[np.float64]:
 
 
 def _high(luma: NDArray[np.float64], wide: int = 9) -> NDArray[np.float64]:
-    """Return what two means over 9 x 9 pixels, one of what the other leaves, leave of a picture; its border is cut off."""
+    """Return what two means over 9 x 9 pixels, one after the other, leave of a picture; its border is cut off."""
     for _ in range(2):
         windows = np.lib.stride_tricks.sliding_window_view(luma, (wide, wide))
         luma = luma[wide // 2 : -(wide // 2), wide // 2 : -(wide // 2)] - windows.mean(axis=(2, 3))
@@ -179,7 +180,7 @@ def _high(luma: NDArray[np.float64], wide: int = 9) -> NDArray[np.float64]:
 
 
 def grain_counts(frames: list[NDArray[np.uint8]]) -> float:
-    """Return the deviation of what does not change in frames, counts of grey: root of the covariance of two halves' medians."""
+    """Return the deviation of what stays in frames, counts of grey: root of the covariance of two halves' medians."""
     high = np.stack([_high(_luma(frame)) for frame in frames])
     one, two = np.median(high[0::2], axis=0), np.median(high[1::2], axis=0)
     return math.sqrt(max(float((one * two).mean()), 0.0))
@@ -293,7 +294,6 @@ def picture(path: Path) -> None:
     reading.plot([0, 1.2], [0, 1.2], color="0.6", lw=1, ls=":")
     reading.set(xlabel="true displacement of the middle, mm", ylabel="shear read, mm")
     reading.legend(fontsize=7, frameon=False)
-    figure.tight_layout()
     figure.savefig(path, dpi=100)
 
 
