@@ -148,7 +148,7 @@ def test_a_press_without_a_pull_is_read_as_none(kind: Shear) -> None:
 
 
 def test_a_print_that_is_moved_under_a_press_is_found_again() -> None:
-    """Independent of the simulated shear: blots of ink on a plain gel, each moved by so many pixels, less beside the press."""
+    """Independent of the simulated shear: blots of ink on a plain gel are moved, and less beside the press."""
     rng = np.random.default_rng(0)
     places = rng.uniform((4, 4), (236, 316), (600, 2))
     gel, press = Gel(3), [ball(force_n=4.0, radius_mm=12.0)]
