@@ -64,7 +64,8 @@ def _look(part: LookPart, shape: Shape) -> NDArray[np.float64]:
         case "ball":
             angles = np.linspace(-np.pi / 2, np.pi / 2, 2 * _CAP + 1)
             faces = _turned([(radius * np.cos(a), half * np.sin(a)) for a in angles])
-    return faces + np.array([0.0, 0.0, part.middle * shape.size_m[1]])
+    moved: NDArray[np.float64] = faces + np.array([0.0, 0.0, part.middle * shape.size_m[1]])
+    return moved
 
 
 def _faces(shape: Shape) -> NDArray[np.float64]:
