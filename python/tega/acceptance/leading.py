@@ -62,7 +62,7 @@ def accept_tracker(source: Any, gate: GateSettings, guide: AcceptanceGuide) -> I
     yield _pose_limits(seen, good, gate)
     guide.say("Move the forearm forward by about 10 cm, slowly, and back.")
     guide.ask("Ready? Press Enter, and move it within five seconds.")
-    rest_m = np.mean([np.asarray(pose.position_m) for _, pose in good], axis=0)
+    rest_m = np.array([pose.position_m for _, pose in good], np.float64).mean(axis=0)
     moving = [pose for _, pose in _poses(source, _WATCH_S) if pose.valid]
     gone_m = max((float(np.linalg.norm(np.asarray(p.position_m) - rest_m)) for p in moving), default=0.0)
     yield AcceptanceStep(
