@@ -11,8 +11,8 @@ from tega.contract import check_stage
 from tega.detect import Detector, ShearFrame, TouchFrame
 from tega.errors import InvalidValueError, ShapeError
 from tega.shear import ShearReader, ShearReading
-from tega.sim.gel import Gel, Shear, ball
-from tega.sim.seams import Indenter
+from tega.sim.gel import Gel, ball
+from tega.sim.seams import Indenter, Shear
 from tega.stages import FingerSetup
 from tega.stages.metrics import LiveOptions
 from tega.stages.shear import ShearMetric
@@ -148,7 +148,7 @@ def test_a_press_without_a_pull_is_read_as_none(kind: Shear) -> None:
 
 
 def test_a_print_that_is_moved_under_a_press_is_found_again() -> None:
-    """Independent of the simulated shear: blots of ink on a plain gel are moved, and less beside the press."""
+    """Independent of the simulated shear: blots of ink on a plain gel, moved by so many pixels."""
     rng = np.random.default_rng(0)
     places = rng.uniform((4, 4), (236, 316), (600, 2))
     gel, press = Gel(3), [ball(force_n=4.0, radius_mm=12.0)]
@@ -164,8 +164,7 @@ def test_a_print_that_is_moved_under_a_press_is_found_again() -> None:
             patch = level[top : top + 10, left : left + 10]
             r, c = np.ogrid[top : top + patch.shape[0], left : left + patch.shape[1]]
             patch -= 20 * np.exp(-((c - x) ** 2 + (r - y) ** 2) / 4.0)[:, :, None]
-        image: np.ndarray[Any, Any] = np.clip(np.rint(level), 0, 255).astype(np.uint8)
-        return image
+        return np.clip(np.rint(level), 0, 255).astype(np.uint8)
 
     untouched = [picture(n, 0, 0, pressed=False) for n in range(8)]
     baseline = np.rint(np.mean(untouched, axis=0)).astype(np.uint8)

@@ -16,9 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega import _native
-from tega.sim.seams import Indenter
-
-Shear = Literal["off", "texture", "dots"]
+from tega.sim.seams import Indenter, Shear
 
 HEIGHT: Final = 320
 WIDTH: Final = 240

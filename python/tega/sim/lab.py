@@ -20,9 +20,9 @@ from tega.errors import InvalidValueError
 from tega.inbox.frames import FrameMeter
 from tega.inbox.sources import SourceReport
 from tega.sim.conditions import ARMS
-from tega.sim.gel import Gel, Shear, ball, board
+from tega.sim.gel import Gel, ball, board
 from tega.sim.plan import loop_settings
-from tega.sim.seams import Indenter
+from tega.sim.seams import Indenter, Shear
 from tega.sim.true_touch import FULL_N
 from tega.stages.choose import block_s, finger_metric, muscle_decoder
 

@@ -11,9 +11,9 @@ from tega.config import LOOP_KEYS, SessionConfig, load_config
 from tega.errors import ConfigError, InvalidValueError
 from tega.sim.beside import BesideResult
 from tega.sim.conditions import CONDITIONS, Condition
-from tega.sim.gel import Shear
 from tega.sim.operator.vision import ViewName
 from tega.sim.score import TrialEvent
+from tega.sim.seams import Shear
 from tega.sim.world.objects import OBJECTS, ObjectSpec
 
 

@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from tega.haptics import MotorLevels
 
 
+Shear = Literal["off", "texture", "dots"]
+"""Whether a simulated gel gives way sideways, and what on it shows that."""
+
+
 class Indenter(NamedTuple):
     """A rigid shape that presses a fingertip's gel.
 

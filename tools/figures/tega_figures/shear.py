@@ -22,7 +22,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from tega.shear import ShearReader, ShearReading
-from tega.sim.gel import PX_PER_MM, Gel, Shear, ball
+from tega.sim.gel import PX_PER_MM, Gel, ball
+from tega.sim.seams import Shear
 from tega.touch import TouchTracker
 
 if TYPE_CHECKING:
@@ -148,7 +149,11 @@ def cost(radius_mm: float, load_n: float) -> dict[str, float]:
     kinds: tuple[Shear, ...] = ("off", "texture", "dots")
     for kind in kinds:
         gel = Gel(1, shear=kind)
-        found[f"frame, {kind}"] = _microseconds(lambda k, gel=gel: gel.frame([press(k)], k, out=out))  # type: ignore[misc]
+
+        def painted(k: int, gel: Gel = gel) -> object:
+            return gel.frame([press(k)], k, out=out)
+
+        found[f"frame, {kind}"] = _microseconds(painted)
     tracker, reader = TouchTracker(gel.still()), ShearReader(gel.still())
     images = [gel.frame([press(k)], k) for k in range(20)]
     found["live"] = _microseconds(lambda k: tracker.update(images[k % 20]))
