@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from datetime import datetime
 from typing import Any
 
 from hypothesis import given
@@ -15,7 +16,9 @@ plain = (
     | st.booleans()
     | st.integers(-(2**63), 2**63 - 1)
     | st.floats(allow_nan=False)
-    | st.datetimes(timezones=st.timezones()).map(lambda t: t.replace(microsecond=0, year=2026))
+    | st.datetimes(datetime(2026, 1, 1), datetime(2027, 1, 1), timezones=st.timezones()).map(
+        lambda t: t.replace(microsecond=0)
+    )
 )
 values = st.recursive(
     plain,

@@ -242,7 +242,7 @@ def test_the_rules_stand_in_plan_result_and_digest() -> None:
     assert plan.rules == 2
     assert TrialPlan(object="bag").rules == 1
     with pytest.raises(InvalidValueError, match="rules"):
-        TrialPlan.checked({"object": "bag", "rules": 3})
+        TrialPlan.checked({"object": "bag", "rules": 4})
     numbers = load_parameters().digest
     assert people_digest(numbers, 1) == numbers
     assert people_digest(numbers, 2) == hashlib.sha256(f"{numbers} {rules_digest()}".encode()).hexdigest()

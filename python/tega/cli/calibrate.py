@@ -34,7 +34,13 @@ if TYPE_CHECKING:
     metavar="NAME=SOURCE",
     help="A scene camera whose lens is calibrated with the printed board, as by scene calibrate; repeatable.",
 )
-@click.option("--camera-size", metavar="WxH", default="1920x1080", show_default=True, help="Of its pictures.")
+@click.option(
+    "--camera-size",
+    metavar="WxH",
+    default="1920x1080",
+    show_default=True,
+    help="Size of the camera's pictures.",
+)
 @click.option(
     "--hand",
     type=click.Choice(["left", "right"]),

@@ -1,4 +1,4 @@
-"""Smooth what was measured in single pictures: courses with their speeds and errors.
+"""Compute courses with their speeds and errors from what was measured in single pictures.
 
 A straight line about each moment smears a sudden fall over the moments before it. Where the moment at which something
 begins to move counts, :func:`trended` fits pieces of parabolas with as few changes of acceleration as the errors allow
