@@ -7,14 +7,14 @@ from itertools import combinations
 import pytest
 
 from tega_figures import skipped
-from tega_figures.pareto.drawing import Choice, Variant, drawn, front, table
+from tega_figures.pareto.drawing import Choice, PricedVariant, drawn, front, table
 from tega_figures.pareto.page import PAGE, SUBJECTS, kept, page
 
 text_module = pytest.importorskip("matplotlib.text", reason="needs the extra tega[lab]")
 
 
-def variant(name: str, cost: float, error: float, *, default: bool = False) -> Variant:
-    return Variant(name=name, cost=cost, error=error, default=default)
+def variant(name: str, cost: float, error: float, *, default: bool = False) -> PricedVariant:
+    return PricedVariant(name=name, cost=cost, error=error, default=default)
 
 
 def test_the_front_is_what_nothing_beats_in_both() -> None:
@@ -28,7 +28,7 @@ def test_a_table_marks_the_default_and_leaves_out_what_was_not_measured() -> Non
     choice = Choice(
         title="T", setting="`x`", cost="µs", error="%", how="So.", why="Because.",
         variants=[
-            Variant(name="a", cost=1.234, error=2, beside={"more": 3}),
+            PricedVariant(name="a", cost=1.234, error=2, beside={"more": 3}),
             variant("b", 2, 3, default=True),
         ],
     )  # fmt: skip

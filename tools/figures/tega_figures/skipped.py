@@ -57,7 +57,7 @@ TOUCH: Final = ContactMetrics(
 )
 
 
-class Skip(msgspec.Struct, frozen=True):
+class SavedWork(msgspec.Struct, frozen=True):
     """One skip.
 
     Attributes:
@@ -81,7 +81,7 @@ class Kept(msgspec.Struct, frozen=True):
     """What was measured, and on which machine."""
 
     where: str
-    skips: list[Skip]
+    skips: list[SavedWork]
 
 
 class Nowhere:
@@ -199,7 +199,7 @@ def _timed_us(call: Callable[[], object]) -> float:
     return (time.process_time_ns() - started_ns) / 1000
 
 
-def _whole() -> list[Skip]:
+def _whole() -> list[SavedWork]:
     """Measure skips that take a run: processor time, each twice, in turns."""
     plan = TrialPlan(object="container", operator="scripted", seed=3)
     run_trial(plan)
@@ -224,11 +224,11 @@ def _whole() -> list[Skip]:
     return found
 
 
-def _skip(says: Says, with_us: float, without_us: float) -> Skip:
-    return Skip(says.scene, says.left_out, with_us, without_us, says.changes, says.shown_by)
+def _skip(says: Says, with_us: float, without_us: float) -> SavedWork:
+    return SavedWork(says.scene, says.left_out, with_us, without_us, says.changes, says.shown_by)
 
 
-def measure(*, budget_s: float) -> list[Skip]:
+def measure(*, budget_s: float) -> list[SavedWork]:
     """Measure every skip; those of a single call in turns, by the wall clock."""
     ways = list(_reading().items())
     calls = {
@@ -242,7 +242,7 @@ def measure(*, budget_s: float) -> list[Skip]:
     ]
 
 
-def table(skips: list[Skip]) -> str:
+def table(skips: list[SavedWork]) -> str:
     """Make the page's table."""
     lines = [["scene", "left out", "with", "without", "saved", "what changes", "shown by"], ["---"] * 7]
     for skip in skips:

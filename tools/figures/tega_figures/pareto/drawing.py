@@ -13,12 +13,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["Choice", "Variant", "drawn", "front", "name_points", "table"]
+__all__ = ["Choice", "PricedVariant", "drawn", "front", "name_points", "table"]
 
 OURS, OTHERS, LINE = "#c8202f", "#1f5fbf", "#9aa0a6"
 
 
-class Variant(msgspec.Struct, frozen=True, kw_only=True):
+class PricedVariant(msgspec.Struct, frozen=True, kw_only=True):
     """One way to set a choice.
 
     Attributes:
@@ -55,13 +55,13 @@ class Choice(msgspec.Struct, frozen=True, kw_only=True):
     error: str
     how: str
     why: str
-    variants: list[Variant]
+    variants: list[PricedVariant]
 
 
-def front(variants: Sequence[Variant]) -> list[Variant]:
+def front(variants: Sequence[PricedVariant]) -> list[PricedVariant]:
     """Return the variants that no other one beats in cost and error at once, cheapest first."""
 
-    def beaten(one: Variant) -> bool:
+    def beaten(one: PricedVariant) -> bool:
         others = [v for v in variants if v.cost <= one.cost and v.error <= one.error]
         return any((v.cost, v.error) != (one.cost, one.error) for v in others)
 

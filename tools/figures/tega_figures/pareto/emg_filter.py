@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from tega.emg import BlockMean, ButterworthLowpass, GraspIntent, channel_maxima
 from tega_figures.bench.timing import take_turns, timing
-from tega_figures.pareto.drawing import Choice, Variant
+from tega_figures.pareto.drawing import Choice, PricedVariant
 
 __all__ = ["emg_block", "emg_order", "latency_and_smoothing"]
 
@@ -95,7 +95,7 @@ def emg_order(*, budget_s: float) -> Choice:
         envelope = ButterworthLowpass(RATE_HZ, CUTOFF_HZ, order, CHANNELS).process(made.emg)[:, 0]
         delay = _step_delay_ms(order, CUTOFF_HZ)
         variants.append(
-            Variant(
+            PricedVariant(
                 name=f"order {order}",
                 cost=timing(turns[str(order)]).median_us,
                 error=100 * _ripple(envelope, made.drive, delay),
@@ -161,7 +161,7 @@ def emg_block(*, budget_s: float) -> Choice:
         )
         right = _levels_of(drive, levels)
         variants.append(
-            Variant(
+            PricedVariant(
                 name=f"{1000 * block_s:.0f} ms",
                 cost=1000 * block_s / 2 + _step_delay_ms(ORDER, CUTOFF_HZ),
                 error=100 * float(np.mean(levels != right)),
@@ -223,7 +223,7 @@ def latency_and_smoothing(*, budget_s: float) -> Choice:  # noqa: ARG001  # noth
             delay += 1000 * block_s
             envelope = np.concatenate([np.full((tau, 1), envelope[0, 0]), envelope])[: len(drive)]
         variants.append(
-            Variant(
+            PricedVariant(
                 name=f"{cutoff_hz} Hz" + (f", {1000 * block_s:.0f} ms" if block_s else ""),
                 cost=delay,
                 error=100 * _ripple(envelope[:, 0], drive, delay),

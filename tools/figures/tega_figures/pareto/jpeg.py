@@ -10,7 +10,7 @@ import numpy as np
 from tega.sim.gel import Gel, ball, board
 from tega.tactile import ContactReader, contact_mask
 from tega_figures.bench.timing import take_turns, timing
-from tega_figures.pareto.drawing import Choice, Variant
+from tega_figures.pareto.drawing import Choice, PricedVariant
 
 __all__ = ["jpeg_quality"]
 
@@ -60,7 +60,7 @@ def jpeg_quality(*, budget_s: float) -> Choice:
                 missed.append(100 * (1 - both / either) if either else 0.0)
                 peaks.append(100 * abs(other.peak / told.peak - 1))
         variants.append(
-            Variant(
+            PricedVariant(
                 name=name,
                 cost=float(np.mean(sizes)),
                 error=float(np.mean(missed)),

@@ -37,21 +37,21 @@ SUBJECTS: Final[dict[str, tuple[str, Callable[..., Choice]]]] = {
 """Subjects by name: the picture, and what measures."""
 
 
-class Measured(msgspec.Struct):
+class Choices(msgspec.Struct):
     """All subjects, by name, and where each was measured."""
 
     machines: dict[str, str]
     choices: dict[str, Choice]
 
 
-def kept() -> Measured:
+def kept() -> Choices:
     """Return what is committed."""
     if not RESULTS.exists():
-        return Measured({}, {})
-    return msgspec.json.decode(RESULTS.read_bytes(), type=Measured)
+        return Choices({}, {})
+    return msgspec.json.decode(RESULTS.read_bytes(), type=Choices)
 
 
-def part(name: str, measured: Measured) -> str:
+def part(name: str, measured: Choices) -> str:
     """Return what the page says of one subject."""
     choice = measured.choices[name]
     return "\n".join(
@@ -69,7 +69,7 @@ def part(name: str, measured: Measured) -> str:
     )
 
 
-def page(text: str, measured: Measured) -> str:
+def page(text: str, measured: Choices) -> str:
     """Return the page with its made parts anew."""
     for name in measured.choices:
         head, found, rest = text.partition(f"<!-- made: {name} -->\n")

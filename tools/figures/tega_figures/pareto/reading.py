@@ -15,7 +15,7 @@ from tega.tactile import ContactReader, contact_metrics, read_contact
 from tega.touch import TouchTracker
 from tega_figures.bench.timing import take_turns, timing
 from tega_figures.bench.variants import CONTACT_LAWS
-from tega_figures.pareto.drawing import Choice, Variant
+from tega_figures.pareto.drawing import Choice, PricedVariant
 
 __all__ = ["touch_reading"]
 
@@ -28,7 +28,7 @@ REST, RAMP, HELD, LATER, WATCHED = 30, 90, 120, 90, 60
 LEAST_N, MOST_N = 0.3, 8.0
 
 
-class Press(NamedTuple):
+class ScriptedPress(NamedTuple):
     """One press: what is shown, and what is true.
 
     Attributes:
@@ -42,7 +42,7 @@ class Press(NamedTuple):
     force_n: NDArray[np.float64]
 
 
-def presses() -> list[Press]:
+def presses() -> list[ScriptedPress]:
     """Return a press at each place of gels that creep, keep something of a press, and drift."""
     ramp = np.geomspace(LEAST_N, MOST_N, RAMP)
     force_n = np.concatenate([np.zeros(REST), ramp, np.full(HELD, MOST_N), np.zeros(LATER + WATCHED)])
@@ -52,7 +52,7 @@ def presses() -> list[Press]:
             gel = Gel(seed, memory=True)
             shapes = [[ball(force_n=float(f), centre_xy=place)] if f else [] for f in force_n]
             frames = [gel.frame(shape, k) for k, shape in enumerate(shapes)]
-            found.append(Press(Gel(seed).still(), frames, force_n))
+            found.append(ScriptedPress(Gel(seed).still(), frames, force_n))
     return found
 
 
@@ -86,7 +86,7 @@ def touch_reading(*, budget_s: float) -> Choice:
             float(felt[:, after].mean()),
         ]
         variants.append(
-            Variant(
+            PricedVariant(
                 name=name,
                 cost=timing(turns[name]).median_us,
                 error=100 * sum(wrong) / 3,
