@@ -34,7 +34,7 @@ macro_rules! count_by_reading {
 }
 
 #[cfg(target_arch = "x86_64")]
-pub(crate) mod avx2;
+mod avx2;
 #[cfg(target_arch = "aarch64")]
 mod neon;
 
@@ -102,13 +102,7 @@ impl Kernel {
         row
     }
 
-    /// The first pixel of a row that has this grey value, else 0.
-    pub(crate) fn first_of(&self, frame: &[u8], baseline: &[u8], grey: i32) -> usize {
-        let mut pixels = frame.as_chunks::<3>().0.iter().zip(baseline.as_chunks::<3>().0);
-        pixels.position(|(f, b)| self.grey(*f, *b) == grey).unwrap_or_default()
-    }
-
-    /// [`Kernel::row`] for as many rows as the slices hold, `columns.len()` pixels each; the plain form as well.
+    /// The same for as many rows as the slices hold, `columns.len()` pixels each; the plain form as well.
     fn rows_plain(&self, frame: &[u8], baseline: &[u8], columns: &mut [i32], rows: &mut Vec<Row>) {
         let bytes = 3 * columns.len();
         for (frame, baseline) in frame.chunks_exact(bytes).zip(baseline.chunks_exact(bytes)) {
@@ -120,13 +114,6 @@ impl Kernel {
     fn count_plain(&self, frame: &[u8], baseline: &[u8], first: i32) -> u32 {
         let pixels = frame.as_chunks::<3>().0.iter().zip(baseline.as_chunks::<3>().0);
         pixels.map(|(f, b)| u32::from(self.grey(*f, *b) >= first)).sum()
-    }
-
-    /// Largest grey value of a row; the plain form of what the vector kernel does.
-    #[cfg(target_arch = "x86_64")]
-    fn highest_plain(&self, frame: &[u8], baseline: &[u8]) -> i32 {
-        let pixels = frame.as_chunks::<3>().0.iter().zip(baseline.as_chunks::<3>().0);
-        pixels.map(|(f, b)| self.grey(*f, *b)).max().unwrap_or(i32::MIN)
     }
 
     /// [`Kernel::rows_plain`] for the instruction set in use.

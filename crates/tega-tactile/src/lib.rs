@@ -13,13 +13,9 @@
 //! assert_eq!(metrics.peak, 10.0);
 //! # Ok::<(), tega_tactile::TactileError>(())
 //! ```
-#![deny(unsafe_code)] // allowed in `kernel`, in `bands` and in what `dispatched!` writes
+#![deny(unsafe_code)] // allowed in `kernel` and in what `dispatched!` writes
 
-#[cfg(target_arch = "x86_64")]
-mod bands;
 mod baseline;
-#[cfg(target_arch = "x86_64")]
-mod coarse;
 mod decimal;
 mod error;
 mod exact;

@@ -175,7 +175,7 @@ fn mask_and_sum(width: usize, scratch: &mut PaperScratch) -> Summary {
     let peak_y = rows.iter().position(|row| row.max == peak).unwrap_or_default();
     let row = map.chunks_exact(width).nth(peak_y).unwrap_or_default();
     let peak_x = row.iter().position(|&n| n == peak).unwrap_or_default();
-    let sums = moments(rows.iter().map(|row| row.sum), totals, None, 255 * DENOMINATOR, DENOMINATOR);
+    let sums = moments(rows, totals, false, 255 * DENOMINATOR, DENOMINATOR);
     Summary { sums, above_floor, peak, peak_xy: (peak_x, peak_y) }
 }
 

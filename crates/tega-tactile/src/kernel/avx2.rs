@@ -67,27 +67,16 @@ fn spread(pixels: __m256i) -> __m256i {
 #[inline]
 fn levels<const DIFFERENCE: u8>(frame: &[u8; BYTES], baseline: &[u8; BYTES], weights: Halves) -> __m256i {
     let (f, b) = (load(frame), load(baseline));
-    if DIFFERENCE == SIGNED {
+    let (low, high) = if DIFFERENCE == SIGNED {
         let (f, b) = (spread(f), spread(b));
         let part = |half| _mm256_sub_epi16(_mm256_maddubs_epi16(f, half), _mm256_maddubs_epi16(b, half));
-        joined(part(weights.low), part(weights.high))
+        (part(weights.low), part(weights.high))
     } else {
         let rise = _mm256_subs_epu8(f, b);
         let d = if DIFFERENCE == ABSOLUTE { _mm256_or_si256(rise, _mm256_subs_epu8(b, f)) } else { rise };
-        weighed(spread(d), weights)
-    }
-}
-
-/// The levels of eight differences, one in each 4-byte group.
-#[target_feature(enable = "avx2")]
-#[inline]
-fn weighed(d: __m256i, weights: Halves) -> __m256i {
-    joined(_mm256_maddubs_epi16(d, weights.low), _mm256_maddubs_epi16(d, weights.high))
-}
-
-#[target_feature(enable = "avx2")]
-#[inline]
-fn joined(low: __m256i, high: __m256i) -> __m256i {
+        let d = spread(d);
+        (_mm256_maddubs_epi16(d, weights.low), _mm256_maddubs_epi16(d, weights.high))
+    };
     _mm256_add_epi32(
         _mm256_madd_epi16(low, _mm256_set1_epi16(1)),
         _mm256_madd_epi16(high, _mm256_set1_epi16(128)),
@@ -121,8 +110,6 @@ macro_rules! fold_lanes {
         _mm_cvtsi128_si32($op(pair, _mm_shuffle_epi32::<0b10_11_00_01>(pair)))
     }};
 }
-
-pub(crate) mod bands;
 
 /// See [`Kernel::rows`].
 #[target_feature(enable = "avx2")]
@@ -195,22 +182,4 @@ fn count_of<const DIFFERENCE: u8>(kernel: &Kernel, frame: &[u8], baseline: &[u8]
     }
     let below: i32 = lanes_i32(below).iter().sum();
     (steps.len() * LANES) as u32 - below as u32 + kernel.count_plain(rest, baseline_rest, first)
-}
-
-/// Largest level of one row or several.
-#[target_feature(enable = "avx2")]
-pub(crate) fn highest(kernel: &Kernel, frame: &[u8], baseline: &[u8]) -> i32 {
-    count_by_reading!(kernel, highest_of(frame, baseline))
-}
-
-#[target_feature(enable = "avx2")]
-fn highest_of<const DIFFERENCE: u8>(kernel: &Kernel, frame: &[u8], baseline: &[u8]) -> i32 {
-    let weights = Halves::of(kernel.weights);
-    let (steps, rest) = frame.as_chunks::<BYTES>();
-    let (baseline_steps, baseline_rest) = baseline.as_chunks::<BYTES>();
-    let mut max = _mm256_set1_epi32(i32::MIN);
-    for (f, b) in steps.iter().zip(baseline_steps) {
-        max = _mm256_max_epi32(max, levels::<DIFFERENCE>(f, b, weights));
-    }
-    fold_lanes!(max, _mm_max_epi32).max(kernel.highest_plain(rest, baseline_rest))
 }
