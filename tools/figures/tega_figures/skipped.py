@@ -29,7 +29,7 @@ from tega.inbox.stream import PulledStream
 from tega.inbox.stuck_frames import LastFrame
 from tega.sim.gel import Gel, ball
 from tega.sim.trial import TrialPlan, run_trial
-from tega.tactile import ContactMetrics, contact_metrics
+from tega.tactile import ContactMetrics
 from tega.teleop.hand import ModelledAllegro
 from tega.teleop.loop import DualLoop
 from tega.teleop.pacing import Pacer
@@ -37,7 +37,6 @@ from tega.teleop.touch import TouchLoop
 from tega.touch import TouchTracker
 from tega.wire import x40_ble_frame
 from tega_figures.bench.machine import describe_machine
-from tega_figures.bench.scenes import SIZE_OF_A_FINGER, scenes
 from tega_figures.bench.timing import single_threaded, take_turns, timing
 
 PROJECT: Final = Path(__file__).resolve().parents[3]
@@ -115,8 +114,6 @@ def _reading() -> dict[Says, tuple[Callable[[], object], Callable[[], object]]]:
     shown = still.copy()
     shown.flags.writeable = False
     constant.keep(shown, TOUCH)
-    scene = scenes(SIZE_OF_A_FINGER)[1]
-    law = partial(contact_metrics, *scene, difference="rectified")
     loop = TouchLoop({finger: TouchMaxima(cci_max=1.0, eda_max=20_000.0) for finger in FINGERS}, layout="x40")
     for finger in FINGERS:
         loop.update(finger, 0, TOUCH)
@@ -149,18 +146,6 @@ def _reading() -> dict[Says, tuple[Callable[[], object], Callable[[], object]]]:
             "nothing; counted as `identical`",
             "`test_repeats.py::test_a_buffer_that_is_filled_again_is_not_taken_for_a_stuck_sensor`",
         ): (partial(constant.repeat, shown), partial(rest.update, untouched)),
-        Says(
-            "equations, threshold under every pixel",
-            "the threshold count: all pixels lie above it",
-            "nothing",
-            "`tega-tactile` `grey::tests::bands_say_what_rows_say`",
-        ): (partial(law, factor=2.0), partial(law, factor=1.28)),
-        Says(
-            "equations, threshold over most of the picture",
-            "bands of four rows that no pixel of can reach it",
-            "nothing",
-            "`tega-tactile` `grey::tests::bands_say_what_rows_say`",
-        ): (partial(law, factor=0.5), partial(law, factor=1.28)),
         Says(
             "the vest shows this frame already",
             "its packet, and a write to the radio link, which is not in these times",
