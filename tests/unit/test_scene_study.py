@@ -53,6 +53,7 @@ def folder(tmp_path: Path) -> Path:
         along_mm=0.3,
         across_mm=0.03,
         seen=1.0,
+        placed=1.0,
         hand_seen=1.0,
         longest_gap_s=0.03,
         notes=("the object was out of sight for 0.30 s",),

@@ -1,4 +1,4 @@
-"""Compute courses with their speeds and errors from what was measured in single pictures.
+"""Fit smooth courses to what was measured in single pictures, with their speeds and errors.
 
 A straight line about each moment smears a sudden fall over the moments before it. Where the moment at which something
 begins to move counts, :func:`trended` fits pieces of parabolas with as few changes of acceleration as the errors allow
