@@ -29,7 +29,7 @@ from tega.touch import TouchTracker
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Course", "cost", "follow", "grain_counts", "main", "picture", "stuck_radius"]
+__all__ = ["PulledBall", "cost", "follow", "grain_counts", "main", "picture", "stuck_radius"]
 
 FRICTION, RADIUS_MM = 0.6, 12.0
 _CELL_MM = 8 / PX_PER_MM
@@ -70,7 +70,7 @@ def _closed_form() -> Iterable[str]:
             yield f"| {load_n:g} | {share} | {found:.3f} | {theory:.3f} | {off:+.1f} % | {less:.3f} |"
 
 
-class Course(NamedTuple):
+class PulledBall(NamedTuple):
     """A ball that is pressed, pulled to a share of the limit, and held.
 
     Attributes:
@@ -88,7 +88,7 @@ class Course(NamedTuple):
 
 def follow(
     kind: Shear, seed: int, *, radius_mm: float = RADIUS_MM, load_n: float = 4.0, top: float = 0.95
-) -> Course:
+) -> PulledBall:
     """Press a ball, pull it within a second, and read every frame."""
     gel = Gel(seed, memory=True, shear=kind)
     baseline = np.rint(np.mean([gel.frame([], n) for n in range(30)], axis=0)).astype(np.uint8)
@@ -104,7 +104,7 @@ def follow(
         shares.append(share)
         true_mm.append(gel.sheared.peak_mm)
         slid.append(gel.sheared.slid)
-    return Course(np.array(shares), np.array(true_mm), np.array(slid), read)
+    return PulledBall(np.array(shares), np.array(true_mm), np.array(slid), read)
 
 
 def _reading() -> Iterable[str]:
