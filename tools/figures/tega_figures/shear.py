@@ -173,7 +173,8 @@ def _costs() -> Iterable[str]:
 
 
 def _luma(image: NDArray[Any]) -> NDArray[np.float64]:
-    return image.astype(np.float64) @ np.array([0.114, 0.587, 0.299])
+    grey: NDArray[np.float64] = image.astype(np.float64) @ np.array([0.114, 0.587, 0.299])
+    return grey
 
 
 def _high(luma: NDArray[np.float64], wide: int = 9) -> NDArray[np.float64]:
@@ -286,7 +287,8 @@ def picture(path: Path) -> None:
     field.contour(gel.contact_mask(), [0.5], colors="#ffd23f", linewidths=1)
     field.set_title("pulled to 0.7 of the limit; outline: touching", fontsize=8)
     field.set_axis_off()
-    for kind, color in (("texture", "#1f77b4"), ("dots", "#d62728")):
+    shown: dict[Shear, str] = {"texture": "#1f77b4", "dots": "#d62728"}
+    for kind, color in shown.items():
         course = follow(kind, 10)
         reading.plot(
             course.true_mm[20:],
