@@ -164,7 +164,8 @@ def test_a_print_that_is_moved_under_a_press_is_found_again() -> None:
             patch = level[top : top + 10, left : left + 10]
             r, c = np.ogrid[top : top + patch.shape[0], left : left + patch.shape[1]]
             patch -= 20 * np.exp(-((c - x) ** 2 + (r - y) ** 2) / 4.0)[:, :, None]
-        return np.clip(np.rint(level), 0, 255).astype(np.uint8)
+        image: np.ndarray[Any, Any] = np.clip(np.rint(level), 0, 255).astype(np.uint8)
+        return image
 
     untouched = [picture(n, 0, 0, pressed=False) for n in range(8)]
     baseline = np.rint(np.mean(untouched, axis=0)).astype(np.uint8)

@@ -29,7 +29,7 @@ from tega.touch import TouchTracker
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["PullCourse", "cost", "follow", "grain_counts", "main", "picture", "stuck_radius"]
+__all__ = ["PulledBall", "cost", "follow", "grain_counts", "main", "picture", "stuck_radius"]
 
 FRICTION, RADIUS_MM = 0.6, 12.0
 _CELL_MM = 8 / PX_PER_MM
@@ -70,7 +70,7 @@ def _closed_form() -> Iterable[str]:
             yield f"| {load_n:g} | {share} | {found:.3f} | {theory:.3f} | {off:+.1f} % | {less:.3f} |"
 
 
-class PullCourse(NamedTuple):
+class PulledBall(NamedTuple):
     """A ball that is pressed, pulled to a share of the limit, and held.
 
     Attributes:
@@ -88,7 +88,7 @@ class PullCourse(NamedTuple):
 
 def follow(
     kind: Shear, seed: int, *, radius_mm: float = RADIUS_MM, load_n: float = 4.0, top: float = 0.95
-) -> PullCourse:
+) -> PulledBall:
     """Press a ball, pull it within a second, and read every frame."""
     gel = Gel(seed, memory=True, shear=kind)
     baseline = np.rint(np.mean([gel.frame([], n) for n in range(30)], axis=0)).astype(np.uint8)
@@ -104,7 +104,7 @@ def follow(
         shares.append(share)
         true_mm.append(gel.sheared.peak_mm)
         slid.append(gel.sheared.slid)
-    return PullCourse(np.array(shares), np.array(true_mm), np.array(slid), read)
+    return PulledBall(np.array(shares), np.array(true_mm), np.array(slid), read)
 
 
 def _reading() -> Iterable[str]:
@@ -173,8 +173,8 @@ def _costs() -> Iterable[str]:
 
 
 def _luma(image: NDArray[Any]) -> NDArray[np.float64]:
-    luma: NDArray[np.float64] = image.astype(np.float64) @ np.array([0.114, 0.587, 0.299])
-    return luma
+    grey: NDArray[np.float64] = image.astype(np.float64) @ np.array([0.114, 0.587, 0.299])
+    return grey
 
 
 def _high(luma: NDArray[np.float64], wide: int = 9) -> NDArray[np.float64]:
@@ -287,8 +287,8 @@ def picture(path: Path) -> None:
     field.contour(gel.contact_mask(), [0.5], colors="#ffd23f", linewidths=1)
     field.set_title("pulled to 0.7 of the limit; outline: touching", fontsize=8)
     field.set_axis_off()
-    kinds: dict[Shear, str] = {"texture": "#1f77b4", "dots": "#d62728"}
-    for kind, color in kinds.items():
+    shown: dict[Shear, str] = {"texture": "#1f77b4", "dots": "#d62728"}
+    for kind, color in shown.items():
         course = follow(kind, 10)
         reading.plot(
             course.true_mm[20:],

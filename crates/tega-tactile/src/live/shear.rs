@@ -264,7 +264,7 @@ impl ShearReader {
             let (left, top) = (dx.floor(), dy.floor());
             let (from_x, from_y) = (x as i64 + left as i64, y as i64 + top as i64);
             let fits = |from: i64, at: usize, size: usize| {
-                from >= 0 && from + side as i64 + 1 <= size as i64 && at + side <= size
+                from >= 0 && from + (side as i64) < size as i64 && at + side <= size
             };
             if !(fits(from_x, x, width) && fits(from_y, y, height)) {
                 *told = None;
@@ -416,8 +416,8 @@ fn compare_plain(
         sums[4][k] += old * old;
     };
     for y in 0..side {
-        let upper = &now[from + y * width..][..side + 1];
-        let lower = &now[from + (y + 1) * width..][..side + 1];
+        let upper = &now[from + y * width..][..=side];
+        let lower = &now[from + (y + 1) * width..][..=side];
         let row = at + y * width;
         let (before, gx, gy) = (&before[row..][..side], &slope_x[row..][..side], &slope_y[row..][..side]);
         // As many at a time as there are lanes; then what is left.
@@ -449,10 +449,11 @@ fn solve(mut rows: [[f64; 5]; 4]) -> [f64; 4] {
         if rows[k][k] <= 0.0 || !rows[k][k].is_finite() {
             return [0.0; 4];
         }
-        for below in k + 1..4 {
-            let by = rows[below][k] / rows[k][k];
-            for j in k..5 {
-                rows[below][j] -= by * rows[k][j];
+        let pivot = rows[k];
+        for below in rows.iter_mut().skip(k + 1) {
+            let by = below[k] / pivot[k];
+            for (value, above) in below.iter_mut().zip(&pivot).skip(k) {
+                *value -= by * above;
             }
         }
     }
