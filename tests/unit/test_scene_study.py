@@ -48,7 +48,6 @@ def folder(tmp_path: Path) -> Path:
         slid_error_m=0.0001,
         narrowing_m=None,
         narrowing_error_m=None,
-        placed=1.0,
         height_m=0.21,
         along_mm=0.3,
         across_mm=0.03,
