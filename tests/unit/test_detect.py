@@ -153,7 +153,7 @@ def test_the_page_says_how_many_lift_offs_and_slips_of_twenty_people_are_found()
     page = Path(__file__).resolve().parents[2] / "docs" / "detect.md"
     if not page.is_file():
         pytest.skip("no pages beside the tests: not a checkout")
-    words = "-m tega.sim.check_events --seeds 2000:2020 --conditions haptic"
+    words = "-m tega_figures.check_events --seeds 2000:2020 --conditions haptic"
     said = subprocess.run([sys.executable, *words.split()], check=True, capture_output=True, text=True).stdout
     rows = [line for line in said.splitlines() if line.startswith(("| lift-off |", "| slip |"))]
     assert len(rows) >= 20
