@@ -82,7 +82,7 @@ GUARDS: Final = (
         "the reflex firms a grip that no finger feels",
         "holding = own > _OPEN and any(contact.in_contact for contact in fresh.values())",
         "holding = own > _OPEN",
-        f"{_REFLEX}the_addition_is_bounded_slow_and_never_below_the_person_s_own_closure",
+        f"{_REFLEX}a_wish_counts_for_nothing_while_no_finger_touches",
     ),
     Guard(
         "EMG that is lost is not seen",

@@ -169,6 +169,15 @@ def test_the_addition_rises_by_no_more_than_its_rate() -> None:
     assert bench.ticks(50, 3.0, touch("index", incipient=1.0)) == pytest.approx(3.0 + 2.0 * 0.15)
 
 
+def test_a_wish_counts_for_nothing_while_no_finger_touches() -> None:
+    reflex = Asked()
+    bench = Bench(reflex, ReflexSection(name="x", authority=1.0))
+    reflex.now = 1.0
+    bench.moment = ReflexMoment(1.0, True, None)
+    assert bench.ticks(200, 3.0, {}) == 3.0
+    assert bench.ticks(200, 3.0, touch("index")) > 3.0
+
+
 def test_lost_fingers_add_nothing() -> None:
     bench = grip()
     assert bench.ticks(200, 3.0, {}, [Event(t_ns=0, kind="slip", finger="")]) == 3.0
