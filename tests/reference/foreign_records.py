@@ -19,6 +19,8 @@ from tega.clock import ManualClock
 from tega.decoders import fit
 from tega.decoders.model import load_model
 from tega.devices.player_settings import PlayerOptions, versions_to_ask
+from tega.scene.offset import read_flashes
+from tega.scene.offset_file import read_offsets
 from tega.sim.operator import load_parameters
 from tega.sim.world.objects import read_objects
 from tega.skill.kept import FittsRecord
@@ -101,6 +103,16 @@ RECORD_READERS: dict[str, tuple[str, Callable[[Path], bytes], Callable[[Path], o
         load_parameters,
     ),
     "simulated objects": ("things.toml", _of_package("tega.sim.world", "objects.toml"), read_objects),
+    "moments of a light": (
+        "flashes.csv",
+        lambda _: b"t_ns,on\n" + b"".join(b"%d,%d\n" % (1000 * k, k % 2) for k in range(1, 9)),
+        read_flashes,
+    ),
+    "delays of scene cameras": (
+        "scene.offsets.json",
+        lambda _: b'{"front": {"late_s": 0.05, "error_s": 0.002, "n_edges": 12}}',
+        lambda p: read_offsets(p.with_name("scene.mcap")),
+    ),
     "board of a session": (
         "now.json",
         lambda _: msgspec.json.encode(SessionBoard(t_ns=5, phase="rest", says="waits")),
