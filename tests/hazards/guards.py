@@ -212,8 +212,8 @@ GUARDS: Final = (
     ),
     Guard(
         "a Bluetooth vest's driver does not tell its guard that it lives",
-        "            self._watch.beat()\n            await asyncio.sleep(BEAT_S)",
-        "            await asyncio.sleep(BEAT_S)",
+        "                return False\n            self._watch.beat()",
+        "                return False",
         "soak stop program",
     ),
     Guard(
@@ -272,10 +272,11 @@ GUARDS: Final = (
         f"{_LOST}the_loss_of_the_hand_s_guard_holds_until_there_is_another",
     ),
     Guard(
-        "a device that is left while its guard is replaced is left to nobody",
+        "a guard that takes a lost one's place at the end is dismissed whatever the device says",
         """                if closing:
                     self._part_from(process)""",
-        "                pass",
+        """                if closing:
+                    self._write(b"done\\n", process)""",
         "tests/unit/test_guard_process.py::test_a_device_that_is_left_while_its_guard_is_replaced_is_let_go_of",
     ),
     Guard(
