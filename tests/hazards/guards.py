@@ -212,8 +212,8 @@ GUARDS: Final = (
     ),
     Guard(
         "a Bluetooth vest's driver does not tell its guard that it lives",
-        "                return False\n            self._watch.beat()",
-        "                return False",
+        "        if self.guard is not None:\n            self.guard.beat()",
+        "        pass",
         "soak stop program",
     ),
     Guard(
