@@ -172,11 +172,15 @@ def _object(press: int, force_n: float) -> Indenter:
     return board(force_n=force_n)
 
 
-@lru_cache(maxsize=8)
 def lab_of(
     seed: int, preset: Literal["paper", "live"], settings: tuple[str, ...] = (), shear: Shear = "off"
 ) -> Lab:
     """Return a person's lab, from memory where it was there just now."""
+    return _lab_of(seed, preset, settings, shear)
+
+
+@lru_cache(maxsize=8)  # which tells a default that is left out from the same one that is given
+def _lab_of(seed: int, preset: Literal["paper", "live"], settings: tuple[str, ...], shear: Shear) -> Lab:
     return Lab(seed, preset, settings=settings, shear=shear)
 
 
