@@ -453,7 +453,8 @@ def test_a_fitts_test_of_a_hand_at_rest_hits_nothing_and_is_kept(calibrated: Mus
 def test_a_fitts_test_is_done_on_a_page(calibrated: Muscles, tmp_path: Path) -> None:
     file = calibrated.copied(tmp_path)
     words = ["--movements=1", "--dwell-s=0.3", "--timeout-s=2", "--view", "--view-port=0", "--json"]
-    with launched() as browser, ThreadPoolExecutor(1) as pool:  # first: it skips the test where there is no browser
+    # The browser first, since the test is skipped where there is none.
+    with launched() as browser, ThreadPoolExecutor(1) as pool:
         tested = Wizard(["emg", "fitts", str(file), "--person", "p01", *words], lambda _prompt: "")
         running = pool.submit(tested.run)
         until(lambda: any(line.startswith("view: ") for line in tested.lines) or running.done())
