@@ -280,6 +280,26 @@ GUARDS: Final = (
         "tests/unit/test_guard_process.py::test_a_device_that_is_left_while_its_guard_is_replaced_is_let_go_of",
     ),
     Guard(
+        "a guard that dies as the device is left to it is taken for one that has it",
+        "if self._closing.is_set() and (self._safe or said == _HAS_IT):",
+        "if self._closing.is_set():",
+        "tests/unit/test_guard_process.py::"
+        "test_a_device_that_is_left_before_its_guard_s_loss_is_seen_is_let_go_of[killed]",
+    ),
+    Guard(
+        "a device is left to a guard that stands still",
+        "            self._process.kill()  # it stands still: the thread that watches it starts another",
+        "            pass",
+        "tests/unit/test_guard_process.py::"
+        "test_a_device_that_is_left_before_its_guard_s_loss_is_seen_is_let_go_of[stopped]",
+    ),
+    Guard(
+        "a run removes the results of an earlier one",
+        "        path.rename(kept / path.name)  # a link is moved, not what it leads to",
+        "        path.unlink()",
+        "tests/unit/test_replay.py::test_the_results_of_an_earlier_run_are_kept_and_told",
+    ),
+    Guard(
         "a closed terminal ends the program at once",
         '("SIGTERM", "SIGHUP")',
         '("SIGTERM",)',
@@ -510,7 +530,7 @@ GUARDS: Final = (
     ),
     Guard(
         "the folder of a killed run blocks the next one",
-        '    begun = {"format": SUMMARY_FORMAT, "version": 1, "ended": "not yet, or it was killed"}',
+        '    begun = {"format": SUMMARY_FORMAT, "version": 1, "ended": NOT_ENDED}',
         "    return",
         "tests/unit/test_replay.py::test_a_run_that_was_killed_leaves_a_folder_that_the_next_one_takes",
     ),

@@ -20,6 +20,7 @@ from reference.waiting import until
 from tega.calibration import Calibration, FingerMaxima, TouchMaxima, save_calibration
 from tega.cli.main import main
 from tega.haptics import intensity
+from tega.recording import prepare_folder
 from tega.stages.choose import preset_metric
 
 OUTPUTS = [
@@ -142,7 +143,7 @@ def test_two_runs_give_the_same_bytes_and_say_nothing_of_where(
 ) -> None:
     replay(*press, "--out", tmp_path / "one")
     replay(*press, "--out", tmp_path / "two")
-    replay(*press, "--out", tmp_path / "two")  # over an earlier run
+    replay(*press, "--out", tmp_path / "two")  # where an earlier run is
     for name in OUTPUTS:
         content = (tmp_path / "one" / name).read_bytes()
         assert content == (tmp_path / "two" / name).read_bytes()
@@ -336,6 +337,32 @@ def test_a_file_of_the_users_beside_an_earlier_run_is_kept(
     (out / "plot.png").write_text("mine")
     replay(*press[8:], "--out", out)
     assert (out / "plot.png").read_text() == "mine"
+
+
+def test_the_results_of_an_earlier_run_are_kept_and_told(
+    press: list[object], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    kept, told = [], []
+    for number in range(3):
+        with pytest.raises(SystemExit, match="0"):
+            main(["replay", "--json", *map(str, press), "--out", str(out)])
+        told.append(capsys.readouterr().err)
+        (out / "vest.csv").write_text(f"of run {number}\n")
+        kept.append({name: (out / name).read_bytes() for name in OUTPUTS})
+    for number in (1, 2):
+        below = out / f"earlier-{number}"
+        assert {path.name: path.read_bytes() for path in below.iterdir()} == kept[number - 1]
+        assert told[number] == f"the earlier results in {out} are kept in {below}\n"
+    assert sorted(path.name for path in out.iterdir()) == sorted([*OUTPUTS, "earlier-1", "earlier-2"])
+
+
+def test_a_run_that_left_nothing_leaves_no_folder(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert [prepare_folder(out) for _ in range(3)] == [None] * 3
+    (out / "vest.csv").write_text("t_s\n")
+    assert prepare_folder(out) == out / "earlier-1"
+    assert sorted(path.name for path in (out / "earlier-1").iterdir()) == ["summary.json", "vest.csv"]
 
 
 def test_bad_input_is_named(replay: Replay, press: list[object], tmp_path: Path) -> None:

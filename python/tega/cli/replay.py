@@ -67,7 +67,7 @@ class _Finger(click.ParamType[tuple[str, Path]]):
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
-    help="Folder for the tables: new, empty, or an earlier run's.",
+    help="Folder for the tables: new, empty, or an earlier run's, whose results are then kept below it.",
 )
 @click.option(
     "--set", "sets", multiple=True, metavar="KEY=VALUE",
@@ -100,6 +100,7 @@ def replay(
     --json the summary is printed, with a table "measured" of wall_s and real_time_factor.
     """
     import time
+    from functools import partial
 
     from tega.bus import Bus
     from tega.cli.findings import Findings
@@ -128,14 +129,15 @@ def replay(
     bus, picture = Bus(), flags["picture"]
     findings = Findings(bus, picture or flags["out"] / "picture.png", required=picture is not None)
     started = time.perf_counter()
+    tell = partial(click.echo, err=True)
     with CtrlC() as stop, progress_bar(enabled=not as_json) as progress:
         if view:
             summary = run_viewed(
                 settings, title="TEGA · replay", port=view_port, progress=progress, stop=stop,
-                can_pause=True, bus=bus,
+                can_pause=True, tell=tell, bus=bus,
             )  # fmt: skip
         else:
-            summary = run_session(settings, progress=progress, stop=stop, bus=bus)
+            summary = run_session(settings, progress=progress, stop=stop, tell=tell, bus=bus)
     wall_s = time.perf_counter() - started
     findings.tell(
         f"TEGA replay, preset {flags['preset']}", pose_base=settings.session.pose_base, words=not as_json

@@ -33,6 +33,7 @@ DEAF_S: Final = 2.0
 _READY_S: Final = 10.0
 _AGAIN_S: Final = 1.0
 _LEAVE_S: Final = 5.0
+_HAS_IT: Final = b"alone\n"
 # Processes that go on trying after this program has closed its device; kept so that nobody waits for them.
 _left: list[subprocess.Popen[bytes]] = []
 
@@ -91,12 +92,14 @@ class GuardProcess:
     def leave_to_it(self) -> None:
         """Leave the device to the guard: to it this looks as if the program were gone, and it goes on trying.
 
-        A guard that was lost just now is waited for: another one is being started.
+        Waits until a guard has said that it has the device. One that was lost is replaced first; one that stands still
+        is ended and replaced.
         """
         self._leave(safe=False)
-        end_s = time.monotonic() + _READY_S
-        while self.problem and time.monotonic() < end_s:
-            time.sleep(0.01)
+        self._thread.join(DEAF_S)
+        if self._thread.is_alive() and not self.problem:
+            self._process.kill()  # it stands still: the thread that watches it starts another
+        self._thread.join(_READY_S)
 
     def _leave(self, *, safe: bool) -> None:
         with self._swap:
@@ -148,13 +151,13 @@ class GuardProcess:
     def _watch(self) -> None:
         """Hear the answers, and start another process when this one is gone."""
         while True:
-            process = self._process
+            process, said = self._process, b""
             if process.stdout is not None:
-                while process.stdout.readline():
-                    self._heard_s = time.monotonic()
+                while line := process.stdout.readline():
+                    self._heard_s, said = time.monotonic(), line
                 process.stdout.close()
-            if self._closing.is_set():
-                return
+            if self._closing.is_set() and (self._safe or said == _HAS_IT):
+                return  # else it was lost as the device was left to it
             self.n_lost += 1
             self.problem = f"the process that {self._what} was lost; another is being started"
             _forget(process)
@@ -242,7 +245,12 @@ def hear() -> SimpleQueue[bytes]:
 
 
 def stay_alone() -> None:
-    """Let go, in the process, of the outputs of the program that is gone: somebody may be reading them to their end."""
+    """Say, in the process, that the device is its own now, and let go of the outputs of the program that is gone.
+
+    Somebody may be reading them to their end.
+    """
+    with contextlib.suppress(OSError):
+        os.write(sys.stdout.fileno(), _HAS_IT)
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for number in (1, 2):
         os.dup2(nowhere, number)

@@ -1,8 +1,11 @@
-"""Prepare a run's output folder, and refuse one that holds anything but an earlier run."""
+"""Prepare a run's output folder, keep an earlier run's results, and refuse a folder that holds anything else."""
 
 from __future__ import annotations
 
+import contextlib
+import itertools
 import json
+import os
 from pathlib import Path
 from typing import Literal
 
@@ -15,6 +18,7 @@ from tega.whole_file import write_whole
 
 SUMMARY_FORMAT = "tega-run"
 OUTPUT_NAMES = (*TABLES.values(), "vest.csv", "can.csv", "summary.json", "calibration.toml", "picture.png")
+NOT_ENDED = "not yet, or it was killed"
 
 
 class _RunSummary(msgspec.Struct):
@@ -23,15 +27,20 @@ class _RunSummary(msgspec.Struct):
     format: Literal["tega-run", "tega-demo"]
 
 
-def prepare_folder(folder: Path) -> None:
-    """Make a folder ready for a run's outputs.
+def prepare_folder(folder: Path, *, also: tuple[str, ...] = ()) -> Path | None:
+    """Make a folder ready for a run's outputs, and keep those of an earlier run in a folder below it.
 
     It may be new, empty, or hold an earlier run (recognised by its ``summary.json``); an earlier run's own files
-    are then removed, anything else in the folder is left alone. A ``summary.json`` that says that the run has not ended
-    is written at once: of a run that is killed it stays, and the next run knows the folder by it.
+    are then moved to ``earlier-1``, ``earlier-2``, …, anything else in the folder is left alone. A ``summary.json``
+    that says that the run has not ended is written at once: of a run that is killed it stays, and the next run knows
+    the folder by it.
 
     Args:
         folder: The folder.
+        also: Patterns of further names that a run of this kind leaves there.
+
+    Returns:
+        Where the earlier run is kept; ``None`` if there was none, or it left no results.
 
     Raises:
         ConfigError: It is a file, or holds something that is not an earlier run.
@@ -44,10 +53,26 @@ def prepare_folder(folder: Path) -> None:
             "name a new or empty folder, or one whose summary.json was written by TEGA",
         )
     folder.mkdir(parents=True, exist_ok=True)
-    for name in OUTPUT_NAMES:
-        (folder / name).unlink(missing_ok=True)
-    begun = {"format": SUMMARY_FORMAT, "version": 1, "ended": "not yet, or it was killed"}
+    kept = _keep_earlier(folder, also)
+    begun = {"format": SUMMARY_FORMAT, "version": 1, "ended": NOT_ENDED}
     write_whole(folder / "summary.json", json.dumps(begun, indent=2) + "\n")
+    return kept
+
+
+def _keep_earlier(folder: Path, also: tuple[str, ...]) -> Path | None:
+    """Move what an earlier run left into a folder of its own; a mere note that a run has begun is no result."""
+    ours = [folder / name for name in OUTPUT_NAMES if os.path.lexists(folder / name)]
+    ours += sorted(path for pattern in also for path in folder.glob(pattern))
+    if not ours or (ours == [folder / "summary.json"] and NOT_ENDED in read_words(ours[0])):
+        return None
+    for number in itertools.count(1):
+        kept = folder / f"earlier-{number}"
+        with contextlib.suppress(FileExistsError):
+            kept.mkdir()
+            break
+    for path in ours:
+        path.rename(kept / path.name)  # a link is moved, not what it leads to
+    return kept
 
 
 def _holds_a_run(folder: Path) -> bool:

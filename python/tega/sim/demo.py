@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 
 DEMO_FORMAT = "tega-demo"
+DEMO_NAMES = ("demo.png", "[0-9]*-*")
+"""Patterns of what a demo leaves beside its ``summary.json``: the picture, and a folder for each trial."""
 
 
 class DemoReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -128,18 +130,13 @@ def prepare_demo(plans: Sequence[TrialPlan]) -> None:
 
 
 def write_demo(folder: Path, report: DemoReport, courses: Sequence[Streams]) -> None:
-    """Write the summary, and each trial's tables into a folder of its own; those of an earlier demo are removed.
+    """Write the summary, and each trial's tables into a folder of its own.
 
     Args:
         folder: Where to; it must exist.
         report: What was done.
         courses: The course of each trial in it.
     """
-    for old in folder.glob("[0-9]*-*"):
-        for table in old.glob("*.csv"):
-            table.unlink()
-        if not any(old.iterdir()):
-            old.rmdir()
     for number, (result, streams) in enumerate(zip(report.trials, courses, strict=True), start=1):
         below = folder / f"{number}-{result.object}"
         below.mkdir(exist_ok=True)

@@ -55,7 +55,8 @@ def run_session(
         go: Asked all the time whether an armed run may become active.
         on_state: Told of every change of the run's state, in the loop's thread.
         prepared: What to start with instead of the sources of the settings.
-        tell: Told in a sentence what happens on the link to the other station, in any thread.
+        tell: Told in a sentence where earlier results are kept, and what happens on the link to the other station; the
+            latter in any thread.
         bus: Told of everything that comes in and goes out, as :mod:`tega.records`; give one with your own
             subscribers.
         motor_tests: Wishes to feel a motor of the vest, heard while the run is armed.
@@ -80,7 +81,9 @@ def run_session(
     if clock is None:
         clock = SystemClock() if session.pace == "real" else ManualClock()
     if session.out_dir is not None:
-        prepare_folder(session.out_dir)
+        kept = prepare_folder(session.out_dir)
+        if kept is not None:
+            tell(f"the earlier results in {session.out_dir} are kept in {kept}")
     with ExitStack() as stack:
         stack.enter_context(realtime(allowed=session.realtime))
         if isinstance(clock, SystemClock):
