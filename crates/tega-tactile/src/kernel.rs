@@ -44,7 +44,7 @@ use crate::frame::Difference;
 
 /// Largest Σ|weight| for which no row sum of grey values overflows an `i32` lane (512 pixels a lane in the widest row).
 pub(crate) const MAX_WEIGHT_SUM: i32 = 16_000;
-/// Largest |weight|: its two 7-bit halves stay in the range of 8-bit multiplication.
+/// Largest |weight|: it stays in the range of 16-bit multiplication.
 pub(crate) const MAX_WEIGHT: i32 = 8_191;
 
 /// What one row says.
@@ -150,14 +150,6 @@ impl Kernel {
     pub(crate) fn reach(&self) -> i32 {
         self.weights.iter().map(|weight| weight.abs()).sum()
     }
-}
-
-/// Weights as `128·high + low`, for the byte multiplications of the vector forms: returns (low, high).
-#[cfg(target_arch = "x86_64")]
-fn halves(weights: [i32; 3]) -> ([i32; 3], [i32; 3]) {
-    // Rounding the high half keeps the low one within −64..=63.
-    let high = weights.map(|weight| (weight + 64).div_euclid(128));
-    ([0, 1, 2].map(|c| weights[c] - 128 * high[c]), high)
 }
 
 #[cfg(test)]

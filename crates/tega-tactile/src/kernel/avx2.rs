@@ -1,86 +1,163 @@
-//! Row kernels on 256-bit vectors: eight pixels a step.
+//! Row kernels on 256-bit vectors: 32 pixels of two rows a step.
 //!
-//! A weight `a` is split as `a = 128·high + low` with both halves in the range of a signed byte, so that two byte
-//! multiplications give the exact level: `n = Σ low·d + 128·Σ high·d`. With `|low| ≤ 64` and `|high| ≤ 64` no 16-bit sum
-//! of two products leaves its range, and a difference of two such sums is right even where it wraps on the way.
+//! Three vectors hold 32 pixels of three bytes. Each is subtracted as it lies; the differences are then put in groups of
+//! four pixels, and two multiplications of 16-bit pairs, blue with green and red alone, give the exact level.
 
 #![allow(unsafe_code)]
 
+use std::array::from_fn;
 use std::arch::x86_64::{
     __m256i, _mm_cvtsi128_si32, _mm_loadu_si128, _mm_max_epi32, _mm_min_epi32, _mm_shuffle_epi32,
-    _mm256_add_epi32, _mm256_add_epi64, _mm256_castsi256_si128, _mm256_cmpgt_epi32, _mm256_cvtepi32_epi64,
-    _mm256_extracti128_si256, _mm256_loadu_si256, _mm256_madd_epi16, _mm256_maddubs_epi16, _mm256_max_epi32,
-    _mm256_min_epi32, _mm256_mul_epi32, _mm256_or_si256, _mm256_set_m128i, _mm256_set1_epi16,
-    _mm256_set1_epi32, _mm256_setr_epi8, _mm256_setzero_si256, _mm256_shuffle_epi8, _mm256_srli_epi64,
-    _mm256_storeu_si256, _mm256_sub_epi16, _mm256_sub_epi32, _mm256_subs_epu8,
+    _mm256_add_epi32, _mm256_add_epi64, _mm256_alignr_epi8, _mm256_blend_epi32, _mm256_castsi256_si128,
+    _mm256_cmpgt_epi32, _mm256_cvtepi32_epi64, _mm256_extracti128_si256, _mm256_loadu_si256, _mm256_madd_epi16,
+    _mm256_max_epi32, _mm256_min_epi32, _mm256_mul_epi32, _mm256_or_si256, _mm256_permute2x128_si256,
+    _mm256_set_m128i, _mm256_set1_epi32, _mm256_setr_epi8, _mm256_setzero_si256, _mm256_shuffle_epi8,
+    _mm256_srli_epi64, _mm256_srli_si256, _mm256_storeu_si256, _mm256_sub_epi16, _mm256_sub_epi32,
+    _mm256_subs_epu8,
 };
 
-use super::{ABSOLUTE, Kernel, RECTIFIED, Row, SIGNED, halves};
+use super::{ABSOLUTE, Kernel, RECTIFIED, Row, SIGNED};
 use crate::frame::Difference;
 
-/// Pixels a step.
+/// Pixels a vector of levels.
 const LANES: usize = 8;
-/// Bytes a step.
+/// Pixels a step, and its vectors of levels.
+const PIXELS: usize = 32;
+const GROUPS: usize = PIXELS / LANES;
+/// Bytes a step, and of one vector of levels.
+const STEP: usize = 3 * PIXELS;
 const BYTES: usize = 3 * LANES;
 
-/// The weights' halves, one 4-byte group a pixel.
+/// The weights as 16-bit pairs, one a pixel.
 #[derive(Clone, Copy)]
-struct Halves {
-    low: __m256i,
-    high: __m256i,
+struct Pairs {
+    blue_green: __m256i,
+    red: __m256i,
 }
 
-impl Halves {
+impl Pairs {
     #[target_feature(enable = "avx2")]
     fn of(weights: [i32; 3]) -> Self {
-        let group = |bytes: [i32; 3]| {
-            let byte = |c: usize| u32::from(bytes[c] as i8 as u8) << (8 * c);
-            _mm256_set1_epi32((byte(0) | byte(1) | byte(2)) as i32)
-        };
-        let (low, high) = halves(weights);
-        Self { low: group(low), high: group(high) }
+        // `MAX_WEIGHT` keeps each in 16 bits.
+        let pair = |low: i32, high: i32| _mm256_set1_epi32((low & 0xffff) | (high << 16));
+        Self { blue_green: pair(weights[0], weights[1]), red: pair(weights[2], 0) }
     }
 }
 
-/// Eight pixels as they lie: bytes 0 to 15 in the lower half, 8 to 23 in the upper one.
+/// Blue and green, and red, of the four pixels at the beginning of each half, in 16 bits.
 #[target_feature(enable = "avx2")]
 #[inline]
-fn load(bytes: &[u8; BYTES]) -> __m256i {
-    let at = bytes.as_ptr();
-    // SAFETY: both unaligned 16-byte loads lie within the 24 bytes.
-    unsafe { _mm256_set_m128i(_mm_loadu_si128(at.add(8).cast()), _mm_loadu_si128(at.cast())) }
-}
-
-/// One pixel in each 4-byte group, its fourth byte 0.
-#[target_feature(enable = "avx2")]
-#[inline]
-fn spread(pixels: __m256i) -> __m256i {
-    let groups = _mm256_setr_epi8(
-        0, 1, 2, -1, 3, 4, 5, -1, 6, 7, 8, -1, 9, 10, 11, -1, //
-        4, 5, 6, -1, 7, 8, 9, -1, 10, 11, 12, -1, 13, 14, 15, -1,
+fn spread(pixels: __m256i) -> (__m256i, __m256i) {
+    let blue_green = _mm256_setr_epi8(
+        0, -1, 1, -1, 3, -1, 4, -1, 6, -1, 7, -1, 9, -1, 10, -1, //
+        0, -1, 1, -1, 3, -1, 4, -1, 6, -1, 7, -1, 9, -1, 10, -1,
     );
-    _mm256_shuffle_epi8(pixels, groups)
+    let red = _mm256_setr_epi8(
+        2, -1, -1, -1, 5, -1, -1, -1, 8, -1, -1, -1, 11, -1, -1, -1, //
+        2, -1, -1, -1, 5, -1, -1, -1, 8, -1, -1, -1, 11, -1, -1, -1,
+    );
+    (_mm256_shuffle_epi8(pixels, blue_green), _mm256_shuffle_epi8(pixels, red))
 }
 
-/// The levels of eight pixels.
 #[target_feature(enable = "avx2")]
 #[inline]
-fn levels<const DIFFERENCE: u8>(frame: &[u8; BYTES], baseline: &[u8; BYTES], weights: Halves) -> __m256i {
-    let (f, b) = (load(frame), load(baseline));
-    let (low, high) = if DIFFERENCE == SIGNED {
-        let (f, b) = (spread(f), spread(b));
-        let part = |half| _mm256_sub_epi16(_mm256_maddubs_epi16(f, half), _mm256_maddubs_epi16(b, half));
-        (part(weights.low), part(weights.high))
-    } else {
-        let rise = _mm256_subs_epu8(f, b);
-        let d = if DIFFERENCE == ABSOLUTE { _mm256_or_si256(rise, _mm256_subs_epu8(b, f)) } else { rise };
-        let d = spread(d);
-        (_mm256_maddubs_epi16(d, weights.low), _mm256_maddubs_epi16(d, weights.high))
-    };
+fn weigh((blue_green, red): (__m256i, __m256i), weights: Pairs) -> __m256i {
     _mm256_add_epi32(
-        _mm256_madd_epi16(low, _mm256_set1_epi16(1)),
-        _mm256_madd_epi16(high, _mm256_set1_epi16(128)),
+        _mm256_madd_epi16(blue_green, weights.blue_green),
+        _mm256_madd_epi16(red, weights.red),
     )
+}
+
+/// The levels of pixels whose bytes lie at the beginning of each half.
+#[target_feature(enable = "avx2")]
+#[inline]
+fn signed(frame: __m256i, baseline: __m256i, weights: Pairs) -> __m256i {
+    let ((f, f_red), (b, b_red)) = (spread(frame), spread(baseline));
+    weigh((_mm256_sub_epi16(f, b), _mm256_sub_epi16(f_red, b_red)), weights)
+}
+
+/// |f − b|, or what f rises above b.
+#[target_feature(enable = "avx2")]
+#[inline]
+fn unsigned<const DIFFERENCE: u8>(f: __m256i, b: __m256i) -> __m256i {
+    let rise = _mm256_subs_epu8(f, b);
+    if DIFFERENCE == ABSOLUTE { _mm256_or_si256(rise, _mm256_subs_epu8(b, f)) } else { rise }
+}
+
+/// 32 pixels as they lie.
+#[target_feature(enable = "avx2")]
+#[inline]
+fn load(bytes: &[u8; STEP]) -> [__m256i; 3] {
+    // SAFETY: the three unaligned 32-byte loads are the 96 bytes.
+    from_fn(|k| unsafe { _mm256_loadu_si256(bytes.as_ptr().add(32 * k).cast()) })
+}
+
+/// 32 pixels in groups of four: group k of the first half and group k + 4 begin the halves of vector k.
+#[target_feature(enable = "avx2")]
+#[inline]
+fn grouped([first, second, third]: [__m256i; 3]) -> [__m256i; GROUPS] {
+    let begin = _mm256_blend_epi32::<0b1111_0000>(first, second);
+    let middle = _mm256_permute2x128_si256::<0x21>(first, third);
+    let end = _mm256_blend_epi32::<0b1111_0000>(second, third);
+    [
+        begin,
+        _mm256_alignr_epi8::<12>(middle, begin),
+        _mm256_alignr_epi8::<8>(end, middle),
+        _mm256_srli_si256::<4>(end),
+    ]
+}
+
+/// The levels of 32 pixels, as [`grouped`] orders them.
+#[target_feature(enable = "avx2")]
+#[inline]
+fn levels<const DIFFERENCE: u8>(
+    frame: &[u8; STEP],
+    baseline: &[u8; STEP],
+    weights: Pairs,
+) -> [__m256i; GROUPS] {
+    let (f, b) = (load(frame), load(baseline));
+    if DIFFERENCE == SIGNED {
+        let (f, b) = (grouped(f), grouped(b));
+        from_fn(|k| signed(f[k], b[k], weights))
+    } else {
+        let d = grouped(from_fn(|k| unsigned::<DIFFERENCE>(f[k], b[k])));
+        from_fn(|k| weigh(spread(d[k]), weights))
+    }
+}
+
+/// The levels of eight pixels as they lie: what is left of a row.
+#[target_feature(enable = "avx2")]
+#[inline]
+fn levels_of_eight<const DIFFERENCE: u8>(
+    frame: &[u8; BYTES],
+    baseline: &[u8; BYTES],
+    weights: Pairs,
+) -> __m256i {
+    // Bytes 0 to 15, and 8 to 23 moved down by 4.
+    let load = |bytes: &[u8; BYTES]| {
+        let at = bytes.as_ptr();
+        // SAFETY: both unaligned 16-byte loads lie within the 24 bytes.
+        let pixels = unsafe { _mm256_set_m128i(_mm_loadu_si128(at.add(8).cast()), _mm_loadu_si128(at.cast())) };
+        _mm256_blend_epi32::<0b1111_0000>(pixels, _mm256_srli_si256::<4>(pixels))
+    };
+    let (f, b) = (load(frame), load(baseline));
+    if DIFFERENCE == SIGNED {
+        signed(f, b, weights)
+    } else {
+        weigh(spread(unsigned::<DIFFERENCE>(f, b)), weights)
+    }
+}
+
+/// Puts each 32 columns into the order of [`grouped`], or back into that of the row.
+fn order(columns: &mut [[i32; PIXELS]], grouped: bool) {
+    for columns in columns {
+        let old = *columns;
+        for (group, new) in columns.as_chunks_mut::<4>().0.iter_mut().enumerate() {
+            // Group 2k is k of the row and group 2k + 1 is k + 4, or the other way round.
+            let at = if grouped { group / 2 + 4 * (group % 2) } else { 2 * (group % 4) + group / 4 };
+            new.copy_from_slice(&old[4 * at..4 * at + 4]);
+        }
+    }
 }
 
 #[target_feature(enable = "avx2")]
@@ -111,12 +188,78 @@ macro_rules! fold_lanes {
     }};
 }
 
+/// What one row's vectors say so far.
+#[derive(Clone, Copy)]
+struct Lanes {
+    sum: __m256i,
+    squares: __m256i,
+    min: __m256i,
+    max: __m256i,
+}
+
+impl Lanes {
+    #[target_feature(enable = "avx2")]
+    fn none() -> Self {
+        let zero = _mm256_setzero_si256();
+        let (min, max) = (_mm256_set1_epi32(i32::MAX), _mm256_set1_epi32(i32::MIN));
+        Self { sum: zero, squares: zero, min, max }
+    }
+
+    #[target_feature(enable = "avx2")]
+    #[inline]
+    fn take<const DIFFERENCE: u8, const SQUARES: bool>(&mut self, n: __m256i) {
+        self.sum = _mm256_add_epi32(self.sum, n);
+        if DIFFERENCE == SIGNED {
+            self.min = _mm256_min_epi32(self.min, n);
+        }
+        self.max = _mm256_max_epi32(self.max, n);
+        if SQUARES {
+            let odd = _mm256_srli_epi64::<32>(n);
+            self.squares = _mm256_add_epi64(self.squares, _mm256_mul_epi32(n, n));
+            self.squares = _mm256_add_epi64(self.squares, _mm256_mul_epi32(odd, odd));
+        }
+    }
+
+    /// The row, with the pixels that no vector took.
+    #[target_feature(enable = "avx2")]
+    fn row<const DIFFERENCE: u8, const SQUARES: bool>(&self, tail: Row) -> Row {
+        let squares = if SQUARES { lanes_i64(self.squares).iter().sum::<i64>() } else { 0 };
+        // The lanes' total may pass `i32`; the eight lanes themselves do not.
+        let [low, high] = [_mm256_castsi256_si128(self.sum), _mm256_extracti128_si256::<1>(self.sum)];
+        let wide = _mm256_add_epi64(_mm256_cvtepi32_epi64(low), _mm256_cvtepi32_epi64(high));
+        let signed = DIFFERENCE == SIGNED;
+        Row {
+            sum: tail.sum + lanes_i64(wide).iter().sum::<i64>(),
+            squares: tail.squares + squares,
+            min: if signed { fold_lanes!(self.min, _mm_min_epi32).min(tail.min) } else { tail.min },
+            max: fold_lanes!(self.max, _mm_max_epi32).max(tail.max),
+        }
+    }
+}
+
+/// Adds levels to eight columns.
+#[target_feature(enable = "avx2")]
+#[inline]
+fn add(columns: &mut [i32; LANES], n: __m256i) {
+    let at = columns.as_mut_ptr().cast();
+    // SAFETY: `columns` is exactly 32 bytes, borrowed mutably.
+    unsafe { _mm256_storeu_si256(at, _mm256_add_epi32(_mm256_loadu_si256(at), n)) };
+}
+
 /// See [`Kernel::rows`].
 #[target_feature(enable = "avx2")]
 pub(super) fn rows(kernel: &Kernel, frame: &[u8], baseline: &[u8], columns: &mut [i32], rows: &mut Vec<Row>) {
+    let bytes = 3 * columns.len();
+    let pairs = frame.len() / (2 * bytes) * 2 * bytes;
+    let (frame, last) = frame.split_at(pairs);
+    let (baseline, baseline_last) = baseline.split_at(pairs);
+    order(columns.as_chunks_mut::<PIXELS>().0, true);
     rows_by_reading!(kernel, rows_of(frame, baseline, columns, rows));
+    rows_by_reading!(kernel, last_row(last, baseline_last, columns, rows));
+    order(columns.as_chunks_mut::<PIXELS>().0, false);
 }
 
+/// Whole pairs of rows.
 #[target_feature(enable = "avx2")]
 fn rows_of<const DIFFERENCE: u8, const SQUARES: bool>(
     kernel: &Kernel,
@@ -125,42 +268,67 @@ fn rows_of<const DIFFERENCE: u8, const SQUARES: bool>(
     columns: &mut [i32],
     rows: &mut Vec<Row>,
 ) {
-    let weights = Halves::of(kernel.weights);
     let bytes = 3 * columns.len();
-    let (column_steps, columns_rest) = columns.as_chunks_mut::<LANES>();
-    for (frame, baseline) in frame.chunks_exact(bytes).zip(baseline.chunks_exact(bytes)) {
-        let (steps, rest) = frame.as_chunks::<BYTES>();
-        let (baseline_steps, baseline_rest) = baseline.as_chunks::<BYTES>();
-        let (mut sum, mut squares) = (_mm256_setzero_si256(), _mm256_setzero_si256());
-        let (mut min, mut max) = (_mm256_set1_epi32(i32::MAX), _mm256_set1_epi32(i32::MIN));
-        for ((f, b), column) in steps.iter().zip(baseline_steps).zip(column_steps.iter_mut()) {
+    for (frame, baseline) in frame.chunks_exact(2 * bytes).zip(baseline.chunks_exact(2 * bytes)) {
+        let (f, b) = (frame.split_at(bytes), baseline.split_at(bytes));
+        rows.extend(together::<DIFFERENCE, SQUARES, 2>(kernel, [f.0, f.1], [b.0, b.1], columns));
+    }
+}
+
+/// One row, or none.
+#[target_feature(enable = "avx2")]
+fn last_row<const DIFFERENCE: u8, const SQUARES: bool>(
+    kernel: &Kernel,
+    frame: &[u8],
+    baseline: &[u8],
+    columns: &mut [i32],
+    rows: &mut Vec<Row>,
+) {
+    if !frame.is_empty() {
+        rows.extend(together::<DIFFERENCE, SQUARES, 1>(kernel, [frame], [baseline], columns));
+    }
+}
+
+/// Rows whose levels are added up before they go to the columns.
+#[target_feature(enable = "avx2")]
+#[inline]
+fn together<const DIFFERENCE: u8, const SQUARES: bool, const N: usize>(
+    kernel: &Kernel,
+    frame: [&[u8]; N],
+    baseline: [&[u8]; N],
+    columns: &mut [i32],
+) -> [Row; N] {
+    let weights = Pairs::of(kernel.weights);
+    let mut lanes = [Lanes::none(); N];
+    let (steps, rest) = columns.as_chunks_mut::<PIXELS>();
+    let frame = frame.map(|row| row.as_chunks::<STEP>());
+    let baseline = baseline.map(|row| row.as_chunks::<STEP>());
+    for (x, columns) in steps.iter_mut().enumerate() {
+        let mut total = [_mm256_setzero_si256(); GROUPS];
+        for y in 0..N {
+            // Rows are as long as the columns are many.
+            let (Some(f), Some(b)) = (frame[y].0.get(x), baseline[y].0.get(x)) else { continue };
             let n = levels::<DIFFERENCE>(f, b, weights);
-            let at = column.as_mut_ptr().cast();
-            // SAFETY: `column` is exactly 32 bytes, borrowed mutably.
-            unsafe { _mm256_storeu_si256(at, _mm256_add_epi32(_mm256_loadu_si256(at), n)) };
-            sum = _mm256_add_epi32(sum, n);
-            if DIFFERENCE == SIGNED {
-                min = _mm256_min_epi32(min, n);
-            }
-            max = _mm256_max_epi32(max, n);
-            if SQUARES {
-                let odd = _mm256_srli_epi64::<32>(n);
-                squares = _mm256_add_epi64(squares, _mm256_mul_epi32(n, n));
-                squares = _mm256_add_epi64(squares, _mm256_mul_epi32(odd, odd));
+            for k in 0..GROUPS {
+                lanes[y].take::<DIFFERENCE, SQUARES>(n[k]);
+                total[k] = _mm256_add_epi32(total[k], n[k]);
             }
         }
-        let tail = kernel.row(rest, baseline_rest, columns_rest);
-        let squares = if SQUARES { lanes_i64(squares).iter().sum::<i64>() } else { 0 };
-        // The lanes' total may pass `i32`; the eight lanes themselves do not.
-        let [low, high] = [_mm256_castsi256_si128(sum), _mm256_extracti128_si256::<1>(sum)];
-        let wide = _mm256_add_epi64(_mm256_cvtepi32_epi64(low), _mm256_cvtepi32_epi64(high));
-        rows.push(Row {
-            sum: tail.sum + lanes_i64(wide).iter().sum::<i64>(),
-            squares: tail.squares + squares,
-            min: if DIFFERENCE == SIGNED { fold_lanes!(min, _mm_min_epi32).min(tail.min) } else { tail.min },
-            max: fold_lanes!(max, _mm_max_epi32).max(tail.max),
-        });
+        for (columns, n) in columns.as_chunks_mut::<LANES>().0.iter_mut().zip(total) {
+            add(columns, n);
+        }
     }
+    let (eights, last) = rest.as_chunks_mut::<LANES>();
+    from_fn(|y| {
+        let ((f_eights, f), (b_eights, b)) =
+            (frame[y].1.as_chunks::<BYTES>(), baseline[y].1.as_chunks::<BYTES>());
+        for ((f, b), columns) in f_eights.iter().zip(b_eights).zip(eights.iter_mut()) {
+            let n = levels_of_eight::<DIFFERENCE>(f, b, weights);
+            lanes[y].take::<DIFFERENCE, SQUARES>(n);
+            add(columns, n);
+        }
+        lanes[y].row::<DIFFERENCE, SQUARES>(kernel.row(f, b, last))
+    })
 }
 
 /// See [`Kernel::count`].
@@ -171,15 +339,17 @@ pub(super) fn count(kernel: &Kernel, frame: &[u8], baseline: &[u8], first: i32) 
 
 #[target_feature(enable = "avx2")]
 fn count_of<const DIFFERENCE: u8>(kernel: &Kernel, frame: &[u8], baseline: &[u8], first: i32) -> u32 {
-    let weights = Halves::of(kernel.weights);
-    let (steps, rest) = frame.as_chunks::<BYTES>();
-    let (baseline_steps, baseline_rest) = baseline.as_chunks::<BYTES>();
+    let weights = Pairs::of(kernel.weights);
+    let (steps, rest) = frame.as_chunks::<STEP>();
+    let (baseline_steps, baseline_rest) = baseline.as_chunks::<STEP>();
     let border = _mm256_set1_epi32(first);
-    let mut below = _mm256_setzero_si256();
+    let mut below = [_mm256_setzero_si256(); GROUPS];
     for (f, b) in steps.iter().zip(baseline_steps) {
-        // A true comparison is −1, so subtracting it counts.
-        below = _mm256_sub_epi32(below, _mm256_cmpgt_epi32(border, levels::<DIFFERENCE>(f, b, weights)));
+        for (below, n) in below.iter_mut().zip(levels::<DIFFERENCE>(f, b, weights)) {
+            // A true comparison is −1, so subtracting it counts.
+            *below = _mm256_sub_epi32(*below, _mm256_cmpgt_epi32(border, n));
+        }
     }
-    let below: i32 = lanes_i32(below).iter().sum();
-    (steps.len() * LANES) as u32 - below as u32 + kernel.count_plain(rest, baseline_rest, first)
+    let below: i32 = below.iter().flat_map(|lanes| lanes_i32(*lanes)).sum();
+    (steps.len() * PIXELS) as u32 - below as u32 + kernel.count_plain(rest, baseline_rest, first)
 }
