@@ -23,6 +23,8 @@ pub struct Scratch {
     totals: Vec<i64>,
     /// One entry a row.
     rows: Vec<Row>,
+    /// The grey values as words, where the kernel keeps them.
+    kept: Vec<u16>,
 }
 
 /// Greys of one pair of images, summed up.
@@ -31,13 +33,15 @@ pub(crate) struct Greys<'s> {
     pub peak: i32,
     pub peak_xy: (usize, usize),
     rows: &'s [Row],
+    kept: &'s [u16],
 }
 
 impl Kernel {
     /// Reads both images once.
     pub(crate) fn read<'s>(&self, pair: &Pair<'_>, denominator: i32, scratch: &'s mut Scratch) -> Greys<'s> {
         let width = pair.width();
-        let Scratch { columns, totals, rows } = scratch;
+        let Scratch { columns, totals, rows, kept } = scratch;
+        kept.resize(if self.keeps(width * pair.height()) { width * pair.height() } else { 0 }, 0);
         rows.clear();
         columns.clear();
         columns.resize(width + CACHE_LINE, 0);
@@ -49,13 +53,15 @@ impl Kernel {
         let flush_every = self.rows_until_overflow();
         if let Some((frame, baseline)) = pair.contiguous() {
             let bytes = 3 * width * flush_every;
+            let mut kept = kept.chunks_mut(width * flush_every);
             for (frame, baseline) in frame.chunks(bytes).zip(baseline.chunks(bytes)) {
-                self.rows(frame, baseline, columns, rows);
+                self.rows(frame, baseline, columns, rows, kept.next().unwrap_or_default());
                 flush(columns, totals);
             }
         } else {
+            let mut kept = kept.chunks_exact_mut(width);
             pair.for_each_row(|y, frame, baseline| {
-                self.rows(frame, baseline, columns, rows);
+                self.rows(frame, baseline, columns, rows, kept.next().unwrap_or_default());
                 if (y + 1) % flush_every == 0 {
                     flush(columns, totals);
                 }
@@ -70,7 +76,7 @@ impl Kernel {
             let mut pixels = frame.as_chunks::<3>().0.iter().zip(baseline.as_chunks::<3>().0);
             peak_x = pixels.position(|(f, b)| self.grey(*f, *b) == peak).unwrap_or_default();
         });
-        Greys { sums, peak, peak_xy: (peak_x, peak_y), rows }
+        Greys { sums, peak, peak_xy: (peak_x, peak_y), rows, kept }
     }
 
     fn rows_until_overflow(&self) -> usize {
@@ -129,7 +135,7 @@ fn weighed<I: Num + From<i64> + Copy + AddAssign>(sums: impl Iterator<Item = i64
 }
 
 impl Greys<'_> {
-    /// Number of pixels at or above grey value `first`; reads only rows whose range straddles it, neighbours in one go.
+    /// Number of pixels at or above grey value `first`; looks only at rows whose range straddles it, neighbours in one go.
     pub fn count_from(&self, pair: &Pair<'_>, kernel: &Kernel, first: i32) -> u32 {
         let straddles = |row: &Row| row.min < first && first <= row.max;
         let whole = self.rows.iter().filter(|row| row.min >= first).count() * pair.width();
@@ -137,9 +143,14 @@ impl Greys<'_> {
         let mut y = 0;
         for run in self.rows.chunk_by(|a, b| straddles(a) == straddles(b)) {
             if straddles(&run[0]) {
-                pair.with_rows(y..y + run.len(), |frame, baseline| {
-                    count += kernel.count(frame, baseline, first);
-                });
+                let width = pair.width();
+                match (self.kept.get(y * width..(y + run.len()) * width), u16::try_from(first)) {
+                    // A kept 65,535 may stand for more, and is not below it either way; 0 says nothing.
+                    (Some(kept), Ok(first)) if first > 0 => count += Kernel::count_kept(kept, first),
+                    _ => pair.with_rows(y..y + run.len(), |frame, baseline| {
+                        count += kernel.count(frame, baseline, first);
+                    }),
+                }
             }
             y += run.len();
         }

@@ -42,6 +42,8 @@ use tega_simd::{Isa, isa};
 
 use crate::frame::Difference;
 
+/// Pixels of the largest picture whose levels are kept: more would leave the processor's caches.
+const MOST_KEPT: usize = 1 << 19;
 /// Largest Σ|weight| for which no row sum of grey values overflows an `i32` lane (512 pixels a lane in the widest row).
 pub(crate) const MAX_WEIGHT_SUM: i32 = 16_000;
 /// Largest |weight|: it stays in the range of 16-bit multiplication.
@@ -102,6 +104,37 @@ impl Kernel {
         row
     }
 
+    /// Whether the levels of a picture of so many pixels are kept as words, so that they are counted without a second
+    /// reading: where that pays, and no level falls below 0.
+    pub(crate) fn keeps(&self, pixels: usize) -> bool {
+        #[cfg(target_arch = "x86_64")]
+        if isa() == Isa::Avx2 {
+            return self.difference != Difference::Signed && self.least() == 0 && pixels <= MOST_KEPT;
+        }
+        let _ = pixels;
+        false
+    }
+
+    /// Number of kept levels at or above grey value `first`, 1 to 65,535.
+    #[allow(unsafe_code)]
+    pub(crate) fn count_kept(kept: &[u16], first: u16) -> u32 {
+        #[cfg(target_arch = "x86_64")]
+        if isa() == Isa::Avx2 {
+            // SAFETY: as in `rows`.
+            return unsafe { avx2::count_kept(kept, first) };
+        }
+        count_words(kept, first)
+    }
+
+    /// Keeps levels as words, at most 65,535 each.
+    #[cfg(target_arch = "x86_64")]
+    fn keep_plain(&self, frame: &[u8], baseline: &[u8], kept: &mut [u16]) {
+        let pixels = frame.as_chunks::<3>().0.iter().zip(baseline.as_chunks::<3>().0);
+        for ((f, b), kept) in pixels.zip(kept) {
+            *kept = u16::try_from(self.grey(*f, *b)).unwrap_or(u16::MAX);
+        }
+    }
+
     /// The same for as many rows as the slices hold, `columns.len()` pixels each; the plain form as well.
     fn rows_plain(&self, frame: &[u8], baseline: &[u8], columns: &mut [i32], rows: &mut Vec<Row>) {
         let bytes = 3 * columns.len();
@@ -116,18 +149,27 @@ impl Kernel {
         pixels.map(|(f, b)| u32::from(self.grey(*f, *b) >= first)).sum()
     }
 
-    /// [`Kernel::rows_plain`] for the instruction set in use.
+    /// [`Kernel::rows_plain`] for the instruction set in use. `kept` takes the levels in any order within a row, and is
+    /// empty unless the kernel [`keeps`](Kernel::keeps) them.
     #[allow(unsafe_code)]
-    pub(crate) fn rows(&self, frame: &[u8], baseline: &[u8], columns: &mut [i32], rows: &mut Vec<Row>) {
+    pub(crate) fn rows(
+        &self,
+        frame: &[u8],
+        baseline: &[u8],
+        columns: &mut [i32],
+        rows: &mut Vec<Row>,
+        kept: &mut [u16],
+    ) {
         #[cfg(target_arch = "x86_64")]
         if isa() == Isa::Avx2 {
             // SAFETY: `isa` reports a set only after the processor itself said that it has it.
-            return unsafe { avx2::rows(self, frame, baseline, columns, rows) };
+            return unsafe { avx2::rows(self, frame, baseline, columns, rows, kept) };
         }
         #[cfg(target_arch = "aarch64")]
         if isa() == Isa::Neon {
             return neon::rows(self, frame, baseline, columns, rows);
         }
+        let _ = kept;
         self.rows_plain(frame, baseline, columns, rows);
     }
 
@@ -152,6 +194,14 @@ impl Kernel {
     }
 }
 
+/// Number of words at or above `first`.
+#[inline(always)]
+fn count_words(words: &[u16], first: u16) -> u32 {
+    // In words, so that as many are compared at once as a vector holds.
+    let count = |words: &[u16]| words.iter().map(|word| u16::from(*word >= first)).sum::<u16>();
+    words.chunks(usize::from(u16::MAX)).map(|words| u32::from(count(words))).sum()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -164,6 +214,7 @@ mod tests {
     fn weights() -> impl Strategy<Value = [i32; 3]> {
         prop_oneof![
             Just([114, 587, 299]),
+            Just([1, 40, 7]),
             Just([MAX_WEIGHT, -MAX_WEIGHT / 2, -MAX_WEIGHT / 3]),
             [-5000_i32..5000, -5000_i32..5000, -5000_i32..5000],
         ]
@@ -178,7 +229,7 @@ mod tests {
             weights in weights(),
             difference in differences(),
             squares in any::<bool>(),
-            first in -3_000_000_i32..3_000_000,
+            first in prop_oneof![-3_000_000_i32..3_000_000, 0_i32..70_000, 0_i32..500],
         ) {
             let (frame, baseline): (Vec<_>, Vec<_>) = pixels.into_iter().unzip();
             let (frame, baseline) = (frame.as_flattened(), baseline.as_flattened());
@@ -187,8 +238,14 @@ mod tests {
             let mut fast = plain.clone();
             let (mut wanted, mut rows) = (Vec::new(), Vec::new());
             kernel.rows_plain(frame, baseline, &mut plain, &mut wanted);
-            kernel.rows(frame, baseline, &mut fast, &mut rows);
+            let pixels = frame.len() / 3;
+            let mut kept = vec![7; if kernel.keeps(pixels) { pixels } else { 0 }];
+            kernel.rows(frame, baseline, &mut fast, &mut rows, &mut kept);
             prop_assert_eq!(rows, wanted);
+            if !kept.is_empty() && (1..=65_535).contains(&first) {
+                let plain = kernel.count_plain(frame, baseline, first);
+                prop_assert_eq!(Kernel::count_kept(&kept, first as u16), plain);
+            }
             prop_assert_eq!(fast, plain);
             prop_assert_eq!(
                 kernel.count(frame, baseline, first),
@@ -202,7 +259,7 @@ mod tests {
         let (frame, baseline) = (vec![255; 3 * 4096], vec![0; 3 * 4096]);
         let kernel = Kernel { weights: [5334, 5333, 5333], difference: Difference::Signed, squares: true };
         let mut rows = Vec::new();
-        kernel.rows(&frame, &baseline, &mut vec![0; 4096], &mut rows);
+        kernel.rows(&frame, &baseline, &mut vec![0; 4096], &mut rows, &mut []);
         assert_eq!(rows, [kernel.row(&frame, &baseline, &mut vec![0; 4096])]);
         assert_eq!(rows[0].sum, 4096 * 255 * 16_000);
     }

@@ -5,16 +5,17 @@
 
 #![allow(unsafe_code)]
 
-use std::array::from_fn;
 use std::arch::x86_64::{
-    __m256i, _mm_cvtsi128_si32, _mm_loadu_si128, _mm_max_epi32, _mm_min_epi32, _mm_shuffle_epi32,
-    _mm256_add_epi32, _mm256_add_epi64, _mm256_alignr_epi8, _mm256_blend_epi32, _mm256_castsi256_si128,
-    _mm256_cmpgt_epi32, _mm256_cvtepi32_epi64, _mm256_extracti128_si256, _mm256_loadu_si256, _mm256_madd_epi16,
-    _mm256_max_epi32, _mm256_min_epi32, _mm256_mul_epi32, _mm256_or_si256, _mm256_permute2x128_si256,
-    _mm256_set_m128i, _mm256_set1_epi32, _mm256_setr_epi8, _mm256_setzero_si256, _mm256_shuffle_epi8,
-    _mm256_srli_epi64, _mm256_srli_si256, _mm256_storeu_si256, _mm256_sub_epi16, _mm256_sub_epi32,
-    _mm256_subs_epu8,
+    __m256i, _mm_cvtsi128_si32, _mm_loadu_si128, _mm_max_epi32, _mm_max_epu16, _mm_min_epi32,
+    _mm_minpos_epu16, _mm_set1_epi32, _mm_shuffle_epi32, _mm_xor_si128, _mm256_add_epi32, _mm256_add_epi64,
+    _mm256_alignr_epi8, _mm256_blend_epi32, _mm256_castsi256_si128, _mm256_cmpgt_epi32,
+    _mm256_cvtepi32_epi64, _mm256_extracti128_si256, _mm256_loadu_si256, _mm256_madd_epi16, _mm256_max_epi32,
+    _mm256_max_epu16, _mm256_min_epi32, _mm256_mul_epi32, _mm256_or_si256, _mm256_packus_epi32,
+    _mm256_permute2x128_si256, _mm256_set_m128i, _mm256_set1_epi32, _mm256_setr_epi8, _mm256_setzero_si256,
+    _mm256_shuffle_epi8, _mm256_srli_epi64, _mm256_srli_si256, _mm256_storeu_si256, _mm256_sub_epi16,
+    _mm256_sub_epi32, _mm256_subs_epu8,
 };
+use std::array::from_fn;
 
 use super::{ABSOLUTE, Kernel, RECTIFIED, Row, SIGNED};
 use crate::frame::Difference;
@@ -62,10 +63,7 @@ fn spread(pixels: __m256i) -> (__m256i, __m256i) {
 #[target_feature(enable = "avx2")]
 #[inline]
 fn weigh((blue_green, red): (__m256i, __m256i), weights: Pairs) -> __m256i {
-    _mm256_add_epi32(
-        _mm256_madd_epi16(blue_green, weights.blue_green),
-        _mm256_madd_epi16(red, weights.red),
-    )
+    _mm256_add_epi32(_mm256_madd_epi16(blue_green, weights.blue_green), _mm256_madd_epi16(red, weights.red))
 }
 
 /// The levels of pixels whose bytes lie at the beginning of each half.
@@ -137,7 +135,8 @@ fn levels_of_eight<const DIFFERENCE: u8>(
     let load = |bytes: &[u8; BYTES]| {
         let at = bytes.as_ptr();
         // SAFETY: both unaligned 16-byte loads lie within the 24 bytes.
-        let pixels = unsafe { _mm256_set_m128i(_mm_loadu_si128(at.add(8).cast()), _mm_loadu_si128(at.cast())) };
+        let pixels =
+            unsafe { _mm256_set_m128i(_mm_loadu_si128(at.add(8).cast()), _mm_loadu_si128(at.cast())) };
         _mm256_blend_epi32::<0b1111_0000>(pixels, _mm256_srli_si256::<4>(pixels))
     };
     let (f, b) = (load(frame), load(baseline));
@@ -199,20 +198,22 @@ struct Lanes {
 
 impl Lanes {
     #[target_feature(enable = "avx2")]
-    fn none() -> Self {
+    fn none<const KEPT: bool>() -> Self {
         let zero = _mm256_setzero_si256();
-        let (min, max) = (_mm256_set1_epi32(i32::MAX), _mm256_set1_epi32(i32::MIN));
-        Self { sum: zero, squares: zero, min, max }
+        let max = if KEPT { zero } else { _mm256_set1_epi32(i32::MIN) };
+        Self { sum: zero, squares: zero, min: _mm256_set1_epi32(i32::MAX), max }
     }
 
     #[target_feature(enable = "avx2")]
     #[inline]
-    fn take<const DIFFERENCE: u8, const SQUARES: bool>(&mut self, n: __m256i) {
+    fn take<const DIFFERENCE: u8, const SQUARES: bool, const KEPT: bool>(&mut self, n: __m256i) {
         self.sum = _mm256_add_epi32(self.sum, n);
         if DIFFERENCE == SIGNED {
             self.min = _mm256_min_epi32(self.min, n);
         }
-        self.max = _mm256_max_epi32(self.max, n);
+        if !KEPT {
+            self.max = _mm256_max_epi32(self.max, n);
+        }
         if SQUARES {
             let odd = _mm256_srli_epi64::<32>(n);
             self.squares = _mm256_add_epi64(self.squares, _mm256_mul_epi32(n, n));
@@ -220,9 +221,9 @@ impl Lanes {
         }
     }
 
-    /// The row, with the pixels that no vector took.
+    /// The row, with the pixels that no vector took. Its largest level is that of the words, where levels are kept.
     #[target_feature(enable = "avx2")]
-    fn row<const DIFFERENCE: u8, const SQUARES: bool>(&self, tail: Row) -> Row {
+    fn row<const DIFFERENCE: u8, const SQUARES: bool, const KEPT: bool>(&self, tail: Row) -> Row {
         let squares = if SQUARES { lanes_i64(self.squares).iter().sum::<i64>() } else { 0 };
         // The lanes' total may pass `i32`; the eight lanes themselves do not.
         let [low, high] = [_mm256_castsi256_si128(self.sum), _mm256_extracti128_si256::<1>(self.sum)];
@@ -232,9 +233,19 @@ impl Lanes {
             sum: tail.sum + lanes_i64(wide).iter().sum::<i64>(),
             squares: tail.squares + squares,
             min: if signed { fold_lanes!(self.min, _mm_min_epi32).min(tail.min) } else { tail.min },
-            max: fold_lanes!(self.max, _mm_max_epi32).max(tail.max),
+            max: if KEPT { largest_word(self.max) } else { fold_lanes!(self.max, _mm_max_epi32) }
+                .max(tail.max),
         }
     }
+}
+
+/// The largest of sixteen words without sign.
+#[target_feature(enable = "avx2")]
+fn largest_word(v: __m256i) -> i32 {
+    let half = _mm_max_epu16(_mm256_castsi256_si128(v), _mm256_extracti128_si256::<1>(v));
+    // The processor finds the smallest: that of the complements is the largest of these.
+    let least = _mm_cvtsi128_si32(_mm_minpos_epu16(_mm_xor_si128(half, _mm_set1_epi32(-1))));
+    0xffff - (least & 0xffff)
 }
 
 /// Adds levels to eight columns.
@@ -246,16 +257,34 @@ fn add(columns: &mut [i32; LANES], n: __m256i) {
     unsafe { _mm256_storeu_si256(at, _mm256_add_epi32(_mm256_loadu_si256(at), n)) };
 }
 
+/// Keeps sixteen levels as words, at most 65,535 each, in any order, and takes their largest.
+#[target_feature(enable = "avx2")]
+#[inline]
+fn keep(kept: &mut [u16; 2 * LANES], largest: &mut __m256i, [low, high]: [__m256i; 2]) {
+    let words = _mm256_packus_epi32(low, high);
+    *largest = _mm256_max_epu16(*largest, words);
+    // SAFETY: `kept` is exactly 32 bytes, borrowed mutably.
+    unsafe { _mm256_storeu_si256(kept.as_mut_ptr().cast(), words) };
+}
+
 /// See [`Kernel::rows`].
 #[target_feature(enable = "avx2")]
-pub(super) fn rows(kernel: &Kernel, frame: &[u8], baseline: &[u8], columns: &mut [i32], rows: &mut Vec<Row>) {
+pub(super) fn rows(
+    kernel: &Kernel,
+    frame: &[u8],
+    baseline: &[u8],
+    columns: &mut [i32],
+    rows: &mut Vec<Row>,
+    kept: &mut [u16],
+) {
     let bytes = 3 * columns.len();
     let pairs = frame.len() / (2 * bytes) * 2 * bytes;
     let (frame, last) = frame.split_at(pairs);
     let (baseline, baseline_last) = baseline.split_at(pairs);
+    let (kept, kept_last) = kept.split_at_mut((pairs / 3).min(kept.len()));
     order(columns.as_chunks_mut::<PIXELS>().0, true);
-    rows_by_reading!(kernel, rows_of(frame, baseline, columns, rows));
-    rows_by_reading!(kernel, last_row(last, baseline_last, columns, rows));
+    rows_by_reading!(kernel, rows_of(frame, baseline, columns, rows, kept));
+    rows_by_reading!(kernel, last_row(last, baseline_last, columns, rows, kept_last));
     order(columns.as_chunks_mut::<PIXELS>().0, false);
 }
 
@@ -267,11 +296,20 @@ fn rows_of<const DIFFERENCE: u8, const SQUARES: bool>(
     baseline: &[u8],
     columns: &mut [i32],
     rows: &mut Vec<Row>,
+    kept: &mut [u16],
 ) {
-    let bytes = 3 * columns.len();
-    for (frame, baseline) in frame.chunks_exact(2 * bytes).zip(baseline.chunks_exact(2 * bytes)) {
-        let (f, b) = (frame.split_at(bytes), baseline.split_at(bytes));
-        rows.extend(together::<DIFFERENCE, SQUARES, 2>(kernel, [f.0, f.1], [b.0, b.1], columns));
+    let width = columns.len();
+    let mut kept = kept.chunks_exact_mut(2 * width);
+    for (frame, baseline) in frame.chunks_exact(6 * width).zip(baseline.chunks_exact(6 * width)) {
+        let (f, b) = (frame.split_at(3 * width), baseline.split_at(3 * width));
+        let (f, b) = ([f.0, f.1], [b.0, b.1]);
+        rows.extend(match kept.next() {
+            Some(kept) if DIFFERENCE != SIGNED => {
+                let (first, second) = kept.split_at_mut(width);
+                together::<DIFFERENCE, SQUARES, true, 2>(kernel, f, b, columns, [first, second])
+            }
+            _ => together::<DIFFERENCE, SQUARES, false, 2>(kernel, f, b, columns, [&mut [], &mut []]),
+        });
     }
 }
 
@@ -283,35 +321,48 @@ fn last_row<const DIFFERENCE: u8, const SQUARES: bool>(
     baseline: &[u8],
     columns: &mut [i32],
     rows: &mut Vec<Row>,
+    kept: &mut [u16],
 ) {
-    if !frame.is_empty() {
-        rows.extend(together::<DIFFERENCE, SQUARES, 1>(kernel, [frame], [baseline], columns));
+    if frame.is_empty() {
+        return;
     }
+    rows.extend(if DIFFERENCE != SIGNED && !kept.is_empty() {
+        together::<DIFFERENCE, SQUARES, true, 1>(kernel, [frame], [baseline], columns, [kept])
+    } else {
+        together::<DIFFERENCE, SQUARES, false, 1>(kernel, [frame], [baseline], columns, [&mut []])
+    });
 }
 
-/// Rows whose levels are added up before they go to the columns.
+/// Rows whose levels are added up before they go to the columns, and kept as words where asked for.
 #[target_feature(enable = "avx2")]
 #[inline]
-fn together<const DIFFERENCE: u8, const SQUARES: bool, const N: usize>(
+fn together<const DIFFERENCE: u8, const SQUARES: bool, const KEPT: bool, const N: usize>(
     kernel: &Kernel,
     frame: [&[u8]; N],
     baseline: [&[u8]; N],
     columns: &mut [i32],
+    kept: [&mut [u16]; N],
 ) -> [Row; N] {
     let weights = Pairs::of(kernel.weights);
-    let mut lanes = [Lanes::none(); N];
+    let mut lanes = [Lanes::none::<KEPT>(); N];
     let (steps, rest) = columns.as_chunks_mut::<PIXELS>();
-    let frame = frame.map(|row| row.as_chunks::<STEP>());
-    let baseline = baseline.map(|row| row.as_chunks::<STEP>());
+    let frame_steps = frame.map(|row| row.as_chunks::<STEP>());
+    let baseline_steps = baseline.map(|row| row.as_chunks::<STEP>());
+    let mut kept = kept.map(|row| row.as_chunks_mut::<PIXELS>());
     for (x, columns) in steps.iter_mut().enumerate() {
         let mut total = [_mm256_setzero_si256(); GROUPS];
         for y in 0..N {
             // Rows are as long as the columns are many.
-            let (Some(f), Some(b)) = (frame[y].0.get(x), baseline[y].0.get(x)) else { continue };
+            let (Some(f), Some(b)) = (frame_steps[y].0.get(x), baseline_steps[y].0.get(x)) else { continue };
             let n = levels::<DIFFERENCE>(f, b, weights);
             for k in 0..GROUPS {
-                lanes[y].take::<DIFFERENCE, SQUARES>(n[k]);
+                lanes[y].take::<DIFFERENCE, SQUARES, KEPT>(n[k]);
                 total[k] = _mm256_add_epi32(total[k], n[k]);
+            }
+            if KEPT && let Some(kept) = kept[y].0.get_mut(x) {
+                let (kept, _) = kept.as_chunks_mut::<{ 2 * LANES }>();
+                keep(&mut kept[0], &mut lanes[y].max, [n[0], n[1]]);
+                keep(&mut kept[1], &mut lanes[y].max, [n[2], n[3]]);
             }
         }
         for (columns, n) in columns.as_chunks_mut::<LANES>().0.iter_mut().zip(total) {
@@ -321,14 +372,49 @@ fn together<const DIFFERENCE: u8, const SQUARES: bool, const N: usize>(
     let (eights, last) = rest.as_chunks_mut::<LANES>();
     from_fn(|y| {
         let ((f_eights, f), (b_eights, b)) =
-            (frame[y].1.as_chunks::<BYTES>(), baseline[y].1.as_chunks::<BYTES>());
-        for ((f, b), columns) in f_eights.iter().zip(b_eights).zip(eights.iter_mut()) {
-            let n = levels_of_eight::<DIFFERENCE>(f, b, weights);
-            lanes[y].take::<DIFFERENCE, SQUARES>(n);
+            (frame_steps[y].1.as_chunks::<BYTES>(), baseline_steps[y].1.as_chunks::<BYTES>());
+        let (kept_eights, kept) = kept[y].1.as_chunks_mut::<LANES>();
+        for (x, columns) in eights.iter_mut().enumerate() {
+            let n = levels_of_eight::<DIFFERENCE>(&f_eights[x], &b_eights[x], weights);
+            lanes[y].take::<DIFFERENCE, SQUARES, KEPT>(n);
             add(columns, n);
+            if KEPT && let Some(kept) = kept_eights.get_mut(x) {
+                let mut words = [0; 2 * LANES];
+                keep(&mut words, &mut lanes[y].max, [n, n]);
+                let (half, _) = words.as_chunks::<4>();
+                kept.copy_from_slice([half[0], half[2]].as_flattened());
+            }
         }
-        lanes[y].row::<DIFFERENCE, SQUARES>(kernel.row(f, b, last))
+        let mut row = lanes[y].row::<DIFFERENCE, SQUARES, KEPT>(kernel.row(f, b, last));
+        if KEPT {
+            kernel.keep_plain(f, b, kept);
+            if row.max >= i32::from(u16::MAX) {
+                row.max = largest::<DIFFERENCE>(kernel, frame[y], baseline[y]);
+            }
+        }
+        row
     })
+}
+
+/// The largest level of a row.
+#[target_feature(enable = "avx2")]
+fn largest<const DIFFERENCE: u8>(kernel: &Kernel, frame: &[u8], baseline: &[u8]) -> i32 {
+    let weights = Pairs::of(kernel.weights);
+    let (steps, rest) = frame.as_chunks::<STEP>();
+    let (baseline_steps, baseline_rest) = baseline.as_chunks::<STEP>();
+    let mut max = _mm256_set1_epi32(i32::MIN);
+    for (f, b) in steps.iter().zip(baseline_steps) {
+        max = levels::<DIFFERENCE>(f, b, weights).into_iter().fold(max, |max, n| _mm256_max_epi32(max, n));
+    }
+    let pixels = rest.as_chunks::<3>().0.iter().zip(baseline_rest.as_chunks::<3>().0);
+    let last = pixels.map(|(f, b)| kernel.grey(*f, *b)).max().unwrap_or(i32::MIN);
+    fold_lanes!(max, _mm_max_epi32).max(last)
+}
+
+/// See [`Kernel::count_kept`].
+#[target_feature(enable = "avx2")]
+pub(super) fn count_kept(kept: &[u16], first: u16) -> u32 {
+    super::count_words(kept, first)
 }
 
 /// See [`Kernel::count`].
