@@ -107,12 +107,8 @@ impl Kernel {
     /// Whether the levels of a picture of so many pixels are kept as words, so that they are counted without a second
     /// reading: where that pays, and no level falls below 0.
     pub(crate) fn keeps(&self, pixels: usize) -> bool {
-        #[cfg(target_arch = "x86_64")]
-        if isa() == Isa::Avx2 {
-            return self.difference != Difference::Signed && self.least() == 0 && pixels <= MOST_KEPT;
-        }
-        let _ = pixels;
-        false
+        let pays = cfg!(target_arch = "x86_64") && isa() != Isa::Baseline;
+        pays && self.difference != Difference::Signed && self.least() == 0 && pixels <= MOST_KEPT
     }
 
     /// Number of kept levels at or above grey value `first`, 1 to 65,535.
