@@ -263,6 +263,26 @@ class TouchTracker:
         """
         return self._tracker.update(frame, dt_s=dt_s, loaded=loaded)
 
+    def update_sums(
+        self, sums: NDArray[np.int16], *, dt_s: float | None = None, loaded: bool = False
+    ) -> TrackedContact:
+        """Read the next frame by its sums over cells of 8 x 8 pixels; the contact is that of :meth:`update`.
+
+        Args:
+            sums: int16 (3, cells), for each byte of a pixel the cells row by row: of a frame of 320 x 240 there are
+                1,200.
+            dt_s: As for :meth:`update`, like the following.
+            loaded: Likewise.
+
+        Returns:
+            The contact.
+
+        Raises:
+            ShapeError: There are not as many sums as the baseline has such cells; the tracker is as before.
+            InvalidValueError: ``dt_s`` is not from 0 to 1e6.
+        """
+        return self._tracker.update_sums(sums, dt_s=dt_s, loaded=loaded)
+
     def mask(self) -> NDArray[np.bool_]:
         """Return the outlined pixels of the last frame, bool (H, W); their number is ``eda``."""
         return self._tracker.mask()

@@ -86,7 +86,8 @@ def test_a_trial_whose_pictures_nobody_is_shown_is_the_same_without_them(
     rendered = run_trial(plan, skip_untouched=False)
     n_rendered: list[int] = []
     lab_of(plan.seed, plan.preset)  # its calibration is of pictures
-    monkeypatch.setattr(Gel, "frame", lambda _gel, _indenters, index, **_named: n_rendered.append(index))
+    for made in ("frame", "sums"):
+        monkeypatch.setattr(Gel, made, lambda _gel, _indenters, index, **_named: n_rendered.append(index))
     assert run_trial(plan) == rendered
     assert not n_rendered
 

@@ -5,7 +5,7 @@ use tega_error::OutOfRange;
 use crate::error::GelError;
 use crate::form::Form;
 use crate::grid::{CELL_PX, COLS, MARGIN_COLS, MARGIN_ROWS};
-use crate::membrane::{self, Membrane};
+use crate::membrane::{self, Membrane, Relief};
 use crate::memory::Memory;
 use crate::noise::{EPOCH_FRAMES, Noise, drifted, lacking};
 use crate::paint::{Canvas, paint};
@@ -13,6 +13,7 @@ use crate::pattern::{self, Pattern, Surface};
 use crate::picture::{HEIGHT, LINE, WIDTH};
 use crate::shape::{Indenter, MAX_INDENTERS};
 use crate::shear::{self, Pull, Shear, ShearField, WIDE_COLS, WIDE_ROWS};
+use crate::sums::{self, Summing, Sums, sum_picture};
 use crate::unit::Unit;
 
 /// Bytes of a picture: [`HEIGHT`] rows of [`WIDTH`] pixels of blue, green, red.
@@ -70,6 +71,7 @@ pub struct Gel {
     noise: Noise,
     membrane: Membrane,
     canvas: Canvas,
+    summing: Summing,
     /// The still picture as it has drifted, counts less 128.
     drifted: Vec<i8>,
     epoch: Option<u64>,
@@ -99,6 +101,7 @@ impl Gel {
             memory: memory.then(|| Memory::new(unit.lag)),
             unit,
             canvas: Canvas::new(),
+            summing: Summing::default(),
             drifted: vec![0; PICTURE],
             epoch: None,
             touches: false,
@@ -232,15 +235,30 @@ impl Gel {
         check(out)?;
         self.drift(index);
         let noise = (&self.noise, self.noise.part(index));
-        let relief = match &mut self.memory {
-            Some(memory) if self.lags => Some(memory.relief(&self.membrane, self.touches)),
-            _ => self.touches.then(|| self.membrane.relief()),
-        };
+        let relief = relief(&mut self.memory, &self.membrane, [self.lags, self.touches]);
         paint(&mut self.canvas, relief, &self.unit.light, &self.drifted, noise, out);
         if let Some((pattern, shear)) = &mut self.sheared {
             pattern::add(pattern, shear.moved().then_some(shear), Some(index), out);
         }
         Ok(())
+    }
+
+    /// Sums the picture of the latest press over cells of 8 x 8 pixels, as frame `index` shows it: to the bit those of
+    /// [`Self::paint`].
+    pub fn sums(&mut self, index: u64, out: &mut Sums) {
+        if self.sheared.is_some() {
+            let mut picture = vec![0; PICTURE];
+            if self.paint(index, &mut picture).is_ok() {
+                sum_picture(&picture, out);
+            }
+            return;
+        }
+        self.drift(index);
+        self.summing.drifted(self.epoch, &self.drifted);
+        let noise = (&self.noise, self.noise.part(index));
+        let relief = relief(&mut self.memory, &self.membrane, [self.lags, self.touches]);
+        let light = &self.unit.light;
+        sums::sum(&mut self.summing, &mut self.canvas, relief, light, &self.drifted, noise, out);
     }
 
     /// The untouched gel without noise, as it has drifted by frame `index`.
@@ -320,6 +338,18 @@ impl Gel {
     }
 }
 
+/// What the gel shows: its displacement, and what it remembers of those before.
+fn relief<'a>(
+    memory: &'a mut Option<Memory>,
+    membrane: &'a Membrane,
+    [lags, touches]: [bool; 2],
+) -> Option<Relief<'a>> {
+    match memory {
+        Some(memory) if lags => Some(memory.relief(membrane, touches)),
+        _ => touches.then(|| membrane.relief()),
+    }
+}
+
 fn check(out: &[u8]) -> Result<(), GelError> {
     if out.len() == PICTURE { Ok(()) } else { Err(GelError::Picture { got: out.len(), wanted: PICTURE }) }
 }
@@ -343,6 +373,32 @@ mod tests {
         let mut cells = vec![0.0; CELLS[0] * CELLS[1]];
         gel.displacement(&mut cells);
         cells.iter().fold(0.0, |most, cell| most.max(*cell))
+    }
+
+    #[test]
+    fn sums_are_those_of_the_painted_picture() {
+        for (seed, spread, surface) in [
+            (3, 0.0, Surface::Plain),
+            (4, 1.0, Surface::Plain),
+            (5, 2.0, Surface::Plain),
+            (6, 1.0, Surface::Texture),
+        ] {
+            let setup = Setup { seed, spread, memory: true, surface, ..Setup::default() };
+            let mut gel = Gel::new(setup).expect("a spread within bounds");
+            let (mut picture, mut found, mut wanted) = (vec![0; PICTURE], [[0; 1200]; 3], [[0; 1200]; 3]);
+            for index in 0..200 {
+                // From nothing over a touch to one as hard as any, from place to place, and what is left of it.
+                let k = index as f64;
+                let mut ball = ball(if index % 40 < 30 { 0.02 * k * k / (1.0 + 0.05 * k) } else { 0.0 });
+                ball.pose_mm[0][3] = 9.0 * (0.7 * k).sin();
+                ball.pose_mm[1][3] = 11.0 * (0.3 * k).sin();
+                gel.press(&[ball], k / 60.0).expect("a ball");
+                gel.paint(index, &mut picture).expect("a picture");
+                sum_picture(&picture, &mut wanted);
+                gel.sums(index, &mut found);
+                assert!(found == wanted, "seed {seed}, frame {index}");
+            }
+        }
     }
 
     #[test]

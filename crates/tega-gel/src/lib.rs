@@ -45,6 +45,7 @@ mod shape;
 mod shear;
 mod skin;
 mod springs;
+mod sums;
 mod unit;
 mod window;
 
@@ -58,3 +59,4 @@ pub use picture::{HEIGHT, WIDTH};
 pub use shape::{Indenter, MAX_INDENTERS, Shape};
 pub use shear::{Pull, SHEAR_STIFFNESS_N_MM3, Shear};
 pub use springs::STIFFNESS_N_MM3;
+pub use sums::{SUM_CELLS, Sums};

@@ -7,6 +7,7 @@ use std::sync::OnceLock;
 
 use crate::picture::{HEIGHT, LINE, WIDTH, nearest, spline};
 use crate::rng::Stream;
+use crate::sums::NoiseSums;
 
 /// Per-pixel deviation of 8-bit pictures, blue, green, red.
 const SIGMA: [f32; 3] = [3.30, 1.70, 2.85];
@@ -19,7 +20,8 @@ const OWN: f32 = 0.265;
 /// How far a frame's part may start from the sheet's corner.
 const ROOM_ROWS: usize = 128;
 const ROOM_COLS: usize = 80;
-const SHEET_LINE: usize = (WIDTH + ROOM_COLS) * 3;
+pub(crate) const SHEET_LINE: usize = (WIDTH + ROOM_COLS) * 3;
+pub(crate) const SHEET_ROWS: usize = HEIGHT + ROOM_ROWS;
 
 /// Frames between two looks at the drift: a second at 60 Hz.
 pub(crate) const EPOCH_FRAMES: u64 = 64;
@@ -45,6 +47,7 @@ const SHEET_SEED: u64 = 0x7465_6761;
 #[derive(Debug, Clone)]
 pub(crate) struct Noise {
     sheet: &'static [i8],
+    level: usize,
     frames: Stream,
     drift: Stream,
     /// Whether the colours also drift for minutes.
@@ -59,6 +62,19 @@ pub(crate) struct Part {
     mirrored: bool,
 }
 
+impl Part {
+    /// First row of the sheet that so many rows of the picture from `y` on show, in their order or the other way round.
+    #[inline(always)]
+    pub(crate) fn first_row(self, y: usize, rows: usize) -> usize {
+        self.top + if self.mirrored { HEIGHT - y - rows } else { y }
+    }
+
+    /// The sheet's column that the picture begins with.
+    pub(crate) fn left(self) -> usize {
+        self.left
+    }
+}
+
 impl Noise {
     /// A unit's noise: of the fitted sensor's level, or of one that the seed picks.
     pub(crate) fn new(seed: u64, spread: f32, slow: bool) -> Self {
@@ -66,7 +82,7 @@ impl Noise {
         let frames = Stream::new(seed, 20);
         let level = if spread > 0.0 { (Stream::new(seed, 22).bits(0) % 3) as usize } else { 0 };
         let sheet = SHEETS[level].get_or_init(|| sheet(LEVELS[level]));
-        Self { sheet, frames, drift: Stream::new(seed, 21), slow }
+        Self { sheet, level, frames, drift: Stream::new(seed, 21), slow }
     }
 
     /// The part that a frame shows. Two frames in a row never show the same one.
@@ -78,10 +94,16 @@ impl Noise {
         Part { top: top as usize, left: left as usize, mirrored: bits >> 63 == 1 }
     }
 
+    /// The sheet's sums over cells; they are made when they are first asked for.
+    pub(crate) fn sums(&self) -> &'static NoiseSums {
+        static SUMS: [OnceLock<NoiseSums>; 3] = [const { OnceLock::new() }; 3];
+        SUMS[self.level].get_or_init(|| NoiseSums::of(self.sheet))
+    }
+
     /// A frame's noise in one row, counts.
     #[inline(always)]
     pub(crate) fn row(&self, part: Part, y: usize) -> &[i8] {
-        let row = part.top + if part.mirrored { HEIGHT - 1 - y } else { y };
+        let row = part.first_row(y, 1);
         &self.sheet[row * SHEET_LINE + 3 * part.left..][..LINE]
     }
 
@@ -147,7 +169,7 @@ impl Noise {
 }
 
 fn sheet(level: f32) -> Vec<i8> {
-    let (rows, cols) = (HEIGHT + ROOM_ROWS, WIDTH + ROOM_COLS);
+    let (rows, cols) = (SHEET_ROWS, WIDTH + ROOM_COLS);
     let planes: [Vec<f32>; 3] =
         std::array::from_fn(|k| plane(Stream::new(SHEET_SEED, 10 + k as u64), rows, cols));
     let mix = cholesky();

@@ -31,6 +31,8 @@ pub(crate) struct Canvas {
     shares: [Vec<i16>; 2],
     /// Colour change in counts over [`ZERO`].
     lines: [Vec<u8>; 2],
+    /// The lit row whose line is in `lines[1]`, the one before it in `lines[0]`; beyond all rows at first.
+    below: usize,
 }
 
 /// Rows and bytes of the picture that differ from the still one; ends excluded.
@@ -51,6 +53,7 @@ impl Canvas {
             spread: vec![0; SPAN + 12],
             shares: [share(0), share(1)],
             lines: [vec![ZERO; SPAN], vec![ZERO; SPAN]],
+            below: usize::MAX,
         }
     }
 
@@ -64,37 +67,65 @@ impl Canvas {
         (noise, part): (&Noise, Part),
         out: &mut [u8],
     ) {
-        let area = relief.map_or(Area { rows: [0, 0], bytes: [0, 0], lit: [0, 0] }, area);
-        for y in (0..area.rows[0]).chain(area.rows[1]..HEIGHT) {
-            plain(&still[y * LINE..][..LINE], noise.row(part, y), &mut out[y * LINE..][..LINE]);
-        }
-        let Some(relief) = relief else { return };
-        let [b0, b1] = area.bytes;
-        // The lit row whose line is in `lines[1]`; the one before it in `lines[0]`.
-        let mut below = usize::MAX;
-        let mut y = area.rows[0];
-        while y < area.rows[1] {
-            // Pixel rows 4v - 2 to 4v + 1 lie between lit rows v and v + 1.
-            let (v, first) = ((y + 2) / CELL_PX, (y + 2) % CELL_PX);
-            if below == v {
-                self.lines.swap(0, 1);
-            } else {
-                self.line(relief, light, (v, area.lit), 0);
+        match relief {
+            Some(relief) => {
+                self.begin();
+                self.rows(relief, light, still, (noise, part), (&area(relief), [0, HEIGHT]), out);
             }
-            self.line(relief, light, (v + 1, area.lit), 1);
-            below = v + 1;
+            None => {
+                for (y, out) in out.chunks_exact_mut(LINE).enumerate() {
+                    plain(&still[y * LINE..][..LINE], noise.row(part, y), out);
+                }
+            }
+        }
+    }
+
+    /// Forgets the lines of another frame.
+    pub(crate) fn begin(&mut self) {
+        self.below = usize::MAX;
+    }
+
+    /// Paints some rows of a frame, which `out` has from its beginning; from the top down, after [`Self::begin`].
+    #[inline(always)]
+    pub(crate) fn rows(
+        &mut self,
+        relief: Relief<'_>,
+        light: &Light,
+        still: &[i8],
+        (noise, part): (&Noise, Part),
+        (area, [first, end]): (&Area, [usize; 2]),
+        out: &mut [u8],
+    ) {
+        let [above, under] = area.rows.map(|row| row.clamp(first, end));
+        for y in (first..above).chain(under..end) {
+            plain(&still[y * LINE..][..LINE], noise.row(part, y), &mut out[(y - first) * LINE..][..LINE]);
+        }
+        let [b0, b1] = area.bytes;
+        let mut y = above;
+        while y < under {
+            // Pixel rows 4v - 2 to 4v + 1 lie between lit rows v and v + 1.
+            let (v, past) = ((y + 2) / CELL_PX, (y + 2) % CELL_PX);
+            if self.below != v + 1 {
+                if self.below == v {
+                    self.lines.swap(0, 1);
+                } else {
+                    self.line(relief, light, (v, area.lit), 0);
+                }
+                self.line(relief, light, (v + 1, area.lit), 1);
+                self.below = v + 1;
+            }
             let lines = [0, 1].map(|side| &self.lines[side][FIRST + b0..FIRST + b1]);
-            let end = (y + CELL_PX - first).min(area.rows[1]);
-            for (y, between) in (y..end).zip(first..) {
+            let last = (y + CELL_PX - past).min(under);
+            for (y, between) in (y..last).zip(past..) {
                 let (still, noise) = (&still[y * LINE..][..LINE], noise.row(part, y));
-                let out = &mut out[y * LINE..][..LINE];
+                let out = &mut out[(y - first) * LINE..][..LINE];
                 if area.bytes != [0, LINE] {
                     plain(&still[..b0], &noise[..b0], &mut out[..b0]);
                     plain(&still[b1..], &noise[b1..], &mut out[b1..]);
                 }
                 blend(&still[b0..b1], &noise[b0..b1], lines, between, &mut out[b0..b1]);
             }
-            y = end;
+            y = last;
         }
     }
 
@@ -244,7 +275,7 @@ fn lower_mean(a: u8, b: u8) -> u8 {
 }
 
 /// Pixels that a displaced cell reaches.
-fn area(relief: Relief<'_>) -> Area {
+pub(crate) fn area(relief: Relief<'_>) -> Area {
     let window = relief.window;
     let pixels = |[from, to]: [usize; 2], margin: usize, size: usize| {
         // A cell's slope reaches its neighbours, and their colour half a cell further.

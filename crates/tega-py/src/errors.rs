@@ -48,7 +48,8 @@ impl From<TactileError> for BindError {
         Self(match e {
             TactileError::ShapeMismatch { .. }
             | TactileError::Channels { .. }
-            | TactileError::Size { .. } => ShapeError::new_err(args),
+            | TactileError::Size { .. }
+            | TactileError::Cells { .. } => ShapeError::new_err(args),
             TactileError::WeightSum { .. }
             | TactileError::OutOfRange(_)
             | TactileError::TooFewFrames { .. }

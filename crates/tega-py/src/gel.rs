@@ -5,7 +5,7 @@ use numpy::{IntoPyArray, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, P
 use pyo3::prelude::*;
 use tega_error::choice;
 use tega_gel::{
-    CELLS, Form, HEIGHT, Indenter, PICTURE, Pad, Pull, SHEAR_CELLS, Setup, Shape, Surface, WIDTH,
+    CELLS, Form, HEIGHT, Indenter, PICTURE, Pad, Pull, SHEAR_CELLS, SUM_CELLS, Setup, Shape, Surface, WIDTH,
 };
 
 use crate::errors::{BindError, InvalidValueError, ShapeError};
@@ -122,6 +122,27 @@ impl Gel {
             })
         })?;
         Ok(())
+    }
+
+    #[pyo3(signature = (indenters, index, /, *, t_s, pull))]
+    fn sums<'py>(
+        &self,
+        py: Python<'py>,
+        indenters: Vec<Pressing<'py>>,
+        index: u64,
+        t_s: f64,
+        pull: Pulling,
+    ) -> Result<Bound<'py, PyArray2<i16>>, BindError> {
+        let indenters = collect(indenters)?;
+        let pull = pull_of(pull, &indenters);
+        let mut sums = [[0; SUM_CELLS[0] * SUM_CELLS[1]]; 3];
+        self.0.with(|gel| {
+            gel.press(&indenters, t_s)?;
+            gel.pull(pull)?;
+            gel.sums(index, &mut sums);
+            Ok::<_, tega_gel::GelError>(())
+        })?;
+        Ok(PyArray2::from_owned_array(py, arr2(&sums)))
     }
 
     #[pyo3(signature = (index, /))]

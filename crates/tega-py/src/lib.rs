@@ -13,6 +13,7 @@ mod haptics;
 mod image;
 mod shared;
 mod shear;
+mod sim;
 mod tactile;
 mod touch;
 mod wire;
@@ -55,6 +56,8 @@ mod _native {
     use crate::image::decode_png;
     #[pymodule_export]
     use crate::shear::ShearReader;
+    #[pymodule_export]
+    use crate::sim::{limit_torques, mix_muscles};
     #[pymodule_export]
     use crate::tactile::{Equations, KnownBaseline, Preset, estimate_baseline, vote_lines};
     #[pymodule_export]

@@ -1,12 +1,12 @@
 //! Bindings of the touch tracker.
 
-use numpy::{IntoPyArray, PyArray2, PyArrayMethods, PyReadonlyArray3};
+use numpy::{IntoPyArray, PyArray2, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::prelude::*;
 use tega_error::choice;
 use tega_tactile::{GelLight, LIGHT_TERMS, SensorNoise, Touch, TrackerOptions};
 
 use crate::arguments::image;
-use crate::errors::BindError;
+use crate::errors::{BindError, ShapeError};
 use crate::shared::{KEEP_UP_TO, Shared, released};
 use crate::tactile::{ORDERS, OUTLINES, noise_of};
 
@@ -148,6 +148,25 @@ impl TouchTracker {
         let view = frame.as_array();
         let update = || self.tracker.with(|tracker| tracker.update(view, dt_s, loaded));
         let touch = released(py, view.len() > 3 * TRACKED_PX, update)?;
+        Ok(self.contact(&touch))
+    }
+
+    #[pyo3(signature = (sums, /, *, dt_s, loaded))]
+    fn update_sums(
+        &self,
+        sums: PyReadonlyArray2<'_, i16>,
+        dt_s: Option<f64>,
+        loaded: bool,
+    ) -> Result<Contact, BindError> {
+        let planes = sums.as_slice().ok().filter(|_| sums.as_array().nrows() == 3);
+        let planes = planes.ok_or_else(|| {
+            let shape = sums.as_array().dim();
+            let message = format!("sums have shape {shape:?} or gaps, wanted (3, cells) without");
+            ShapeError::new_err((message, ""))
+        })?;
+        let (first, rest) = planes.split_at(planes.len() / 3);
+        let (second, third) = rest.split_at(planes.len() / 3);
+        let touch = self.tracker.with(|tracker| tracker.update_sums([first, second, third], dt_s, loaded))?;
         Ok(self.contact(&touch))
     }
 

@@ -58,6 +58,14 @@ pub enum TactileError {
         /// Frames wanted.
         wanted: usize,
     },
+    /// Sums over cells do not fit the pictures; `wanted` is 0 where those are not divided into cells of 8 x 8 pixels.
+    #[error("sums of {got} cells were given, wanted {wanted}")]
+    Cells {
+        /// Cells given.
+        got: usize,
+        /// Cells wanted.
+        wanted: usize,
+    },
     /// A baseline cannot be estimated from no frames.
     #[error("no frames were given to estimate a baseline from")]
     NoFrames,
@@ -77,6 +85,7 @@ impl TactileError {
             }
             Self::OutOfRange(_) => "",
             Self::TooFewFrames { .. } => "record about a second of the untouched gel",
+            Self::Cells { .. } => "give three planes of sums over 8 x 8 pixels, or the picture itself",
             Self::NoFrames => "give at least one frame",
         }
     }

@@ -106,6 +106,24 @@ class FrameMeter:
         report.n_items += 1
         return frame.t_ns - self._start_ns, metrics
 
+    def take_sums(self, seq: int, t_ns: int, sums: NDArray[np.int16]) -> Contact:
+        """Measure a picture that is not painted, by its sums over cells; it is taken to differ from the one before.
+
+        Args:
+            seq: Its number; not that of the one before.
+            t_ns: Its time.
+            sums: As for :meth:`tega.stages.Metric.update_sums` of a metric that ``reads_sums``.
+
+        Returns:
+            Its time and metrics.
+        """
+        report = self._report
+        self.seq = seq
+        report.n_missing += max(0, seq - self.next_seq)
+        self.next_seq = seq + 1
+        report.n_items += 1
+        return t_ns, contact_metrics_of(self.metric.update_sums(sums, t_ns))
+
     def restart(self) -> None:
         """Forget the numbers of a source that was opened again: it counts from wherever it likes."""
         self.seq, self.next_seq, self._last = None, 0, LastFrame()

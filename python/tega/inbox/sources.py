@@ -31,6 +31,9 @@ if TYPE_CHECKING:
 # Of missing EMG samples at most this much is told to the filters, which start afresh after a tenth of a second.
 MOST_GAP_S = 1.0
 
+# Rates whose samples are a whole number of nanoseconds apart: their times need no rounding.
+_EVEN_HZ = frozenset({200.0, 250.0, 500.0, 1000.0, 2000.0, 4000.0})
+
 # The level before a fault is looked for among so many blocks; a fault is seen after two thirds of a second at most.
 _KEPT_BLOCKS = 256
 
@@ -243,8 +246,11 @@ class BlockMeter:
             times_ns = np.empty(n, np.int64)
             times_ns.fill(end_ns)
             return times_ns
-        numbers = np.arange(self._n_samples + 1, self._n_samples + n + 1)
-        return np.rint(numbers * 1_000_000_000 / self._rate_hz).astype(np.int64)
+        first = self._n_samples + 1
+        if self._rate_hz in _EVEN_HZ:
+            period_ns = 1_000_000_000 // int(self._rate_hz)
+            return np.arange(first * period_ns, (first + n) * period_ns, period_ns)
+        return np.rint(np.arange(first, first + n) * 1_000_000_000 / self._rate_hz).astype(np.int64)
 
     def _believed(self, intent: Intent) -> EmgBlock:
         """Return what a decoder says, without the channels at fault; with none left, as before the fault began."""

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 COUNTS_PER_TORQUE = 1200.0
 # Torques come a thousand times as often as anything else, and in sets: the firmware takes their words as they lie.
 _FINGER, _WORD, _SET_BYTES = Struct("<4h"), np.dtype("<i2"), 32
+_tuple = tuple.__new__
 
 
 class SimulatedAllegro:
@@ -71,7 +72,7 @@ class SimulatedAllegro:
             The four SET TORQUE frames of this tick.
         """
         frames = self._controller.step_encoded(self._read(), level, device_id=self._device_id)
-        return [CanFrame._make(frame) for frame in frames]
+        return [_tuple(CanFrame, frame) for frame in frames]
 
     def limp(self) -> list[CanFrame]:
         """Return zero torque for every finger, then SERVO OFF."""
@@ -109,7 +110,7 @@ class SimulatedBus:
         else:
             for frame in frames:
                 self._take(frame)
-        self._apply(self._counts.astype(np.float64) * self._scale)
+        self._apply(self._counts * self._scale)
         return frames
 
     def _take(self, frame: CanFrame) -> None:

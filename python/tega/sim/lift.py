@@ -142,6 +142,7 @@ class Lift:
             muted=muted,
             skip_untouched=skip_untouched and not _remembers(lab),
             with_cameras=watched or kept or felt or not skip_untouched,
+            painted=watched or not skip_untouched,
             on_act=self._note,
         )
         self._touch = touch_of(lab, plan, layout=self.layout)

@@ -7,13 +7,13 @@ reach the loop 25 ms later. The physics goes on in steps of its own underneath.
 
 A fingertip that nothing touches and on which nothing is left of a touch is not rendered: the loop is given the picture
 of the untouched gel again, under a new number, which it knows without looking and takes for a fresh frame without
-contact.
+contact. Where a metric reads sums over cells and nobody looks at pixels, those sums are all that is made of a picture.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 from tega.config import FINGERS
@@ -24,7 +24,7 @@ from tega.inbox.sources import BlockMeter, Contact, EmgBlock, picture_of, sample
 from tega.inbox.stream import NEVER_NS, LiveStream
 from tega.records import EmgSamples, Picture
 from tega.sim.gel import CAMERA_HZ
-from tega.sim.seams import Act, Percept
+from tega.sim.seams import Act, Indenter, Percept
 from tega.stages.base import MeasuredPicture
 from tega.tactile import ContactMetrics
 from tega.view.state import TouchImage
@@ -85,12 +85,14 @@ class TrialRig:
         muted: Asked whether somebody has switched the vest off.
         skip_untouched: Whether a fingertip that nothing touches goes without rendering.
         with_cameras: Whether there are pictures; without them the loop feels nothing, and nothing else is different.
+        painted: Whether every picture is painted, for who looks at :attr:`frames`; else only those that somebody on
+            the bus wants, or whose metric needs pixels.
         on_act: Told after every 10 ms what was perceived and done.
 
     Attributes:
         contacts: Stream of measured frames, by finger, for the loop.
         levels: Stream of EMG blocks, for the loop.
-        frames: The newest picture of each finger.
+        frames: The newest picture of each finger that was painted.
         metrics: What was measured in it.
         emg_tail: The newest few seconds of EMG, a block of (10, 3) an entry, microvolts.
         vest: What the vest's motors are told now; ``None`` where it is off or not worn.
@@ -119,6 +121,7 @@ class TrialRig:
         muted: Callable[[], bool] = lambda: False,
         skip_untouched: bool = True,
         with_cameras: bool = True,
+        painted: bool = True,
         on_act: Callable[[Percept, Act], None] = lambda _percept, _act: None,
     ) -> None:
         self.world = world
@@ -130,7 +133,7 @@ class TrialRig:
         self._person, self._emg, self._worn = person, emg, worn
         self._blocks, self._block_ns, self._scorer = blocks, block_ns, scorer
         self._end_ns, self._lift_by_ns = round(end_s * 1e9), round(lift_by_s * 1e9)
-        self._muted, self._skip_untouched = muted, skip_untouched
+        self._muted, self._skip_untouched, self._painted = muted, skip_untouched, painted
         self._on_act = on_act
         due_ns = CAMERA_DELAY_NS if with_cameras else NEVER_NS
         self.contacts = {finger: LiveStream[Contact](due_ns=due_ns) for finger in FINGERS}
@@ -175,20 +178,20 @@ class TrialRig:
         # As each finger was in the frame before: the cameras take theirs at one time.
         bearing = [meter.metric.bears_load for meter in self._meters]
         shown, told = self._bus.wants(Picture), self._bus.wants(MeasuredPicture)
+        unseen = not (self._painted or shown or told)
         for finger, indenters in enumerate(self.world.pads()):
             gel, meter = self._gels[finger], self._meters[finger]
-            # A metric that learns from an untouched gel is shown it.
-            seen = not self._skip_untouched or meter.metric.memory
-            if indenters or seen or gel.remains(number / CAMERA_HZ):
-                image = gel.frame(indenters, number)
-            else:
-                image = self._still[finger]
-            self.frames[finger] = image
             meter.metric.loaded = any(bearing[:finger] + bearing[finger + 1 :])
-            frame = TactileFrame(arrival_ns, number, image, "simulated frame")
-            if shown:
-                self._bus.publish(picture_of(FINGERS[finger], frame))
-            contact = meter.take(frame)
+            contact: Contact | None
+            if unseen and meter.metric.reads_sums:
+                contact = meter.take_sums(number, arrival_ns, gel.sums(indenters, number))
+            else:
+                frame = TactileFrame(
+                    arrival_ns, number, self._picture(finger, indenters, number), "simulated frame"
+                )
+                if shown:
+                    self._bus.publish(picture_of(FINGERS[finger], frame))
+                contact = meter.take(frame)
             if contact is None:
                 continue
             self.metrics[finger] = contact[1]
@@ -198,11 +201,24 @@ class TrialRig:
                     MeasuredPicture(
                         finger=FINGERS[finger],
                         t_ns=arrival_ns,
-                        image=image,
+                        image=self.frames[finger],
                         metrics=contact[1],
                         metric=meter.metric,
                     )
                 )
+
+    def _picture(self, finger: int, indenters: Sequence[Indenter], number: int) -> NDArray[np.uint8]:
+        """Return what a camera shows; the untouched gel's picture where that is all there is to see."""
+        gel = self._gels[finger]
+        # A metric that learns from an untouched gel is shown it.
+        seen = not self._skip_untouched or self._meters[finger].metric.memory
+        image = (
+            gel.frame(indenters, number)
+            if indenters or seen or gel.remains(number / CAMERA_HZ)
+            else self._still[finger]
+        )
+        self.frames[finger] = image
+        return image
 
     def touch_images(self) -> dict[str, TouchImage]:
         """Return each finger's newest picture with what its metric made of it."""

@@ -152,6 +152,14 @@ class Metric(_Stage, ABC):
     """Whether what it says of a frame depends on those before: a part of a recording cannot measure it again then."""
     version: ClassVar[int] = 1
     """Of its numbers: a recording made with another one keeps what was measured then."""
+    reads_sums: ClassVar[bool] = False
+    """Whether it can do without pixels: true of a class that has :meth:`update_sums` beside its :meth:`update`."""
+
+    def __init_subclass__(cls) -> None:
+        """Note whether the class that says how pictures are measured says so of their sums, too."""
+        super().__init_subclass__()
+        if "update" in cls.__dict__:
+            cls.reads_sums = "update_sums" in cls.__dict__
 
     @classmethod
     def units(cls, options: StageOptions) -> dict[str, str]:  # noqa: ARG003  # for those that have some
@@ -175,6 +183,15 @@ class Metric(_Stage, ABC):
             The contact, with the finger and the time given; ``more`` holds a
             :class:`tega.records.NamedValue` for every name of :meth:`units`, finite where there is contact.
         """
+
+    def update_sums(self, sums: NDArray[np.int16], t_ns: int) -> Contact:
+        """Measure the next frame by its sums over cells of 8 x 8 pixels, as :meth:`update` would measure its pixels.
+
+        Args:
+            sums: int16 (3, cells): blue, green, red, cells row by row.
+            t_ns: As for :meth:`update`.
+        """
+        raise NotImplementedError
 
     def touch_map(self) -> TouchMap | None:
         """Return the map and the outline of the frame that was measured last; called only where it is drawn.

@@ -15,6 +15,7 @@ from tega.tactile import (
     GelLight,
     Outline,
     TouchTracker,
+    TrackedContact,
     contact_mask,
     nominal_light,
     pressure_map,
@@ -158,10 +159,21 @@ class LiveMetric(Metric):
 
     def update(self, frame: NDArray[np.uint8], t_ns: int) -> Contact:
         """Measure a frame."""
-        # The first frame, and one whose time stands still or goes back, counts for one period.
+        dt_s = self._since_s(t_ns)
+        return self._contact(self._tracker.update(frame, dt_s=dt_s, loaded=self.loaded), t_ns, dt_s)
+
+    def update_sums(self, sums: NDArray[np.int16], t_ns: int) -> Contact:
+        """Measure a frame by its sums."""
+        dt_s = self._since_s(t_ns)
+        return self._contact(self._tracker.update_sums(sums, dt_s=dt_s, loaded=self.loaded), t_ns, dt_s)
+
+    def _since_s(self, t_ns: int) -> float | None:
+        """Return the time since the frame before; the first, and one whose time does not rise, counts one period."""
         dt_s = None if self._last_ns is None or t_ns <= self._last_ns else (t_ns - self._last_ns) / 1e9
         self._last_ns = t_ns
-        found = self._tracker.update(frame, dt_s=dt_s, loaded=self.loaded)
+        return dt_s
+
+    def _contact(self, found: TrackedContact, t_ns: int, dt_s: float | None) -> Contact:
         more = () if self._trend == "none" else (self._rate(found.depth_mm, dt_s or _PERIOD_S),)
         x, y = found.centroid_xy
         return Contact(

@@ -32,6 +32,11 @@ impl Grid {
     pub fn cells(&self) -> usize {
         self.rows * self.cols
     }
+
+    /// Whether every cell is one of 8 x 8 pixels.
+    pub fn octets(&self) -> bool {
+        self.side == 8 && self.width.is_multiple_of(8) && self.height.is_multiple_of(8)
+    }
 }
 
 /// Three planes of cell means, in sixteenths of a count, in the order of the pixel's bytes.
@@ -71,9 +76,8 @@ fn average_plain(image: ArrayView3<'_, u8>, grid: &Grid, strip: &mut Strip, plan
         plane.resize(grid.cells(), 0);
     }
     strip.clear(grid);
-    let whole = grid.side == 8 && grid.width.is_multiple_of(8) && grid.height.is_multiple_of(8);
     match image.as_slice() {
-        Some(bytes) if whole => average_octets(bytes, grid, strip, planes),
+        Some(bytes) if grid.octets() => average_octets(bytes, grid, strip, planes),
         _ => average_rows(image, grid, strip, planes),
     }
 }
@@ -142,8 +146,14 @@ fn fold_octets(sums: &[i16], folded: &mut [i16]) {
     let left = from(0).iter().zip(from(1)).zip(from(2)).zip(from(3));
     let right = from(4).iter().zip(from(5)).zip(from(6)).zip(from(7));
     for ((out, (((a, b), c), d)), (((e, f), g), h)) in folded.iter_mut().zip(left).zip(right) {
-        *out = (a + b + c + d + e + f + g + h + 2) >> 2;
+        *out = octet_mean(a + b + c + d + e + f + g + h);
     }
+}
+
+/// A sum of 64 pixels as their mean, in sixteenths of a count, halves rounded up.
+#[inline(always)]
+pub(super) fn octet_mean(sum: i16) -> i16 {
+    (sum + 2) >> 2
 }
 
 /// Column sums of `height` rows to cell means, for any side and for cells cut by the border.

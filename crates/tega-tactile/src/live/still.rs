@@ -2,7 +2,7 @@
 
 use ndarray::ArrayView3;
 
-use super::cells::{Grid, Planes, Strip, UNITS_PER_COUNT, average};
+use super::cells::{Grid, Planes, Strip, UNITS_PER_COUNT, average, octet_mean};
 use super::colour::{Colour, Field};
 use super::dent::{DENT_LEVEL, Dent, DentReader, Outline};
 use super::light::GelLight;
@@ -61,6 +61,19 @@ impl Cells {
     pub fn take(&mut self, image: &ArrayView3<'_, u8>) -> Result<(), TactileError> {
         same_size(&self.grid, image)?;
         average(image.view(), &self.grid, &mut self.strip, &mut self.means);
+        Ok(())
+    }
+
+    /// Takes an image's sums over cells of 8 x 8 pixels.
+    pub fn take_sums(&mut self, sums: [&[i16]; 3]) -> Result<(), TactileError> {
+        let (got, wanted) = (sums.map(<[i16]>::len), if self.grid.octets() { self.grid.cells() } else { 0 });
+        if got.iter().any(|got| *got != wanted) || wanted == 0 {
+            return Err(TactileError::Cells { got: got[0], wanted });
+        }
+        for (means, sums) in self.means.iter_mut().zip(sums) {
+            means.clear();
+            means.extend(sums.iter().map(|sum| octet_mean(*sum)));
+        }
         Ok(())
     }
 

@@ -235,11 +235,38 @@ impl TouchTracker {
         dt_s: Option<f64>,
         loaded: bool,
     ) -> Result<Touch, TactileError> {
+        let dt_s = self.period(dt_s)?;
+        self.cells.take(&frame)?;
+        Ok(self.read(dt_s, loaded))
+    }
+
+    /// Reads the next frame by its sums over cells of 8 x 8 pixels, row by row, one plane for each byte of a pixel: what
+    /// [`Self::update`] makes of the frame itself.
+    ///
+    /// # Errors
+    /// [`TactileError::Cells`] where the tracker's pictures are not divided into as many such cells; else as
+    /// [`Self::update`].
+    pub fn update_sums(
+        &mut self,
+        sums: [&[i16]; 3],
+        dt_s: Option<f64>,
+        loaded: bool,
+    ) -> Result<Touch, TactileError> {
+        let dt_s = self.period(dt_s)?;
+        self.cells.take_sums(sums)?;
+        Ok(self.read(dt_s, loaded))
+    }
+
+    fn period(&self, dt_s: Option<f64>) -> Result<f64, TactileError> {
         let dt_s = dt_s.unwrap_or(1.0 / self.options.rate_hz);
         if !(0.0..=1e6).contains(&dt_s) {
             return Err(OutOfRange::new("dt_s", dt_s, "s", "0 to 1e6").into());
         }
-        self.cells.take(&frame)?;
+        Ok(dt_s)
+    }
+
+    /// Reads the cells that were taken last.
+    fn read(&mut self, dt_s: f64, loaded: bool) -> Touch {
         self.leftover *= 1.0 - step(dt_s, LEFTOVER_S);
         let began = (OVER_REST * self.rest).max(LEAST_GATE);
         let threshold = began + self.leftover;
@@ -252,7 +279,7 @@ impl TouchTracker {
         let s = before + step(dt_s, SMOOTH_S) * (now - before);
         self.smooth = Some(s);
         self.advance([before, s], now, dt_s, threshold, loaded);
-        Ok(self.touch(s, threshold))
+        self.touch(s, threshold)
     }
 
     fn advance(&mut self, [before, s]: [f64; 2], now: f64, dt_s: f64, threshold: f64, loaded: bool) {

@@ -53,8 +53,8 @@ def sensitivity(
     to a sham, the readings to those printed; each change is a small study in FOLDER/sensitivity. The table goes into
     FOLDER's report. Run it again to go on where it was stopped.
     """
+    from tega.cli.study.apart import report_apart
     from tega.study import read_plan
-    from tega.study.report import write_report
     from tega.study.silico import unfinished
     from tega.study.silico.sensitivity import VARIED, run_sensitivity
 
@@ -69,7 +69,7 @@ def sensitivity(
             dask=dask,
             progress=progress,
         )
-    page = None if unfinished(folder, read_plan(folder)) else write_report(folder).page
+    page = None if unfinished(folder, read_plan(folder)) else report_apart(folder)
     if as_json:
         echo_json({"out": str(folder), "left": left, "report": page and str(page)})
         return

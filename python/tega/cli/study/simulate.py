@@ -156,8 +156,8 @@ def simulate(
     The results are the same with any number of workers, shards and machines. Run it again to go on where it was
     stopped; a session that was cut short is run anew. The report says which parameter file the people are from.
     """
+    from tega.cli.study.apart import report_apart
     from tega.sim.world import crossed
-    from tega.study.report import write_report
     from tega.study.silico import simulate as run
     from tega.study.silico import unfinished
 
@@ -186,7 +186,7 @@ def simulate(
             progress=progress,
         )
     left = unfinished(out, plan)
-    page = None if left else write_report(out).page
+    page = None if left else report_apart(out)
     if as_json:
         echo_json({"out": str(out), "operators": operators, "left": left, "report": page and str(page)})
     elif left:

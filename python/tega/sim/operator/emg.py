@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tega import _native
 from tega.errors import InvalidValueError, ShapeError
 from tega.sim.operator.effects import Disturbance
 from tega.sim.operator.emg_noise import TICK_HZ, NoiseMaker, Second
@@ -156,19 +157,16 @@ class ForearmEmg:
             self._tick += 1
         bounds = second.bounds[tick : tick + n + 1]
         first, end = bounds[0], bounds[-1]
-        signal = second.sensor[first:end].copy()
-        lengths = None if n == 1 else np.diff(bounds)
-        for m, source in enumerate(second.sources):
-            # One tick, as a trial asks for it, has one amplitude.
-            scale = (
-                scales[0][m] if lengths is None else np.repeat([row[m] for row in scales], lengths)[:, None]
-            )
-            seen = source[first:end] * scale
-            signal += (
-                seen
-                if electrodes[0] is None
-                else seen * np.repeat(np.array(electrodes), np.diff(bounds), axis=0)
-            )
+        if n == 1 and electrodes[0] is None:  # one tick, as a trial asks for it, has one amplitude
+            signal = _native.mix_muscles(second.sensor, second.sources, scales[0], first, end)
+        else:
+            signal = second.sensor[first:end].copy()
+            lengths = np.diff(bounds)
+            for m, source in enumerate(second.sources):
+                seen = source[first:end] * np.repeat([row[m] for row in scales], lengths)[:, None]
+                signal += (
+                    seen if electrodes[0] is None else seen * np.repeat(np.array(electrodes), lengths, axis=0)
+                )
         for k, at, artefacts in jolts:
             self._shake(signal[second.bounds[k] - first : second.bounds[k + 1] - first], at, artefacts)
         return signal

@@ -61,9 +61,13 @@ class PadContacts:
             self._placed = {shape: (data.geom_xpos[shape], data.geom_xmat[shape]) for shape in self._object}
         self._size_mm = {shape: (1e3 * size[0], 1e3 * size[1], 0.0) for shape, size in sizes.items()}
         self._force = np.zeros(6)
+        self._read_s, self._last = math.nan, ([0.0, 0.0, 0.0, 0.0], 0.0, 0.0)
 
     def read(self) -> tuple[list[float], float, float]:
         """Return normal forces, newtons: on each pad thumb first, on the rest of the hand, on the table."""
+        now_s = self._data.time
+        if now_s == self._read_s:  # the score asks, and what watches between steps, often of one state
+            return self._last
         pads, rest, table = [0.0, 0.0, 0.0, 0.0], 0.0, 0.0
         for one, other, newtons in self._forces():
             pad = self._pads.get(one, self._pads.get(other))
@@ -73,7 +77,8 @@ class PadContacts:
                 table += newtons
             else:
                 rest += newtons
-        return pads, rest, table
+        self._read_s, self._last = now_s, (pads, rest, table)
+        return self._last
 
     def indenters(self) -> list[list[Indenter]]:
         """Return the shapes that press each pad, thumb first; at most one a pad and primitive."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, Final
 
 from tega.sim.seams import WorldTruth
@@ -65,8 +66,8 @@ class Witness:
         elif self._data.time - self._untouched_since >= _FREE_S:
             self._dropped = True
 
-    def truth(self, t_s: float, palm_speed_m_s: float) -> WorldTruth:
-        """Return the true state now."""
+    def truth(self, t_s: float, palm_speed_m_s: Callable[[], float]) -> WorldTruth:
+        """Return the true state now; the palm's speed is asked for only where it counts."""
         pads, _, _ = self._touch.read()
         lifted = self._lifted
         middle = self._body.middle_m()
@@ -76,7 +77,7 @@ class Witness:
             lift_off=lifted,
             pad_force_n=(pads[0], pads[1], pads[2], pads[3]),
             slip_m=self._slip_m() if lifted else 0.0,
-            slip_m_s=palm_speed_m_s - self._body.rise_m_s() if lifted else 0.0,
+            slip_m_s=palm_speed_m_s() - self._body.rise_m_s() if lifted else 0.0,
             deformation_m=self._body.narrowing_m(),
             damage_m=self._body.damage_m(),
             dropped=self._dropped,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from tega import _native
 from tega.errors import InvalidValueError, ShapeError
 from tega.hand_mjcf import TORQUE_LIMITS_NM, joint_names
 from tega.sim.world.body import body_of
@@ -153,10 +154,8 @@ class World:
         torques = np.asarray(torques_nm, np.float64)
         if torques.shape != (16,):
             raise ShapeError(f"torques_nm has shape {torques.shape}, not (16,)")
-        # The sum of squares first: it is not finite where a number is not, and rarely else.
-        if not math.isfinite(torques @ torques) and not np.isfinite(torques).all():
+        if not _native.limit_torques(torques, TORQUE_LIMITS_NM, self._torques):
             raise InvalidValueError(f"torques_nm has a value that is not finite: {torques}")
-        np.minimum(np.maximum(torques, -TORQUE_LIMITS_NM), TORQUE_LIMITS_NM, out=self._torques)
 
     def set_forearm(self, forearm_m: tuple[float, float]) -> None:
         """Lead the hand to a height over the grasp pose and a distance back from it, metres (``Act.forearm_m``).
@@ -211,7 +210,7 @@ class World:
     def truth(self) -> WorldTruth:
         """Return the true state now."""
         assert self._witness is not None
-        return self._witness.truth(self.t_s, self._palm_speed_m_s())
+        return self._witness.truth(self.t_s, self._palm_speed_m_s)
 
     def pads(self) -> list[list[Indenter]]:
         """Return the shapes that press each fingertip, thumb first; an empty list where nothing does."""

@@ -225,8 +225,8 @@ def _watched(*, stages: bool) -> Iterator[_StageSeconds]:
     parts: Mapping[str, Sequence[tuple[type, str]]] = {
         "physics": [(World, "advance_to")],
         "contact reads and truth": [(World, "pads"), (World, "truth")],
-        "render": [(Gel, "frame")],
-        "tactile read": [(FrameMeter, "take")],
+        "render": [(Gel, "frame"), (Gel, "sums")],
+        "tactile read": [(FrameMeter, "take"), (FrameMeter, "take_sums")],
         "mapping": [(TouchLoop, "update"), (TouchLoop, "frame"), (TrialRig, "write")],
         "EMG": [(ForearmEmg, "samples")],
         "levels": [(BlockMeter, "take")],

@@ -1,0 +1,55 @@
+"""A simulated study's report is written by a process of its own, so that none takes more than 250 MB."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
+pytest.importorskip("statsmodels", reason="needs the extra tega[study]")
+pytest.importorskip("resource", reason="Windows does not tell the memory of a process")
+
+from tega.cli.study.apart import report_apart
+
+MOST_MB = 250
+STUDY = ["study", "simulate", "--operators", "1", "--trials", "1", "--objects", "bag", "--jobs", "1", "--out"]
+PROGRAM = """
+import resource, sys
+from tega.cli.main import main
+try:
+    main(sys.argv[1:])
+except SystemExit as end:
+    assert not end.code, end.code
+found = [resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+print(*found, *{"statsmodels", "matplotlib"} & set(sys.modules), file=sys.stderr)
+"""
+
+
+@pytest.mark.slow
+def test_neither_the_sessions_nor_the_report_take_more_than_250_mb(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM, *STUDY, str(tmp_path / "s")],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "s" / "report.html").is_file()
+    assert done.stdout.startswith(str(tmp_path / "s" / "report.html"))
+    own, report, *loaded = done.stderr.splitlines()[-1].split()
+    unit = 2**20 if sys.platform == "darwin" else 2**10
+    assert not loaded
+    assert int(own) / unit < MOST_MB
+    assert int(report) / unit < MOST_MB
+
+
+def test_a_report_that_cannot_be_written_is_told_and_ends_the_program(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as found:
+        report_apart(tmp_path / "nothing")
+    assert found.value.code == 1
+    assert "error:" in capfd.readouterr().err
