@@ -71,6 +71,23 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
+def test_a_study_s_gels_give_way_sideways_where_it_says_so_and_its_metric_reads_that(
+    small: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "shear"
+    asked = ["study", "simulate", "--operators", "1", "--objects", "bag", "--trials", "1", "--jobs", "1"]
+    sheared = ["--shear", "texture", "--set", "stages.metric.name=shear"]
+    done = CliRunner().invoke(main, [*asked, *sheared, "--out", str(folder)])
+    assert done.exit_code == 0, done.output
+    stated = read_assumptions(folder)
+    assert stated is not None
+    assert (stated.shear, stated.settings) == ("texture", ("stages.metric.name=shear",))
+    # The same person, plan and chance: what differs is the grain in the pictures that the readings are of.
+    course = "courses/p01/p01-t01.csv"
+    assert (folder / course).read_bytes() != (small / course).read_bytes()
+
+
+@pytest.mark.slow
 def test_a_session_that_was_cut_short_is_run_again_to_the_same_bytes(small: Path) -> None:
     plan = simulate(small, operators=1, objects=["bag"], trials=1, jobs=1)
     whole = content(small)
