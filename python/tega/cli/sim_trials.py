@@ -70,6 +70,13 @@ def sim() -> None:
     show_default=True,
     help="Version of the rules that the persons follow; by 2 and 3 they practise first.",
 )
+@click.option(
+    "--task",
+    type=click.Choice(["lift", "place"]),
+    default="lift",
+    show_default=True,
+    help="lift: put down where it stood. place: carried to a second marked place first.",
+)
 @object_options
 @loop_options
 @click.option(
@@ -93,6 +100,7 @@ def trials(
     operator: str,
     practice: int,
     rules: int,
+    task: str,
     view: str,
     objects_file: Path | None,
     mass_kg: list[float] | None,
@@ -135,6 +143,7 @@ def trials(
         operator=operator,
         practice=practice,
         rules=rules,
+        task=task,
         preset=preset,
         shear=shear,
         view=view,

@@ -26,7 +26,7 @@ from tega.sim.pacing import SimulatedPacer
 from tega.sim.plan import TrialPlan, TrialResult
 from tega.sim.reflex import trial_reflex
 from tega.sim.rig import TrialRig
-from tega.sim.score import LIFT_WINDOW_S, TrialScorer
+from tega.sim.score import LIFT_WINDOW_S, ON_MARK_M, UPRIGHT, TrialScorer
 from tega.sim.true_touch import TrueTouch, touch_of
 from tega.stages.base import MeasuredPicture
 from tega.stages.choose import chosen_stage
@@ -223,9 +223,11 @@ class Lift:
         """Return the outcome of the plan, this lift being the one that counts."""
         scorer = self.scorer
         lifted_s, drops = scorer.time_of("lifted"), scorer.count("drop")
+        held_up = lifted_s is not None and lifted_s <= LIFT_WINDOW_S and drops == 0
+        placed, off_mark_m = self._placed() if self._plan.task == "place" else (None, None)
         return TrialResult(
             **{name: getattr(self._plan, name) for name in TrialPlan.__struct_fields__},
-            success=lifted_s is not None and lifted_s <= LIFT_WINDOW_S and drops == 0,
+            success=held_up and placed is not False,
             slips=scorer.count("slip"),
             deformations=scorer.count("deformation"),
             drops=drops,
@@ -240,7 +242,20 @@ class Lift:
             simulated_s=simulated_s,
             person=self._lab.digest(self._plan.rules) if self._plan.operator == "simulated" else "",
             beside=() if self._beside is None else self._beside.results(),
+            placed=placed,
+            off_mark_m=off_mark_m,
         )
+
+    def _placed(self) -> tuple[bool, float]:
+        """Whether the object stands on its second mark, and how far from it, metres."""
+        from tega.sim.operator.forearm import AWAY_M
+
+        rig, world = self.rig, self.rig.world
+        middle, axis = world.object_pose
+        off_m = float(np.linalg.norm((middle - world.mark_m(AWAY_M))[:2]))
+        stands = not rig.truth.lift_off and float(axis[2]) > UPRIGHT
+        let_go = rig.act.phase in {"release", "done"} and not any(rig.truth.pad_force_n)
+        return stands and let_go and not rig.truth.dropped and off_m <= ON_MARK_M, off_m
 
     def _look_on(self) -> BesideNotes | None:
         """Have the stages beside look on; return what notes what they say."""
@@ -274,7 +289,7 @@ class Lift:
 
     def _levels(self, intent: Intent) -> None:
         """Take note of an EMG block."""
-        if self.rig.truth.lift_off and self.rig.act.phase in {"lift", "hold"}:
+        if self.rig.truth.lift_off and self.rig.act.phase in {"lift", "hold", "carry"}:
             self._level_sum += intent.level
             self._level_n += 1
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from tega.errors import InvalidValueError
-from tega.sim.operator.forearm import SimulatedForearm
+from tega.sim.operator.forearm import AWAY_M, FARTHEST_M, SimulatedForearm
 from tega.sim.operator.motor import level_effort
 from tega.sim.operator.person import typical_person
 from tega.sim.seams import Act, Percept
@@ -43,6 +43,16 @@ DEFAULT_COURSE = (
     Step(13.8, "done", 1, (0.0, 0.10), 0.0),
 )
 """Reach, close to level 3, lift to 0.22 m, hold, put down, let go."""
+
+PLACE_COURSE = (
+    *DEFAULT_COURSE[:5],
+    Step(7.0, "carry", 3, (0.22, AWAY_M), 1.5),
+    Step(9.0, "place", 3, (0.0, AWAY_M), 2.0),
+    Step(11.3, "release", 1, (0.0, AWAY_M), 0.0),
+    Step(12.3, "release", 1, (0.0, FARTHEST_M), 1.2),
+    Step(13.8, "done", 1, (0.0, FARTHEST_M), 0.0),
+)
+"""The same, but carried to the second marked place before it is put down."""
 
 
 class ScriptedOperator:
