@@ -18,6 +18,7 @@ from tega.inbox.sources import BlockMeter, SourceReport
 from tega.records import BesideContact, BesideIntent, Contact, Intent
 from tega.safety.guard import Guard
 from tega.sim.beside import BesideNotes
+from tega.sim.commanded import BlockSource, StraightBlocks, level_of_drive
 from tega.sim.conditions import ARMS, worn
 from tega.sim.hand import SimulatedAllegro, SimulatedBus
 from tega.sim.lab import EMG_HZ
@@ -133,7 +134,7 @@ class Lift:
                 finger: FrameMeter(lab.baselines[finger], lab.metric(finger), SourceReport(), live=False)
                 for finger in FINGERS
             },
-            blocks=BlockMeter(decoder, SourceReport(), maxima=lab.muscles, live=False),
+            blocks=self._commanded(BlockMeter(decoder, SourceReport(), maxima=lab.muscles, live=False)),
             block_ns=round(maxima.tau * 1e9 / EMG_HZ),
             scorer=self.scorer,
             bus=self._bus,
@@ -256,6 +257,15 @@ class Lift:
         stands = not rig.truth.lift_off and float(axis[2]) > UPRIGHT
         let_go = rig.act.phase in {"release", "done"} and not any(rig.truth.pad_force_n)
         return stands and let_go and not rig.truth.dropped and off_m <= ON_MARK_M, off_m
+
+    def _commanded(self, blocks: BlockSource) -> BlockSource:
+        """Return what tells the hand its level, by the plan's way from the person to it."""
+        if self._plan.hand == "aim":
+            return StraightBlocks(blocks, lambda: self._person.level)
+        if self._plan.hand == "drive":
+            full = self._lab.calibrated.full_effort
+            return StraightBlocks(blocks, lambda: level_of_drive(self.rig.act.excitation, full))
+        return blocks
 
     def _look_on(self) -> BesideNotes | None:
         """Have the stages beside look on; return what notes what they say."""

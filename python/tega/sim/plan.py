@@ -10,6 +10,7 @@ import msgspec
 from tega.config import LOOP_KEYS, SessionConfig, load_config
 from tega.errors import ConfigError, InvalidValueError
 from tega.sim.beside import BesideResult
+from tega.sim.commanded import HandWay
 from tega.sim.conditions import CONDITIONS, Condition
 from tega.sim.operator.vision import ViewName
 from tega.sim.score import TrialEvent
@@ -41,6 +42,7 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
         view: Sight of the hand while the object is held, see :data:`tega.sim.operator.VIEWS`.
         spec: The object, where it is none of :data:`tega.sim.world.OBJECTS`.
         shear: Whether the gels give way sideways, and what on them shows it, see :class:`tega.sim.gel.Gel`.
+        hand: What the hand's level comes from, see :mod:`tega.sim.commanded`.
         task: ``lift``: up, held and put down where it stood. ``place``: carried to a second marked place before that.
     """
 
@@ -59,6 +61,7 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     spec: ObjectSpec | None = None
     shear: Shear = "off"
     task: Task = "lift"
+    hand: HandWay = "decoder"
 
     @property
     def object_spec(self) -> ObjectSpec:
