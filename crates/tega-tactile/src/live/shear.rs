@@ -29,6 +29,8 @@ const ALIKE_PX: f32 = 4.0;
 /// How far from each other a, b and single cells may be without telling, pixels: standard deviations.
 const APART_PX: f32 = 3.0;
 const ALONE_PX: f32 = 0.3;
+/// A share that has slid is told by half where it is this many of its standard deviations.
+const DOUBT: f32 = 2.0;
 /// How single cells and the slip's way are smoothed, seconds.
 const ALONE_S: f64 = 0.05;
 const SMOOTH_S: f64 = 0.04;
@@ -90,6 +92,8 @@ pub struct ShearReader {
     sought: Vec<Sought>,
     /// What each sought cell's difference says: gradient times it, and whether it was in the picture.
     told: Vec<Option<[f32; 2]>>,
+    /// What the newest frame's cells said of a and b together: the equations that were solved.
+    normal: [[f64; 5]; 4],
     slid_mm: f64,
     latest: Sheared,
 }
@@ -148,6 +152,7 @@ impl ShearReader {
             alone: vec![[0.0; 2]; grid.cells()],
             sought: Vec::new(),
             told: Vec::new(),
+            normal: [[0.0; 5]; 4],
             slid_mm: 0.0,
             latest: Sheared::default(),
         })
@@ -315,6 +320,7 @@ impl ShearReader {
             normal[k][4] -= prior * f64::from(self.shapes[0][k]);
             normal[k + 2][k + 2] += 1e-3 * prior;
         }
+        self.normal = normal;
         let mut step = solve(normal);
         let length = |k: usize| step[k] + step[k + 2];
         let long = (length(0) * length(0) + length(1) * length(1)).sqrt();
@@ -373,6 +379,21 @@ impl ShearReader {
         }
     }
 
+    /// The share that has slid, less what noise alone would show of one: short pulls of small contacts tell little of it.
+    fn believed(&self, slid: f32, [x, y]: [f32; 2], length: f32) -> f32 {
+        // How the share goes with a and b, and what the noise makes of that.
+        let (of_a, of_b) = (f64::from((1.0 - slid) / length), -f64::from(slid / length));
+        let (x, y) = (f64::from(x), f64::from(y));
+        let slope = [of_a * x, of_a * y, of_b * x, of_b * y];
+        let mut rows = self.normal;
+        for (row, slope) in rows.iter_mut().zip(slope) {
+            row[4] = slope;
+        }
+        let noise: f64 = solve(rows).iter().zip(slope).map(|(a, b)| a * b).sum();
+        let (square, noise) = (slid * slid, DOUBT * DOUBT * NOISE * NOISE * ALIKE_PX * noise as f32);
+        if square > 0.0 { slid * square / (square + noise) } else { 0.0 }
+    }
+
     fn told_of(&mut self, sure: f64, dt_s: f64) -> Sheared {
         let mm_per_px = self.options.mm_per_px / f64::from(self.scale);
         let [a, b] = self.shapes;
@@ -383,6 +404,7 @@ impl ShearReader {
             return Sheared { shear_mm: f64::from(length) * mm_per_px, sure, ..Sheared::default() };
         }
         let slid = ((a[0] * x + a[1] * y) / (length * length)).clamp(0.0, 1.0);
+        let slid = self.believed(slid, [x, y].map(|k| k / length), length);
         // The rim, where f is a half, lags behind the middle by half of a.
         let way_mm = f64::from(slid * length * (1.0 - RIM)) * mm_per_px;
         let lag_mm = way_mm - self.slid_mm;
