@@ -16,9 +16,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 pytest.importorskip("mujoco")
 
+from tega.cli.main import cli
 from tega.errors import ConfigError, DeviceUnavailableError, InvalidValueError, RecordingError
 from tega.sim.operator import draw_person, load_parameters
 from tega.study.silico import ensure_plan, read_assumptions, simulate, unfinished
@@ -77,7 +79,7 @@ def test_a_study_s_gels_give_way_sideways_where_it_says_so_and_its_metric_reads_
     folder = tmp_path / "shear"
     asked = ["study", "simulate", "--operators", "1", "--objects", "bag", "--trials", "1", "--jobs", "1"]
     sheared = ["--shear", "texture", "--set", "stages.metric.name=shear"]
-    done = CliRunner().invoke(main, [*asked, *sheared, "--out", str(folder)])
+    done = CliRunner().invoke(cli, [*asked, *sheared, "--out", str(folder)])
     assert done.exit_code == 0, done.output
     stated = read_assumptions(folder)
     assert stated is not None

@@ -211,11 +211,6 @@ class ShearTrack:
         return math.hypot(self.x.change, self.y.change)
 
     @property
-    def longer_mm(self) -> float:
-        """How much longer the pull has got lately, millimetres."""
-        return self.pull_mm - math.hypot(self.x.slow, self.y.slow)
-
-    @property
     def pull_mm(self) -> float:
         """Length of the pull, millimetres."""
         return math.hypot(self.x.quick, self.y.quick)

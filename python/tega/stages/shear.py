@@ -51,7 +51,7 @@ class ShearMetric(LiveMetric):
         last_ns = self._last_ns
         contact = super().update(frame, t_ns)
         dt_s = _PERIOD_S if last_ns is None or t_ns <= last_ns else (t_ns - last_ns) / 1e9
-        values = self._reader.update(frame, self._tracker, dt_s=dt_s)
+        values: tuple[float, ...] = self._reader.update(frame, self._tracker, dt_s=dt_s)
         if not contact.in_contact:
             values = (0.0,) * len(_UNITS)
         told = zip(_UNITS.items(), values, strict=True)
