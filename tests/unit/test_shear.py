@@ -20,6 +20,10 @@ from tega.touch import TouchTracker
 from tega_figures.shear import stuck_radius
 
 FRICTION, LOAD_N = 0.6, 4.0
+# A bottle's wall before the gel, as it lies in a grip of the bench.
+WALL_MM = np.array(
+    [[0.0786, -0.0809, -0.9936, 22.34], [0.8155, -0.568, 0.1108, -5.39], [-0.5733, -0.8191, 0.0213, 39.9]]
+)
 
 
 def pulled(share: float, turn: tuple[float, float] = (0.0, 1.0), load_n: float = LOAD_N) -> Indenter:
@@ -84,6 +88,19 @@ def test_what_has_slid_does_not_come_back_with_the_pull_and_all_is_gone_when_it_
     for share in [*np.linspace(0.0, 0.03, 20), *np.linspace(0.03, 0.0, 20)]:
         gel.press([pulled(float(share))])
     assert gel.sheared.peak_mm < 0.1 * left_mm
+
+
+def test_a_gel_that_has_slid_rests_under_a_pull_that_does_not_change() -> None:
+    """A broad wall that slid, was let go by half and pulled another way: the way once went to and fro for ever."""
+    gel, peaks_mm = Gel(2, shear="texture"), []
+    for step in range(160):
+        share, turn = (step / 30, (1.0, 0.0)) if step < 30 else (0.55, (0.6, -0.8))
+        load_n = 4.0 if step < 60 else 5.0
+        wall = pulled(min(share, 0.999), turn, load_n)
+        gel.press([wall._replace(shape="capsule", size_mm=(41.0, 89.0, 0.0), pose_mm=WALL_MM)])
+        peaks_mm.append(gel.sheared.peak_mm)
+    assert peaks_mm[-1] > 0.1
+    assert np.abs(np.diff(peaks_mm[80:])).max() < 0.005
 
 
 @pytest.mark.parametrize("load_n", [2.0, 4.0])
@@ -208,7 +225,7 @@ def test_the_metric_tells_what_live_tells_and_the_shear() -> None:
     assert told["shear_mm"].unit == "mm"
     empty = metric.update(gel.frame([], 41), round(41 / 60 * 1e9) + 10**9)
     assert not empty.in_contact
-    assert [value.value for value in empty.more] == [0.0] * 4
+    assert [value.value for value in empty.more] == [0.0] * 5
 
 
 def test_the_detector_uses_the_shear_where_it_is_told_any() -> None:

@@ -14,6 +14,7 @@ pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
 from tega.cli.main import main
 from tega.errors import ConfigError, InvalidValueError, UnsafeNameError
 from tega.sim.operator import RulesVersion, ViewName
+from tega.sim.seams import Shear
 from tega.sim.plan import TrialPlan, TrialResult
 from tega.sim.table import summarise_trials
 from tega.sim.trials import plan_trials
@@ -146,6 +147,7 @@ def test_a_study_s_hash_covers_people_rules_objects_view_readings_and_program(
         preset: Literal["paper", "live"] = "live",
         rules: RulesVersion = 1,
         view: ViewName = "direct",
+        shear: Shear = "off",
     ) -> str:
         plan, stated = made_study(
             tmp_path / where,
@@ -158,6 +160,7 @@ def test_a_study_s_hash_covers_people_rules_objects_view_readings_and_program(
             preset=preset,
             rules=rules,
             view=view,
+            shear=shear,
         )
         assert len(plan.trials) == 2 * len(stated.objects)
         read = read_assumptions(tmp_path / where)
@@ -178,8 +181,8 @@ def test_a_study_s_hash_covers_people_rules_objects_view_readings_and_program(
         digest("f", parameters=people),
     ]
     monkeypatch.setattr("tega.study.silico.assumptions.code_sha256", lambda: "0" * 64)
-    others.append(digest("g"))
-    assert len({first, *others}) == 7
+    others += [digest("g"), digest("h", shear="texture")]
+    assert len({first, *others}) == 8
     with pytest.raises(InvalidValueError, match=r"begun with another simulation\.toml"):
         digest("a")
 

@@ -46,9 +46,13 @@ const CHESSBOARD: [[bool; WIDE_COLS]; 2] = {
 /// Sweeps a frame: at most, and at least.
 const MOST: usize = 40;
 const LEAST: usize = 8;
-/// Over-relaxation, and how much of a missing force is made up for at once.
+/// Over-relaxation, and how much of a missing force is made up for at once; less each time that goes too far.
 const RELAX: f32 = 1.5;
 const EAGER: f32 = 0.5;
+const CALMER: f32 = 0.6;
+/// Longest step of the object's way, over the way at which all of a contact that sticks would be at its limit. Where little sticks a missing
+/// force says nothing of how far there is to go: without a bound the way goes to and fro from frame to frame under a pull that does not change.
+const STRIDE_SHARE: f32 = 0.25;
 /// What lies this far from where the object would have it has slid, millimetres.
 const SLID_MM: f32 = 1e-5;
 /// A force that misses by this share of the limit is met.
@@ -139,7 +143,7 @@ impl ShearField {
         if !self.moved && [x, y] == [0.0; 2] {
             return;
         }
-        let most = self.take_in(grid, friction);
+        let (most, cells) = self.take_in(grid, friction);
         if most <= 0.0 || load <= 0.0 {
             self.forget();
             return;
@@ -152,6 +156,8 @@ impl ShearField {
         if length > HOLDS * most {
             wanted = wanted.map(|f| f * (HOLDS * most / length));
         }
+        let longest = STRIDE_SHARE * most / edged(cells);
+        let (mut eager, mut before) = (EAGER, [0.0f32; 2]);
         for sweep in 1..=MOST {
             self.sweep();
             let ([carried_x, carried_y], stuck) = self.carried();
@@ -161,10 +167,14 @@ impl ShearField {
                 break;
             }
             let stuck = if stuck > LEAST_CELLS { stuck } else { LEAST_CELLS };
-            // A disc that is moved pulls the skin around it along: its edge times the skin's length.
-            let stiff = stuck + (4.0 * std::f32::consts::PI * SQUARE * stuck).sqrt();
+            if off[0] * before[0] + off[1] * before[1] < 0.0 {
+                eager *= CALMER;
+            }
+            before = off;
+            let step = eager * far.sqrt() / edged(stuck);
+            let share = if step > longest { longest / step } else { 1.0 } * eager / edged(stuck);
             for (way, off) in self.way.iter_mut().zip(off) {
-                *way += EAGER * off / stiff;
+                *way += share * off;
             }
         }
         for k in 0..2 {
@@ -174,11 +184,11 @@ impl ShearField {
         }
     }
 
-    /// Takes in what presses; returns the sum of the limits.
+    /// Takes in what presses; returns the sum of the limits, and how many cells have one.
     #[inline(always)]
-    fn take_in(&mut self, grid: &Grid, friction: f32) -> f32 {
+    fn take_in(&mut self, grid: &Grid, friction: f32) -> (f32, f32) {
         let ratio = friction * (STIFFNESS_N_MM3 / SHEAR_STIFFNESS_N_MM3) as f32;
-        let mut most = 0.0;
+        let (mut most, mut cells) = (0.0, 0.0);
         let window = grid.window;
         for r in 0..WIDE_ROWS {
             for c in 0..WIDE_COLS {
@@ -209,9 +219,10 @@ impl ShearField {
                 self.touching[k] = f32::from(touching) / 4.0;
                 self.limit[k] = ratio * load / CELL_MM2;
                 most += self.limit[k];
+                cells += if load > 0.0 { 1.0 } else { 0.0 };
             }
         }
-        most
+        (most, cells)
     }
 
     /// Relaxes every cell once: those of one colour of a chessboard, then those of the other.
@@ -327,6 +338,12 @@ impl ShearField {
     pub(crate) fn px_per_mm(&self, row: usize, col: usize) -> f32 {
         WIDE_PX as f32 / self.area[(row + 1) * STRIDE + col + 1].sqrt()
     }
+}
+
+/// Stiffness of a disc of so many cells that is moved: it pulls the skin around it along, its edge times the skin's length.
+#[inline(always)]
+fn edged(cells: f32) -> f32 {
+    cells + (4.0 * std::f32::consts::PI * SQUARE * cells).sqrt()
 }
 
 /// A row of cells.

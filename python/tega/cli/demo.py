@@ -14,7 +14,9 @@ from tega.cli.page import view_options
 
 if TYPE_CHECKING:
     from tega.sim.demo import DemoReport
+    from tega.sim.plan import TrialPlan
     from tega.sim.rig import TrialSteering
+    from tega.sim.seams import Shear
     from tega.view.state import ViewState
 
 
@@ -80,6 +82,7 @@ def demo(
     condition: str,
     operator: str,
     preset: str,
+    shear: Shear,
     seed: int,
     practice: int,
     config: Path | None,
@@ -120,7 +123,14 @@ def demo(
         raise click.UsageError("--fast leaves no time for a person at the keyboard")
     sets = loop_sets(config, sets)
     plans = plan_trials(
-        objects, [condition], [seed], operator=operator, preset=preset, practice=practice, settings=sets
+        objects,
+        [condition],
+        [seed],
+        operator=operator,
+        preset=preset,
+        shear=shear,
+        practice=practice,
+        settings=sets,
     )
     recorder = None
     if record is not None:
@@ -135,7 +145,7 @@ def demo(
         show, more = stack.enter_context(
             _shown(view=view, port=view_port, terminal=not as_json, objects=objects)
         )
-        person = stack.enter_context(_at_keyboard(seed, preset, sets)) if operator == "keyboard" else None
+        person = stack.enter_context(_at_keyboard(plans[0])) if operator == "keyboard" else None
         stopped = more.pop("stop", lambda: False)
         paused = more.pop("paused", lambda: False)
         with stop.interrupting():  # nothing runs yet, and this takes some seconds
@@ -204,14 +214,15 @@ def _shown(
 
 
 @contextmanager
-def _at_keyboard(seed: int, preset: Any, settings: tuple[str, ...]) -> Iterator[TrialSteering]:
+def _at_keyboard(plan: TrialPlan) -> Iterator[TrialSteering]:
     """Take the terminal's keys; yield who acts by them."""
     from tega.sim.lab import lab_of
     from tega.sim.operator import KEYS_HELP, KeyboardOperator, Keys
 
+    lab = lab_of(plan.seed, plan.preset, plan.settings, plan.shear)
     with Keys() as keys:
         click.echo(KEYS_HELP, err=True)
-        yield KeyboardOperator(keys.read, full_effort=lab_of(seed, preset, settings).calibrated.full_effort)
+        yield KeyboardOperator(keys.read, full_effort=lab.calibrated.full_effort)
 
 
 def _print(report: DemoReport, *, real_time: bool) -> None:

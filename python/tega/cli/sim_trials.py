@@ -70,6 +70,13 @@ def sim() -> None:
     show_default=True,
     help="Version of the rules that the persons follow; by 2 and 3 they practise first.",
 )
+@click.option(
+    "--task",
+    type=click.Choice(["lift", "place"]),
+    default="lift",
+    show_default=True,
+    help="lift: put down where it stood. place: carried to a second marked place first.",
+)
 @object_options
 @loop_options
 @click.option(
@@ -93,12 +100,14 @@ def trials(
     operator: str,
     practice: int,
     rules: int,
+    task: str,
     view: str,
     objects_file: Path | None,
     mass_kg: list[float] | None,
     stiffness_n_m: list[float] | None,
     friction: list[float] | None,
     preset: str,
+    shear: str,
     config: Path | None,
     sets: tuple[str, ...],
     jobs: int,
@@ -134,7 +143,9 @@ def trials(
         operator=operator,
         practice=practice,
         rules=rules,
+        task=task,
         preset=preset,
+        shear=shear,
         view=view,
         mass_kg=mass_kg or (None,),
         stiffness_n_m=stiffness_n_m or (None,),

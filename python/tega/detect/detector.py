@@ -13,6 +13,9 @@ from typing import Literal, NamedTuple
 from tega.detect.settings import SETTINGS, DetectorSettings, Rule
 from tega.detect.tracks import FingerTrack, Low, ShearFrame, ShearTrack, TouchFrame, TwoMeans
 
+_SHORT_MM, _FAINT = 0.05, 3.0
+"""A pull that is no more than noise, millimetres, and a peak likewise, grey values."""
+
 EventKind = Literal["contact", "release", "slip", "lift_off", "deformation"]
 
 
@@ -220,16 +223,31 @@ class Detector:
         )
         if not self._shear:
             return touch
-        shears = [self._shear[finger] for finger, one in self._quick.items() if one.touching]
-        moved = [shear.moved_mm for shear in shears]
-        slid = [shear.incipient.quick for shear in shears]
+        return (*touch, *self._shear_features(mass_change=touch[2]))
+
+    def _shear_features(self, *, mass_change: float) -> tuple[float, ...]:
+        pairs = [
+            (self._shear[finger], one)
+            for finger, one in self._quick.items()
+            if one.touching and finger in self._shear
+        ]
+        sound = [(shear, one) for shear, one in pairs if shear.sure.quick >= self._s.least_sure]
+        moved = sorted((shear.moved_mm for shear, _ in sound), reverse=True)
+        mean = math.log1p(20 * sum(moved) / max(len(moved), 1))
+        pulls = [shear.pull_mm for shear, _ in sound]
+        # Short pulls say little of what has slid: a short one more weighs them down.
+        pull = sum(pulls) + _SHORT_MM
+        slants = [mm / max(one.peak.quick, _FAINT) for mm, (_, one) in zip(pulls, sound, strict=True)]
         return (
-            *touch,
             math.log1p(20 * max(moved, default=0.0)),
-            math.log1p(20 * sum(moved) / max(len(moved), 1)),
-            max(slid, default=0.0),
-            min(slid, default=0.0),
-            math.log1p(max((shear.slip.quick for shear in shears), default=0.0)),
+            mean,
+            sum(mm * shear.incipient.quick for mm, (shear, _) in zip(pulls, sound, strict=True)) / pull,
+            sum(mm * shear.incipient.change for mm, (shear, _) in zip(pulls, sound, strict=True)) / pull,
+            math.log1p(max((shear.slip.quick for shear, _ in sound), default=0.0)),
+            math.log1p(20 * moved[1]) if len(moved) > 1 else 0.0,
+            mean * _logistic(-20 * mass_change),
+            math.log1p(10 * sum(slants) / max(len(slants), 1)),
+            len(sound) / 4,
         )
 
     @property

@@ -58,15 +58,23 @@ SHEAR_FEATURES: Final = (
     "pulled",
     "mean_pulled",
     "slid",
-    "least_slid",
+    "slid_change",
     "sliding",
+    "second_pulled",
+    "slack_pulled",
+    "slant",
+    "sound",
 )
 """What a slip is seen by in fingertips whose metric reads shear; those of :data:`FEATURES` and, over the fingers in
-contact:
+contact whose grain is found again:
 
 - how far the gel's pull has changed over 0.2 s (log of 1 + 20 times the millimetres): the furthest, and the mean;
-- the share of a contact that has slid: the largest, and the least;
-- the highest speed of that (log of 1 + millimetres a second).
+- the share of a contact that has slid, the mean by pull, and its change over 0.2 s;
+- the highest speed of that (log of 1 + millimetres a second);
+- the pull's change on the finger where it is second, since an object that slides pulls at more than one; and the mean
+  where the fingers do not press firmer meanwhile: a grip that closes changes the pull, too;
+- the pull over the peak, which goes with friction's limit (log of 1 + 10 times the millimetres a grey value);
+- share of the fingers that are looked at.
 """
 
 
@@ -94,6 +102,8 @@ class DetectorSettings(NamedTuple):
         slow_s: Of the slow ones: a slip of 5 mm/s moves a contact by a few pixels in that time.
         trend_s: Time constants of the pair that sees slow changes.
         shear_s: And of the pair that sees changes of shear, which are quick.
+        least_sure: Fingers whose grain is found again with less than this correlation are not asked for their shear: a
+            texture of a recorded DIGIT's strength is found with 0.15 to 0.3, a lost one with 0.03.
         step_s: Between two looks at the slip; frames come at 60 Hz, or 30 Hz in a study's tables.
         touch_s: A contact has to last so long, as three frames do: single frames flicker at the threshold.
         release_s: And its end likewise; longer, since a light contact flickers more.
@@ -121,6 +131,7 @@ class DetectorSettings(NamedTuple):
     slow_s: float = 0.35
     trend_s: tuple[float, float] = (0.2, 1.0)
     shear_s: tuple[float, float] = (0.04, 0.2)
+    least_sure: float = 0.08
     step_s: float = 0.025
     touch_s: float = 0.05
     release_s: float = 0.1
@@ -145,7 +156,7 @@ class DetectorSettings(NamedTuple):
     )
     shear: Rule = Rule(
         -0.919,
-        (-0.293, -0.005, -5.72, -0.807, 0.248, -0.055, 0.16, -1.44, -0.748, 1.06, 1.176, -0.04) + (0.0,) * 5,
+        (-0.293, -0.005, -5.72, -0.807, 0.248, -0.055, 0.16, -1.44, -0.748, 1.06, 1.176, -0.04) + (0.0,) * 9,
         0.5,
         0.2,
     )

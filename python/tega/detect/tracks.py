@@ -40,12 +40,14 @@ class ShearFrame(NamedTuple):
         y_mm: And down.
         incipient: Share of the contact that has slid against the rest, 0 to 1.
         slip_mm_s: How fast it does, millimetres a second.
+        sure: How well the grain was found again, -1 to 1.
     """
 
     x_mm: float
     y_mm: float
     incipient: float
     slip_mm_s: float
+    sure: float = 1.0
 
     @classmethod
     def of(cls, values: Mapping[str, float]) -> Self | None:
@@ -58,6 +60,7 @@ class ShearFrame(NamedTuple):
             length_mm * math.sin(angle_rad),
             values["incipient"],
             values["slip_mm_s"],
+            values.get("shear_sure", 1.0),
         )
 
 
@@ -191,17 +194,23 @@ class ShearTrack:
         y: And down.
         incipient: Share that has slid.
         slip: Speed of that, millimetres a second.
+        sure: How well the grain is found again.
     """
 
     def __init__(self, quick_s: float, slow_s: float) -> None:
-        self.x, self.y, self.incipient, self.slip = (TwoMeans(quick_s, slow_s) for _ in range(4))
+        self.x, self.y, self.incipient, self.slip, self.sure = (TwoMeans(quick_s, slow_s) for _ in range(5))
 
     def add(self, t_s: float, shear: ShearFrame) -> None:
         """Take in a frame."""
-        for course, value in zip((self.x, self.y, self.incipient, self.slip), shear, strict=True):
+        for course, value in zip((self.x, self.y, self.incipient, self.slip, self.sure), shear, strict=True):
             course.add(t_s, value)
 
     @property
     def moved_mm(self) -> float:
         """Distance that the pull has changed by lately, millimetres."""
         return math.hypot(self.x.change, self.y.change)
+
+    @property
+    def pull_mm(self) -> float:
+        """Length of the pull, millimetres."""
+        return math.hypot(self.x.quick, self.y.quick)

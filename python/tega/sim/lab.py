@@ -112,10 +112,12 @@ class Lab:
             InvalidValueError: The plan's is at a keyboard.
         """
         from tega.sim.operator import Operator, Rules, ScriptedOperator, clear_skin
+        from tega.sim.operator.forearm import AWAY_M
+        from tega.sim.operator.scripted import DEFAULT_COURSE, PLACE_COURSE
 
-        full_effort = self.calibrated.full_effort
+        full_effort, places = self.calibrated.full_effort, plan.task == "place"
         if plan.operator == "scripted":
-            return ScriptedOperator(full_effort=full_effort)
+            return ScriptedOperator(PLACE_COURSE if places else DEFAULT_COURSE, full_effort=full_effort)
         if plan.operator == "keyboard":
             raise InvalidValueError("nobody is at the keyboard", "give run_trial() a person")
         skin = ARMS[plan.condition].skin
@@ -126,6 +128,7 @@ class Lab:
             full_effort=full_effort,
             rules=Rules(version=plan.rules),
             view=plan.view,
+            away_m=AWAY_M if places else 0.0,
         )
 
     def metric(self, finger: str) -> Metric:

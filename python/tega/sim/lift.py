@@ -18,6 +18,7 @@ from tega.inbox.sources import BlockMeter, SourceReport
 from tega.records import BesideContact, BesideIntent, Contact, Intent
 from tega.safety.guard import Guard
 from tega.sim.beside import BesideNotes
+from tega.sim.commanded import BlockSource, StraightBlocks, level_of_drive
 from tega.sim.conditions import ARMS, worn
 from tega.sim.hand import SimulatedAllegro, SimulatedBus
 from tega.sim.lab import EMG_HZ
@@ -26,7 +27,7 @@ from tega.sim.pacing import SimulatedPacer
 from tega.sim.plan import TrialPlan, TrialResult
 from tega.sim.reflex import trial_reflex
 from tega.sim.rig import TrialRig
-from tega.sim.score import LIFT_WINDOW_S, TrialScorer
+from tega.sim.score import LIFT_WINDOW_S, ON_MARK_M, UPRIGHT, TrialScorer
 from tega.sim.true_touch import TrueTouch, touch_of
 from tega.stages.base import MeasuredPicture
 from tega.stages.choose import chosen_stage
@@ -133,7 +134,7 @@ class Lift:
                 finger: FrameMeter(lab.baselines[finger], lab.metric(finger), SourceReport(), live=False)
                 for finger in FINGERS
             },
-            blocks=BlockMeter(decoder, SourceReport(), maxima=lab.muscles, live=False),
+            blocks=self._commanded(BlockMeter(decoder, SourceReport(), maxima=lab.muscles, live=False)),
             block_ns=round(maxima.tau * 1e9 / EMG_HZ),
             scorer=self.scorer,
             bus=self._bus,
@@ -224,9 +225,11 @@ class Lift:
         """Return the outcome of the plan, this lift being the one that counts."""
         scorer = self.scorer
         lifted_s, drops = scorer.time_of("lifted"), scorer.count("drop")
+        held_up = lifted_s is not None and lifted_s <= LIFT_WINDOW_S and drops == 0
+        placed, off_mark_m = self._placed() if self._plan.task == "place" else (None, None)
         return TrialResult(
             **{name: getattr(self._plan, name) for name in TrialPlan.__struct_fields__},
-            success=lifted_s is not None and lifted_s <= LIFT_WINDOW_S and drops == 0,
+            success=held_up and placed is not False,
             slips=scorer.count("slip"),
             deformations=scorer.count("deformation"),
             drops=drops,
@@ -241,7 +244,29 @@ class Lift:
             simulated_s=simulated_s,
             person=self._lab.digest(self._plan.rules) if self._plan.operator == "simulated" else "",
             beside=() if self._beside is None else self._beside.results(),
+            placed=placed,
+            off_mark_m=off_mark_m,
         )
+
+    def _placed(self) -> tuple[bool, float]:
+        """Whether the object stands on its second mark, and how far from it, metres."""
+        from tega.sim.operator.forearm import AWAY_M
+
+        rig, world = self.rig, self.rig.world
+        middle, axis = world.object_pose
+        off_m = float(np.linalg.norm((middle - world.mark_m(AWAY_M))[:2]))
+        stands = not rig.truth.lift_off and float(axis[2]) > UPRIGHT
+        let_go = rig.act.phase in {"release", "done"} and not any(rig.truth.pad_force_n)
+        return stands and let_go and not rig.truth.dropped and off_m <= ON_MARK_M, off_m
+
+    def _commanded(self, blocks: BlockSource) -> BlockSource:
+        """Return what tells the hand its level, by the plan's way from the person to it."""
+        if self._plan.hand == "aim":
+            return StraightBlocks(blocks, lambda: self._person.level)
+        if self._plan.hand == "drive":
+            full = self._lab.calibrated.full_effort
+            return StraightBlocks(blocks, lambda: level_of_drive(self.rig.act.excitation, full))
+        return blocks
 
     def _look_on(self) -> BesideNotes | None:
         """Have the stages beside look on; return what notes what they say."""
@@ -275,7 +300,7 @@ class Lift:
 
     def _levels(self, intent: Intent) -> None:
         """Take note of an EMG block."""
-        if self.rig.truth.lift_off and self.rig.act.phase in {"lift", "hold"}:
+        if self.rig.truth.lift_off and self.rig.act.phase in {"lift", "hold", "carry"}:
             self._level_sum += intent.level
             self._level_n += 1
 

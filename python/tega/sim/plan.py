@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, TypeAlias
 
 import msgspec
 
 from tega.config import LOOP_KEYS, SessionConfig, load_config
 from tega.errors import ConfigError, InvalidValueError
 from tega.sim.beside import BesideResult
+from tega.sim.commanded import HandWay
 from tega.sim.conditions import CONDITIONS, Condition
 from tega.sim.operator.vision import ViewName
 from tega.sim.score import TrialEvent
 from tega.sim.seams import Shear
 from tega.sim.world.objects import OBJECTS, ObjectSpec
+
+Task: TypeAlias = Literal["lift", "place"]
+"""What a trial asks for."""
 
 
 class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -38,6 +42,8 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
         view: Sight of the hand while the object is held, see :data:`tega.sim.operator.VIEWS`.
         spec: The object, where it is none of :data:`tega.sim.world.OBJECTS`.
         shear: Whether the gels give way sideways, and what on them shows it, see :class:`tega.sim.gel.Gel`.
+        hand: What the hand's level comes from, see :mod:`tega.sim.commanded`.
+        task: ``lift``: up, held and put down where it stood. ``place``: carried to a second marked place before that.
     """
 
     object: str
@@ -54,6 +60,8 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     view: ViewName = "direct"
     spec: ObjectSpec | None = None
     shear: Shear = "off"
+    task: Task = "lift"
+    hand: HandWay = "decoder"
 
     @property
     def object_spec(self) -> ObjectSpec:
@@ -118,7 +126,8 @@ class TrialResult(TrialPlan, frozen=True, kw_only=True):
     """Outcome of a trial, with its plan repeated.
 
     Attributes:
-        success: Lifted to 0.2 m and held there for 1 s within 15 s, and not dropped.
+        success: Lifted to 0.2 m and held there for 1 s within 15 s, and not dropped; in a task ``place`` put down on
+            its mark as well.
         slips: Visible slips after lift-off, until it was put down.
         deformations: Times the object was narrowed more than is good for it.
         drops: 1 if it was lifted and fell.
@@ -134,6 +143,9 @@ class TrialResult(TrialPlan, frozen=True, kw_only=True):
         person: First digits of the SHA-256 of the people's numbers, and by version 2 of their rules as well; empty
             without a simulated person.
         beside: What the stages beside the connected ones said.
+        placed: Task ``place``: whether it stands upright within 20 mm of the second mark, let go of and not dropped;
+            ``None`` in other tasks.
+        off_mark_m: How far from that mark it is in the end, metres.
     """
 
     success: bool
@@ -151,6 +163,8 @@ class TrialResult(TrialPlan, frozen=True, kw_only=True):
     simulated_s: float
     person: str = ""
     beside: tuple[BesideResult, ...] = ()
+    placed: bool | None = None
+    off_mark_m: float | None = None
 
     @property
     def plan(self) -> TrialPlan:

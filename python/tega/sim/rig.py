@@ -20,7 +20,7 @@ from tega.config import FINGERS
 from tega.device_items import EmgChunk, TactileFrame
 from tega.hand_poses import ClosureScale
 from tega.inbox.frames import FrameMeter
-from tega.inbox.sources import BlockMeter, Contact, EmgBlock, picture_of, samples_of
+from tega.inbox.sources import Contact, EmgBlock, picture_of, samples_of
 from tega.inbox.stream import NEVER_NS, LiveStream
 from tega.records import EmgSamples, Picture
 from tega.sim.gel import CAMERA_HZ
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
     from tega.bus import Bus
     from tega.haptics import MotorLevels
+    from tega.sim.commanded import BlockSource
     from tega.sim.gel import Gel
     from tega.sim.operator import ForearmEmg
     from tega.sim.operator.shams import Sham
@@ -54,6 +55,11 @@ _PLACING = frozenset({"place", "release", "done"})
 
 class TrialSteering(Protocol):
     """Operator of a lift: a simulated person, a script, a hand on a keyboard."""
+
+    @property
+    def level(self) -> int:
+        """Level aimed at now, 1 to 5."""
+        ...
 
     def begin(self, name: str, *, width_m: float, trial: int = 0, rest_s: float = 60.0) -> None:
         """Start a lift of an object of a name and width, the how many-th of it, after so much rest."""
@@ -112,7 +118,7 @@ class TrialRig:
         emg: ForearmEmg,
         worn: Sham,
         meters: Mapping[str, FrameMeter],
-        blocks: BlockMeter,
+        blocks: BlockSource,
         block_ns: int,
         scorer: TrialScorer,
         bus: Bus,

@@ -23,6 +23,9 @@ STABLE_S = 1.0
 LIFT_WINDOW_S = 15.0
 """Time from the trial's start within which that has to be done, seconds (the paper's, reading A63)."""
 
+ON_MARK_M, UPRIGHT = 0.02, 0.9
+"""Put down on its mark: this close to it, metres, and its axis this much upwards (a cosine). Proposals."""
+
 # A slip: this fast for this long, and this far until it has rested. Speed and rest from the slip literature, the
 # distance from what an observer a metre away calls clearly visible.
 SLIP_M_S, SLIP_SUSTAINED_S = 0.005, 0.03

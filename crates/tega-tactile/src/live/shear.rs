@@ -18,8 +18,9 @@ use crate::frame::{MAX_SIDE, Order};
 const SHALLOW: f32 = 0.15;
 /// The rim of a contact is at about this share of its largest depth: a ball's.
 const RIM: f32 = 0.5;
-/// Gauss and Newton's steps a frame, the longest of them, and the farthest displacement, pixels of a picture of 320 x 240.
+/// Gauss and Newton's steps a frame: no more where the last one was this short; the longest of them, and the farthest displacement, pixels of a picture of 320 x 240.
 const STEPS: usize = 2;
+const SETTLED_PX: f32 = 0.15;
 const LONGEST_PX: f32 = 3.0;
 const FARTHEST_PX: f32 = 40.0;
 /// Noise of the grain, units, and over how many pixels it is alike; of a DIGIT.
@@ -28,6 +29,8 @@ const ALIKE_PX: f32 = 4.0;
 /// How far from each other a, b and single cells may be without telling, pixels: standard deviations.
 const APART_PX: f32 = 3.0;
 const ALONE_PX: f32 = 0.3;
+/// A share that has slid is told by half where it is this many of its standard deviations.
+const DOUBT: f32 = 2.0;
 /// How single cells and the slip's way are smoothed, seconds.
 const ALONE_S: f64 = 0.05;
 const SMOOTH_S: f64 = 0.04;
@@ -79,8 +82,9 @@ pub struct ShearReader {
     /// The untouched gel's grain and its gradient.
     untouched: Vec<i16>,
     slopes: [Vec<i16>; 2],
-    /// Sums of the gradient's products over each cell: xx, xy, yy.
+    /// Sums of the gradient's products over each cell: xx, xy, yy; and of the grain's squares.
     tensors: Vec<[f32; 3]>,
+    squares: Vec<f32>,
     /// a and b, to the right and down, pixels.
     shapes: [[f32; 2]; 2],
     /// What single cells have beyond that.
@@ -88,6 +92,8 @@ pub struct ShearReader {
     sought: Vec<Sought>,
     /// What each sought cell's difference says: gradient times it, and whether it was in the picture.
     told: Vec<Option<[f32; 2]>>,
+    /// What the newest frame's cells said of a and b together: the equations that were solved.
+    normal: [[f64; 5]; 4],
     slid_mm: f64,
     latest: Sheared,
 }
@@ -123,10 +129,13 @@ impl ShearReader {
             }
         }
         let mut tensors = vec![[0.0; 3]; grid.cells()];
+        let mut squares = vec![0.0; grid.cells()];
         for y in 0..height {
             for x in 0..width {
                 let [gx, gy] = [0, 1].map(|k| f32::from(slopes[k][y * width + x]));
-                let tensor = &mut tensors[y / grid.side * grid.cols + x / grid.side];
+                let cell = y / grid.side * grid.cols + x / grid.side;
+                let (tensor, old) = (&mut tensors[cell], f32::from(untouched[y * width + x]));
+                squares[cell] += old * old;
                 *tensor = [tensor[0] + gx * gx, tensor[1] + gx * gy, tensor[2] + gy * gy];
             }
         }
@@ -138,10 +147,12 @@ impl ShearReader {
             untouched,
             slopes,
             tensors,
+            squares,
             shapes: [[0.0; 2]; 2],
             alone: vec![[0.0; 2]; grid.cells()],
             sought: Vec::new(),
             told: Vec::new(),
+            normal: [[0.0; 5]; 4],
             slid_mm: 0.0,
             latest: Sheared::default(),
         })
@@ -183,13 +194,13 @@ impl ShearReader {
         };
         self.grain.take(frame, self.options.order, part);
         let mut sure = 0.0;
-        for step in 0..STEPS {
+        for _ in 0..STEPS {
             sure = self.compare();
-            self.step_together();
-            if step + 1 == STEPS {
-                self.step_alone((dt_s / (ALONE_S + dt_s)) as f32);
+            if self.step_together() < SETTLED_PX * self.scale {
+                break;
             }
         }
+        self.step_alone((dt_s / (ALONE_S + dt_s)) as f32);
         self.latest = self.told_of(sure, dt_s);
         Ok(self.latest)
     }
@@ -280,14 +291,14 @@ impl ShearReader {
             );
             *told = Some([found[0], found[1]]);
             product += found[2];
-            squares = [squares[0] + found[3], squares[1] + found[4]];
+            squares = [squares[0] + found[3], squares[1] + self.squares[cell]];
         }
         let both = f64::from(squares[0]) * f64::from(squares[1]);
         if both > 0.0 { f64::from(product) / both.sqrt() } else { 0.0 }
     }
 
-    /// Moves all cells together: the step of a and b that lessens the difference most.
-    fn step_together(&mut self) {
+    /// Moves all cells together: the step of a and b that lessens the difference most; returns its length, pixels.
+    fn step_together(&mut self) -> f32 {
         let mut normal = [[0.0f64; 5]; 4];
         for (sought, told) in self.sought.iter().zip(&self.told) {
             let Some(told) = told else { continue };
@@ -309,6 +320,7 @@ impl ShearReader {
             normal[k][4] -= prior * f64::from(self.shapes[0][k]);
             normal[k + 2][k + 2] += 1e-3 * prior;
         }
+        self.normal = normal;
         let mut step = solve(normal);
         let length = |k: usize| step[k] + step[k + 2];
         let long = (length(0) * length(0) + length(1) * length(1)).sqrt();
@@ -328,6 +340,7 @@ impl ShearReader {
             let [x, y] = [0, 1].map(|k| f * step[k] as f32 + g * step[k + 2] as f32);
             *told = [told[0] + xx * x + xy * y, told[1] + xy * x + yy * y];
         }
+        long as f32
     }
 
     /// Moves single cells, with their neighbours, as far as their grain stands out of the noise.
@@ -366,6 +379,21 @@ impl ShearReader {
         }
     }
 
+    /// The share that has slid, less what noise alone would show of one: short pulls of small contacts tell little of it.
+    fn believed(&self, slid: f32, [x, y]: [f32; 2], length: f32) -> f32 {
+        // How the share goes with a and b, and what the noise makes of that.
+        let (of_a, of_b) = (f64::from((1.0 - slid) / length), -f64::from(slid / length));
+        let (x, y) = (f64::from(x), f64::from(y));
+        let slope = [of_a * x, of_a * y, of_b * x, of_b * y];
+        let mut rows = self.normal;
+        for (row, slope) in rows.iter_mut().zip(slope) {
+            row[4] = slope;
+        }
+        let noise: f64 = solve(rows).iter().zip(slope).map(|(a, b)| a * b).sum();
+        let (square, noise) = (slid * slid, DOUBT * DOUBT * NOISE * NOISE * ALIKE_PX * noise as f32);
+        if square > 0.0 { slid * square / (square + noise) } else { 0.0 }
+    }
+
     fn told_of(&mut self, sure: f64, dt_s: f64) -> Sheared {
         let mm_per_px = self.options.mm_per_px / f64::from(self.scale);
         let [a, b] = self.shapes;
@@ -376,6 +404,7 @@ impl ShearReader {
             return Sheared { shear_mm: f64::from(length) * mm_per_px, sure, ..Sheared::default() };
         }
         let slid = ((a[0] * x + a[1] * y) / (length * length)).clamp(0.0, 1.0);
+        let slid = self.believed(slid, [x, y].map(|k| k / length), length);
         // The rim, where f is a half, lags behind the middle by half of a.
         let way_mm = f64::from(slid * length * (1.0 - RIM)) * mm_per_px;
         let lag_mm = way_mm - self.slid_mm;
@@ -393,7 +422,19 @@ impl ShearReader {
 /// Lanes of a cell's sums.
 const SOME: usize = 8;
 
-/// Gradient times difference (across, along), product of grains, and their squares, over a cell.
+/// Some pixels of a row, each between itself and the next.
+#[inline(always)]
+fn across(row: &[i16], share: f32) -> [f32; SOME] {
+    let (here, next) = (&row[..SOME], &row[1..=SOME]);
+    let mut out = [0.0; SOME];
+    for k in 0..SOME {
+        let left = f32::from(here[k]);
+        out[k] = left + share * (f32::from(next[k]) - left);
+    }
+    out
+}
+
+/// Gradient times difference (across, along), product of grains, and squares of the found one, over a cell.
 #[inline(always)]
 fn compare_plain(
     now: &[i16],
@@ -402,36 +443,42 @@ fn compare_plain(
     side: usize,
     [from, at]: [usize; 2],
     [fx, fy]: [f32; 2],
-) -> [f32; 5] {
-    let mut sums = [[0.0f32; SOME]; 5];
-    let mut add = |k: usize, upper: [i16; 2], lower: [i16; 2], old: i16, slope: [i16; 2]| {
-        let ([ul, ur], [ll, lr]) = (upper.map(f32::from), lower.map(f32::from));
-        let (top, bottom) = (ul + fx * (ur - ul), ll + fx * (lr - ll));
-        let (found, old) = (top + fy * (bottom - top), f32::from(old));
-        let off = found - old;
-        sums[0][k] += f32::from(slope[0]) * off;
-        sums[1][k] += f32::from(slope[1]) * off;
-        sums[2][k] += found * old;
-        sums[3][k] += found * found;
-        sums[4][k] += old * old;
-    };
-    for y in 0..side {
-        let upper = &now[from + y * width..][..=side];
-        let lower = &now[from + (y + 1) * width..][..=side];
-        let row = at + y * width;
-        let (before, gx, gy) = (&before[row..][..side], &slope_x[row..][..side], &slope_y[row..][..side]);
-        // As many at a time as there are lanes; then what is left.
-        let whole = side / SOME * SOME;
-        for x in (0..whole).step_by(SOME) {
-            let (u, ur) = (&upper[x..][..SOME], &upper[x + 1..][..SOME]);
-            let (l, lr) = (&lower[x..][..SOME], &lower[x + 1..][..SOME]);
-            let (b, sx, sy) = (&before[x..][..SOME], &gx[x..][..SOME], &gy[x..][..SOME]);
+) -> [f32; 4] {
+    let mut sums = [[0.0f32; SOME]; 4];
+    // As many columns at a time as there are lanes, each row between it and the next; then what is left.
+    let whole = side / SOME * SOME;
+    for x in (0..whole).step_by(SOME) {
+        let mut upper = across(&now[from + x..][..=SOME], fx);
+        for y in 0..side {
+            let lower = across(&now[from + (y + 1) * width + x..][..=SOME], fx);
+            let row = at + y * width + x;
+            let (old, gx, gy) = (&before[row..][..SOME], &slope_x[row..][..SOME], &slope_y[row..][..SOME]);
             for k in 0..SOME {
-                add(k, [u[k], ur[k]], [l[k], lr[k]], b[k], [sx[k], sy[k]]);
+                let (found, old) = (upper[k] + fy * (lower[k] - upper[k]), f32::from(old[k]));
+                let off = found - old;
+                sums[0][k] += f32::from(gx[k]) * off;
+                sums[1][k] += f32::from(gy[k]) * off;
+                sums[2][k] += found * old;
+                sums[3][k] += found * found;
             }
+            upper = lower;
         }
+    }
+    for y in 0..side {
         for x in whole..side {
-            add(x - whole, [upper[x], upper[x + 1]], [lower[x], lower[x + 1]], before[x], [gx[x], gy[x]]);
+            let (k, here) = (x - whole, from + y * width + x);
+            let along = |here: usize| {
+                let left = f32::from(now[here]);
+                left + fx * (f32::from(now[here + 1]) - left)
+            };
+            let (top, bottom) = (along(here), along(here + width));
+            let row = at + y * width + x;
+            let (found, old) = (top + fy * (bottom - top), f32::from(before[row]));
+            let off = found - old;
+            sums[0][k] += f32::from(slope_x[row]) * off;
+            sums[1][k] += f32::from(slope_y[row]) * off;
+            sums[2][k] += found * old;
+            sums[3][k] += found * found;
         }
     }
     sums.map(|lanes| lanes.iter().sum())
@@ -440,7 +487,7 @@ fn compare_plain(
 tega_simd::dispatched! {
     /// See [`compare_plain`].
     compare_cell = compare_plain,
-    (now: &[i16], untouched: [&[i16]; 3], width: usize, side: usize, at: [usize; 2], shares: [f32; 2]) -> [f32; 5]
+    (now: &[i16], untouched: [&[i16]; 3], width: usize, side: usize, at: [usize; 2], shares: [f32; 2]) -> [f32; 4]
 }
 
 /// Solves four equations whose matrix is symmetric and positive: elimination without exchange; 0 where it is not positive.

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
-from tega.cli.options import echo_json, json_option, loop_sets
+from tega.cli.options import echo_json, json_option, loop_sets, shear_option
 
 if TYPE_CHECKING:
     from tega.masking_sound import MaskingSound
+    from tega.sim.seams import Shear
     from tega.study.lead.benches import TrialBench
     from tega.study.lead.trial import Task
     from tega.study.plan import StudyPlan
@@ -53,6 +54,7 @@ if TYPE_CHECKING:
     "--preset", type=click.Choice(["paper", "live"]), default="live", show_default=True,
     help="Preset of the loop, with --simulated.",
 )  # fmt: skip
+@shear_option
 @click.option(
     "--task",
     type=click.Choice(["lift", "place"]),
@@ -85,6 +87,7 @@ def run(
     sets: tuple[str, ...],
     config: Path | None,
     preset: Literal["paper", "live"],
+    shear: Shear,
     task: Task,
     pedals: str,
     answer: str,
@@ -108,11 +111,21 @@ def run(
         raise click.UsageError("give one of --lab LAB.toml, --emulated and --simulated")
     if config is not None and not simulated:
         raise click.UsageError("--config is for --simulated; --lab has settings of its own")
+    if shear != "off" and not simulated:
+        raise click.UsageError("--shear is for --simulated; real gels have shear anyhow")
     plan = read_plan(folder)
     plan.of(participant)
     with (
         _bench(
-            folder, plan, participant, lab=lab, emulated=emulated, sets=sets, preset=preset, config=config
+            folder,
+            plan,
+            participant,
+            lab=lab,
+            emulated=emulated,
+            sets=sets,
+            preset=preset,
+            shear=shear,
+            config=config,
         ) as bench,
         CtrlC() as stop,
         desk_for(stop, alone=yes) as desk,
@@ -169,6 +182,7 @@ def _bench(
     emulated: bool,
     sets: tuple[str, ...],
     preset: Literal["paper", "live"],
+    shear: Shear,
     config: Path | None,
 ) -> Iterator[TrialBench]:
     """Make what the trials run on."""
@@ -216,4 +230,4 @@ def _bench(
                     where="emulated",
                 )
     else:
-        yield SimulatedBench(plan, participant, preset=preset, settings=loop_sets(config, sets))
+        yield SimulatedBench(plan, participant, preset=preset, shear=shear, settings=loop_sets(config, sets))

@@ -23,6 +23,7 @@ from tega.cli.options import (
 
 if TYPE_CHECKING:
     from tega.sim.operator import ViewName
+    from tega.sim.seams import Shear
 
 LINE_EVERY_S = 30.0
 
@@ -146,6 +147,7 @@ def simulate(
     stiffness_n_m: list[float] | None,
     friction: list[float] | None,
     preset: Literal["paper", "live"],
+    shear: Shear,
     config: Path | None,
     sets: tuple[str, ...],
     as_json: bool,
@@ -180,6 +182,7 @@ def simulate(
             dask=dask,
             parameters=parameters,
             preset=preset,
+            shear=shear,
             settings=loop_sets(config, sets),
             rules=rules,
             view=view,

@@ -70,6 +70,7 @@ class Operator:
         rules: Which rules are followed.
         view: Sight of the hand while the object is held. Who is not told by the eyes learns from an object that falls,
             which nobody misses, that the grip was too loose; by the third version of the rules everybody does.
+        away_m: How far back of where it stood the object is put down, metres.
 
     Attributes:
         pulses: Whether the vest tells contact, slip and release only, which the person has been told: nothing is then
@@ -100,7 +101,9 @@ class Operator:
         full_effort: float | None = None,
         rules: Rules | None = None,
         view: ViewName = "direct",
+        away_m: float = 0.0,
     ) -> None:
+        self._away_m = away_m
         self._rules = rules or Rules()
         self._view = view
         self.person = person
@@ -316,5 +319,6 @@ class Operator:
                 person.motor, full_effort=self._full, aim=process("aim"), sense=process("effort sense")
             ),
         )
+        self._trial.grip.away_m = self._away_m
         self._trial.motor.command(1)
         return self._trial

@@ -2,6 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Final
+
+AWAY_M: Final = 0.1
+"""Distance of the second marked place from the first, back from the palm, metres; a task of one place has none."""
+
+FARTHEST_M: Final = 0.2
+"""How far back the hand can be led, metres."""
+
 
 class SimulatedForearm:
     """Moves the hand as a whole from place to place, with minimum jerk.

@@ -11,14 +11,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from tega.sim.operator.belief import ObjectBelief, best_level, cost
-from tega.sim.operator.forearm import SimulatedForearm
+from tega.sim.operator.forearm import FARTHEST_M, SimulatedForearm
 from tega.sim.operator.person import PersonNumbers
 from tega.sim.operator.vision import Kind, SeenEvent
 from tega.sim.seams import WorldTruth
 
-_CARRYING = frozenset({"lift", "place"})
+_CARRYING = frozenset({"lift", "carry", "place"})
 _CONTACT = frozenset({"contact", "onset", "slip", "deformation"})
-HELD = frozenset({"lift", "hold", "place"})
+HELD = frozenset({"lift", "hold", "carry", "place"})
 _LIFTED_M = 0.005
 # Level 1 is the open hand: who holds something does not go there.
 LOOSEST = 2
@@ -48,12 +48,16 @@ class GripDecisions:
         person: The person.
         belief: What the person believes of this object.
         forearm: Moves the hand.
+
+    Attributes:
+        away_m: How far back the place is where the object is put down, metres; 0 is where it stood.
     """
 
     def __init__(self, person: PersonNumbers, belief: ObjectBelief, forearm: SimulatedForearm) -> None:
         self._grip, self._arm, self._aim_sd = person.grip, person.forearm, person.motor.aim_sd
         self.belief, self.closure, self.forearm = belief, belief.closure, forearm
         self.phase = "reach"
+        self.away_m = 0.0
         self.level = 1
         self.commands: list[Decision] = []
         self._set_closure(1.0)
@@ -210,16 +214,8 @@ class GripDecisions:
                 return self._missed(t_s)
             if forearm.still(t_s, 0.0):
                 self._enter("hold", t_s)
-        elif self.phase == "hold" and t_s - self._phase_s >= arm.hold_s:
-            self._enter("place", t_s)
-            forearm.move((0.0, 0.0), t_s, arm.place_s)
-        elif self.phase == "place" and forearm.still(t_s, arm.settle_s):
-            return self._let_go(t_s)
-        elif self.phase == "release" and t_s - self._phase_s >= arm.release_s:
-            if forearm.at_m == (0.0, arm.back_m):
-                self._enter("done", t_s)
-            elif forearm.still(t_s, arm.settle_s):
-                forearm.move((0.0, arm.back_m), t_s, arm.reach_s)
+        else:
+            return self._put_back(t_s)
         return None, ""
 
     def _close(self, t_s: float) -> tuple[int | None, str]:
@@ -258,6 +254,31 @@ class GripDecisions:
         self._enter("reach", t_s)
         self.forearm.move((0.0, 0.0), t_s, self._arm.reach_s)
         return 1, "open"
+
+    def _put_back(self, t_s: float) -> tuple[int | None, str]:
+        """Go through the phases from the hold on: carry where there is a second place, put down, let go, draw back."""
+        arm, forearm = self._arm, self.forearm
+        if self.phase == "hold" and t_s - self._phase_s >= arm.hold_s:
+            if self.away_m:
+                self._enter("carry", t_s)
+                forearm.move((arm.lift_m, self.away_m), t_s, arm.reach_s)
+            else:
+                self._put_down(t_s)
+        elif self.phase == "carry" and forearm.still(t_s, arm.settle_s):
+            self._put_down(t_s)
+        elif self.phase == "place" and forearm.still(t_s, arm.settle_s):
+            return self._let_go(t_s)
+        elif self.phase == "release" and t_s - self._phase_s >= arm.release_s:
+            away_m = min(self.away_m + arm.back_m, max(FARTHEST_M, arm.back_m))
+            if forearm.at_m == (0.0, away_m):
+                self._enter("done", t_s)
+            elif forearm.still(t_s, arm.settle_s):
+                forearm.move((0.0, away_m), t_s, arm.reach_s)
+        return None, ""
+
+    def _put_down(self, t_s: float) -> None:
+        self._enter("place", t_s)
+        self.forearm.move((0.0, self.away_m), t_s, self._arm.place_s)
 
     def _let_go(self, t_s: float) -> tuple[int | None, str]:
         self._enter("release", t_s)

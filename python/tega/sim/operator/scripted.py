@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from tega.errors import InvalidValueError
-from tega.sim.operator.forearm import SimulatedForearm
+from tega.sim.operator.forearm import AWAY_M, FARTHEST_M, SimulatedForearm
 from tega.sim.operator.motor import level_effort
 from tega.sim.operator.person import typical_person
 from tega.sim.seams import Act, Percept
@@ -43,6 +43,16 @@ DEFAULT_COURSE = (
     Step(13.8, "done", 1, (0.0, 0.10), 0.0),
 )
 """Reach, close to level 3, lift to 0.22 m, hold, put down, let go."""
+
+PLACE_COURSE = (
+    *DEFAULT_COURSE[:5],
+    Step(7.0, "carry", 3, (0.22, AWAY_M), 1.5),
+    Step(9.0, "place", 3, (0.0, AWAY_M), 2.0),
+    Step(11.3, "release", 1, (0.0, AWAY_M), 0.0),
+    Step(12.3, "release", 1, (0.0, FARTHEST_M), 1.2),
+    Step(13.8, "done", 1, (0.0, FARTHEST_M), 0.0),
+)
+"""The same, but carried to the second marked place before it is put down."""
 
 
 class ScriptedOperator:
@@ -83,6 +93,11 @@ class ScriptedOperator:
         """Start over; the arguments are those of :meth:`tega.sim.operator.Operator.begin` and change nothing."""
         del name, width_m, trial, rest_s
         self._forearm, self._next = SimulatedForearm(self._start_m), 0
+
+    @property
+    def level(self) -> int:
+        """Whole level that the script aims at now."""
+        return round(self._course[max(self._next - 1, 0)].level)
 
     def act(self, percept: Percept) -> Act:
         """Return the script's act for the percept's time; time must not go back."""

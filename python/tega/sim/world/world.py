@@ -260,6 +260,11 @@ class World:
         """Return each contact's place and the force on the object there, float64 (k, 6), metres and newtons."""
         return self._touch.arrows()
 
+    def mark_m(self, away_m: float) -> NDArray[np.float64]:
+        """Return the mark on the table so far back of the one where the object stands, float64 (3,), metres."""
+        mark: NDArray[np.float64] = away_m * _BACK
+        return mark
+
     def _place(self, height_m: float, back_m: float) -> NDArray[np.float64]:
         # Back is away from the palm, and somewhat from the fingertips: so an open hand comes to the object untouched.
         place: NDArray[np.float64] = self._grasp + back_m * _BACK + np.array([0.0, 0.0, height_m])

@@ -18,7 +18,7 @@ from tega.toml_text import config_text
 if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.safety.states import Transition
-    from tega.sim.seams import Act, Percept
+    from tega.sim.seams import Act, Percept, Shear
     from tega.study.lead.rest_tasks import RestTask
     from tega.study.lead.running_trial import Going
     from tega.study.plan import PlannedTrial, StudyPlan
@@ -170,6 +170,7 @@ class SimulatedBench:
         participant: Whose session.
         real_time: Keep to the machine's clock; otherwise as fast as it goes.
         preset: Readings of the loop.
+        shear: Of the gels, see :class:`tega.sim.gel.Gel`.
         settings: Of the loop, as ``key=value``; they are written beside each trial's tables, in ``loop.toml``.
     """
 
@@ -185,6 +186,7 @@ class SimulatedBench:
         *,
         real_time: bool = True,
         preset: Literal["paper", "live"] = "live",
+        shear: Shear = "off",
         settings: tuple[str, ...] = (),
     ) -> None:
         from tega.sim.lab import lab_of
@@ -194,9 +196,9 @@ class SimulatedBench:
 
         self._seed = person_seed(plan.settings.seed or 0, participant)
         self._real_time = real_time
-        self._lab = lab_of(self._seed, preset, settings)
+        self._lab = lab_of(self._seed, preset, settings, shear)
         self.config = self._lab.config
-        self._loop = {"preset": preset, "settings": settings}
+        self._loop = {"preset": preset, "settings": settings, "shear": shear}
         first = TrialPlan.checked({"object": plan.settings.objects[0], "seed": self._seed, **self._loop})
         for name in plan.settings.objects:
             TrialPlan.checked({"object": name})

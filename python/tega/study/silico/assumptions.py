@@ -18,6 +18,7 @@ import tega
 from tega.errors import RecordingError
 from tega.foreign_file import parse_toml, read_foreign, read_words
 from tega.sim.operator.vision import ViewName
+from tega.sim.seams import Shear
 from tega.toml_text import tree_text
 
 if TYPE_CHECKING:
@@ -44,6 +45,7 @@ class Assumptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
         people_sha256: Of the people's numbers, and by version 2 of their rules as well; empty in older studies.
         objects: What was lifted, attributes by name, as in :class:`tega.sim.world.ObjectSpec`.
         view: Sight of the hand while it held, see :data:`tega.sim.operator.VIEWS`.
+        shear: Of the gels, see :class:`tega.sim.gel.Gel`.
         code_sha256: Of the program's files: people's rules, world, gel and readings; empty in older studies.
     """
 
@@ -57,6 +59,7 @@ class Assumptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     people_sha256: str = ""
     objects: dict[str, dict[str, Any]] = {}
     view: ViewName = "direct"
+    shear: Shear = "off"
     code_sha256: str = ""
 
     @property
@@ -89,6 +92,7 @@ def assume(
     settings: tuple[str, ...] = (),
     rules: RulesVersion = 1,
     view: ViewName = "direct",
+    shear: Shear = "off",
 ) -> tuple[Assumptions, bytes]:
     """State what a study takes for granted.
 
@@ -100,6 +104,7 @@ def assume(
         settings: Likewise.
         rules: Likewise.
         view: Likewise.
+        shear: Likewise.
 
     Returns:
         The statement, and the parameter file.
@@ -132,6 +137,7 @@ def assume(
         people_sha256=people_digest(loaded.digest, rules),
         objects={name: msgspec.to_builtins(spec) for name, spec in objects.items()},
         view=view,
+        shear=shear,
         code_sha256=code_sha256(),
     )
     return stated, content

@@ -129,6 +129,7 @@ def run_sensitivity(
             preset=change.preset,
             rules=stated.rules,
             view=stated.view,
+            shear=stated.shear,
         )
         made.append((change, where, plan))
         if (len(made) - 1) % parts == part - 1:

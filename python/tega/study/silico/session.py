@@ -98,9 +98,10 @@ def _go(job: SessionJob, folder: Path) -> None:
         "settings": stated.settings,
         "rules": stated.rules,
         "view": stated.view,
+        "shear": stated.shear,
     }
     seed = person_seed(job.settings.seed or 0, job.person)
-    lab = Lab(seed, stated.preset, job.parameters, settings=stated.settings)
+    lab = Lab(seed, stated.preset, job.parameters, settings=stated.settings, shear=stated.shear)
     specs = {name: stated.spec(name) for name in stated.objects}
     first = job.settings.objects[0]
     mind = lab.person(TrialPlan.checked({"object": first, "spec": specs[first], "seed": seed, **same}))

@@ -22,6 +22,7 @@ from tega.study.state import derive, events_path
 
 if TYPE_CHECKING:
     from tega.sim.operator import RulesVersion, ViewName
+    from tega.sim.seams import Shear
     from tega.sim.world import ObjectSpec
 
 
@@ -71,6 +72,7 @@ def simulate(
     settings: tuple[str, ...] = (),
     rules: RulesVersion = 1,
     view: ViewName = "direct",
+    shear: Shear = "off",
     jobs: int = 0,
     shard: tuple[int, int] = (1, 1),
     dask: str = "",
@@ -91,6 +93,7 @@ def simulate(
         settings: Of the loop, as ``key=value``: stages, layout and mirror.
         rules: Version of the rules that the people follow.
         view: Sight of the hand while the object is held.
+        shear: Of the gels, see :class:`tega.sim.gel.Gel`.
         jobs: Worker processes; 0 for as many as there are cores.
         shard: ``(i, n)``: only the i-th of n parts of the people, from 1.
         dask: Address of a dask scheduler, whose workers are used instead of this machine's cores.
@@ -119,6 +122,7 @@ def simulate(
         settings=settings,
         rules=rules,
         view=view,
+        shear=shear,
     )
     mine = plan.participants[part - 1 :: parts]
     run_sessions(jobs_of(folder, plan, stated, mine), workers=jobs, dask=dask, progress=progress)
@@ -141,10 +145,11 @@ def made_study(
     settings: tuple[str, ...] = (),
     rules: RulesVersion = 1,
     view: ViewName = "direct",
+    shear: Shear = "off",
 ) -> tuple[StudyPlan, Assumptions]:
     """Plan a study in silico and write plan and assumptions, or find the same ones; see :func:`simulate`.
 
-    ``everyone``, ``preset``, ``settings``, ``rules`` and ``view`` are those of
+    ``everyone``, ``preset``, ``settings``, ``rules``, ``view`` and ``shear`` are those of
     :class:`tega.study.silico.assumptions.Assumptions`.
     """
     from tega.sim.conditions import SESSION_CONDITIONS
@@ -175,6 +180,7 @@ def made_study(
         settings=settings,
         rules=rules,
         view=view,
+        shear=shear,
     )
     ensure_plan(plan, folder, assumption_files(stated, content))
     return plan, stated

@@ -77,8 +77,19 @@ def bench_session(
     condition: Condition,
     n_lifts: int,
     rules: RulesVersion = 2,
+    **more: object,
 ) -> BenchSession:
-    """Let a person who knows nothing yet practise and lift an object some times."""
+    """Let a person who knows nothing yet practise and lift an object some times.
+
+    Args:
+        seed: Who.
+        spec: What is lifted.
+        view: Sight of the hand while it holds.
+        condition: The arm.
+        n_lifts: How often.
+        rules: Version of the rules.
+        more: Further attributes of :class:`tega.sim.plan.TrialPlan`.
+    """
     plan = TrialPlan.checked(
         {
             "object": spec.name,
@@ -87,9 +98,10 @@ def bench_session(
             "seed": seed,
             "view": view,
             "rules": rules,
+            **more,
         }
     )
-    lab = lab_of(seed, plan.preset)
+    lab = lab_of(seed, plan.preset, plan.settings, plan.shear)
     mind = lab.person(plan)
     practise(lab, plan, mind)
     lifts, fatigue = [], 0.0

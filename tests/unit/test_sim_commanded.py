@@ -1,0 +1,75 @@
+"""Ways from the person to the hand: EMG and decoder, the muscles' drive, the level aimed at; and the ladder of them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+pytest.importorskip("mujoco")
+
+from tega.errors import InvalidValueError
+from tega.sim.commanded import HandWay, level_of_drive
+from tega.sim.conditions import Condition
+from tega.sim.operator.motor import level_effort
+from tega.sim.operator.person import typical_person
+from tega.sim.plan import TrialPlan
+from tega.sim.streams import Streams
+from tega.sim.trial import run_trial
+from tega_figures.information.ladder import RUNGS, LadderSession, steps, table_text
+from tega_figures.information.sessions import BenchSession, LiftOutcome
+
+
+def levels(hand: HandWay, **fields: Any) -> list[tuple[float, int]]:
+    """Return times and levels of a lift's blocks of EMG."""
+    streams = Streams()
+    plan = {"object": "container", "condition": "non-haptic", "seed": 5, "hand": hand, **fields}
+    run_trial(TrialPlan.checked(plan), streams=streams)
+    times = streams.array("levels", "t_s").tolist()
+    return list(zip(times, streams.array("levels", "fused").tolist(), strict=True))
+
+
+def test_the_level_aimed_at_goes_to_the_hand_without_emg_or_muscles_in_between() -> None:
+    aimed = levels("aim", operator="scripted")
+    assert {level for _, level in aimed} == {1, 2, 3}
+    # The script's third level begins at 2.3 s, and the block that ends then has it.
+    assert next(t_s for t_s, level in aimed if level == 3) == pytest.approx(2.3, abs=0.11)
+    decoded = levels("decoder", operator="scripted")
+    assert [t_s for t_s, _ in decoded] == [t_s for t_s, _ in aimed]
+    assert decoded != aimed
+
+
+def test_the_drive_is_read_as_the_quarter_of_the_effort_that_it_lies_in() -> None:
+    motor = typical_person().motor
+    for level in range(1, 6):
+        assert level_of_drive(0.7 * level_effort(motor, level), 0.7) == level
+    assert (level_of_drive(0.0, 0.7), level_of_drive(1.15, 0.7)) == (1, 5)
+    driven, aimed = levels("drive", operator="simulated"), levels("aim", operator="simulated")
+    assert driven != aimed
+    with pytest.raises(InvalidValueError, match="hand"):
+        TrialPlan.checked({"object": "bag", "hand": "glove"})
+
+
+def test_each_rung_is_compared_with_no_vest_on_the_same_way_to_the_hand() -> None:
+    def session(seed: int, condition: Condition, hand: HandWay, slid_mm: float) -> LadderSession:
+        lift = LiftOutcome(slid_mm, True, False, 0, 0, 3.0, 15.0)  # a named tuple of a lift
+        return LadderSession(
+            hand,
+            BenchSession(
+                seed=seed, object="bag", view="hidden", condition=condition, rules=3, people="", lifts=[lift]
+            ),
+        )
+
+    ways: list[HandWay] = ["aim", "drive", "decoder"]
+    sessions = [
+        session(seed, "non-haptic", hand, 10.0 + 5 * place + seed)
+        for seed in (1, 2, 3)
+        for place, hand in enumerate(ways)
+    ]
+    sessions += [session(seed, r.condition, r.hand, 4.0 + seed) for seed in (1, 2, 3) for r in RUNGS[:4]]
+    found = steps(sessions)
+    assert [rung for rung, _ in found] == list(RUNGS[:4])
+    assert [off["slid"].mean for _, off in found] == pytest.approx([-6, -6, -6, -11])
+    text = table_text(sessions)
+    assert "| `haptic` | drive |" in text
+    assert "| `haptic` | decoder |" not in text
