@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import sys
@@ -13,7 +14,7 @@ from typing import Any
 import pytest
 
 cv2 = pytest.importorskip("cv2")
-pytest.importorskip("av")
+av = pytest.importorskip("av")
 pytest.importorskip("foxglove")
 
 from reference.film_server import FilmServer  # noqa: E402
@@ -223,6 +224,27 @@ def test_a_run_without_recording_and_page_opens_no_camera(tmp_path: Path) -> Non
     del tree["recording"]
     summary = filmed(tree, tmp_path)
     assert "scene: no camera was opened: the run was neither recorded nor shown" in summary["notes"]
+
+
+def test_episodes_that_filmed_themselves_are_a_dataset_with_the_camera(tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow")
+    from tega.lerobot import export_lerobot
+
+    film(tmp_path / "film.avi", 60)
+    tree = settings(tmp_path / "session", {"name": "front", "source": "film.avi"}, duration_s=1.5)
+    tree["tactile"] = {"thumb": {"driver": "synthetic-touch", "options": {"duration_s": 5.0}}}
+    files = [tmp_path / "session" / str(filmed(tree, tmp_path)["recording"]["file"]) for _ in range(2)]
+    out = export_lerobot(files, tmp_path / "dataset", fps=10)
+    told = json.loads((out / "meta" / "info.json").read_text())
+    assert told["features"]["observation.images.front"]["shape"] == [HIGH, WIDE, 3]
+    episodes = json.loads((out / "meta" / "tega.json").read_text())["episodes"]
+    with av.open(str(out / "videos/observation.images.front/chunk-000/file-000.mp4")) as opened:
+        numbers = [number_of(frame.to_ndarray(format="bgr24")) for frame in opened.decode(video=0)]
+    assert len(numbers) == told["total_frames"] > 20
+    assert len(episodes) == 2
+    first = numbers[: told["total_frames"] // 2 - 1]
+    assert first == sorted(first)
+    assert first[-1] > 10
 
 
 def test_doctor_films_each_camera_for_a_moment(tmp_path: Path) -> None:

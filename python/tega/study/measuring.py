@@ -14,9 +14,9 @@ from tega.errors import InvalidValueError, RecordingError
 from tega.scene.layout import TagLayout
 from tega.scene.lens import Lens
 from tega.scene.outcomes import SceneOutcome, score_scene
+from tega.scene.own_film import own_film, own_recording
 from tega.scene.pictures import read_pictures, times_path
 from tega.scene.track import track_scene
-from tega.study.filmed_trials import own_recording, trial_film
 from tega.study.journal import Journal, JournalEvent, Kind, counting, read_events
 from tega.study.lead.trial import recording_folder
 from tega.study.measured import CAMERA, measured_path, read_measured
@@ -153,7 +153,7 @@ def _own_films(folders: Sequence[Path], camera: str | None) -> Iterator[_Film]:
     for folder in folders:
         with tempfile.TemporaryDirectory() as beside:
             try:
-                film = trial_film(own_recording(folder), camera, Path(beside))
+                film = own_film(own_recording(folder), camera, Path(beside))
             except RecordingError as error:
                 yield _Film(problem=str(error))
                 continue

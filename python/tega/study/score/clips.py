@@ -19,8 +19,8 @@ from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingErro
 from tega.foreign_file import parse_json, read_foreign
 from tega.plain_name import plain_name
 from tega.recording.mcap_reader import McapReader
+from tega.scene.own_film import filmed_cameras, own_recording
 from tega.study.detecting import DETECTOR, read_detected
-from tega.study.filmed_trials import filmed_cameras, own_recording
 from tega.study.journal import counting, read_events
 from tega.study.observers import observer_path
 from tega.study.order import shuffled

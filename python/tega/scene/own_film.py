@@ -1,4 +1,4 @@
-"""Find what scene cameras of the settings filmed of a trial: in its own recording, with lens and tags beside it."""
+"""Find what scene cameras of the settings filmed of a run: in its own recording, with lens and tags beside it."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from tega.scene.record import export_camera
 _LENS, _LAYOUT = "lens-{}.json", "layout-{}.toml"
 
 
-class TrialFilm(NamedTuple):
-    """What one camera filmed of one trial.
+class OwnFilm(NamedTuple):
+    """What one camera filmed of one run.
 
     Attributes:
         camera: Its name.
@@ -32,7 +32,7 @@ class TrialFilm(NamedTuple):
 
 
 def own_recording(folder: Path) -> Path:
-    """Return a trial's recording.
+    """Return the recording in a trial's folder.
 
     Raises:
         RecordingError: There is none, or more than one.
@@ -55,11 +55,11 @@ def filmed_cameras(reader: McapReader) -> list[str]:
     return sorted(topic.removeprefix("/scene/").removesuffix("/video") for topic in topics)
 
 
-def trial_film(recording: Path, camera: str | None, beside: Path) -> TrialFilm:
-    """Write what a camera filmed of a trial as a video with a time code.
+def own_film(recording: Path, camera: str | None, beside: Path) -> OwnFilm:
+    """Write what a camera filmed of a run as a video with a time code.
 
     Args:
-        recording: The trial's.
+        recording: The run's.
         camera: Its name; ``None`` for the only one, or the only one that has a lens.
         beside: Folder for the video.
 
@@ -86,4 +86,4 @@ def trial_film(recording: Path, camera: str | None, beside: Path) -> TrialFilm:
     if (data := reader.files.get(_LAYOUT.format(camera))) is not None:
         (kept := beside / "layout.toml").write_bytes(data)
         layout = load_layout(kept)
-    return TrialFilm(camera, video, lens, layout)
+    return OwnFilm(camera, video, lens, layout)
