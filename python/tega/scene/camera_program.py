@@ -14,19 +14,19 @@ from tega.recording.recorder_pipe import program_pipes, receive_object
 from tega.scene.filming import Filming
 
 _TOLD_S = 0.25
-# The run and its recorder go first where all want the processor.
+# Where the run has no real-time priority it goes first so.
 _NICE = 5
 
 
 def main() -> None:
     """Film from the run's word on until its input ends."""
     asked, answers = program_pipes()
-    if hasattr(os, "nice"):
-        os.nice(_NICE)
     try:
-        camera, shows = receive_object(asked)
+        camera, shows, gives_way = receive_object(asked)
     except EOFError:  # the run was killed as soon
         return
+    if gives_way and hasattr(os, "nice"):
+        os.nice(_NICE)
     try:
         film = Filming(
             camera,

@@ -183,7 +183,8 @@ class _FilmingProcess:
             **own_group(),
         )
         self._process = process
-        self._tell((self.camera, self._shows))
+        with run_realtime("beside") as real_time:
+            self._tell((self.camera, self._shows, not real_time))
         return process
 
     def _since_ns(self) -> int:
