@@ -28,6 +28,7 @@ from tega.devices.registry import driver_class
 from tega.errors import ConfigError, InvalidValueError
 from tega.motor_layout import find_layout
 from tega.net.settings import checked_net
+from tega.scene.settings import checked_cameras
 from tega.stages.registry import stage_class
 
 
@@ -95,6 +96,7 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
         tactile=tactile,
         arm=arm,
         net=net,
+        scene=checked_cameras(config.scene, base, config.session.pace),
         emg=with_options(config.emg, "emg", "emg"),
         vest=with_options(config.vest, "vest", "vest"),
         hand=with_options(config.hand, "hand", "hand"),

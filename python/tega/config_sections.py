@@ -22,6 +22,7 @@ from tega.errors import ConfigError
 from tega.haptics import FINGERS
 from tega.net.settings import NetSection
 from tega.safety.settings import SafetySection
+from tega.scene.settings import SceneConfig
 
 if TYPE_CHECKING:
     from tega.arm.pose import Pose
@@ -46,6 +47,7 @@ __all__ = [
     "Pace",
     "RecordingSection",
     "ReflexSection",
+    "SceneConfig",
     "SessionConfig",
     "SessionSection",
     "StageConfig",
@@ -491,5 +493,6 @@ class SessionConfig(_Section, frozen=True):
     recording: RecordingSection = RecordingSection()
     markers: MarkersSection = MarkersSection()
     masking: MaskingSection = MaskingSection()
+    scene: tuple[SceneConfig, ...] = ()
     net: NetSection | None = None
     safety: SafetySection = SafetySection()

@@ -72,7 +72,8 @@ def config_text(config: SessionConfig) -> str:
         >>> print(config_text(SessionConfig()).splitlines()[0])
         [session]
     """
-    return tree_text(msgspec.to_builtins(config, enc_hook=_plain))
+    tree = msgspec.to_builtins(config, enc_hook=_plain)
+    return tree_text({key: section for key, section in tree.items() if key != "scene" or section})
 
 
 def _plain(value: object) -> Any:

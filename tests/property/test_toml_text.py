@@ -16,9 +16,9 @@ plain = (
     | st.booleans()
     | st.integers(-(2**63), 2**63 - 1)
     | st.floats(allow_nan=False)
-    | st.datetimes(datetime(2026, 1, 1), datetime(2027, 1, 1), timezones=st.timezones()).map(
-        lambda t: t.replace(microsecond=0)
-    )
+    | st.datetimes(
+        datetime(2026, 1, 1), datetime(2027, 1, 1), timezones=st.timezones(), allow_imaginary=False
+    ).map(lambda t: t.replace(microsecond=0))
 )
 values = st.recursive(
     plain,

@@ -11,7 +11,8 @@ from foxglove import channels, messages
 from numpy.typing import NDArray
 
 from tega.recording.mcap_file import McapFile
-from tega.scene.video import SceneEncoder, VideoFormat
+from tega.scene.settings import VideoFormat
+from tega.scene.video import SceneEncoder
 
 EPOCH_NS = 10**18
 SIZE = (96, 64)

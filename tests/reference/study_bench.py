@@ -22,6 +22,7 @@ class StandingBench:
     sees_height = False
     closure: Any = None
     rest_tasks: Any = ()
+    measurable = False
 
     def __init__(self, *, own_time: bool = False) -> None:
         self.own_time = own_time

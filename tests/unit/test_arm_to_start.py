@@ -149,6 +149,17 @@ def test_an_arm_that_was_held_back_does_not_catch_up() -> None:
     assert arm.way.there
 
 
+def test_a_short_way_ends_where_it_is_to_end() -> None:
+    """A limit below the way's own speed, as in an arm's first hour: the target is led no further than the start."""
+    here = (0.5, 0.0, 0.3)
+    arm = _Simulated(_pose((0.5, 0.0, 0.32)), _pose(here), LimitSettings(speed_m_s=0.05))
+    arm.ticks(5, held=False)
+    arm.ticks(400, held=True)
+    assert arm.way.there
+    highest_m = max(command.target.position_m[2] for command in arm.course if command.target is not None)
+    assert highest_m == pytest.approx(0.32, abs=0.0005)
+
+
 @pytest.mark.parametrize(
     ("sets", "said"),
     [

@@ -32,7 +32,8 @@ from tega.replay.play import play_file
 from tega.replay.playhead import Playhead
 from tega.replay.recorded import read_recorded
 from tega.scene.decode import SceneDecoder, ScenePicture, stands_alone
-from tega.scene.video import SceneEncoder, VideoFormat
+from tega.scene.settings import VideoFormat
+from tega.scene.video import SceneEncoder
 from tega.stages.base import MeasuredPicture
 from tega.stages.choose import finger_metric
 from tega.stages.metrics import contact_metrics_of

@@ -23,7 +23,8 @@ from tega.recording.mcap_reader import McapReader  # noqa: E402
 from tega.scene.decode import SceneDecoder  # noqa: E402
 from tega.scene.pictures import read_pictures, read_times, times_path  # noqa: E402
 from tega.scene.record import export_camera, record_cameras  # noqa: E402
-from tega.scene.video import SceneEncoder, VideoFormat  # noqa: E402
+from tega.scene.settings import VideoFormat  # noqa: E402
+from tega.scene.video import SceneEncoder  # noqa: E402
 
 SIZE = (160, 120)
 

@@ -64,6 +64,7 @@ class WayToStart(Opened):
         self._holds = 0
         self._held_from: tuple[Pose, Pose] | None = None
         self._last_ns: int | None = None
+        self._rests = True
         self.state = self.reason = ""
         self.left_m: float | None = None
         self.off_m: float | None = None
@@ -98,8 +99,8 @@ class WayToStart(Opened):
             self._held_from = Pose(self._place.copy(), self._turn.copy()), target
             self._ways = self._ways_from(target)
         turned = _size(between(target.quaternion_xyzw, self._start.quaternion_xyzw))
-        rests = math.hypot(*turn.velocity[:3]) < _RESTS_M_S
-        self.there = self.left_m < _THERE_M and turned < _THERE_RAD and rests
+        self._rests = math.hypot(*turn.velocity[:3]) < _RESTS_M_S
+        self.there = self.left_m < _THERE_M and turned < _THERE_RAD and self._rests
 
     def _ways_from(self, target: Pose) -> list[Pose]:
         """Return where to go one after the other: never down or aside before it is as high as the start."""
@@ -123,7 +124,9 @@ class WayToStart(Opened):
         goal, (place, turn) = self._ways[0], held_from[0]
         ahead = (self._place - place) - (target.position_m - held_from[1].position_m)
         if _size(ahead) < _AHEAD_M:
-            self._place = self._place + _step(goal.position_m - target.position_m, SPEED_M_S * dt_s)
+            # While the target still goes where the forearm is already, that much is on its way.
+            left = goal.position_m - target.position_m - (0.0 if self._rests else ahead)
+            self._place = self._place + _step(left, SPEED_M_S * dt_s)
         ahead = between(turn, self._turn) - between(held_from[1].quaternion_xyzw, target.quaternion_xyzw)
         if _size(ahead) < _AHEAD_RAD:
             away = between(target.quaternion_xyzw, goal.quaternion_xyzw)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -23,18 +24,18 @@ def scene() -> None:
     """Score lifts by cameras that see printed tags on table, hand and object."""
 
 
-def _optics(function: Callable[..., None]) -> Callable[..., None]:
+def _optics(function: Callable[..., None], *, required: bool = True) -> Callable[..., None]:
     for option in (
         click.option(
             "--harm-mm", type=click.FloatRange(0.1, 100), default=6.0, show_default=True,
             help="How far the object must narrow to count as deformed, mm.",
         ),
         click.option(
-            "--layout", "layout_file", type=_FILE, required=True, metavar="TAGS.toml",
+            "--layout", "layout_file", type=_FILE, required=required, metavar="TAGS.toml",
             help="File that says where the tags are.",
         ),
         click.option(
-            "--lens", "lens_file", type=_FILE, required=True, metavar="CAM.json", help="The camera's intrinsics."
+            "--lens", "lens_file", type=_FILE, required=required, metavar="CAM.json", help="The camera's intrinsics."
         ),
     ):  # fmt: skip
         function = option(function)
@@ -200,22 +201,23 @@ def _tell(outcome: SceneOutcome, indent: str = "") -> None:
 )
 @click.argument("folder", type=_FOLDER)
 @click.argument("participant")
-@click.argument("video", type=_FILE)
-@_optics
+@click.argument("video", required=False, metavar="[VIDEO|CAMERA]")
+@partial(_optics, required=False)
 @json_option
 def measure(
     *,
     folder: Path,
     participant: str,
-    video: Path,
-    lens_file: Path,
-    layout_file: Path,
+    video: str | None,
+    lens_file: Path | None,
+    layout_file: Path | None,
     harm_mm: float,
     as_json: bool,
 ) -> None:
-    """Score the trials of a study's session from a video with a time code; study score compares them with the raters.
+    """Score the trials of a study's session by a camera; study score compares them with the raters.
 
-    Writes sessions/ID/measured.jsonl. With --json: {"trials": [{"participant", "trial", "attempt", "object", "outcome",
+    Without a video: by what a camera of the settings filmed into each trial's recording. Writes
+    sessions/ID/measured.jsonl. With --json: {"trials": [{"participant", "trial", "attempt", "object", "outcome",
     "problem"}]}, an outcome as scene score says it.
     """
     import msgspec
@@ -224,8 +226,17 @@ def measure(
     from tega.scene.lens import load_lens
     from tega.study.measuring import measure_session
 
+    is_file = video is not None and ("." in video or Path(video).exists())
+    if is_file and (lens_file is None or layout_file is None):
+        raise click.UsageError("a video needs --lens CAM.json and --layout TAGS.toml")
     found = measure_session(
-        folder, participant, video, load_lens(lens_file), load_layout(layout_file), harm_m=harm_mm / 1000
+        folder,
+        participant,
+        Path(video) if is_file and video is not None else None,
+        None if lens_file is None else load_lens(lens_file),
+        None if layout_file is None else load_layout(layout_file),
+        camera=None if is_file else video,
+        harm_m=harm_mm / 1000,
     )
     if as_json:
         echo_json({"trials": msgspec.to_builtins(found)})
@@ -338,7 +349,7 @@ def record(
 ) -> None:
     """Record cameras (number, /dev/video0, rtsp://, a video file) on the clock that sessions of this machine keep.
 
-    With --json: {"cameras": {name: {"pictures", "missed", "longest_gap_s", "trouble"}}}.
+    With --json: {"cameras": {name: {"pictures", "seen", "dropped", "missed", "longest_gap_s", "lost", "trouble"}}}.
     """
     import time
 
@@ -365,7 +376,8 @@ def record(
         return
     for name, tally in found.items():
         click.echo(
-            f"{name}: {tally.pictures} pictures, {tally.missed} missed, longest gap {1000 * tally.longest_gap_s:.0f} ms"
+            f"{name}: {tally.pictures} pictures, {tally.dropped} dropped, {tally.missed} missed, longest gap "
+            f"{1000 * tally.longest_gap_s:.0f} ms"
             f"{'; ' + tally.trouble if tally.trouble else ''}"
         )
 

@@ -11,6 +11,7 @@ from tega.doctor.bench import try_all
 from tega.doctor.calibration import check_calibration
 from tega.doctor.case import DriverCase
 from tega.doctor.findings import Examination, Finding
+from tega.doctor.scene import check_scene
 
 DEADLINE_S: Final = 30.0
 """Deadline of everything: a slow amplifier measures its rate for ten seconds before it is refused."""
@@ -34,7 +35,7 @@ def examine(
         deadline_s: How long all devices together may take, side by side.
     """
     cases = cases_of(config)
-    if not cases:
+    if not cases and not config.scene:
         nothing = Finding(
             check="settings",
             status="doubt",
@@ -50,7 +51,7 @@ def examine(
     left = {id(case) for case, _ in twice}
     findings = try_all([case for case in cases if id(case) not in left], deadline_s)
     calibration = check_calibration(config, settings=settings or name)
-    others = [finding for _, finding in twice] + check_arm(config)
+    others = [finding for _, finding in twice] + check_arm(config) + check_scene(config)
     return Examination(settings=name, findings=(*findings, *others, *calibration))
 
 

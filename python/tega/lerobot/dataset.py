@@ -8,16 +8,17 @@ The layout is the public one: ``meta/info.json``, ``meta/stats.json``, ``meta/ta
 from __future__ import annotations
 
 import json
+import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from tega.errors import ConfigError, RecordingError
 from tega.foreign_file import tells_damage
 from tega.lerobot.episode import Episode, read_episode
-from tega.lerobot.scene import check_scene, scene_frames
+from tega.lerobot.scene import check_scene, own_scenes, scene_frames
 from tega.lerobot.stats import figures
 from tega.lerobot.video import (
     CODEC,
@@ -69,7 +70,8 @@ def export_lerobot(
         folder: Where to; new or empty.
         fps: Frames per second.
         task: What was done, in words; ``None`` for what each session's index says of a recording, else ``grasp``.
-        scenes: Videos of scene cameras with their time codes, by the cameras' names.
+        scenes: Videos of scene cameras with their time codes, by the cameras' names; none for what the recordings'
+            own cameras filmed.
 
     Returns:
         The folder.
@@ -89,10 +91,13 @@ def export_lerobot(
         plain_name(name, what="camera", source="--scene")
         shapes[name] = check_scene(video)
     folder.mkdir(parents=True, exist_ok=True)
-    dataset = _Dataset(folder, fps, scenes, shapes)
+    dataset = _Dataset(folder, fps)
     try:
         for path in paths:
-            _add(path, dataset, fps, task or recorded_task(path) or UNLABELLED)
+            with tempfile.TemporaryDirectory() as beside:
+                mine = scenes or own_scenes(path, Path(beside))
+                sizes = shapes or {name: check_scene(video) for name, video in mine.items()}
+                _add(path, dataset.filmed(mine, sizes), fps, task or recorded_task(path) or UNLABELLED)
     finally:
         dataset.close()
     return folder
@@ -105,12 +110,12 @@ def _add(path: Path, dataset: _Dataset, fps: int, task: str) -> None:
 
 
 class _Dataset:
-    def __init__(
-        self, folder: Path, fps: int, scenes: Mapping[str, Path], filmed: Mapping[str, tuple[int, int]]
-    ) -> None:
+    def __init__(self, folder: Path, fps: int) -> None:
         self._arrow: Any = require("pyarrow", driver="export", extra="lerobot")
         self._parquet: Any = require("pyarrow.parquet", driver="export", extra="lerobot")
-        self._folder, self._fps, self._scenes, self._filmed = folder, fps, scenes, filmed
+        self._folder, self._fps = folder, fps
+        self._scenes: Mapping[str, Path] = {}
+        self._filmed: Mapping[str, tuple[int, int]] = {}
         self._tasks: list[str] = []
         self._cameras: dict[str, EpisodeCamera] = {}
         self._features: dict[str, Any] = {}
@@ -120,6 +125,11 @@ class _Dataset:
         self._rows: dict[str, list[NDArray[Any]]] = {}
         self._sources: list[dict[str, Any]] = []
         self._n_frames = 0
+
+    def filmed(self, scenes: Mapping[str, Path], sizes: Mapping[str, tuple[int, int]]) -> Self:
+        """Take the next episode's scene cameras from these videos; return this."""
+        self._scenes, self._filmed = scenes, sizes
+        return self
 
     def add(self, episode: Episode, task: str) -> None:
         """Add an episode of a task."""

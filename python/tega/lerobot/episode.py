@@ -206,6 +206,8 @@ def _keep(stream: _Stream, message: Message, t_ns: int) -> None:
             stream.add(t_ns, (*value.channels, value.fused))
         case "tega.VestFrame" if topic == "/vest/frame":
             stream.add(t_ns, tuple(value.intensities))
+        case "foxglove.CompressedVideo":
+            stream.add(t_ns, None)  # decoded when it is laid on the frames
         case "tega.CanFrames":
             stream.add(t_ns, (value.level,))
         case "foxglove.JointStates":

@@ -9,7 +9,11 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from tega.errors import RecordingError
+from tega.plain_name import plain_name
+from tega.recording.mcap_reader import McapReader
+from tega.scene.own_film import filmed_cameras
 from tega.scene.pictures import read_pictures, times_path
+from tega.scene.record import export_camera
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -36,6 +40,23 @@ def check_scene(video: Path) -> tuple[int, int]:
         raise RecordingError(f"{video.name}: has no pictures", "export it again")
     height, width = first[1].shape[:2]
     return height, width
+
+
+def own_scenes(recording: Path, beside: Path) -> dict[str, Path]:
+    """Write what a recording's own scene cameras filmed as videos with time codes, and return them by name.
+
+    Args:
+        recording: The recording.
+        beside: Folder for the videos.
+
+    Raises:
+        RecordingError: It is damaged.
+    """
+    names = filmed_cameras(McapReader(recording))
+    for name in names:
+        plain_name(name, what="camera", source=recording.name)
+        export_camera(recording, name, beside / f"{name}.mp4")
+    return {name: beside / f"{name}.mp4" for name in names}
 
 
 def scene_frames(video: Path, episode: Episode) -> Iterator[tuple[NDArray[np.uint8], int]]:

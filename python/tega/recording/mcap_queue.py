@@ -8,7 +8,7 @@ from collections import Counter, deque
 from typing import NamedTuple, Self
 
 from tega.bus import told_drops
-from tega.records import Picture, Record
+from tega.records import Picture, Record, SceneVideo
 
 __all__ = ["BoundedQueue", "Item"]
 
@@ -70,7 +70,11 @@ class BoundedQueue:
 
     def put(self, item: Item) -> bool:
         """Add an item; returns at once (unless told to wait) whether there was room."""
-        limit = self._most_bytes if isinstance(item.record, Picture) else self._most_bytes + RESERVE_BYTES
+        limit = (
+            self._most_bytes
+            if isinstance(item.record, Picture | SceneVideo)
+            else self._most_bytes + RESERVE_BYTES
+        )
         while True:
             with self._lock:
                 if self._closed:

@@ -11,7 +11,7 @@ import numpy as np
 from tega.hand import JOINT_NAMES
 from tega.lifecycle import require
 from tega.recording.mcap_schemas import MESSAGES, PACKAGE, encoded, message_class, schema_bytes
-from tega.records import Joints, LogLine, Picture, PoseRecord, TrackerAxes
+from tega.records import Joints, LogLine, Picture, PoseRecord, SceneVideo, TrackerAxes
 from tega.records.schema import schema_name
 from tega.threads import give_way
 
@@ -65,6 +65,8 @@ class RecordChannels:
         match record:
             case Picture():
                 self._picture(record, log_ns)
+            case SceneVideo():
+                self._video(record, log_ns)
             case Joints():
                 self._joints(record, log_ns)
             case LogLine():
@@ -128,6 +130,12 @@ class RecordChannels:
         channel.log(message, log_time=log_ns)
         summed = msgspec.structs.replace(record, pixels_crc32=zlib.crc32(pixels))
         self._message(_frame_topic(record), summed, log_ns)
+
+    def _video(self, record: SceneVideo, log_ns: int) -> None:
+        message = self._messages.CompressedVideo(
+            timestamp=self._stamp(record.t_ns), frame_id=record.camera, data=record.data, format=record.video
+        )
+        self._channel(record.where, self._channels_of.CompressedVideoChannel).log(message, log_time=log_ns)
 
     def _joints(self, record: Joints, log_ns: int) -> None:
         make = self._messages.JointState

@@ -1,4 +1,6 @@
-"""Send Python objects through a pipe between a run and its recorder's process, pictures and samples as they lie.
+"""Send Python objects through a pipe between a run and a process of its own, pictures and samples as they lie.
+
+The recorder is such a process, and each scene camera has one.
 
 Both ends are this version of TEGA, started by one person: nothing from outside comes through such a pipe.
 """
@@ -6,9 +8,12 @@ Both ends are this version of TEGA, started by one person: nothing from outside 
 from __future__ import annotations
 
 import contextlib
+import os
 import pickle
+import signal
 import struct
 import sys
+import threading
 from io import BufferedReader, BufferedWriter
 from typing import Any
 
@@ -16,6 +21,36 @@ _COUNT = struct.Struct("<I")
 _SIZE = struct.Struct("<Q")
 _PIPE_BYTES = 1 << 20
 _PROTOCOL = 5
+
+
+class AnswerPipe:
+    """Sends answers to the run, from any thread.
+
+    Args:
+        pipe: To the run.
+    """
+
+    def __init__(self, pipe: BufferedWriter) -> None:
+        self._pipe = pipe
+        self._lock = threading.Lock()
+
+    def say(self, *what: Any) -> None:
+        """Send one; nothing happens where the run was killed."""
+        with self._lock, contextlib.suppress(OSError):
+            send_object(self._pipe, what)
+
+
+def program_pipes() -> tuple[BufferedReader, AnswerPipe]:
+    """Return what the run asks through and is answered through, in a program that it has started.
+
+    A key press or a shutdown ends the run, which then ends the program: signals do not. What a library prints goes to
+    the terminal, since it is no answer.
+    """
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
+    said = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
+    return os.fdopen(os.dup(sys.stdin.fileno()), "rb"), AnswerPipe(said)
 
 
 def widen_pipe(pipe: BufferedWriter) -> None:

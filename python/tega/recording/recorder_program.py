@@ -8,17 +8,12 @@ run was killed: what had come is written, and the file stays unfinished for the 
 from __future__ import annotations
 
 import logging
-import os
-import signal
-import sys
-import threading
-from contextlib import suppress
-from io import BufferedReader, BufferedWriter
+from io import BufferedReader
 from typing import Any
 
 from tega.recording.mcap_folder import SessionFolder
 from tega.recording.mcap_recorder import McapRecorder
-from tega.recording.recorder_pipe import receive_object, send_object
+from tega.recording.recorder_pipe import AnswerPipe, program_pipes, receive_object
 from tega.threads import realtime, run_realtime
 
 # What has come through the pipe waits here, and what does not fit waits in the run, where it is dropped and counted.
@@ -29,22 +24,10 @@ _QUEUE_BYTES = 16 * 1024 * 1024
 _UNANSWERED = {"begin", "records"}
 
 
-class _Answers:
-    """Sends answers, log lines and states to the run, from any thread."""
-
-    def __init__(self, pipe: BufferedWriter) -> None:
-        self._pipe = pipe
-        self._lock = threading.Lock()
-
-    def say(self, *what: Any) -> None:
-        with self._lock, suppress(OSError):  # the run was killed
-            send_object(self._pipe, what)
-
-
 class _LogAnswers(logging.Handler):
     """Sends the lines of this program's log to the run."""
 
-    def __init__(self, answers: _Answers) -> None:
+    def __init__(self, answers: AnswerPipe) -> None:
         super().__init__(logging.INFO)
         self._answers = answers
 
@@ -69,7 +52,7 @@ def _carry_out(recorder: McapRecorder, verb: str, content: tuple[Any, ...]) -> A
     return recorder.abandon()
 
 
-def _serve(asked: BufferedReader, answers: _Answers) -> None:
+def _serve(asked: BufferedReader, answers: AnswerPipe) -> None:
     try:
         path, settings, allowed = receive_object(asked)
     except EOFError:  # the run was killed as soon
@@ -107,17 +90,12 @@ def _serve(asked: BufferedReader, answers: _Answers) -> None:
 
 def main() -> None:
     """Record until the run says that it is over, or is no more."""
-    # A key press or a shutdown ends the run, which then finishes the recording.
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.SIG_IGN)
-    said = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
-    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a library prints is no answer
-    answers = _Answers(said)
+    asked, answers = program_pipes()
     logger = logging.getLogger("tega")
     logger.setLevel(logging.INFO)
     logger.addHandler(_LogAnswers(answers))
     logger.propagate = False
-    _serve(os.fdopen(os.dup(sys.stdin.fileno()), "rb"), answers)
+    _serve(asked, answers)
 
 
 if __name__ == "__main__":

@@ -163,6 +163,9 @@ class Recording:
             files["poses.toml"] = ("application/toml", poses.read_bytes())
         for name, data in attached_files(config.stages).items():
             files[name] = ("application/octet-stream", data)
+        for camera in config.scene:
+            for name, path in camera.files().items():
+                files[name] = ("application/octet-stream", path.read_bytes())
         self._recorder.head(told, files)
 
     def begin(self, start_ns: int, now_ns: int) -> None:

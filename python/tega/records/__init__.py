@@ -39,6 +39,7 @@ from tega.records.run import (
     Skip,
     Value,
 )
+from tega.records.scene import SceneVideo
 from tega.records.touch import Contact, Event, NamedValue, Picture
 from tega.records.vest import SentFrame, TriedMotor, VestFrame, VestRecord
 
@@ -81,6 +82,7 @@ __all__ = [
     "RecorderStatus",
     "ReflexGrip",
     "RunState",
+    "SceneVideo",
     "SentFrame",
     "Skip",
     "TrackerAxes",
@@ -94,6 +96,7 @@ __all__ = [
 RECORDS: tuple[type[Record], ...] = (
     Picture,
     Contact,
+    SceneVideo,
     EmgSamples,
     Intent,
     VestFrame,

@@ -136,12 +136,21 @@ def followed_scene(path: Path, bus: Bus, *, start_ns: int, end_ns: int, behind_n
             f"recording of {end_ns / 1e9:.1f} s",
             "name the scene that was recorded beside it, on the same machine",
         )
-    late = {f"/scene/{name}/video": offset.late_ns for name, offset in read_offsets(path).items()}
+    late = camera_delays(path)
     followers: Mapping[str, StreamFollower] = {
         topic: PlayedCamera(topic, [key_ns - zero_ns - late.get(topic, 0) for key_ns in found], bus)
         for topic, found in keys.items()
     }
     return FollowedFile(reader, zero_ns, followers, behind_ns=behind_ns, delays_ns=late)
+
+
+def camera_delays(path: Path) -> dict[str, int]:
+    """Return how late the cameras of a recording are, nanoseconds, by their topics, where that was estimated.
+
+    Raises:
+        RecordingError: The file of the estimates is damaged.
+    """
+    return {f"/scene/{name}/video": offset.late_ns for name, offset in read_offsets(path).items()}
 
 
 def refuse_namesakes(followers: Iterable[StreamFollower]) -> None:

@@ -22,7 +22,7 @@ from tega.inbox.sources import SourceReport
 from tega.recording.mcap_reader import read_picture, table_ns
 from tega.records import EmgSamples
 from tega.replay.followed_file import FollowedFile, PlayedMoment, StreamFollower
-from tega.replay.played_scene import PlayedCamera, followed_scene, refuse_namesakes
+from tega.replay.played_scene import PlayedCamera, camera_delays, followed_scene, refuse_namesakes
 from tega.scene.decode import ScenePicture
 from tega.stages.attached import with_attached
 from tega.stages.base import MeasuredPicture
@@ -188,9 +188,12 @@ class PlayedStreams:
         behind_ns = 2**62 if speed is None else round(_BEHIND_S * 1e9 * max(speed, 1.0))
         facts = recorded.head.facts
         self._files: list[FollowedFile] = []
-        if recorded.reader is not None and (topics := _topics(recorded, measured, bus)):
+        late = camera_delays(path) if recorded.video_keys else {}
+        if recorded.reader is not None and (topics := _topics(recorded, measured, bus, late)):
             zero_ns = _told_ns(path, facts, "epoch_ns")
-            self._files.append(FollowedFile(recorded.reader, zero_ns, topics, behind_ns=behind_ns))
+            self._files.append(
+                FollowedFile(recorded.reader, zero_ns, topics, behind_ns=behind_ns, delays_ns=late)
+            )
         for scene in scenes if bus.wants(ScenePicture) else ():
             start_ns = _told_ns(path, facts, "start_ns")
             self._files.append(
@@ -259,7 +262,9 @@ def _told_ns(path: Path, facts: Mapping[str, str], name: str) -> int:
     return told
 
 
-def _topics(recorded: Recorded, measured: Measured, bus: Bus) -> dict[str, StreamFollower]:
+def _topics(
+    recorded: Recorded, measured: Measured, bus: Bus, late: Mapping[str, int]
+) -> dict[str, StreamFollower]:
     """Return who takes which of the recording's topics."""
     head, topics = recorded.head, dict[str, StreamFollower]()
     zero_ns = table_ns(head.facts, "epoch_ns") or 0
@@ -271,7 +276,7 @@ def _topics(recorded: Recorded, measured: Measured, bus: Bus) -> dict[str, Strea
         topics[EmgSamples.topic] = PlayedSamples(maxima, bus)
     if bus.wants(ScenePicture):
         topics |= {
-            topic: PlayedCamera(topic, [key_ns - zero_ns for key_ns in keys], bus)
+            topic: PlayedCamera(topic, [key_ns - zero_ns - late.get(topic, 0) for key_ns in keys], bus)
             for topic, keys in recorded.video_keys.items()
         }
     return topics

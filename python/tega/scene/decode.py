@@ -10,6 +10,7 @@ import numpy as np
 
 from tega.errors import RecordingError
 from tega.lifecycle import require
+from tega.scene.settings import MOST_CAMERAS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -19,8 +20,6 @@ if TYPE_CHECKING:
 _DECODERS: Final = {"h264": "h264", "av1": "libdav1d"}
 # Four times as many as Full HD has: a packet of some bytes may claim a picture of gigabytes.
 _MOST_PIXELS: Final = 4 * 1920 * 1088
-
-_MOST_CAMERAS: Final = 16
 
 _START: Final = b"\x00\x00\x01"
 _H264_SLICE, _H264_ALONE, _H264_SPS = 1, 5, 7
@@ -148,7 +147,7 @@ def _av1_alone(packet: bytes) -> bool:
 
 def note_key(keys: dict[str, array[int]], message: Message) -> None:
     """Note the log time of a video's picture that stands alone; of sixteen cameras, which no scene has more of."""
-    if message.topic not in keys and len(keys) == _MOST_CAMERAS:
+    if message.topic not in keys and len(keys) == MOST_CAMERAS:
         return
     found = keys.setdefault(message.topic, array("Q"))
     if stands_alone(message.value.format, message.value.data):

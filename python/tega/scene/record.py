@@ -1,8 +1,8 @@
 """Record scene cameras into an MCAP file on the machine's clock, and export them as MP4 with a time code.
 
-Each camera has a thread that reads and encodes; every picture is one ``foxglove.CompressedVideo`` message on
-``/scene/NAME/video``. Its time is when the machine had it, on the monotonic clock that sessions of the same machine
-keep, so that a trial of a study is found in it without more.
+Every picture is one ``foxglove.CompressedVideo`` message on ``/scene/NAME/video``. Its time is when the machine had it,
+on the monotonic clock that sessions of the same machine keep, so that a trial of a study is found in it without more.
+Cameras that a session's settings name are in the session's own recording instead (:mod:`tega.scene.filmed_run`).
 """
 
 from __future__ import annotations
@@ -10,50 +10,30 @@ from __future__ import annotations
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Generator, Mapping
-from contextlib import closing
+from collections.abc import Callable, Mapping
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import msgspec
 
-from tega.errors import DeviceUnavailableError, RecordingError
+from tega.errors import RecordingError
 from tega.foreign_file import tells_damage
 from tega.lifecycle import require
 from tega.plain_name import plain_name
 from tega.recording.mcap_file import McapFile
 from tega.recording.mcap_reader import McapReader, table_ns
+from tega.records import SceneVideo
+from tega.scene.filming import CameraTally, Filming
 from tega.scene.offset_file import read_offsets
 from tega.scene.pictures import times_path
-from tega.scene.sources import is_camera, open_pictures
-from tega.scene.video import SceneEncoder, VideoFormat
+from tega.scene.settings import SceneConfig, VideoFormat
 from tega.whole_file import write_whole
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
 TABLE = "tega.scene"
-_LATE: Final = 1.5
-_LEAVE_S: Final = 5.0
+_Writer = Callable[[list[tuple[int, bytes]]], None]
 _TICKS: Final = 90_000
-
-
-class CameraTally(msgspec.Struct):
-    """Counts of one camera's recording.
-
-    Attributes:
-        pictures: Pictures that were recorded.
-        missed: Pictures that the camera's rate says are missing in gaps between them.
-        longest_gap_s: Longest time between two pictures.
-        trouble: Why it stopped; ``""`` where it was told to.
-    """
-
-    pictures: int = 0
-    missed: int = 0
-    longest_gap_s: float = 0.0
-    trouble: str = ""
 
 
 def record_cameras(
@@ -83,24 +63,31 @@ def record_cameras(
         RecordingError: The file cannot be made.
         MissingExtraError: A package of the extras ``record`` and ``lerobot`` is not installed.
     """
-    threads = []
+    films: dict[str, Filming] = {}
+    writers: dict[str, _Writer] = {}
+    lock = threading.Lock()
     for name, source in cameras.items():
         plain_name(name, what="camera", source="--camera")
-        encoder = SceneEncoder(*size, rate_hz=rate_hz, video=video, crf=crf)
-        pictures = open_pictures(source, size, rate_hz)
-        threads.append(_CameraThread(name, source, pictures, encoder, size=size, rate_hz=rate_hz))
+        settings = SceneConfig(
+            name=name, source=source, width=size[0], height=size[1], rate_hz=rate_hz, video=video, crf=crf
+        )
+        # What writes is made with the file, which is made once every camera is open.
+        films[name] = Filming(settings, give=partial(_give, writers, name))
+        films[name].open()
     file = McapFile(out, lossless=True)
     file.epoch_ns = time.time_ns() - time.monotonic_ns()
     file.metadata(TABLE, {"clock": "monotonic", "epoch_ns": str(file.epoch_ns)})
     try:
-        for thread in threads:
-            thread.begin(file)
-        while not stop() and any(thread.is_alive() for thread in threads):
+        for name, film in films.items():
+            writers[name] = partial(_write, file, lock, name, video)
+            film.begin(0)
+            film.start()
+        while not stop() and any(film.is_alive for film in films.values()):
             time.sleep(0.05)
     finally:
-        for thread in threads:
-            thread.leave()
-        tallies = {thread.name: thread.tally for thread in threads}
+        for film in films.values():
+            film.leave()
+        tallies = {name: film.tally for name, film in films.items()}
         for name, tally in tallies.items():
             told = {key: str(value) for key, value in msgspec.to_builtins(tally).items()}
             file.metadata(f"{TABLE}.{name}", told)
@@ -108,87 +95,17 @@ def record_cameras(
     return tallies
 
 
-class _CameraThread(threading.Thread):
-    """Reads and encodes one camera."""
+def _give(writers: Mapping[str, _Writer], name: str, packets: list[tuple[int, bytes]]) -> None:
+    writers[name](packets)
 
-    def __init__(
-        self,
-        name: str,
-        source: str,
-        pictures: Generator[NDArray[np.uint8]],
-        encoder: SceneEncoder,
-        *,
-        size: tuple[int, int],
-        rate_hz: float,
-    ) -> None:
-        super().__init__(name=name, daemon=True)
-        self._source, self._pictures, self._encoder = source, pictures, encoder
-        self._size, self._rate_hz = size, rate_hz
-        self._leaving = threading.Event()
-        self.tally = CameraTally()
 
-    def begin(self, file: McapFile) -> None:
-        """Begin to record into a file."""
-        channels = require("foxglove.channels", driver="recording", extra="record")
-        messages = require("foxglove.messages", driver="recording", extra="record")
-        channel = channels.CompressedVideoChannel(f"/scene/{self.name}/video", context=file.context)
-
-        def write(packets: list[tuple[int, bytes]]) -> None:
-            for t_ns, data in packets:
-                at_ns = file.epoch_ns + t_ns
-                message = messages.CompressedVideo(
-                    timestamp=messages.Timestamp(*divmod(at_ns, 1_000_000_000)),
-                    frame_id=self.name,
-                    data=data,
-                    format=self._encoder.video,
-                )
-                channel.log(message, log_time=at_ns)
-
-        self._write = write
-        self.start()
-
-    def leave(self) -> None:
-        """End, and wait for that."""
-        self._leaving.set()
-        if self.ident is None:
-            return
-        self.join(_LEAVE_S)
-        if self.is_alive():
-            self.tally.trouble = f"did not answer for {_LEAVE_S:g} s: its last pictures may be missing"
-
-    def run(self) -> None:
-        """Read until told to leave, or until the camera stops."""
-        last_ns = 0
-        try:
-            with closing(self._pictures):
-                for image in self._pictures:
-                    if not is_camera(self._source):
-                        self._leaving.wait(1 / self._rate_hz)
-                    if self._leaving.is_set():
-                        break
-                    self._check(image)
-                    t_ns = time.monotonic_ns()
-                    if last_ns:
-                        self._count_gap((t_ns - last_ns) / 1e9)
-                    last_ns = t_ns
-                    self._write(self._encoder.encode(image, t_ns))
-                    self.tally.pictures += 1
-            self._write(self._encoder.close())
-        except (DeviceUnavailableError, RecordingError) as error:
-            self.tally.trouble = str(error)
-
-    def _count_gap(self, gap_s: float) -> None:
-        self.tally.longest_gap_s = max(self.tally.longest_gap_s, gap_s)
-        if gap_s * self._rate_hz > _LATE:
-            self.tally.missed += round(gap_s * self._rate_hz) - 1
-
-    def _check(self, image: NDArray[np.uint8]) -> None:
-        if image.shape[1::-1] != self._size:
-            raise RecordingError(
-                f"scene camera {self._source}: a picture of {image.shape[1]}×{image.shape[0]}, not "
-                f"{self._size[0]}×{self._size[1]}",
-                "write --size as the camera sends",
-            )
+def _write(
+    file: McapFile, lock: threading.Lock, camera: str, video: VideoFormat, packets: list[tuple[int, bytes]]
+) -> None:
+    """Write packets, which have times on the monotonic clock; each camera has a thread that does so."""
+    for t_ns, data in packets:
+        with lock:
+            file.write(SceneVideo(camera=camera, t_ns=t_ns, data=data, video=video), t_ns)
 
 
 @tells_damage
@@ -245,12 +162,18 @@ def export_camera(recording: Path, name: str, out: Path) -> int:
 
 
 def scene_epoch(reader: McapReader) -> int:
-    """Return the log time at which the machine's monotonic clock was 0, by a scene recording that has been read.
+    """Return the log time at which the machine's monotonic clock was 0, by a recording that has been read.
+
+    Of a session that filmed itself that is by the session's own start.
 
     Raises:
         RecordingError: It does not say.
     """
     table = reader.metadata.get(TABLE, {})
+    if not table and "start_ns" in (session := reader.metadata.get("tega", {})):
+        epoch_ns, start_ns = table_ns(session, "epoch_ns"), table_ns(session, "start_ns")
+        if epoch_ns is not None and start_ns is not None:
+            return epoch_ns - start_ns
     if (epoch_ns := table_ns(table, "epoch_ns")) is None:
         told = table.get("epoch_ns", "")[:40]
         raise RecordingError(

@@ -13,18 +13,13 @@ from tega.opencv import IMAGE_SUFFIXES, load_cv2, read_image
 from tega.scene.calibrate import LensCalibration
 from tega.scene.lens import Lens
 from tega.scene.pictures import read_pictures
+from tega.scene.settings import ADDRESSES, full_source, is_camera
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-_ADDRESSES: Final = ("rtsp://", "rtsps://", "http://", "https://", "udp://", "tcp://")
 _OPEN_MS, _READ_MS = 5000, 3000
 _MOST_PICTURES: Final = 3000
-
-
-def is_camera(source: str) -> bool:
-    """Tell whether a name is a camera: a number, a device such as /dev/video0, or an address."""
-    return source.isdecimal() or source.startswith(("/dev/", *_ADDRESSES))
 
 
 def open_camera(source: str, size: tuple[int, int], rate_hz: float = 30.0) -> Any:
@@ -40,9 +35,9 @@ def open_camera(source: str, size: tuple[int, int], rate_hz: float = 30.0) -> An
         MissingExtraError: OpenCV is not installed.
     """
     cv2 = load_cv2("scene")
-    if source.startswith(_ADDRESSES):
+    if source.startswith(ADDRESSES):
         limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, _OPEN_MS, cv2.CAP_PROP_READ_TIMEOUT_MSEC, _READ_MS]
-        capture = cv2.VideoCapture(source, cv2.CAP_FFMPEG, [*limits, cv2.CAP_PROP_N_THREADS, 1])
+        capture = cv2.VideoCapture(full_source(source), cv2.CAP_FFMPEG, [*limits, cv2.CAP_PROP_N_THREADS, 1])
         fix = "is the address right, its sender on, and the network up?"
     else:
         capture = cv2.VideoCapture(int(source) if source.isdecimal() else source)
@@ -50,7 +45,7 @@ def open_camera(source: str, size: tuple[int, int], rate_hz: float = 30.0) -> An
     if not capture.isOpened():
         capture.release()
         raise DeviceUnavailableError(f"scene camera {source} does not open", fix)
-    if not source.startswith(_ADDRESSES):
+    if not source.startswith(ADDRESSES):
         for setting, value in (
             (cv2.CAP_PROP_FOURCC, cv2.VideoWriter.fourcc(*"MJPG")),
             (cv2.CAP_PROP_FRAME_WIDTH, size[0]),

@@ -8,17 +8,17 @@ from __future__ import annotations
 
 import os
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from tega.errors import InvalidValueError, RecordingError
 from tega.lifecycle import require
+from tega.scene.settings import VideoFormat
+from tega.threads import restored
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-
-VideoFormat = Literal["h264", "av1"]
 
 _ENCODERS: Final[dict[VideoFormat, str]] = {"h264": "libx264", "av1": "libsvtav1"}
 _TICKS: Final = Fraction(1, 1_000_000)
@@ -75,6 +75,8 @@ class SceneEncoder:
         self._context.pix_fmt, self._context.time_base = "yuv420p", _TICKS
         self._context.framerate = Fraction(round(1000 * rate_hz), 1000)
         self._context.options = _options(video, crf, rate_hz)
+        with restored():
+            self._context.open()
         self._times: list[int] = []
         self._last = -1
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import msgspec
 import numpy as np
@@ -13,9 +14,11 @@ from tega.errors import InvalidValueError, RecordingError
 from tega.scene.layout import TagLayout
 from tega.scene.lens import Lens
 from tega.scene.outcomes import SceneOutcome, score_scene
+from tega.scene.own_film import own_film, own_recording
 from tega.scene.pictures import read_pictures, times_path
 from tega.scene.track import track_scene
 from tega.study.journal import Journal, JournalEvent, Kind, counting, read_events
+from tega.study.lead.trial import recording_folder
 from tega.study.measured import CAMERA, measured_path, read_measured
 from tega.study.observe.observing import checked_rater
 from tega.study.observers import RECORDED, WHOLE, observer_path
@@ -61,55 +64,100 @@ class MeasuredTrial(msgspec.Struct, frozen=True):
 
 
 def measure_session(
-    folder: Path, participant: str, video: Path, lens: Lens, layout: TagLayout, *, harm_m: float = 0.006
+    folder: Path,
+    participant: str,
+    video: Path | None = None,
+    lens: Lens | None = None,
+    layout: TagLayout | None = None,
+    *,
+    camera: str | None = None,
+    harm_m: float = 0.006,
 ) -> list[MeasuredTrial]:
-    """Measure the trials of a session in a video with a time code, and write them beside the session's events.
+    """Measure the trials of a session by a camera, and write them beside the session's events.
 
     Args:
         folder: The study's folder.
         participant: Whose session.
-        video: The video; its time code is on the session's clock.
-        lens: Of its camera.
+        video: A video of the whole session; its time code is on the session's clock. ``None`` for what a camera of the
+            settings filmed into each trial's recording.
+        lens: Of the camera; ``None`` for those in the recordings, like the layout.
         layout: Which tags are where.
+        camera: Which camera of the settings; ``None`` for the only one.
         harm_m: Narrowing from which the object counts as deformed, metres.
 
     Raises:
         InvalidValueError: Nobody has that id.
         RecordingError: The study or the video is damaged, has no time code, or shows no trial of the session.
+        CalibrationError: The intrinsics in a recording are damaged.
+        ConfigError: A layout in a recording is damaged.
     """
     plan = read_plan(folder)
     mine = {trial.trial: trial for trial in plan.of(participant)}
     if participant in withdrawn_ids(folder):
         raise RecordingError(f"{participant} has withdrawn", "go on with another participant")
-    if not times_path(video).exists():
-        raise RecordingError(
-            f"{video.name}: has no time code {times_path(video).name}, so nothing says where a trial is in it",
-            "record with tega-teleop scene record, and export",
-        )
-    found: list[tuple[JournalEvent, JournalEvent, MeasuredTrial]] = []
     ended = [
         (start, end)
         for start, end in attempts(read_events(events_path(folder, participant)))
         if end.status in {"done", "failed_task"}
     ]
-    # The video is decoded once: each trial goes on where the one before left off.
-    filmed = read_pictures(video, begin_s=min((start.t_ns for start, _ in ended), default=0) / 1e9)
-    for start, end in ended:
-        outcome, problem = None, ""
-        try:
-            pictures = between(filmed, start.t_ns / 1e9, end.t_ns / 1e9)
-            outcome = score_scene(track_scene(pictures, lens, layout), layout, begin_s=0.0, harm_m=harm_m)
-        except RecordingError as error:
-            problem = str(error)
+    if video is None:
+        films = _own_films([recording_folder(folder, mine[s.trial], s.attempt) for s, _ in ended], camera)
+    else:
+        films = _one_film(video, [start.t_ns for start, _ in ended])
+    found: list[tuple[JournalEvent, JournalEvent, MeasuredTrial]] = []
+    for (start, end), film in zip(ended, films, strict=True):
+        outcome, problem = None, film.problem
+        seen_by, laid = lens or film.lens, layout or film.layout
+        if not problem and (seen_by is None or laid is None):
+            problem = "its recording has no lens and layout: name them, or set them in [[scene]]"
+        if not problem and seen_by is not None and laid is not None:
+            try:
+                pictures = between(film.pictures, start.t_ns / 1e9, end.t_ns / 1e9)
+                outcome = score_scene(track_scene(pictures, seen_by, laid), laid, begin_s=0.0, harm_m=harm_m)
+            except RecordingError as error:
+                problem = str(error)
         seen = MeasuredTrial(
             participant, start.trial, start.attempt, mine[start.trial].object, outcome, problem
         )
         found.append((start, end, seen))
     if not any(seen.outcome for *_, seen in found):
         why = found[0][2].problem if found else "no trial has been run"
-        raise RecordingError(f"{video.name}: no trial of {participant} could be measured: {why}")
+        seen_in = "" if video is None else f"{video.name}: "
+        raise RecordingError(f"{seen_in}no trial of {participant} could be measured: {why}")
     write_measured(measured_path(folder, participant), plan.settings.plan_sha256, found)
     return [seen for *_, seen in found]
+
+
+class _Film(NamedTuple):
+    """Pictures on the machine's clock, and what is known of their camera; or why there are none."""
+
+    pictures: Iterator[tuple[float, NDArray[np.uint8]]] = iter(())
+    lens: Lens | None = None
+    layout: TagLayout | None = None
+    problem: str = ""
+
+
+def _one_film(video: Path, starts_ns: Sequence[int]) -> Iterator[_Film]:
+    """Return the film of a whole session once for each trial: it is decoded once, each goes on where one left off."""
+    if not times_path(video).exists():
+        raise RecordingError(
+            f"{video.name}: has no time code {times_path(video).name}, so nothing says where a trial is in it",
+            "record with tega-teleop scene record, and export",
+        )
+    pictures = read_pictures(video, begin_s=min(starts_ns, default=0) / 1e9)
+    return (_Film(pictures) for _ in starts_ns)
+
+
+def _own_films(folders: Sequence[Path], camera: str | None) -> Iterator[_Film]:
+    """Return what was filmed into each trial's recording."""
+    for folder in folders:
+        with tempfile.TemporaryDirectory() as beside:
+            try:
+                film = own_film(own_recording(folder), camera, Path(beside))
+            except RecordingError as error:
+                yield _Film(problem=str(error))
+                continue
+            yield _Film(read_pictures(film.video), film.lens, film.layout)
 
 
 def between(

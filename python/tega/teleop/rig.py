@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from tega.lsl_events import RunMarkers
     from tega.net.station import Station
     from tega.recording.session import Recording
+    from tega.scene.filmed_run import RunCameras
 
 
 class Rig(NamedTuple):
@@ -45,6 +46,7 @@ class Rig(NamedTuple):
         markers: The streams of markers.
         steering: What leads the arm.
         station: This end of the link to another station.
+        cameras: What films the run.
     """
 
     config: SessionConfig
@@ -57,6 +59,7 @@ class Rig(NamedTuple):
     markers: RunMarkers | None
     steering: Steering | None
     station: Station | None
+    cameras: RunCameras | None
 
 
 def open_rig(
@@ -118,6 +121,7 @@ def open_rig(
     inputs = open_inputs(stack, config)
     if station is not None:
         sinks, inputs = station.sinks(sinks), station.inputs(stack, inputs)
+    cameras = _cameras(stack, config, bus)
     steering = None
     if config.arm is not None:
         steering = open_arm(stack, config, inputs, tracker=None if station is None else station.tracker)
@@ -133,9 +137,10 @@ def open_rig(
         steering=steering,
         station=station,
         condition=condition,
+        cameras=cameras,
     )
     guard.observers.append(on_state)
-    return Rig(config, bus, prepared, sinks, inputs, guard, recording, markers, steering, station)
+    return Rig(config, bus, prepared, sinks, inputs, guard, recording, markers, steering, station, cameras)
 
 
 def _sources(stack: ExitStack, config: SessionConfig) -> tuple[dict[str, TactileSource], EmgSource | None]:
@@ -172,3 +177,15 @@ def _markers(stack: ExitStack, config: SessionConfig, bus: Bus) -> RunMarkers | 
     markers = RunMarkers(config.markers, bus)
     stack.callback(markers.close)
     return markers
+
+
+def _cameras(stack: ExitStack, config: SessionConfig, bus: Bus) -> RunCameras | None:
+    """Open the scene cameras, where what they film is recorded or shown."""
+    from tega.records import SceneVideo
+    from tega.scene.decode import ScenePicture
+
+    if not config.scene or not (bus.wants(SceneVideo) or bus.wants(ScenePicture)):
+        return None
+    from tega.scene.filmed_run import RunCameras
+
+    return RunCameras(config.scene, bus, stack)

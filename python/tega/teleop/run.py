@@ -228,7 +228,10 @@ def _tell(bus: Bus, pacer: Pacer, guard: Guard, trace: LatencyTrace | None) -> N
 
 
 def _steer(flows: ExitStack, rig: Rig, start_ns: int) -> None:
-    """Let the arm follow until the run ends."""
+    """Let the arm follow, and the scene cameras film, until the run ends."""
+    if rig.cameras is not None:
+        rig.cameras.begin(start_ns)
+        flows.callback(rig.cameras.end)
     if rig.steering is not None:
         rig.steering.start(rig.bus, start_ns, may_move=lambda: rig.guard.state == "active")
         flows.callback(rig.steering.stop)

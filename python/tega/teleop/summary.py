@@ -111,6 +111,8 @@ def summarise(state: RunFacts, *, error: BaseException | None = None) -> dict[st
         summary["arm"] = state.rig.steering.summary()
     if state.rig.station is not None:
         summary["net"] = state.rig.station.summary()
+    if state.rig.cameras is not None:
+        summary["scene"] = state.rig.cameras.summary()
     if config.session.pace == "real":
         pacing = state.pacing
         summary["pacing"] = {
@@ -225,6 +227,10 @@ def _notes(state: RunFacts) -> list[str]:
         notes.append(state.trace.last_warning)
     notes += [f"vest: {note}" for vest in state.rig.sinks.live_vests for note in vest.info.notes]
     notes += state.rig.inputs.notes()
+    if state.rig.cameras is not None:
+        notes += state.rig.cameras.notes()
+    elif state.rig.config.scene:
+        notes.append("scene: no camera was opened: the run was neither recorded nor shown")
     if state.rig.steering is not None:
         notes += [f"arm: {note}" for note in state.rig.steering.notes()]
     return notes

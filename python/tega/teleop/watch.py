@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from tega.lsl_events import RunMarkers
     from tega.net.station import Station
     from tega.recording.session import Recording
+    from tega.scene.filmed_run import RunCameras
     from tega.teleop.arm import Steering
     from tega.teleop.condition import MuscleAlert
     from tega.teleop.sinks import Sinks
@@ -35,6 +36,7 @@ def watch_over(
     steering: Steering | None,
     station: Station | None,
     condition: MuscleAlert | None = None,
+    cameras: RunCameras | None = None,
 ) -> Guard:
     """Make the guard of the live devices; recordings are not lost and need nobody.
 
@@ -64,6 +66,8 @@ def watch_over(
     vests = {"vest": lambda: all(optional(vest, "reached") for vest in worn)} if worn else {}
     if recording is not None:
         alerts["recording"] = recording.problem
+    if cameras is not None:
+        alerts["scene"] = cameras.problem
     if markers is not None:
         alerts["markers"] = markers.problem
     if config.session.pace == "real":

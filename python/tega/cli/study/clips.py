@@ -43,9 +43,10 @@ def clips(
 ) -> None:
     """Make blind, shuffled clips of the recorded trials with a BORIS project, or take one back with --take.
 
-    Clips show fingertips, and what --scene filmed, in an order of the rater's own. With --proposals events of rule and
-    detector stand in the project; the modifier "proposal" confirms or rejects each, and a shifted time moves it. Then
-    study score compares; a rater who saw proposals is not compared with rule or detector.
+    Clips show fingertips, and what scene cameras of the settings or --scene filmed, in an order of the rater's own.
+    With --proposals events of rule and detector stand in the project; the modifier "proposal" confirms or rejects each,
+    and a shifted time moves it. Then study score compares; a rater who saw proposals is not compared with rule or
+    detector.
 
     With --json: {"project", "clips", "left_out"}, or with --take {"trials", "unfinished", "added", "proposals"}.
     """

@@ -145,6 +145,8 @@ def run(
             masking=masking,
             stop=stop,
         )
+    if state.next is None and bench.measurable:
+        click.echo(f"tega-teleop scene measure {folder} {participant} scores the trials by rule", err=True)
     if as_json:
         following = None if state.next is None else state.next[0]
         echo_json(

@@ -51,10 +51,10 @@ class BlockQuestions:
         if not self._begun:
             self._begun = key == ENTER
         elif key in _BACK:
-            if answers:
+            if answers and not self.over:
                 self._add("undo", undone=answers[-1].n)
         elif asked is None:
-            self.over = key == ENTER
+            self.over = self.over or key == ENTER
         else:
             with suppress(ValueError):
                 self._add("rating", item=asked.item, value=answer_of(key))

@@ -47,6 +47,7 @@ class TrialBench(Protocol):
         closure: Reads how closed the hand is off its joints; ``None`` where they are not measured.
         where: What the devices are, which the session's events say.
         rest_tasks: What it offers in a rest.
+        measurable: Whether a scene camera films what is needed to measure the trials.
     """
 
     where: Where
@@ -54,6 +55,7 @@ class TrialBench(Protocol):
     own_time: bool
     closure: ClosureScale | None
     rest_tasks: Sequence[RestTask]
+    measurable: bool
 
     def felt(self, condition: str) -> bool:
         """Tell whether the vest shows touch in a condition.
@@ -110,6 +112,7 @@ class LabBench:
         if config.arm is not None and config.arm.start is not None:
             self.rest_tasks = (*self.rest_tasks, start_task(config))
         self.masking = config.masking
+        self.measurable = any(camera.lens is not None for camera in config.scene)
         self._settings = settings
         self.where: Where = where
         self.closure: ClosureScale | None = None
@@ -178,6 +181,7 @@ class SimulatedBench:
     sees_height = True
     own_time = True
     rest_tasks: Sequence[RestTask] = ()
+    measurable = False
 
     def __init__(
         self,

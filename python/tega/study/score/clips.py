@@ -18,6 +18,8 @@ from tega.config import FINGERS
 from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError
 from tega.foreign_file import parse_json, read_foreign
 from tega.plain_name import plain_name
+from tega.recording.mcap_reader import McapReader
+from tega.scene.own_film import filmed_cameras, own_recording
 from tega.study.detecting import DETECTOR, read_detected
 from tega.study.journal import counting, read_events
 from tega.study.observers import observer_path
@@ -129,7 +131,7 @@ def make_clips(
         out: Where to; must not exist, or be empty.
         rater: Who will code; a code that is new.
         proposals: Put what rule and detector say into the project.
-        scenes: Scene recordings of the sessions, made on their machine.
+        scenes: Scene recordings of the sessions, made on their machine; none for what is in the trials' own.
         told: Told how many clips are done, of how many.
 
     Returns:
@@ -146,7 +148,7 @@ def make_clips(
         raise InvalidValueError(f"{rater} has clips already: {key}", "give another --rater")
     if out.exists() and any(out.iterdir()):
         raise InvalidValueError(f"{out}: is not empty", "name a new folder")
-    scene = SceneReel(scenes) if scenes else None
+    filmed = SceneReel(scenes) if scenes else None
     shown, left_out = _shown(folder, rater)
     out.mkdir(parents=True, exist_ok=True)
     clips, observations = [], {}
@@ -155,10 +157,12 @@ def make_clips(
         name = f"clip-{n:03d}"
         video = out / f"{name}.avi"
         try:
+            scene = filmed or _own_scene(trial)
             length_s = write_clip(trial, video, scene)
         except RecordingError as error:
             left_out.append(f"{trial.id}: {error.message}")
             continue
+        left_out += [] if scene is None or filmed else [f"{trial.id}: {said}" for said in scene.problems]
         note_elsewhere(folder, person, video)
         events = _proposals(folder, person, trial) if proposals else []
         clips.append(RaterClip(name, person, trial.trial, trial.attempt, length_s, events))
@@ -170,7 +174,7 @@ def make_clips(
             rate_hz=RATE_HZ,
         )
     told(len(shown), len(shown))
-    left_out += [] if scene is None else scene.problems
+    left_out += [] if filmed is None else filmed.problems
     if not clips:
         raise DeviceUnavailableError(f"no recording can be shown: {'; '.join(left_out)}")
     modifiers = {"finger": (*FINGERS, _NO_FINGER)} | ({"proposal": VERDICTS} if proposals else {})
@@ -188,6 +192,14 @@ def make_clips(
     write_whole(key, msgspec.json.format(msgspec.json.encode(made)) + b"\n")
     write_whole(out / f"{rater}.boris", project)
     return made
+
+
+def _own_scene(trial: RecordedTrial) -> SceneReel | None:
+    """Return what scene cameras of the settings filmed into a trial's recording; ``None`` without any."""
+    if not any(trial.folder.glob("*.mcap")):
+        return None  # of the simulated bench
+    recording = own_recording(trial.folder)
+    return SceneReel([recording]) if filmed_cameras(McapReader(recording)) else None
 
 
 def _shown(folder: Path, rater: str) -> tuple[list[tuple[str, RecordedTrial]], list[str]]:

@@ -43,7 +43,7 @@ class SceneReel:
     """Pictures of scene recordings at moments of one trial after another.
 
     Args:
-        paths: Files that ``scene record`` wrote on the machine of the sessions.
+        paths: Files that ``scene record`` wrote on the machine of the sessions, or recordings that hold scene video.
 
     Attributes:
         cameras: Their names, sorted.

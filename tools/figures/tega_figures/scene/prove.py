@@ -3,7 +3,8 @@
 ``python -m tega_figures.scene.prove OUT.jsonl`` goes through the design below and adds a line a trial; one that is
 there is passed over, so that the same call goes on after a stop. Films (0.4 GB) and the tags that were found in them
 are kept beside it. ``python -m tega_figures.scene.accuracy OUT.jsonl`` makes the page's table of it. The design is
-fixed, and every trial of it is in the table; :data:`CHOSEN_ON` are those that the method was chosen on.
+fixed, and every trial of it is in the table; :data:`CHOSEN_ON` are those that the method was chosen on. A number after
+``OUT.jsonl`` is the seed of the people and of all noise: 1, that of the table, unless given.
 
 The camera's lens is calibrated from rendered pictures of the ChArUco board; the boxes are folded with errors that the
 layout does not know (0.1 mm, 0.2°), the table's sheet is printed with some (0.1 mm, 0.05°), and the height of the
@@ -106,17 +107,16 @@ class ProvenTrial(msgspec.Struct, frozen=True, kw_only=True):
     put_down_mm: float | None = None
 
 
-def design() -> list[tuple[TrialPlan, float, str, bool, bool]]:
+def design(seed: int = 1) -> list[tuple[TrialPlan, float, str, bool, bool]]:
     """Return the trials: plan, pictures a second, film, whether occluded, whether followed until put down."""
     trials: list[tuple[TrialPlan, float, str, bool, bool]] = []
-    for seed in (1,):
-        for friction in (None, 0.45, 0.3):
-            for number, name in enumerate(("bottle", "container", "bag")):
-                for condition in ("haptic", "non-haptic"):
-                    k = len(trials)
-                    plan = TrialPlan(object=name, condition=condition, seed=seed, friction=friction)
-                    film = ("bright", "dim", "bright", "rolling")[(k + seed) % 4]
-                    trials.append((plan, 60.0 if k in {5, 16} else 30.0, film, k % 2 == 0, k % 8 == number))
+    for friction in (None, 0.45, 0.3):
+        for number, name in enumerate(("bottle", "container", "bag")):
+            for condition in ("haptic", "non-haptic"):
+                k = len(trials)
+                plan = TrialPlan(object=name, condition=condition, seed=seed, friction=friction)
+                film = ("bright", "dim", "bright", "rolling")[(k + seed) % 4]
+                trials.append((plan, 60.0 if k in {5, 16} else 30.0, film, k % 2 == 0, k % 8 == number))
     return trials
 
 
@@ -404,25 +404,25 @@ def calibrated(folder: Path) -> Lens:
 
 def main() -> None:
     """Go through the design; what is in the file already is passed over."""
-    out = Path(sys.argv[1])
+    out, seed = Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 1
     lens = calibrated(out.parent)
     lines = out.read_bytes().splitlines() if out.exists() else []
     done = {msgspec.json.decode(line, type=ProvenTrial).name for line in lines}
     # Those that slip first: they are the shortest, too.
     for number, (plan, rate_hz, film, occluded, placed) in sorted(
-        enumerate(design()), key=lambda one: one[1][0].friction or 1.0
+        enumerate(design(seed)), key=lambda one: one[1][0].friction or 1.0
     ):
         if name_of(plan) in done:
             continue
         found: Any = prove(
             plan,
             lens,
-            out.with_name(f"film-{number}.npz"),
+            out.with_name(f"film-{number}.npz" if seed == 1 else f"film-{seed}-{number}.npz"),
             rate_hz=rate_hz,
             film=film,
             occluded=occluded,
             placed=placed,
-            number=number,
+            number=number + 100 * (seed - 1),
         )
         with out.open("ab") as file:
             file.write(msgspec.json.encode(found) + b"\n")

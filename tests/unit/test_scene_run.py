@@ -1,0 +1,297 @@
+"""Scene cameras of the settings film a run into its own recording, in processes of their own, and may go away."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+cv2 = pytest.importorskip("cv2")
+av = pytest.importorskip("av")
+pytest.importorskip("foxglove")
+
+from reference.film_server import FilmServer  # noqa: E402
+from reference.filmed import SIZE, number_of, numbered  # noqa: E402
+from tega.bus import Bus  # noqa: E402
+from tega.config import check_tree, load_config  # noqa: E402
+from tega.doctor import examine  # noqa: E402
+from tega.errors import ConfigError, DeviceUnavailableError, RecordingError, UnsafeNameError  # noqa: E402
+from tega.recording.mcap_reader import McapReader  # noqa: E402
+from tega.records import Alert, SceneVideo  # noqa: E402
+from tega.scene.decode import ScenePicture  # noqa: E402
+from tega.scene.layout import example_layout, save_layout  # noqa: E402
+from tega.scene.lens import Lens, save_lens  # noqa: E402
+from tega.scene.pictures import read_pictures, read_times, times_path  # noqa: E402
+from tega.scene.record import export_camera  # noqa: E402
+from tega.scene.settings import full_source  # noqa: E402
+from tega.teleop import run_session  # noqa: E402
+from tega.toml_text import config_text  # noqa: E402
+
+WIDE, HIGH = 2 * SIZE[0], 2 * SIZE[1]
+
+
+def film(path: Path, n: int = 30) -> Path:
+    """Write a video whose pictures say their numbers."""
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 20, (WIDE, HIGH))
+    for number in range(n):
+        writer.write(cv2.resize(numbered(number), (WIDE, HIGH)))
+    writer.release()
+    return path
+
+
+def settings(folder: Path, *scene: dict[str, Any], duration_s: float = 2.5) -> dict[str, Any]:
+    size = {"width": WIDE, "height": HIGH, "rate_hz": 20.0}
+    return {
+        "session": {"pace": "real", "duration_s": duration_s},
+        "emg": {"driver": "synthetic-emg", "kind": "raw", "options": {"duration_s": duration_s + 5}},
+        "recording": {"dir": str(folder), "stop_free_mib": 0.0},
+        "scene": [{**size, **one} for one in scene],
+    }
+
+
+def filmed(tree: dict[str, Any], base: Path, **how: Any) -> dict[str, Any]:
+    return run_session(check_tree(tree, {}, base=base).config, **how)
+
+
+def test_files_are_filmed_into_the_run_s_own_recording(tmp_path: Path) -> None:
+    film(tmp_path / "film.avi")
+    tree = settings(
+        tmp_path / "session",
+        {"name": "front", "source": "film.avi"},
+        {"name": "side", "source": "film.avi", "video": "av1"},
+    )
+    seen: dict[str, list[tuple[int, int]]] = {"front": [], "side": []}
+    bus = Bus()
+
+    def see(one: ScenePicture) -> None:
+        assert one.image is not None
+        seen[one.camera].append((one.t_ns, number_of(one.image)))
+
+    bus.subscribe(ScenePicture, see, vital=True)
+    summary = filmed(tree, tmp_path, bus=bus)
+    assert summary["recording"]["state"] == "complete"
+    assert not [note for note in summary["notes"] if "scene" in note]
+    for name, video in (("front", "h264"), ("side", "av1")):
+        told = summary["scene"][name]
+        assert (told["seen"], told["pictures"], told["dropped"], told["lost"]) == (30, 30, 0, 0)
+        assert summary["recording"]["written"][f"/scene/{name}/video"] == 30
+        recording = tmp_path / "session" / summary["recording"]["file"]
+        reader = McapReader(recording)
+        messages = [one for one in reader.messages() if one.topic == f"/scene/{name}/video"]
+        assert {(one.schema, one.value.format) for one in messages} == {("foxglove.CompressedVideo", video)}
+        epoch_ns, start_ns = (int(reader.metadata["tega"][key]) for key in ("epoch_ns", "start_ns"))
+        assert export_camera(recording, name, tmp_path / f"{name}.mp4") == 30
+        times = read_times(times_path(tmp_path / f"{name}.mp4"))
+        assert times == [one.log_ns - epoch_ns + start_ns for one in messages]
+        assert times[0] >= start_ns
+        pictures = [number_of(image) for _, image in read_pictures(tmp_path / f"{name}.mp4")]
+        assert pictures == list(range(30))
+        assert [number for _, number in seen[name]] == sorted(number for _, number in seen[name])
+        assert len(seen[name]) > 2
+
+
+def test_a_camera_that_goes_away_is_told_recorded_and_found_again(tmp_path: Path) -> None:
+    """The run goes on meanwhile, and what was filmed before and after can be looked at."""
+    said: list[str] = []
+    bus, n_pictures, dark = Bus(), [0], threading.Event()
+    bus.subscribe(Alert, lambda one: said.append(one.said) if one.name == "scene" else None, vital=True)
+    bus.subscribe(SceneVideo, lambda _: n_pictures.__setitem__(0, n_pictures[0] + 1), vital=True)
+    bus.subscribe(ScenePicture, lambda one: dark.set() if one.image is None else dark.clear(), vital=True)
+    server = FilmServer()
+    done = threading.Event()
+
+    def film_twice() -> None:
+        with server:
+            _until(lambda: n_pictures[0] > 10)
+        _until(lambda: bool(said) and dark.is_set())
+        before = n_pictures[0]
+        with FilmServer(server.port):
+            _until(lambda: n_pictures[0] > before + 10)
+            done.set()
+            time.sleep(0.3)
+
+    thread = threading.Thread(target=film_twice, daemon=True)
+    thread.start()
+    tree = settings(tmp_path / "session", {"name": "front", "source": server.url}, duration_s=120.0)
+    summary = filmed(tree, tmp_path, bus=bus, stop=done.is_set)
+    thread.join()
+    told = summary["scene"]["front"]
+    assert (told["lost"], told["trouble"]) == (1, "")
+    assert any("stopped" in one for one in said)
+    assert said[-1] == ""
+    assert "scene front: lost 1 times and found again" in summary["notes"]
+    recording = tmp_path / "session" / summary["recording"]["file"]
+    alerts = [one.value.said for one in McapReader(recording).messages() if one.schema == "tega.Alert"]
+    assert any("front: scene camera" in one for one in alerts)
+    assert export_camera(recording, "front", tmp_path / "front.mp4") == told["pictures"] > 20
+    assert len(list(read_pictures(tmp_path / "front.mp4"))) == told["pictures"]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="finds the process in /proc")
+def test_a_camera_whose_process_is_killed_gets_another(tmp_path: Path) -> None:
+    bus, n_pictures, killed, done = Bus(), [0], [0], threading.Event()
+
+    def take(_: SceneVideo) -> None:
+        n_pictures[0] += 1
+        if n_pictures[0] == 10:
+            (killed[0],) = _children("tega.scene.camera_program")
+            os.kill(killed[0], signal.SIGKILL)
+        elif n_pictures[0] > 30:
+            done.set()
+
+    bus.subscribe(SceneVideo, take, vital=True)
+    with FilmServer() as server:
+        tree = settings(tmp_path / "session", {"name": "front", "source": server.url}, duration_s=120.0)
+        summary = filmed(tree, tmp_path, bus=bus, stop=done.is_set)
+    told = summary["scene"]["front"]
+    assert (told["lost"], told["trouble"]) == (1, "")
+    recording = tmp_path / "session" / summary["recording"]["file"]
+    assert any("its process ended" in one.value.said for one in McapReader(recording).messages()
+               if one.schema == "tega.Alert")  # fmt: skip
+    assert export_camera(recording, "front", tmp_path / "front.mp4") == n_pictures[0]
+    assert len(list(read_pictures(tmp_path / "front.mp4"))) == n_pictures[0]
+    assert not _children("tega.scene.camera_program")
+
+
+@pytest.mark.parametrize(
+    ("camera", "kind", "said"),
+    [
+        ({"source": "/dev/video98"}, DeviceUnavailableError, "does not open"),
+        ({"source": "nothing.mp4"}, RecordingError, "nothing.mp4"),
+        ({"source": "film.avi", "width": 320}, RecordingError, "a picture of 192×128, not 320×128"),
+    ],
+)
+def test_a_camera_that_is_not_there_refuses_the_run(
+    tmp_path: Path, camera: dict[str, Any], kind: type[Exception], said: str
+) -> None:
+    film(tmp_path / "film.avi", 3)
+    with pytest.raises(kind, match=said):
+        filmed(settings(tmp_path / "session", {"name": "front", **camera}), tmp_path)
+    assert not list((tmp_path / "session").glob("*.mcap*"))
+    assert not _children("tega.scene.camera_program")
+
+
+@pytest.mark.parametrize(
+    ("cameras", "kind", "said"),
+    [
+        ([{"name": "../x", "source": "0"}], UnsafeNameError, "camera '../x'"),
+        ([{"name": "a", "source": "0"}, {"name": "a", "source": "1"}], ConfigError, "two cameras are called 'a'"),
+        ([{"name": "a", "source": "0"}, {"name": "b", "source": "0"}], ConfigError, "0 is named twice"),
+        ([{"name": "a", "source": "0", "width": 641}], ConfigError, r"scene\[0\]: pictures of 641×1080"),
+        ([{"name": "a", "source": "rtsp://me:secret@cam/1"}], ConfigError, "has a password"),
+        ([{"name": "a"}], ConfigError, r"scene\[0\].source: missing"),
+        ([{"name": "a", "source": "0", "video": "vp9"}], ConfigError, "video = 'vp9'"),
+    ],
+)  # fmt: skip
+def test_settings_that_cannot_be_are_refused(
+    cameras: list[dict[str, Any]], kind: type[Exception], said: str, tmp_path: Path
+) -> None:
+    with pytest.raises(kind, match=said):
+        check_tree({"scene": cameras}, {}, base=tmp_path)
+
+
+def test_settings_of_cameras_come_back_from_a_recording_s_copy(tmp_path: Path) -> None:
+    file = tmp_path / "lab.toml"
+    file.write_text(
+        "[[scene]]\nname = 'front'\nsource = 'a.mp4'\n[[scene]]\nname = 'side'\nsource = '2'\ncrf = 25\n"
+    )
+    loaded = load_config(file, environ={})
+    assert loaded.config.scene[0].source == str(tmp_path / "a.mp4")
+    assert loaded.values["scene[1].crf"] == (25, "lab.toml:7")
+    again = tmp_path / "again.toml"
+    again.write_text(config_text(loaded.config))
+    assert load_config(again, environ={}).config.scene == loaded.config.scene
+
+
+def test_a_password_comes_from_the_environment(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    source = "rtsp://me:$TEGA_TEST_LOGIN@cam/1"
+    (camera,) = check_tree({"scene": [{"name": "a", "source": source}]}, {}, base=tmp_path).config.scene
+    with pytest.raises(ValueError, match="is not set"):
+        full_source(camera.source)
+    monkeypatch.setenv("TEGA_TEST_LOGIN", "secret")
+    assert full_source(camera.source) == "rtsp://me:secret@cam/1"
+
+
+def test_a_run_without_recording_and_page_opens_no_camera(tmp_path: Path) -> None:
+    tree = settings(tmp_path, {"name": "front", "source": "/dev/video98"}, duration_s=0.2)
+    del tree["recording"]
+    summary = filmed(tree, tmp_path)
+    assert "scene: no camera was opened: the run was neither recorded nor shown" in summary["notes"]
+
+
+def test_episodes_that_filmed_themselves_are_a_dataset_with_the_camera(tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow")
+    from tega.lerobot import export_lerobot
+
+    film(tmp_path / "film.avi", 60)
+    tree = settings(tmp_path / "session", {"name": "front", "source": "film.avi"}, duration_s=1.5)
+    tree["tactile"] = {"thumb": {"driver": "synthetic-touch", "options": {"duration_s": 5.0}}}
+    files = [tmp_path / "session" / str(filmed(tree, tmp_path)["recording"]["file"]) for _ in range(2)]
+    out = export_lerobot(files, tmp_path / "dataset", fps=10)
+    told = json.loads((out / "meta" / "info.json").read_text())
+    assert told["features"]["observation.images.front"]["shape"] == [HIGH, WIDE, 3]
+    episodes = json.loads((out / "meta" / "tega.json").read_text())["episodes"]
+    with av.open(str(out / "videos/observation.images.front/chunk-000/file-000.mp4")) as opened:
+        numbers = [number_of(frame.to_ndarray(format="bgr24")) for frame in opened.decode(video=0)]
+    assert len(numbers) == told["total_frames"] > 20
+    assert len(episodes) == 2
+    first = numbers[: told["total_frames"] // 2 - 1]
+    assert first == sorted(first)
+    assert first[-1] > 10
+
+
+def test_doctor_films_each_camera_for_a_moment(tmp_path: Path) -> None:
+    film(tmp_path / "film.avi", 60)
+    cameras = [
+        {"name": "front", "source": "film.avi"},
+        {"name": "side", "source": "/dev/video98"},
+        {"name": "back", "source": "nothing.avi"},
+    ]
+    config = check_tree(settings(tmp_path, *cameras), {}, base=tmp_path).config
+    found = {one.check: one for one in examine(config, name="lab.toml").findings}
+    assert [(name, found[f"scene.{name}"].status) for name in ("front", "side", "back")] == [
+        ("front", "fine"),
+        ("side", "missing"),
+        ("back", "missing"),
+    ]
+    assert found["scene.front"].measured["dropped_pictures"] == 0
+    assert "192×128" in found["scene.front"].finding
+
+
+def test_doctor_tells_a_lens_of_another_size(tmp_path: Path) -> None:
+    save_lens(tmp_path / "cam.json", Lens(640, 480, 500.0, 500.0, 320.0, 240.0))
+    save_layout(tmp_path / "tags.toml", example_layout())
+    film(tmp_path / "film.avi")
+    camera = {"name": "front", "source": "film.avi", "lens": "cam.json", "layout": "tags.toml"}
+    config = check_tree(settings(tmp_path, camera), {}, base=tmp_path).config
+    (found,) = (one for one in examine(config, name="lab.toml").findings if one.check == "scene.front")
+    assert (found.status, found.finding) == (
+        "wrong",
+        "cam.json is of pictures of 640×480, and the camera films 192×128",
+    )
+
+
+def _until(true: Any) -> None:
+    while not true():
+        time.sleep(0.02)
+
+
+def _children(module: str) -> list[int]:
+    """Return the processes of this one that run a module, and have not ended."""
+    found = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            status = (folder / "status").read_text()
+            words = (folder / "cmdline").read_bytes()
+        except OSError:
+            continue
+        if f"PPid:\t{os.getpid()}\n" in status and module.encode() in words:
+            found.append(int(folder.name))
+    return found
