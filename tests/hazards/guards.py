@@ -199,10 +199,10 @@ GUARDS: Final = (
         f"{_HAND}a_killed_or_frozen_process_of_the_hand_does_not_leave_it_pushing",
     ),
     Guard(
-        "the hand's process does not see that the run is gone",
-        "        rest = rest[whole:]\n    orders.lose()",
-        "        rest = rest[whole:]",
-        f"{_HAND}a_killed_program_without_a_guard_lets_go_of_the_hand",
+        "the hand's process waits for a run that stands still though nobody else lets go",
+        "if self._guard is None or self._guard.problem:",
+        "if False:",
+        f"{_HAND}a_killed_or_frozen_program_without_a_guard_lets_go_of_the_hand",
     ),
     Guard(
         "the hand's process goes on while the run stands still",

@@ -78,10 +78,11 @@ def test_a_killed_or_frozen_process_of_the_hand_does_not_leave_it_pushing(how: s
         assert running.wait() == 1
 
 
-def test_a_killed_program_without_a_guard_lets_go_of_the_hand() -> None:
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
+def test_a_killed_or_frozen_program_without_a_guard_lets_go_of_the_hand(how: signal.Signals) -> None:
     with Emulator("allegro_port") as hand, steering(hand, guard=False) as running:
         assert hand_guards(running.pid) == []
-        running.kill()
+        running.send_signal(how)
         until(lambda: limp(hand))
 
 
