@@ -8,7 +8,8 @@ for others, whatever such a thread does, and processes that it starts are ordina
 =========== ======== =====================================================================================
 rank        priority whose
 =========== ======== =====================================================================================
-``act``     8        the loop, the hand's thread, the vest's, the muscles': short, and somebody waits for it
+``hand``    9        the hand's process, whose interpreter is its own: nobody waits for what it holds
+``act``     8        the loop, the vest's thread, the muscles': short, and somebody waits for it
 ``measure`` 6        a camera's: it looks at a picture and measures it, in less than a millisecond
 ``beside``  4        everything else in the program, and the recorder's process
 ``picture`` 2        coding a picture, which takes 1 to 2 ms without the interpreter lock
@@ -31,10 +32,10 @@ from typing import Final, Literal
 
 from tega.every import every
 
-Rank = Literal["act", "measure", "beside", "picture"]
+Rank = Literal["hand", "act", "measure", "beside", "picture"]
 
 # Low among real-time threads: the kernel's own, of drivers and interrupts, go first.
-_PRIORITY: Final[dict[Rank, int]] = {"act": 8, "measure": 6, "beside": 4, "picture": 2}
+_PRIORITY: Final[dict[Rank, int]] = {"hand": 9, "act": 8, "measure": 6, "beside": 4, "picture": 2}
 _SWEEP_S = 1.0
 _TURN_S = 0.0005
 
@@ -49,6 +50,11 @@ def realtime(*, allowed: bool) -> Iterator[None]:
         yield
     finally:
         _state["allowed"] = before
+
+
+def realtime_allowed() -> bool:
+    """Whether real-time priority may be asked for, for a process of the same run to do likewise."""
+    return _state["allowed"]
 
 
 @contextmanager

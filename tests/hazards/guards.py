@@ -140,14 +140,14 @@ GUARDS: Final = (
     ),
     Guard(
         "the loop does not ask how the hand is",
-        "        self._check()\n        self._level = level",
-        "        self._level = level",
+        "        self._check().say(level)",
+        "        (self._end or self._check()).say(level)",
         f"{_LOST}a_silent_hand_ends_the_run",
     ),
     Guard(
         "the loop does not ask how the hand is",
-        "        self._check()\n        self._level = level",
-        "        self._level = level",
+        "        self._check().say(level)",
+        "        (self._end or self._check()).say(level)",
         f"{_LOST}a_hand_in_trouble_is_let_go_and_the_vest_rests",
     ),
     Guard(
@@ -196,6 +196,18 @@ GUARDS: Final = (
         "no process guards the hand",
         "if o.guard and o.torque",
         "if False and o.torque",
+        f"{_HAND}a_killed_or_frozen_process_of_the_hand_does_not_leave_it_pushing",
+    ),
+    Guard(
+        "the hand's process waits for a run that stands still though nobody else lets go",
+        "if self._guard is None or self._guard.problem:",
+        "if False:",
+        f"{_HAND}a_killed_or_frozen_program_without_a_guard_lets_go_of_the_hand",
+    ),
+    Guard(
+        "the hand's process goes on while the run stands still",
+        "return self._n_words, time.monotonic() - self._last_s if self._heard else 0.0",
+        "return time.monotonic_ns(), 0.0",
         f"{_STOP}a_killed_or_frozen_run_leaves_all_safe",
     ),
     Guard(
@@ -541,12 +553,6 @@ GUARDS: Final = (
         f"{_LOST}no_torque_is_beyond_the_share_that_is_set",
     ),
     Guard(
-        "no process guards the hand",
-        "if o.guard and o.torque",
-        "if False and o.torque",
-        "soak kill program",
-    ),
-    Guard(
         "an adapter that was closed is not opened again",
         "if self._bus is None and not (may_reopen and self._reopened()):",
         "if self._bus is None:",
@@ -689,8 +695,8 @@ LATE: Final = (
     ),
     _late(
         "a hand that does not hear its end",
-        "_CONFIRM_S = 3.0",
-        "_CONFIRM_S = 30.0",
+        "CONFIRM_S = 3.0",
+        "CONFIRM_S = 30.0",
         f"{_TIMES}a_hand_that_does_not_hear_its_end_is_left_to_its_guard_after_three_seconds",
     ),
     _late(

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from hazards.bench import LONGEST_S, Lab, lab
+from reference.processes import hand_guards
 from reference.waiting import until
 from tega.devices.allegro import Allegro, AllegroOptions
 from tega.errors import CalibrationError, DeviceUnavailableError, SampleRateError
@@ -318,34 +319,24 @@ def test_the_loss_of_the_hand_s_guard_holds_until_there_is_another(tmp_path: Pat
 
         def script() -> None:
             made.until(lambda: made.state == "active" and closed(made))
-            for pid in guards():
+            for pid in hand_guards():
                 os.kill(pid, signal.SIGKILL)
             made.until(
                 lambda: any("lets go of the hand was lost" in change.reason for change in made.changes)
             )
             made.until(lambda: made.state == "active")
-            assert len(guards()) == 1
+            assert len(hand_guards()) == 1
             made.until(lambda: closed(made))
 
         made.run(script)
         assert made.limp()
-        assert not guards()
+        assert not hand_guards()
     held = next(k for k, change in enumerate(made.changes) if "lets go of the hand was lost" in change.reason)
     assert made.changes[held].state == "hold"
     assert "active" in states(made)[held:]
     assert any("lets go of the hand was lost" in said for said in made.summary["safety"]["alerts"])
     found = inspect_file(tmp_path / "recorded" / made.summary["recording"]["file"])
     assert any("lets go of the hand was lost" in event.text for event in found.states)
-
-
-def guards() -> list[int]:
-    """The processes of this test that guard a hand."""
-    children = " ".join((task / "children").read_text() for task in Path("/proc/self/task").iterdir()).split()
-    return [
-        int(pid)
-        for pid in children
-        if b"tega.devices.hand_guard" in Path(f"/proc/{pid}/cmdline").read_bytes()
-    ]
 
 
 def test_a_lost_vest_is_told_and_the_run_goes_on(tmp_path: Path) -> None:

@@ -19,8 +19,9 @@ import numpy as np
 import pytest
 
 from hazards.bench import Lab, lab
-from hazards.test_lost import TIGHT, closed, column, guards
+from hazards.test_lost import TIGHT, closed, column
 from hazards.test_stop import start
+from reference.processes import hand_guards
 from reference.waiting import until
 from tega.devices.allegro import Allegro, AllegroOptions
 from tega.devices.player_settings import PlayerOptions
@@ -183,7 +184,7 @@ def test_a_killed_or_stuck_run_is_let_go_of(tmp_path: Path, how: signal.Signals,
 @pytest.mark.parametrize(("how", "within_s"), [(signal.SIGKILL, 0.1), (signal.SIGSTOP, 2.0)])
 def test_a_run_that_has_lost_its_guard_holds(tmp_path: Path, how: signal.Signals, within_s: float) -> None:
     def fault() -> None:
-        for pid in guards():
+        for pid in hand_guards():
             os.kill(pid, how)
 
     with lab(tmp_path, emg=True, hand=True, safety=OPENS) as made:

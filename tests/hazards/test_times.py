@@ -24,7 +24,7 @@ from reference.scripted import MS, touching
 from reference.waiting import until
 from tega.calibration import TouchMaxima
 from tega.config import ReflexSection
-from tega.devices import allegro, guard_process, hand_bus, hand_guard, vest_ble, vest_ble_guard, vest_stream
+from tega.devices import guard_process, hand_bus, hand_guard, hand_loop, vest_ble, vest_ble_guard, vest_stream
 from tega.devices.allegro import AllegroOptions
 from tega.devices.hand_guard import guard_hand
 from tega.devices.pedal import Pedal, PedalOptions
@@ -336,7 +336,7 @@ def test_a_hand_that_does_not_hear_its_end_is_left_to_its_guard_after_three_seco
     bus._can = pytest.importorskip("can")
     bus._bus = SimpleNamespace(recv=hears_nothing, send=lambda _frame, timeout: sent_s.append(now.s))  # noqa: ARG005
     frames = allegro_limp_frames()
-    assert not bus.switch_off(frames, device_id=0, patience_s=allegro._CONFIRM_S)
+    assert not bus.switch_off(frames, device_id=0, patience_s=hand_loop.CONFIRM_S)
     assert now.s == pytest.approx(3.0, abs=0.01)
     assert len(sent_s) > 10 * len(frames)
     assert sent_s[-1] > 2.5

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hazards.test_lost import guards
+from reference.processes import hand_guards
 from reference.waiting import until
 from tega.arm import ArmChain, ArmSettings, StampedPose
 from tega.arm.pose import ArmCommand, Pose
@@ -301,13 +301,13 @@ def test_the_way_to_the_start_holds_while_the_hand_s_guard_is_lost(tmp_path: Pat
             until(lambda: any(prompt.startswith("hold the dead-man") for prompt in prompts))
             press_anew()
             until(lambda: turns[-1].state == "following")
-            for pid in guards():
+            for pid in hand_guards():
                 os.kill(pid, signal.SIGKILL)
             until(lambda: any("lets go of the hand was lost" in prompt for prompt in prompts))
             until(lambda: any(turn.dead_man and not turn.may_move for turn in turns))
             assert all(turn.state == "holding" for turn in turns if turn.dead_man and not turn.may_move)
             until(lambda: turns[-1].may_move)
-            assert len(guards()) == 1
+            assert len(hand_guards()) == 1
             press_anew()
             until(lambda: not going.is_alive())
         finally:

@@ -12,10 +12,13 @@ from pathlib import Path
 
 import pytest
 
+from reference.processes import begun_by, hand_guards
 from reference.waiting import until
 from tega.child_process import python_command, python_environment
 from tega.devices.allegro import Allegro, AllegroOptions
 from tega.devices.guard_process import GuardProcess
+from tega.devices.hand_loop import HandLoop
+from tega.devices.hand_told import HandOrders
 from tega.errors import DeviceUnavailableError
 from tega_emulators.process import Emulator
 
@@ -23,22 +26,24 @@ pytestmark = pytest.mark.slow
 
 
 @contextmanager
-def steering(hand: Emulator, folder: Path | None = None) -> Iterator[subprocess.Popen[bytes]]:
+def steering(
+    hand: Emulator, folder: Path | None = None, *, guard: bool = True
+) -> Iterator[subprocess.Popen[bytes]]:
     """Run a program that closes the hand and never lets go of it by itself, in a working folder."""
     program = (
         "import signal, time\n"
         "signal.signal(signal.SIGHUP, signal.SIG_DFL)\n"  # tests may themselves run under nohup
         "from tega.devices.allegro import Allegro, AllegroOptions\n"
-        f"options = dict({hand.address!r}, silent_after_ms=1000.0, lowest_rate_hz=50.0)\n"
+        f"options = dict({hand.address!r}, silent_after_ms=1000.0, lowest_rate_hz=50.0, guard={guard})\n"
         "hand = Allegro(AllegroOptions(**options))\n"
         "hand.open()\n"
-        "lost = 0\n"
+        "lost = False\n"
         "while True:\n"
         "    hand.step(5)\n"
         "    time.sleep(0.003)\n"
-        "    if hand._guard.n_lost > lost and not hand.guard_problem:\n"
-        "        lost = hand._guard.n_lost\n"
+        "    if lost and not hand.guard_problem:\n"
         "        print('replaced', flush=True)\n"
+        "    lost = bool(hand.guard_problem)\n"
     )
     words = [sys.executable, "-P", "-c", program]
     with subprocess.Popen(words, cwd=folder, stdout=subprocess.PIPE) as running:
@@ -61,6 +66,39 @@ def test_a_killed_or_frozen_program_does_not_leave_the_hand_pushing(how: signal.
         running.send_signal(how)
         until(lambda: limp(hand))
         until(lambda: not hand.say("look")["reports"])
+
+
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
+def test_a_killed_or_frozen_process_of_the_hand_does_not_leave_it_pushing(how: signal.Signals) -> None:
+    with Emulator("allegro_port") as hand, steering(hand) as running:
+        (steers,) = begun_by(running.pid, "tega.devices.hand_program")
+        os.kill(steers, how)
+        until(lambda: limp(hand))
+        until(lambda: not hand.say("look")["reports"])
+        assert running.wait() == 1
+
+
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
+def test_a_killed_or_frozen_program_without_a_guard_lets_go_of_the_hand(how: signal.Signals) -> None:
+    with Emulator("allegro_port") as hand, steering(hand, guard=False) as running:
+        assert hand_guards(running.pid) == []
+        running.send_signal(how)
+        until(lambda: limp(hand))
+
+
+def test_a_frozen_program_that_goes_on_steers_the_hand_again() -> None:
+    with Emulator("allegro_port") as hand, steering(hand) as running:
+        running.send_signal(signal.SIGSTOP)
+        until(lambda: limp(hand))
+        running.send_signal(signal.SIGCONT)
+        until(lambda: bool(hand.say("look")["servo_on"] and any(hand.say("look")["duties"])))
+
+
+def test_a_process_that_is_told_to_terminate_lets_go_of_the_hand() -> None:
+    with Emulator("allegro_port") as hand, steering(hand) as running:
+        (steers,) = begun_by(running.pid, "tega.devices.hand_program")
+        os.kill(steers, signal.SIGTERM)
+        until(lambda: limp(hand))
 
 
 def test_a_closed_terminal_lets_go_of_the_hand() -> None:
@@ -99,13 +137,15 @@ def test_a_hand_is_not_switched_on_without_a_guard(monkeypatch: pytest.MonkeyPat
     def absent(_bus: object, _frames: object, *, device_id: int) -> GuardProcess:  # noqa: ARG001
         return GuardProcess("lets go of the hand", "tega.no_such_program")
 
-    monkeypatch.setattr("tega.devices.allegro.guard_hand", absent)
+    monkeypatch.setattr("tega.devices.hand_loop.guard_hand", absent)
     with Emulator("allegro_port") as hand:
-        allegro = Allegro(AllegroOptions(**hand.address))
+        told: list[object] = []
+        options, orders = AllegroOptions(**hand.address), HandOrders(heard=True)
+        loop = HandLoop(options, orders, lambda *what: told.append(what), whole=False)
         with pytest.raises(
             DeviceUnavailableError, match="the process that lets go of the hand did not start"
         ):
-            allegro.open()
+            loop.open()
         assert hand.say("look")["torques"] == 0
         assert not hand.say("look")["servo_on"]
 
@@ -115,24 +155,21 @@ def test_a_guard_that_is_lost_is_replaced(how: signal.Signals) -> None:
     with Emulator("allegro_port") as hand:
         options = AllegroOptions(**hand.address, silent_after_ms=1000.0, lowest_rate_hz=50.0)
         with Allegro(options) as allegro:
-            guard = allegro._guard
-            assert guard is not None
             assert allegro.guard_problem == ""
-            first = guard.pid
+            (first,) = hand_guards()
             os.kill(first, how)
             until(lambda: (allegro.step(5), "was lost; another is being started" in allegro.guard_problem)[1])
             until(lambda: (allegro.step(5), not allegro.guard_problem)[1])
-            assert guard.pid != first
-            assert guard.n_lost == 1
+            (second,) = hand_guards()
+            assert second != first
         assert limp(hand)
-    assert not Path(f"/proc/{guard.pid}").exists()
+    assert not Path(f"/proc/{second}").exists()
 
 
 def test_the_guard_that_took_the_lost_one_s_place_lets_go_of_the_hand() -> None:
     with Emulator("allegro_port") as hand, steering(hand) as running:
-        for task in Path(f"/proc/{running.pid}/task").iterdir():
-            for pid in (task / "children").read_text().split():
-                os.kill(int(pid), signal.SIGKILL)
+        for pid in hand_guards(running.pid):
+            os.kill(pid, signal.SIGKILL)
         assert running.stdout is not None
         assert running.stdout.readline() == b"replaced\n"
         assert any(hand.say("look")["duties"])
@@ -173,9 +210,8 @@ def test_a_deaf_hand_is_not_left_alone(capfd: pytest.CaptureFixture[str]) -> Non
 def test_a_hand_that_confirms_ends_without_a_word(caplog: pytest.LogCaptureFixture) -> None:
     with Emulator("allegro_port") as hand:
         with Allegro(AllegroOptions(**hand.address, silent_after_ms=1000.0, lowest_rate_hz=50.0)) as allegro:
-            guard = allegro._guard
+            (guard,) = hand_guards()
             until(lambda: (allegro.step(5), any(hand.say("look")["duties"]))[1])
         assert limp(hand)
-    assert guard is not None
-    assert not Path(f"/proc/{guard.pid}").exists()
+    assert not Path(f"/proc/{guard}").exists()
     assert "SWITCH" not in caplog.text

@@ -39,7 +39,7 @@ def _until(what: Callable[[], bool]) -> bool:
 @linux
 def test_who_acts_goes_before_who_measures_and_all_before_who_codes_pictures() -> None:
     before, found = _policy(), []
-    for rank in ("act", "measure", "beside", "picture"):
+    for rank in ("hand", "act", "measure", "beside", "picture"):
         with run_realtime(rank) as granted:
             found.append(_policy()[1])
             with run_realtime("picture") as still:  # nobody loses what it has

@@ -105,3 +105,29 @@ def test_a_frame_is_on_its_way_whether_or_not_the_adapter_reads(line: tuple[int,
 
     with pytest.raises(can.CanOperationError):
         fill()
+
+
+def test_frames_that_are_sent_together_are_written_together(
+    line: tuple[int, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ours, bus = line
+    os.read(ours, 4096)  # how it was opened
+    sizes: list[int] = []
+    write = os.write
+
+    def counted(file: int, data: bytes) -> int:
+        sizes.append(len(data))
+        return write(file, data)
+
+    monkeypatch.setattr(os, "write", counted)
+    messages = [
+        can.Message(arbitration_id=0x80 + k, data=bytes([k] * 8), is_extended_id=False) for k in range(4)
+    ]
+    bus.send_together(messages, timeout=1.0)
+    bus.send(messages[0])
+    said = b""
+    while said.count(b"\r") < 5:
+        said += os.read(ours, 4096)
+    lines = [f"t08{k}8{f'{k:02X}' * 8}\r".encode() for k in (0, 1, 2, 3, 0)]
+    assert said == b"".join(lines)
+    assert sizes == [sum(map(len, lines[:4])), len(lines[4])]

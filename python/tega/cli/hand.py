@@ -177,7 +177,7 @@ def measure(*, seconds: float, as_json: bool, **where: Any) -> None:
         ("frames to answer, ms", timing.answer_ms),
     ):
         click.echo(f"{title:<28}" + "".join(f"{value:>9.3f}" for value in values))
-    click.echo(f"{timing.cpu_percent:.1f} % of one core for the hand's thread")
+    click.echo(f"{timing.cpu_percent:.1f} % of one core for the hand's loop")
     click.echo(
         f"{timing.incomplete} incomplete sets, {timing.late} gaps over 9 ms, {timing.silences} silences, "
         f"{timing.unsent} frames not taken by the adapter"

@@ -31,6 +31,11 @@ _ECHOING = frozenset({"udp_multicast"})
 _MOST_ECHOES = 64
 
 
+def bus_label(interface: str, channel: str | int) -> str:
+    """Return adapter and bus, without a path."""
+    return f"{interface} {Path(str(channel)).name}"
+
+
 def can_message(can: Any, frame: CanFrame) -> Any:
     """Return a frame as python-can's: classic CAN, an identifier of 11 bits."""
     return can.Message(
@@ -75,7 +80,7 @@ class HandBus:
     @property
     def label(self) -> str:
         """Adapter and bus, without a path."""
-        return f"{self.settings['interface']} {Path(str(self.settings['channel'])).name}"
+        return bus_label(self.settings["interface"], self.settings["channel"])
 
     def open(self) -> None:
         """Open the bus.
@@ -138,16 +143,21 @@ class HandBus:
     def send(self, frames: Sequence[CanFrame]) -> list[CanFrame]:
         """Send frames and return those that the adapter took."""
         sent: list[CanFrame] = []
-        for frame in frames:
+        together = hasattr(self._bus, "send_together")
+        for part in [frames] if together else [[frame] for frame in frames]:
             if self._bus is None:
                 break
+            messages = [can_message(self._can, frame) for frame in part]
             try:
-                self._bus.send(can_message(self._can, frame), timeout=_SEND_S)
-                sent.append(frame)
+                if together:
+                    self._bus.send_together(messages, timeout=_SEND_S)
+                else:
+                    self._bus.send(messages[0], timeout=_SEND_S)
+                sent += part
                 if self.settings["interface"] in _ECHOING:
-                    self._echoes.append((frame.id, bytes(frame.data), frame.remote))
+                    self._echoes += [(frame.id, bytes(frame.data), frame.remote) for frame in part]
             except (self._can.CanError, OSError):
-                self.n_unsent += 1
+                self.n_unsent += len(part)
         return sent
 
     def switch_off(self, frames: Sequence[CanFrame], *, device_id: int, patience_s: float) -> bool:

@@ -1,8 +1,9 @@
 """Let go of a hand whose program was killed or stands still.
 
-A hand is thought to keep its last torque for ever. So a second process waits beside the one that steers it and hears
-from the hand's thread ten times a second (:mod:`tega.devices.guard_process`). When its input ends without a word, or it
-hears nothing for a second, it opens the bus itself and sends zero torque, SERVO OFF and no more reports, until the hand
+A hand is thought to keep its last torque for ever. So a process waits beside the one that steers it
+(:mod:`tega.devices.guard_process`), and hears from that ten times a second, as long as that hears from its program.
+When its input ends without a word, or it hears nothing for a second, it opens the bus itself and sends zero torque,
+SERVO OFF and no more reports, until the hand
 says that its motors are off: for ten minutes after the program is gone, or until a program that stood still goes on.
 Until it first hears something no motor is on, and it does nothing. Nothing helps where both are killed, the adapter is
 pulled out, or the machine loses power: mount a switch. On Windows a serial adapter belongs to one program at a time, so

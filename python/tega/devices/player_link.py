@@ -248,9 +248,15 @@ class PlayerLink:
             raise self._lost(error) from error
 
     def _say(self, message: str) -> None:
-        if self._ws is None:
+        ws = self._ws
+        if ws is None:
             raise DeviceUnavailableError(f"the {self._where} is not connected")
-        self._call(self._ws.send(message))
+        if ws.protocol.state.name == "OPEN" and not ws.transport.get_write_buffer_size():
+            # Past the loop, each turn of which gives the interpreter lock away; what is lost now is seen at the next.
+            ws.protocol.send_text(message.encode())
+            ws.send_data()
+        else:
+            self._call(ws.send(message))
 
     def _ping(self) -> asyncio.Future[float]:
         pong: asyncio.Future[float] = self._call(self._ws.ping())

@@ -12,6 +12,7 @@ import os
 import re
 import select
 import time
+from collections.abc import Iterable
 from functools import cache
 from typing import Any
 
@@ -36,6 +37,19 @@ def slcan_bus() -> Any:
         return base
 
     class SlcanBus(base):  # type: ignore[misc]  # python-can is imported when it is needed
+        _kept: list[str] | None = None
+
+        def send_together(self, messages: Iterable[Any], timeout: float) -> None:
+            """Send messages in one piece, so that neither end is woken for each; raises what ``send`` does."""
+            kept: list[str] = []
+            self._kept = kept
+            try:
+                for message in messages:
+                    self.send(message, timeout=timeout)
+            finally:
+                self._kept = None
+            self._write(self.LINE_TERMINATOR.decode().join(kept))
+
         def _read(self, timeout: float | None) -> str | None:
             """Return the next line, or ``None`` when none is complete in time.
 
@@ -70,6 +84,9 @@ def slcan_bus() -> Any:
             Raises:
                 CanOperationError: The adapter is gone, or takes nothing for as long as :meth:`send` may wait.
             """
+            if self._kept is not None:
+                self._kept.append(string)
+                return
             data = string.encode() + self.LINE_TERMINATOR
             port = self.serialPortOrig
             with error_check("Could not write to serial device"):

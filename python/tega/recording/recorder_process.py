@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 from tega.child_process import end_child, own_group, python_command, python_environment
 from tega.errors import RecordingError
+from tega.object_pipe import receive_object, send_object, widen_pipe
 from tega.recording.mcap_queue import BoundedQueue, Item
-from tega.recording.recorder_pipe import receive_object, send_object, widen_pipe
 from tega.threads import run_realtime
 
 if TYPE_CHECKING:

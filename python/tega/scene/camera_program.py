@@ -10,7 +10,7 @@ import os
 from contextlib import suppress
 
 from tega.every import every
-from tega.recording.recorder_pipe import program_pipes, receive_object
+from tega.object_pipe import program_pipes, receive_object
 from tega.scene.filming import Filming
 
 _TOLD_S = 0.25

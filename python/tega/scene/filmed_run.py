@@ -16,7 +16,7 @@ import msgspec
 
 from tega.child_process import end_child, own_group, python_command, python_environment
 from tega.errors import DeviceUnavailableError
-from tega.recording.recorder_pipe import receive_object, send_object
+from tega.object_pipe import receive_object, send_object
 from tega.records import SceneVideo
 from tega.reopening import Reopening
 from tega.scene.decode import ScenePicture

@@ -90,6 +90,9 @@ class AllegroNode:
         """Torque frames that were above either."""
         self.n_torques = 0
         """Torque frames heard."""
+        self.answers_s: list[float] = []
+        """How long after each set of positions the torques that answer it were complete, while the servo is on."""
+        self._unanswered_s: list[float] = []
         self.faults: set[str] = set()
         """Faults that are on now; see :data:`FAULTS`."""
         self._switch_on()
@@ -134,12 +137,16 @@ class AllegroNode:
             self.servo_on = True
         elif message == 0x41 and not data:
             self.servo_on = False
+            self._unanswered_s.clear()
         elif 0x60 <= message <= 0x63 and len(data) == 8:
             first = 4 * (message - 0x60)
             duties = np.array(struct.unpack("<4h", data)) / 1200
             self.n_torques += 1
             self._check(first, duties, t_s)
             self.duties[first : first + 4] = duties
+            if message == 0x63:
+                self.answers_s += [t_s - sent_s for sent_s in self._unanswered_s]
+                self._unanswered_s.clear()
         elif message == 0x81 and len(data) in {6, 8}:
             position_ms, _, temperature_ms = struct.unpack_from("<3H", data)
             self._position_s = 1e-3 * (position_ms and (self._forced_ms or position_ms))
@@ -161,6 +168,8 @@ class AllegroNode:
             # A node that was held up does not send what it has missed.
             self._next_position_s = max(self._next_position_s + step_s, t_s - 5 * step_s)
             out += self._positions()
+            if self.servo_on:
+                self._unanswered_s.append(t_s)
         if t_s >= self._next_temperature_s:
             self._next_temperature_s = max(self._next_temperature_s + self._temperature_s, t_s)
             out += [self._temperature(finger) for finger in range(4)]

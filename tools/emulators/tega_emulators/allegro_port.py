@@ -2,11 +2,13 @@
 
 ``python -m tega_emulators.allegro_port`` prints the options of the ``allegro`` driver that reach it and then
 obeys lines on its standard input: the name of a fault, ``clear``, ``limit SLEW`` and 16 torques (what to count as too
-much), or ``look``; it answers each with the hand's state (``servo_on``, ``duties`` and ``angles_rad`` of the 16 joints,
+much), ``answers`` (how long after each set of positions since the last such question its torques were here), or
+``look``; it answers each with the hand's state (``servo_on``, ``duties`` and ``angles_rad`` of the 16 joints,
 ``torques``: frames heard, ``over``: those beyond a limit, ``reports``: whether it sends positions).
 
 Options: ``--hardware 0x0500``, ``--side left``, ``--device-id``, ``--seed``, ``--position-ms``, and
-``--interface udp_multicast --channel 239.74.163.2`` for a bus of python-can's instead of a terminal.
+``--interface udp_multicast --channel 239.74.163.2`` for a bus of python-can's instead of a terminal, ``--channel
+network`` for a serial adapter behind a network connection.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ from __future__ import annotations
 import argparse
 import os
 import select
+import socket
 import sys
 import time
 from functools import partial
@@ -24,7 +27,7 @@ import numpy as np
 from tega_emulators.allegro import AllegroNode, Frame
 from tega_emulators.pipe import obey, tell
 
-__all__ = ["BusPort", "SlcanPort", "main"]
+__all__ = ["BusPort", "SlcanNetworkPort", "SlcanPort", "main"]
 
 _IDLE_S = 0.05
 
@@ -96,6 +99,56 @@ class SlcanPort:
             return
 
 
+class SlcanNetworkPort(SlcanPort):
+    """The same adapter behind a network connection to this machine, as a serial server gives it.
+
+    What a terminal carries waits for a thread of the kernel that has no real time, up to milliseconds on a busy
+    machine; what a connection carries is there at once.
+    """
+
+    def __init__(self, node: AllegroNode) -> None:
+        """Listen; whoever connects last has the adapter."""
+        self._node = node
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self._listener.settimeout(0)
+        self._waiting = select.epoll()
+        self._waiting.register(self._listener, select.EPOLLIN)
+        self._peer: socket.socket | None = None
+        self.channel = f"socket://127.0.0.1:{self._listener.getsockname()[1]}"
+        self.garbage = False
+        self._open = False
+        self._pending = b""
+
+    def fileno(self) -> int:
+        """The file to wait for."""
+        return self._waiting.fileno()
+
+    def take(self, t_s: float) -> None:
+        """Obey what has come in, and whoever has come."""
+        for fd, _ in self._waiting.poll(0):
+            if fd == self._listener.fileno():
+                self._hang_up()
+                self._peer, _ = self._listener.accept()
+                self._peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                self._peer.settimeout(0)
+                self._waiting.register(self._peer, select.EPOLLIN)
+                self._master = self._peer.fileno()
+            elif self._peer is not None and not self._peer.recv(1, socket.MSG_PEEK):
+                self._hang_up()
+            elif self._peer is not None:
+                super().take(t_s)
+
+    def _hang_up(self) -> None:
+        if self._peer is not None:
+            self._waiting.unregister(self._peer)
+            self._peer.close()
+        self._peer, self._open, self._pending = None, False, b""
+
+    def _say(self, text: bytes) -> None:
+        if self._peer is not None:
+            super()._say(text)
+
+
 class BusPort:
     """The hand on one of python-can's buses.
 
@@ -154,11 +207,13 @@ def main(arguments: list[str] | None = None) -> None:
         seed=given.seed,
         position_ms=given.position_ms,
     )
-    port: SlcanPort | BusPort = (
-        SlcanPort(node)
-        if given.interface == "slcan"
-        else BusPort(node, interface=given.interface, channel=given.channel)
-    )
+    port: SlcanPort | BusPort
+    if given.interface != "slcan":
+        port = BusPort(node, interface=given.interface, channel=given.channel)
+    elif given.channel == "network":
+        port = SlcanNetworkPort(node)
+    else:
+        port = SlcanPort(node)
     address: dict[str, Any] = {"interface": given.interface, "channel": port.channel}
     tell(address | ({"bus": {"sleep_after_open": 0.0}} if given.interface == "slcan" else {}))
     pending = b""
@@ -179,6 +234,9 @@ def main(arguments: list[str] | None = None) -> None:
 
 def _act(node: AllegroNode, port: SlcanPort | BusPort, line: list[str]) -> dict[str, Any]:
     words = " ".join(line)
+    if words == "answers":
+        answers_s, node.answers_s = node.answers_s, []
+        return {"answers_ms": [round(1e3 * took_s, 3) for took_s in answers_s]}
     if words == "garbage":
         port.garbage = True
     elif words.startswith("limit "):

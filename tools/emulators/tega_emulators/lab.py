@@ -82,7 +82,7 @@ def emulated_lab(
     folder: Path,
     *,
     emg_hz: float | None = None,
-    hand: bool = False,
+    hand: bool | Literal["network"] = False,
     vest: bool | str = False,
     fingers: Sequence[str] = (),
     arm: bool | str = False,
@@ -96,7 +96,7 @@ def emulated_lab(
     Args:
         folder: For calibration and baselines.
         emg_hz: Three tensed muscles at so many samples a second: 250 on a Cyton, else on a Chords board.
-        hand: An Allegro Hand behind a serial CAN adapter.
+        hand: An Allegro Hand behind a serial CAN adapter; with ``network`` that is behind a network connection.
         vest: A vest behind the vendor's Player, or that of another driver: ``bhaptics-ble`` has one behind BlueZ on a
             message bus of its own.
         fingers: DIGITs, each with something pressed into its gel.
@@ -127,7 +127,8 @@ def emulated_lab(
                 maxima=(1.0, 1.0, 1.0),
             )
         if hand:
-            lab.hand = stack.enter_context(Emulator("allegro_port"))
+            where = () if hand is True else ("--channel", hand)
+            lab.hand = stack.enter_context(Emulator("allegro_port", *where))
             # The emulated hand shares a busy machine with everything else.
             patient = {"silent_after_ms": 1000.0, "lowest_rate_hz": 10.0, "reconnects": 0}
             tree["hand"] = {"driver": "allegro", "options": {**lab.hand.address, **patient}}

@@ -177,8 +177,9 @@ def loop(
       latency_ms  {touch|intent: {stage: {n, p50, p95, p99, worst}}}; "in-hand" is all from a picture in our hands to
                   the vest's bytes handed over, "own" the same without what is waited for
       pacing      {ticks, overruns, skipped, worst_late_ms, late}
-      late_ticks, witness_ticks  {ticks, late, over_1_ms, worst_ms}: of the loop, and of a bare native clock of 3 ms in
-                  a process of its own beside it; "late" counts ticks by the bins whose upper bounds are late_edges_ms
+      late_ticks, hand_ticks, witness_ticks  {ticks, late, over_1_ms, worst_ms}: of the loop; of the hand's own process,
+                  by how long after its positions the emulated hand had its torques; and of a bare native clock of
+                  3 ms in a process beside them; "late" counts ticks by the bins whose upper bounds are late_edges_ms
       vest        {frames, sent, skipped, ...}
       frames_hz, samples_hz, hand_hz, cpu_cores, run_cores, held_ticks
     """  # noqa: D301  # click keeps the lines after \b as they are
@@ -215,9 +216,10 @@ def loop(
         f"{pacing['overruns']} of {pacing['ticks']} ticks late by more than 3 ms "
         f"(worst {pacing['worst_late_ms']:.1f} ms), {pacing['skipped']} left out"
     )
-    late, bare = report.late_ticks, report.witness_ticks
+    late, hand, bare = report.late_ticks, report.hand_ticks, report.witness_ticks
     out.print(
-        f"{late.over_1_ms} late by more than 1 ms; of {bare.ticks} of a bare clock beside it {bare.over_1_ms} "
+        f"late by more than 1 ms: {late.over_1_ms} of these; {hand.over_1_ms} of {hand.ticks} answers to the hand "
+        f"(worst {hand.worst_ms:.1f} ms); {bare.over_1_ms} of {bare.ticks} of a bare clock "
         f"(worst {bare.worst_ms:.1f} ms)"
     )
 

@@ -29,13 +29,16 @@ class LoopBench(msgspec.Struct, frozen=True, kw_only=True):
         latency_ms: Percentiles of every stage by path; see :mod:`tega.teleop.latency`.
         pacing: Ticks, and how late they were.
         late_edges_ms: Upper bounds of the bins of both histograms of late ticks.
-        late_ticks: The loop's own ticks: those of the hand, and those of the vest between them.
+        late_ticks: The loop's own ticks: those at which the hand is told its level, and those of the vest between them.
+        hand_ticks: Sets of positions that the emulated hand sent, one every 3 ms, by how long after each, by the hand's
+            own clock, the torques that answer it had come; these are the ticks of the hand's own process.
         witness_ticks: Those of a bare native clock of 3 ms in a process of its own, at the same time on the same cores
-            and at the same priority.
+            and at the priority of the hand's process.
         frames_hz: Pictures a second used, all fingers together.
         samples_hz: EMG samples a second used.
         hand_hz: Ticks of the loop for the hand a second; 333 are due.
-        cpu_cores: Processor time of the run's process, its recorder and its guard, per second.
+        cpu_cores: Processor time of the run's process and of those of its recorder, its hand and that one's guard,
+            their start included, per second.
         run_cores: That of the run's process alone.
         vest: The summary's table of the vest: frames made, sent and left out.
         held_ticks: Hand ticks on which the muscles did not steer, those before the run was active included.
@@ -50,6 +53,7 @@ class LoopBench(msgspec.Struct, frozen=True, kw_only=True):
     pacing: dict[str, Any]
     late_edges_ms: tuple[float, ...]
     late_ticks: LateTicks
+    hand_ticks: LateTicks
     witness_ticks: LateTicks
     frames_hz: float
     samples_hz: float
@@ -92,7 +96,7 @@ def bench_loop(
     with tempfile.TemporaryDirectory(prefix="tega-bench-") as name:
         folder = Path(name)
         with emulated_lab(
-            folder, emg_hz=EMG_HZ, hand=True, vest=True, fingers=FINGERS, touch=PRESSED, preset=preset
+            folder, emg_hz=EMG_HZ, hand="network", vest=True, fingers=FINGERS, touch=PRESSED, preset=preset
         ) as lab:
             lab.tree["session"] = {"duration_s": seconds, "preset": preset, "realtime": realtime}
             lab.tree["vest"]["pace"] = pace
@@ -107,12 +111,14 @@ def bench_loop(
             def progress(what: str, _done: int, _total: int) -> None:
                 if what == "running":
                     cpu_s.append(_processor_s())
+                    lab.hand.say("answers")
                     beside.begin(seconds)
 
             with witness(realtime=realtime) as beside, pressing(lab):
                 ahead = lab.go_ahead()
                 summary = run_session(config, progress=progress)
                 cpu_s.append(_processor_s())
+                answers_ms = lab.hand.say("answers")["answers_ms"]
                 witness_ticks = beside.late()
             used_s, own_s = (after - before for before, after in zip(*cpu_s, strict=True))
     wall_s, pacing = summary["duration_s"], summary["pacing"]
@@ -124,6 +130,7 @@ def bench_loop(
         pacing=pacing,
         late_edges_ms=tuple(edge_ns / 1e6 for edge_ns in LATE_EDGES_NS),
         late_ticks=LateTicks.of_bins(pacing["late"], worst_ms=pacing["worst_late_ms"]),
+        hand_ticks=LateTicks.of([round(1e6 * answer_ms) for answer_ms in answers_ms]),
         witness_ticks=witness_ticks,
         frames_hz=sum(f["frames"] for f in summary["tactile"].values()) / wall_s,
         samples_hz=summary["emg"]["samples"] / wall_s,

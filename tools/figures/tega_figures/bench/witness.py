@@ -1,7 +1,7 @@
 """Keep a bare clock of 3 ms in a process of its own beside a run, as the witness of how late this machine is.
 
-It waits as the loop waits, at the same priority, in native code and without a device, a computation or an interpreter
-lock: what is late here is so by the machine and by what else runs on it.
+It waits as the loop waits, at the priority of the hand's process, in native code and without a device, a computation
+or an interpreter lock: what is late here is so by the machine and by what else runs on it.
 """
 
 from __future__ import annotations
@@ -82,10 +82,10 @@ def witness(*, realtime: bool) -> Iterator[BareClock]:
     """Start a witness, and end it with the block.
 
     Args:
-        realtime: Whether it asks for the real-time priority of the loop's thread.
+        realtime: Whether it asks for the real-time priority of the hand's process.
     """
     with subprocess.Popen(
-        python_command(__name__, "act" if realtime else "ordinary"),
+        python_command(__name__, "hand" if realtime else "ordinary"),
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         env=python_environment(),
@@ -105,7 +105,7 @@ def _keep() -> None:
     print("ready", flush=True)
     if not (n_ticks := sys.stdin.readline()):
         return
-    with run_realtime("act") if sys.argv[1] == "act" else nullcontext():
+    with run_realtime("hand") if sys.argv[1] == "hand" else nullcontext():
         late_ns = _native.bare_clock(HAND_TICK_NS, int(n_ticks))
     print(json.dumps(late_ns), flush=True)
 

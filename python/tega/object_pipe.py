@@ -1,6 +1,6 @@
 """Send Python objects through a pipe between a run and a process of its own, pictures and samples as they lie.
 
-The recorder is such a process, and each scene camera has one.
+The recorder is such a process, the hand's loop, and each scene camera.
 
 Both ends are this version of TEGA, started by one person: nothing from outside comes through such a pipe.
 """
@@ -14,7 +14,7 @@ import signal
 import struct
 import sys
 import threading
-from io import BufferedReader, BufferedWriter
+from io import BufferedReader, BufferedWriter, FileIO
 from typing import Any
 
 _COUNT = struct.Struct("<I")
@@ -77,7 +77,7 @@ def send_object(pipe: BufferedWriter, content: Any) -> None:
     pipe.flush()
 
 
-def receive_object(pipe: BufferedReader) -> Any:
+def receive_object(pipe: BufferedReader | FileIO) -> Any:
     """Read an object.
 
     Raises:
@@ -89,7 +89,7 @@ def receive_object(pipe: BufferedReader) -> Any:
     return pickle.loads(said, buffers=arrays)
 
 
-def _exactly(pipe: BufferedReader, n_bytes: int) -> bytearray:
+def _exactly(pipe: BufferedReader | FileIO, n_bytes: int) -> bytearray:
     data = bytearray(n_bytes)
     view, n_read = memoryview(data), 0
     while n_read < n_bytes:

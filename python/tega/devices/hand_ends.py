@@ -1,0 +1,208 @@
+"""Run a hand's loop in a process of its own, or in a thread where its bus is inside this program."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import struct
+import subprocess
+import sys
+import threading
+import time
+from io import BufferedReader, BufferedWriter
+from typing import TYPE_CHECKING, Final
+
+from tega.child_process import end_child, own_group, python_command, python_environment
+from tega.devices.hand_loop import LEAVE_S, HandLoop
+from tega.devices.hand_told import WORD_S, HandOrders, Tell
+from tega.errors import DeviceUnavailableError
+from tega.object_pipe import receive_object, send_object, widen_pipe
+from tega.threads import realtime_allowed, run_realtime
+
+if TYPE_CHECKING:
+    from tega.devices.allegro import AllegroOptions
+
+
+_START_S: Final = 20.0
+_SILENT_S: Final = 1.0
+_AWAY_S: Final = 0.2
+_WORD: Final = struct.Struct("<d")
+
+
+class HandThread:
+    """The loop in a thread of this program.
+
+    Args:
+        options: The driver's settings.
+        tell: Told what the loop tells.
+        whole: Whether it tells every exchange.
+    """
+
+    def __init__(self, options: AllegroOptions, tell: Tell, *, whole: bool) -> None:
+        self._orders = HandOrders(heard=False)
+        self._loop = HandLoop(options, self._orders, tell, whole=whole)
+        self._thread: threading.Thread | None = None
+
+    def open(self) -> None:
+        """Open the bus, and begin; raises what :meth:`HandLoop.open` does."""
+        self._loop.open()
+        self._thread = threading.Thread(target=self._loop.run, name="allegro", daemon=True)
+        self._thread.start()
+
+    def say(self, level: float) -> None:
+        """Ask for a level, or with ``LET_GO`` to let go; returns at once."""
+        self._orders.take(level)
+
+    def join(self, timeout_s: float) -> None:
+        """Wait for the loop's end."""
+        if self._thread is not None:
+            self._thread.join(timeout_s)
+
+    def end(self) -> None:
+        """Do nothing: the thread ends by itself."""
+
+    @property
+    def lost(self) -> str:
+        """Why the loop can be asked for nothing any more; ``""`` while it runs."""
+        return "" if self._thread is not None and self._thread.is_alive() else "the hand's thread has ended"
+
+
+class HandProcess:
+    """The loop in a process of its own, which waits for nothing that this program does.
+
+    Args:
+        options: The driver's settings.
+        tell: Told what the loop tells, in a thread of its own.
+        whole: Whether it tells every exchange.
+    """
+
+    def __init__(self, options: AllegroOptions, tell: Tell, *, whole: bool) -> None:
+        self._options, self._tell, self._whole = options, tell, whole
+        self._process: subprocess.Popen[bytes] | None = None
+        self._thread: threading.Thread | None = None
+        self._word: float = 1
+        self._said_s = self._heard_s = self._looked_s = self._since_s = 0.0
+        self._broke = ""
+
+    @property
+    def pid(self) -> int:
+        """The process's number; 0 before it was started."""
+        return 0 if self._process is None else self._process.pid
+
+    def open(self) -> None:
+        """Start it; returns when the bus is open and the guard ready, and raises what :meth:`HandLoop.open` does."""
+        process = subprocess.Popen(
+            python_command("tega.devices.hand_program"),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env=python_environment(),
+            **own_group(),
+        )
+        asked, said = process.stdin, process.stdout
+        assert isinstance(asked, BufferedWriter)
+        assert isinstance(said, BufferedReader)
+        widen_pipe(asked)
+        late = threading.Timer(_START_S, process.kill)
+        late.start()
+        try:
+            send_object(asked, (self._options, self._whole, realtime_allowed()))
+            error = receive_object(said)
+        except (EOFError, OSError):
+            error = DeviceUnavailableError(
+                "allegro: the hand's process did not start",
+                "its error output says why; nothing was switched on",
+            )
+        except BaseException:
+            end_child(process, LEAVE_S)
+            said.close()
+            raise
+        finally:
+            late.cancel()
+        if error is not None:
+            end_child(process, LEAVE_S)
+            said.close()
+            raise error
+        # Windows has no such pipes: a process that takes no word is told of before one is full.
+        if sys.platform != "win32":
+            os.set_blocking(asked.fileno(), False)
+        self._process = process
+        self._heard_s = time.monotonic()
+        self._thread = threading.Thread(target=self._hear, args=(said,), name="allegro", daemon=True)
+        self._thread.start()
+
+    def say(self, level: float) -> None:
+        """Ask for a level, or with ``LET_GO`` to let go; returns at once."""
+        if level != self._word:
+            self._word = level
+            self._write()
+
+    def join(self, timeout_s: float) -> None:
+        """Wait for the loop's end."""
+        if self._thread is not None:
+            self._thread.join(timeout_s)
+
+    def end(self) -> None:
+        """End the process, by force where it does not end; its guard then lets go of the hand."""
+        if self._process is not None:
+            end_child(self._process, LEAVE_S)
+            self.join(LEAVE_S)
+            if self._process.stdout is not None and self._thread is not None and not self._thread.is_alive():
+                self._process.stdout.close()
+
+    @property
+    def lost(self) -> str:
+        """Why the process can be asked for nothing any more; ``""`` while it goes on."""
+        if self._broke:
+            return self._broke
+        now_s = time.monotonic()
+        if now_s - self._looked_s > _AWAY_S:  # what has come since is still to be heard
+            self._since_s = now_s
+        self._looked_s = now_s
+        if (silent_s := now_s - max(self._since_s, self._heard_s)) > _SILENT_S:
+            return f"the hand's process has said nothing for {silent_s:.1f} s"
+        return ""
+
+    def _write(self) -> None:
+        self._said_s = time.monotonic()
+        process = self._process
+        if process is not None and process.stdin is not None:
+            with contextlib.suppress(OSError, ValueError):  # it is gone, or full of words: both are told of
+                os.write(process.stdin.fileno(), _WORD.pack(self._word))
+
+    @run_realtime("beside")
+    def _hear(self, said: BufferedReader) -> None:
+        """Hear the process until it ends, and have it hear that this program goes on."""
+        self._write()
+        try:
+            while True:
+                spoken, seen = receive_object(said)
+                self._heard_s = time.monotonic()
+                self._tell(spoken, seen)
+                if self._heard_s - self._said_s >= WORD_S:
+                    self._write()
+        except (EOFError, OSError):
+            process = self._process
+            code = None if process is None else process.poll()
+            self._broke = "the hand's process has ended" + ("" if code is None else f" ({code})")
+        except BaseException as error:  # of who is told; the next step can act on it
+            self._broke = f"the hand's process is heard no more ({type(error).__name__}: {error})"
+
+
+HandEnd = HandThread | HandProcess
+
+
+def read_words(fd: int, orders: HandOrders) -> None:
+    """Read, in the process, what the program asks, until it is gone.
+
+    Args:
+        fd: Its input.
+        orders: What is told.
+    """
+    rest = b""
+    while piece := os.read(fd, 4096):
+        rest += piece
+        whole = len(rest) - len(rest) % _WORD.size
+        for (word,) in _WORD.iter_unpack(rest[:whole]):
+            orders.take(word)
+        rest = rest[whole:]
+    orders.lose()

@@ -1,0 +1,26 @@
+"""Processes that a program has started, and those that these have."""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+from pathlib import Path
+
+__all__ = ["begun_by", "hand_guards"]
+
+
+def begun_by(pid: int, module: str) -> list[int]:
+    """Return those below a process that run a module of TEGA's."""
+    found = []
+    for task in Path(f"/proc/{pid}/task").glob("*/children"):
+        for child in map(int, task.read_text().split()):
+            found += begun_by(child, module)
+            with suppress(OSError):  # it has just ended
+                if module.encode() in Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0"):
+                    found.append(child)
+    return found
+
+
+def hand_guards(pid: int | None = None) -> list[int]:
+    """Return those below a process, this one where none is named, that guard a hand."""
+    return begun_by(os.getpid() if pid is None else pid, "tega.devices.hand_guard")
