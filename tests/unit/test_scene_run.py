@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import socket
 import sys
 import threading
 import time
@@ -175,6 +176,20 @@ def test_a_camera_that_is_not_there_refuses_the_run(
     with pytest.raises(kind, match=said):
         filmed(settings(tmp_path / "session", {"name": "front", **camera}), tmp_path)
     assert not list((tmp_path / "session").glob("*.mcap*"))
+    assert not _children("tega.scene.camera_program")
+
+
+def test_whoever_gives_up_does_not_wait_for_a_camera(tmp_path: Path) -> None:
+    """An address that takes the connection and then says nothing."""
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        source = f"http://127.0.0.1:{silent.getsockname()[1]}/film.mjpg"
+        asked = iter(range(100))
+        with pytest.raises(KeyboardInterrupt):
+            filmed(
+                settings(tmp_path / "session", {"name": "front", "source": source}),
+                tmp_path,
+                stop=lambda: next(asked, None) is None,
+            )
     assert not _children("tega.scene.camera_program")
 
 
