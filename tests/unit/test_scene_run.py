@@ -25,6 +25,7 @@ from tega.config import check_tree, load_config  # noqa: E402
 from tega.doctor import examine  # noqa: E402
 from tega.errors import ConfigError, DeviceUnavailableError, RecordingError, UnsafeNameError  # noqa: E402
 from tega.recording.mcap_reader import McapReader  # noqa: E402
+from tega.recording.trim import trim_session  # noqa: E402
 from tega.records import Alert, SceneVideo  # noqa: E402
 from tega.scene.decode import ScenePicture  # noqa: E402
 from tega.scene.layout import example_layout, save_layout  # noqa: E402
@@ -96,6 +97,18 @@ def test_files_are_filmed_into_the_run_s_own_recording(tmp_path: Path) -> None:
         assert pictures == list(range(30))
         assert [number for _, number in seen[name]] == sorted(number for _, number in seen[name])
         assert len(seen[name]) > 2
+
+
+def test_a_part_of_a_film_begins_with_a_picture_that_stands_alone(tmp_path: Path) -> None:
+    film(tmp_path / "film.avi", 50)
+    tree = settings(tmp_path / "session", {"name": "front", "source": "film.avi"}, duration_s=3.0)
+    whole = tmp_path / "session" / str(filmed(tree, tmp_path)["recording"]["file"])
+    part = trim_session(whole, from_s=0.5, to_s=2.2, out=tmp_path / "part")
+    n = export_camera(part, "front", tmp_path / "part.mp4")
+    numbers = [number_of(image) for _, image in read_pictures(tmp_path / "part.mp4")]
+    assert numbers == list(range(numbers[0], numbers[0] + n))
+    assert numbers[0] % 20 == 0  # one a second does
+    assert n > 10
 
 
 def test_a_camera_that_goes_away_is_told_recorded_and_found_again(tmp_path: Path) -> None:

@@ -176,7 +176,11 @@ def true_events(folder: Path, person: str, trial: int) -> list[tuple[str, float]
     """Return what the film shows, seconds of the machine's clock."""
     begins_s = film_begins_ns(own(folder, person, trial)) / 1e9 + REST_S - 0.05
     if fate(person, trial) == "drop":
-        return [("lift_off", begins_s + LIFT_S), ("drop", begins_s + FALL_S + 0.1)]
+        return [
+            ("lift_off", begins_s + LIFT_S),
+            ("slip", begins_s + FALL_S),
+            ("drop", begins_s + FALL_S + 0.1),
+        ]
     held_s = LIFT_S + 0.2 / SPEED_M_S + 1.0
     return [("lift_off", begins_s + LIFT_S), ("lifted", begins_s + held_s), ("slip", begins_s + SLIP_S)]
 
