@@ -265,8 +265,7 @@ def test_the_camera_scores_them_by_rule_and_a_rater_codes_them_in_boris(
         one for one in pairs if {one["a"], one["b"]} == {CAMERA, "r1"} and one["kind"] in {"slip", "drop"}
     ]
     assert {(one["kind"], one["f1"]) for one in both} == {("slip", 1.0), ("drop", 1.0)}
-    tega("study", "report", folder)
-    assert "camera" in (folder / "report" / "report.html").read_text(encoding="utf-8")
+    assert "camera" in Path(tega("study", "report", folder)["page"]).read_text(encoding="utf-8")
 
 
 def test_the_bundle_is_the_same_session_elsewhere_and_is_measured_from_itself_alone(
