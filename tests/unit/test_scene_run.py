@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import socket
 import sys
 import threading
 import time
@@ -24,6 +25,7 @@ from tega.config import check_tree, load_config  # noqa: E402
 from tega.doctor import examine  # noqa: E402
 from tega.errors import ConfigError, DeviceUnavailableError, RecordingError, UnsafeNameError  # noqa: E402
 from tega.recording.mcap_reader import McapReader  # noqa: E402
+from tega.recording.trim import trim_session  # noqa: E402
 from tega.records import Alert, SceneVideo  # noqa: E402
 from tega.scene.decode import ScenePicture  # noqa: E402
 from tega.scene.layout import example_layout, save_layout  # noqa: E402
@@ -95,6 +97,18 @@ def test_files_are_filmed_into_the_run_s_own_recording(tmp_path: Path) -> None:
         assert pictures == list(range(30))
         assert [number for _, number in seen[name]] == sorted(number for _, number in seen[name])
         assert len(seen[name]) > 2
+
+
+def test_a_part_of_a_film_begins_with_a_picture_that_stands_alone(tmp_path: Path) -> None:
+    film(tmp_path / "film.avi", 50)
+    tree = settings(tmp_path / "session", {"name": "front", "source": "film.avi"}, duration_s=3.0)
+    whole = tmp_path / "session" / str(filmed(tree, tmp_path)["recording"]["file"])
+    part = trim_session(whole, from_s=0.5, to_s=2.2, out=tmp_path / "part")
+    n = export_camera(part, "front", tmp_path / "part.mp4")
+    numbers = [number_of(image) for _, image in read_pictures(tmp_path / "part.mp4")]
+    assert numbers == list(range(numbers[0], numbers[0] + n))
+    assert numbers[0] % 20 == 0  # one a second does
+    assert n > 10
 
 
 def test_a_camera_that_goes_away_is_told_recorded_and_found_again(tmp_path: Path) -> None:
@@ -175,6 +189,20 @@ def test_a_camera_that_is_not_there_refuses_the_run(
     with pytest.raises(kind, match=said):
         filmed(settings(tmp_path / "session", {"name": "front", **camera}), tmp_path)
     assert not list((tmp_path / "session").glob("*.mcap*"))
+    assert not _children("tega.scene.camera_program")
+
+
+def test_whoever_gives_up_does_not_wait_for_a_camera(tmp_path: Path) -> None:
+    """An address that takes the connection and then says nothing."""
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        source = f"http://127.0.0.1:{silent.getsockname()[1]}/film.mjpg"
+        asked = iter(range(100))
+        with pytest.raises(KeyboardInterrupt):
+            filmed(
+                settings(tmp_path / "session", {"name": "front", "source": source}),
+                tmp_path,
+                stop=lambda: next(asked, None) is None,
+            )
     assert not _children("tega.scene.camera_program")
 
 

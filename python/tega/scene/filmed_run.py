@@ -9,7 +9,8 @@ import contextlib
 import io
 import subprocess
 import threading
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import msgspec
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from tega.bus import Bus
 
 _OPEN_S: Final = 30.0
+_LOOK_S: Final = 0.05
 _LEAVE_S: Final = 8.0
 _AGAIN_S: Final = (1.0, 10.0)
 
@@ -43,8 +45,10 @@ class RunCameras:
         cameras: The settings'.
         bus: Told of every encoded picture, and of small ones where somebody looks.
         stack: Ends the processes, should the run not begin.
+        stop: Asked whether to give up.
 
     Raises:
+        KeyboardInterrupt: ``stop`` said so.
         DeviceUnavailableError: A camera does not open, or has another size.
         RecordingError: A file is not there, or is no video.
         CalibrationError: A file of intrinsics is not there, or is none.
@@ -52,7 +56,9 @@ class RunCameras:
         MissingExtraError: OpenCV or PyAV is not installed.
     """
 
-    def __init__(self, cameras: Sequence[SceneConfig], bus: Bus, stack: ExitStack) -> None:
+    def __init__(
+        self, cameras: Sequence[SceneConfig], bus: Bus, stack: ExitStack, stop: Callable[[], bool]
+    ) -> None:
         for camera in cameras:  # recordings carry both: what cannot be used is told now
             if camera.lens is not None and camera.layout is not None:
                 load_lens(camera.lens)
@@ -62,7 +68,7 @@ class RunCameras:
         for camera in cameras:
             self._cameras.append(_FilmingProcess(camera, bus, shows=bus.wants(ScenePicture)))
         for one in self._cameras:  # all of them start meanwhile
-            one.wait_open()
+            one.wait_open(stop)
 
     def begin(self, start_ns: int) -> None:
         """Film from the session's start, by the machine's clock."""
@@ -127,12 +133,16 @@ class _FilmingProcess:
         self._thread = threading.Thread(target=self._work, name=f"scene-{camera.name}", daemon=True)
         self._thread.start()
 
-    def wait_open(self) -> None:
+    def wait_open(self, stop: Callable[[], bool]) -> None:
         """Wait until the camera is open."""
-        if not self._opened.wait(_OPEN_S):
-            raise DeviceUnavailableError(
-                f"scene camera {self.camera.name} did not open within {_OPEN_S:g} s", "is its sender on?"
-            )
+        until_s = time.monotonic() + _OPEN_S
+        while not self._opened.wait(_LOOK_S):
+            if stop():
+                raise KeyboardInterrupt
+            if time.monotonic() > until_s:
+                raise DeviceUnavailableError(
+                    f"scene camera {self.camera.name} did not open within {_OPEN_S:g} s", "is its sender on?"
+                )
         if self._failed is not None:
             raise self._failed
 

@@ -25,6 +25,7 @@ from tega.plain_name import plain_name
 from tega.recording.mcap_file import McapFile
 from tega.recording.mcap_reader import McapReader, table_ns
 from tega.records import SceneVideo
+from tega.scene.decode import stands_alone
 from tega.scene.filming import CameraTally, Filming
 from tega.scene.offset_file import read_offsets
 from tega.scene.pictures import times_path
@@ -141,12 +142,18 @@ def export_camera(recording: Path, name: str, out: Path) -> int:
                     others.add(message.topic)
                     continue
                 kind = message.value.format
+                if not times and kind in {"h264", "av1"} and not stands_alone(kind, message.value.data):
+                    continue  # a part of a film: no player can begin with this one
                 raw.write(message.value.data)
                 times.append(message.log_ns)
-        if not times or kind not in {"h264", "av1"}:
+        if kind not in {"h264", "av1"}:
             there = ", ".join(sorted(others)) or "none"
             raise RecordingError(f"{recording.name}: no camera {name!r}", f"its topics: {there}")
         epoch_ns = scene_epoch(reader)
+        if not times:
+            raise RecordingError(
+                f"{recording.name}: {name} is no whole {kind} video: no picture stands alone"
+            )
         try:
             number = _mux(av, stream, kind, times, out)
         except Exception as error:  # of a damaged stream the library raises what it likes

@@ -117,11 +117,11 @@ def open_rig(
     if recording is not None or bus.wants(BesideIntent) or bus.wants(BesideContact):
         open_beside(stack, config, prepared, bus)
     condition = open_condition(stack, config, prepared, bus)
+    cameras = _cameras(stack, config, bus, stop)  # before what moves: an address may take its time
     sinks = open_sinks(stack, config, prepared, bus)
     inputs = open_inputs(stack, config)
     if station is not None:
         sinks, inputs = station.sinks(sinks), station.inputs(stack, inputs)
-    cameras = _cameras(stack, config, bus)
     steering = None
     if config.arm is not None:
         steering = open_arm(stack, config, inputs, tracker=None if station is None else station.tracker)
@@ -179,7 +179,9 @@ def _markers(stack: ExitStack, config: SessionConfig, bus: Bus) -> RunMarkers | 
     return markers
 
 
-def _cameras(stack: ExitStack, config: SessionConfig, bus: Bus) -> RunCameras | None:
+def _cameras(
+    stack: ExitStack, config: SessionConfig, bus: Bus, stop: Callable[[], bool]
+) -> RunCameras | None:
     """Open the scene cameras, where what they film is recorded or shown."""
     from tega.records import SceneVideo
     from tega.scene.decode import ScenePicture
@@ -188,4 +190,4 @@ def _cameras(stack: ExitStack, config: SessionConfig, bus: Bus) -> RunCameras | 
         return None
     from tega.scene.filmed_run import RunCameras
 
-    return RunCameras(config.scene, bus, stack)
+    return RunCameras(config.scene, bus, stack, stop)
