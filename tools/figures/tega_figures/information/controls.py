@@ -15,6 +15,7 @@ import msgspec
 from tega.foreign_file import read_foreign
 from tega.sim.conditions import Condition
 from tega.sim.operator import VIEWS, RulesVersion, ViewName
+from tega.sim.seams import Shear
 from tega.sim.world import ObjectSpec, read_objects
 from tega_figures.information.bench import OFF
 from tega_figures.information.compare import paired
@@ -75,6 +76,13 @@ def main() -> None:
 @click.option(
     "--rules", type=click.IntRange(2, 3), default=2, show_default=True, help="Version of the rules."
 )
+@click.option(
+    "--shear",
+    type=click.Choice(["off", "texture", "dots"]),
+    default="off",
+    show_default=True,
+    help="Of the gels; the metric is shear then, which the reflex goes by.",
+)
 @click.option("--object", "names", multiple=True, type=click.Choice(list(SOFTEST)), help="Instead of all.")
 def run(
     file: Path,
@@ -84,6 +92,7 @@ def run(
     only: tuple[str, ...],
     view: ViewName | None,
     rules: RulesVersion,
+    shear: Shear,
     names: tuple[str, ...],
 ) -> None:
     """Run the sessions that FILE does not hold yet, person by person, and add each as it ends."""
@@ -91,6 +100,7 @@ def run(
         {(one.seed, one.object, one.view, one.condition) for one in read(file)} if file.exists() else set()
     )
     specs = [SOFTEST[name] for name in names or SOFTEST]
+    settings = () if shear == "off" else ("stages.metric.name=shear",)
     with file.open("ab") as out:
         for seed in range(first, first + people):
             for seen, condition in CELLS:
@@ -100,7 +110,14 @@ def run(
                     if (seed, spec.name, seen, condition) in known:
                         continue
                     one = bench_session(
-                        seed, spec, view=seen, condition=condition, n_lifts=N_LIFTS, rules=rules
+                        seed,
+                        spec,
+                        view=seen,
+                        condition=condition,
+                        n_lifts=N_LIFTS,
+                        rules=rules,
+                        shear=shear,
+                        settings=settings,
                     )
                     out.write(msgspec.json.encode(one) + b"\n")
                     out.flush()
