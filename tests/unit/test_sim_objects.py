@@ -14,8 +14,8 @@ pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
 from tega.cli.main import main
 from tega.errors import ConfigError, InvalidValueError, UnsafeNameError
 from tega.sim.operator import RulesVersion, ViewName
-from tega.sim.seams import Shear
 from tega.sim.plan import TrialPlan, TrialResult
+from tega.sim.seams import Shear
 from tega.sim.table import summarise_trials
 from tega.sim.trials import plan_trials
 from tega.sim.world import OBJECTS, crossed, read_objects
