@@ -307,6 +307,12 @@ def fingerprint(plan: TrialPlan) -> str:
     told = msgspec.to_builtins(run_trial(plan, streams=streams))
     assert (told.pop("rules"), told.pop("view"), told.pop("spec")) == (1, "direct", None)
     assert told.pop("shear") == "off"
+    assert (told.pop("task"), told.pop("hand"), told.pop("placed"), told.pop("off_mark_m")) == (
+        "lift",
+        "decoder",
+        None,
+        None,
+    )
     content = json.dumps([told, streams.rows["truth"], streams.rows["vest"]], default=float)
     return hashlib.sha256(content.encode()).hexdigest()[:16]
 
