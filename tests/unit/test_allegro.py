@@ -32,6 +32,7 @@ from tega_emulators.process import Emulator
 pytestmark = pytest.mark.slow
 
 PATIENT: dict[str, Any] = {"silent_after_ms": 1000.0, "lowest_rate_hz": 50.0}
+SLOW: dict[str, Any] = {"sleep_after_open": 2.0}
 
 
 def _driver(hand: Emulator, **options: Any) -> Allegro:
@@ -308,3 +309,16 @@ def test_a_session_steers_the_hand_it_reads(tmp_path: Path) -> None:
         with pytest.raises(ConfigError, match="live"):
             run_session(check_tree(tree, {}, base=tmp_path).config)
         assert _limp(hand)
+
+
+def test_an_adapter_that_opens_slowly_is_waited_for() -> None:
+    with Emulator("allegro_port") as hand, _driver(hand, silent_after_ms=300.0, bus=SLOW) as driver:
+        hand.say("power-cycle")
+
+        def steered_again() -> bool:
+            driver.step(3)
+            state = driver.state()
+            return state.counts.silences > 0 and state.phase == "running"
+
+        assert _until(steered_again)
+        assert _until(lambda: (driver.step(3), any(hand.say("look")["duties"]))[1])

@@ -107,7 +107,8 @@ class Allegro(Opened):
             None
         )
         """Told, in a thread of the driver's, of every exchange: time, level, frames received and to be sent, and
-        ``exchange``, ``release`` or ``abandon``. From these the same conversation can be held again."""
+        ``exchange``, ``release`` or ``abandon``. From these the same conversation can be held again. Set it before the
+        hand is opened."""
 
     @classmethod
     def discover(cls, timeout_s: float) -> list[Found]:  # noqa: ARG003  # the kernel knows at once

@@ -132,7 +132,7 @@ class HandProcess:
 
     def say(self, level: float) -> None:
         """Ask for a level, or with ``LET_GO`` to let go; returns at once."""
-        if level != self._word:
+        if level != self._word or time.monotonic() - self._said_s >= WORD_S:
             self._word = level
             self._write()
 
@@ -169,15 +169,16 @@ class HandProcess:
             with contextlib.suppress(OSError, ValueError):  # it is gone, or full of words: both are told of
                 os.write(process.stdin.fileno(), _WORD.pack(self._word))
 
-    @run_realtime("beside")
+    @run_realtime("act")
     def _hear(self, said: BufferedReader) -> None:
         """Hear the process until it ends, and have it hear that this program goes on."""
         self._write()
         try:
             while True:
-                spoken, seen = receive_object(said)
+                told = receive_object(said)
                 self._heard_s = time.monotonic()
-                self._tell(spoken, seen)
+                if told:  # else that it goes on
+                    self._tell(*told)
                 if self._heard_s - self._said_s >= WORD_S:
                     self._write()
         except (EOFError, OSError):

@@ -14,12 +14,12 @@ import sys
 import threading
 from contextlib import suppress
 from io import BufferedWriter
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 from typing import Any
 
 from tega.devices.hand_ends import read_words
 from tega.devices.hand_loop import HandLoop
-from tega.devices.hand_told import HandNews, HandOrders, HandSpoken
+from tega.devices.hand_told import WORD_S, HandNews, HandOrders, HandSpoken
 from tega.object_pipe import receive_object, send_object
 from tega.threads import realtime, run_realtime, short_turns
 
@@ -30,8 +30,13 @@ _Told = tuple[list[HandSpoken], HandNews]
 
 @run_realtime("hand")
 def _pass_on(told: SimpleQueue[_Told | None], said: BufferedWriter) -> None:
-    """Tell the run, which may be slow, without keeping the hand waiting."""
-    while (what := told.get()) is not None:
+    """Tell the run, which may be slow, without keeping the hand waiting; and that this goes on, if that waits."""
+    while True:
+        what: _Told | tuple[()] | None = ()
+        with suppress(Empty):
+            what = told.get(timeout=WORD_S)
+        if what is None:
+            return
         with suppress(OSError):  # the run was killed
             send_object(said, what)
 
