@@ -7,7 +7,6 @@ use std::sync::OnceLock;
 
 use crate::picture::{HEIGHT, LINE, WIDTH, nearest, spline};
 use crate::rng::Stream;
-use crate::sums::NoiseSums;
 
 /// Per-pixel deviation of 8-bit pictures, blue, green, red.
 const SIGMA: [f32; 3] = [3.30, 1.70, 2.85];
@@ -38,7 +37,8 @@ const SLOW_OFFSET: [f32; 3] = [1.1, 0.6, 3.0];
 const SLOW_TILT: [f32; 3] = [0.8, 1.0, 1.0];
 const SLOW_BEND: [f32; 3] = [0.9, 1.6, 3.2];
 /// Units' noise over the measured one; three units that were measured lie within 6 %.
-const LEVELS: [f32; 3] = [1.0, 0.92, 1.08];
+const LEVELS: [f32; SHEETS] = [1.0, 0.92, 1.08];
+pub(crate) const SHEETS: usize = 3;
 
 /// The sheets' own, unrelated to any unit's.
 const SHEET_SEED: u64 = 0x7465_6761;
@@ -78,10 +78,10 @@ impl Part {
 impl Noise {
     /// A unit's noise: of the fitted sensor's level, or of one that the seed picks.
     pub(crate) fn new(seed: u64, spread: f32, slow: bool) -> Self {
-        static SHEETS: [OnceLock<Vec<i8>>; 3] = [const { OnceLock::new() }; 3];
+        static MADE: [OnceLock<Vec<i8>>; SHEETS] = [const { OnceLock::new() }; SHEETS];
         let frames = Stream::new(seed, 20);
-        let level = if spread > 0.0 { (Stream::new(seed, 22).bits(0) % 3) as usize } else { 0 };
-        let sheet = SHEETS[level].get_or_init(|| sheet(LEVELS[level]));
+        let level = if spread > 0.0 { (Stream::new(seed, 22).bits(0) % SHEETS as u64) as usize } else { 0 };
+        let sheet = MADE[level].get_or_init(|| sheet(LEVELS[level]));
         Self { sheet, level, frames, drift: Stream::new(seed, 21), slow }
     }
 
@@ -94,10 +94,9 @@ impl Noise {
         Part { top: top as usize, left: left as usize, mirrored: bits >> 63 == 1 }
     }
 
-    /// The sheet's sums over cells; they are made when they are first asked for.
-    pub(crate) fn sums(&self) -> &'static NoiseSums {
-        static SUMS: [OnceLock<NoiseSums>; 3] = [const { OnceLock::new() }; 3];
-        SUMS[self.level].get_or_init(|| NoiseSums::of(self.sheet))
+    /// The sheet, and which of [`SHEETS`] it is.
+    pub(crate) fn sheet(&self) -> (&'static [i8], usize) {
+        (self.sheet, self.level)
     }
 
     /// A frame's noise in one row, counts.

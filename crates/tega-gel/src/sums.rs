@@ -4,9 +4,11 @@
 //! pixels is the sum of two sums. That of the still picture is known until it drifts, those of the noise stand in a table.
 //! The strips of eight rows in which the gel is displaced are painted and summed, one after the other in one place.
 
+use std::sync::OnceLock;
+
 use crate::light::Light;
 use crate::membrane::Relief;
-use crate::noise::{Noise, Part, SHEET_LINE, SHEET_ROWS};
+use crate::noise::{Noise, Part, SHEET_LINE, SHEET_ROWS, SHEETS};
 use crate::paint::{Canvas, area};
 use crate::picture::{HEIGHT, LINE, WIDTH};
 
@@ -30,12 +32,19 @@ const SHEET_CELLS: usize = SHEET_LINE / CELL_BYTES;
 /// Sums of a sheet of noise over every cell that a picture may show: by first row, by the first column's rest over 8, by
 /// colour, one cell beside the other.
 #[derive(Debug)]
-pub(crate) struct NoiseSums {
+struct NoiseSums {
     cells: Vec<[[[i16; SHEET_CELLS]; 3]; CELL]>,
 }
 
 impl NoiseSums {
-    pub(crate) fn of(sheet: &[i8]) -> Self {
+    /// Of a unit's sheet; they are made when they are first asked for.
+    fn of(noise: &Noise) -> &'static Self {
+        static MADE: [OnceLock<NoiseSums>; SHEETS] = [const { OnceLock::new() }; SHEETS];
+        let (sheet, level) = noise.sheet();
+        MADE[level].get_or_init(|| Self::sum(sheet))
+    }
+
+    fn sum(sheet: &[i8]) -> Self {
         let mut cells = vec![[[[0; SHEET_CELLS]; 3]; CELL]; FIRST_ROWS];
         for (number, cells) in cells.iter_mut().enumerate() {
             let rows = &sheet[EVERY_ROWS * number * SHEET_LINE..][..CELL * SHEET_LINE];
@@ -100,7 +109,7 @@ impl Summing {
         (noise, part): (&Noise, Part),
         out: &mut Sums,
     ) {
-        let table = noise.sums();
+        let table = NoiseSums::of(noise);
         for strip in 0..STRIPS {
             let at = strip * ACROSS..(strip + 1) * ACROSS;
             let noises = table.strip(part, strip);

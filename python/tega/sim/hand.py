@@ -110,7 +110,7 @@ class SimulatedBus:
         else:
             for frame in frames:
                 self._take(frame)
-        self._apply(self._counts * self._scale)
+        self._apply(np.multiply(self._counts, self._scale, dtype=np.float64))
         return frames
 
     def _take(self, frame: CanFrame) -> None:
