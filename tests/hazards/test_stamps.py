@@ -21,7 +21,7 @@ import pytest
 from hazards.bench import Lab, lab
 from hazards.test_lost import TIGHT, closed, column
 from hazards.test_stop import start
-from reference.processes import hand_guards
+from reference.processes import begun_by, hand_guards
 from reference.waiting import until
 from tega.devices.allegro import Allegro, AllegroOptions
 from tega.devices.player_settings import PlayerOptions
@@ -179,6 +179,18 @@ def test_a_killed_or_stuck_run_is_let_go_of(tmp_path: Path, how: signal.Signals,
         rested_s = seen_by(made.vest).history[-1][0]
     assert let_go_s - began_s < TIMES * within_s
     assert rested_s - began_s < TIMES * 0.2
+
+
+@pytest.mark.parametrize(("how", "within_s"), [(signal.SIGKILL, 0.1), (signal.SIGSTOP, 1.0)])
+def test_a_killed_or_stuck_process_of_the_hand_is_let_go_of(
+    tmp_path: Path, how: signal.Signals, within_s: float
+) -> None:
+    with lab(tmp_path, emg=True, hand=True) as made:
+        running = start(made)
+        (steers,) = begun_by(running.pid, "tega.devices.hand_program")
+        began_s = time.monotonic()
+        os.kill(steers, how)
+        assert stamped(made.hand, let_go) - began_s < TIMES * within_s
 
 
 @pytest.mark.parametrize(("how", "within_s"), [(signal.SIGKILL, 0.1), (signal.SIGSTOP, 2.0)])

@@ -1,4 +1,4 @@
-"""What a hand's loop is asked, and what it tells: to the driver in the same program, or through pipes to the run."""
+"""Define what a hand's loop is asked and what it tells: the driver in its own program, or the run through pipes."""
 
 from __future__ import annotations
 

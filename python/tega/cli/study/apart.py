@@ -1,4 +1,4 @@
-"""Have a process of its own write a study's report: the memory of sessions and that of statistics do not add up then.
+"""Start a process that writes a study's report: the memory of sessions and that of statistics do not add up then.
 
 Run as a program this is ``tega-teleop study report``.
 """
