@@ -185,7 +185,7 @@ def test_a_killed_or_stuck_run_is_let_go_of(tmp_path: Path, how: signal.Signals,
 def test_a_killed_or_stuck_process_of_the_hand_is_let_go_of(
     tmp_path: Path, how: signal.Signals, within_s: float
 ) -> None:
-    with lab(tmp_path, emg=True, hand=True) as made:
+    with lab(tmp_path, emg=True, hand=True, vest=True, fingers=("thumb",)) as made:
         running = start(made)
         (steers,) = begun_by(running.pid, "tega.devices.hand_program")
         began_s = time.monotonic()

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -31,14 +32,17 @@ stand_by(lambda _goes_on: (folder / f"let-go-{os.getpid()}").touch())
 
 
 @pytest.fixture
-def guard(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> GuardProcess:
+def guard(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[GuardProcess]:
     """A guard that has heard the program; its next one waits for the file ``go on`` before it is ready."""
     (tmp_path / "slow_guard.py").write_text(GUARD)
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")]))
     guard = GuardProcess("guards a file", "slow_guard", str(tmp_path))
     guard.beat()
     until(lambda: guard._heard_s > guard._asked_s)
-    return guard
+    first = guard.pid
+    yield guard
+    with contextlib.suppress(ProcessLookupError):  # a stopped one ends no other way
+        os.kill(first, signal.SIGKILL)
 
 
 @pytest.fixture
