@@ -13,12 +13,12 @@ PACKAGE = Path(__file__).resolve().parents[2] / "python" / "tega"
 
 SORTED_VERBS = """\
 Accept Adapt Add Advance Align Analyse Apply Ask Average Break Build Calibrate Call Check Choose Close Collect Compare
-Compose Compute Connect Convert Copy Correlate Cut Debounce Decide Declare Decode Define Delete Deliver Derive
-Describe Detect Draw Drive Drop Emphasise Encode End Estimate Exchange Export Film Filter Find Fit Follow Gather Give
-Group Hold Import Inspect Judge Keep Lay Lead Learn Let Light Limit List Listen Load Look Make Map Mark Measure Merge Move
-Name Note Notice Observe Open Pace Parse Plan Play Practise Prepare Print Publish Queue Read Recognise Record
-Refresh Refuse Render Report Resample Run Say Score See Send Serve Set Show Silence Simulate Spread Stamp Stand Start
-Steer Stream Sum Switch Synthesise Take Teach Tell Test Track Trim Try Turn Vary Wake Watch Withdraw Write
+Compose Compute Connect Convert Copy Correlate Cut Debounce Decide Declare Decode Define Delete Deliver Derive Describe
+Detect Draw Drive Drop Emphasise Encode End Estimate Exchange Export Film Filter Find Fit Follow Gather Give Group Hold
+Import Inspect Judge Keep Lay Lead Learn Let Light Limit List Listen Load Look Make Map Mark Measure Merge Move Name
+Note Notice Observe Open Pace Parse Plan Play Practise Prepare Print Publish Queue Read Recognise Record Refresh Refuse
+Render Report Resample Run Say Score See Send Serve Set Show Silence Simulate Spread Stamp Stand Start Steer Stream Sum
+Switch Synthesise Take Teach Tell Test Track Trim Try Turn Vary Wake Watch Withdraw Write
 """
 VERBS = frozenset(SORTED_VERBS.split())
 
