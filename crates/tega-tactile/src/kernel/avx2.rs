@@ -153,13 +153,14 @@ pub(super) fn rows(
     kept: &mut [u16],
 ) {
     let bytes = 3 * columns.len();
-    let pairs = frame.len() / (2 * bytes) * 2 * bytes;
+    // With squares the sums of two rows do not fit into the registers.
+    let pairs = if kernel.squares { 0 } else { frame.len() / (2 * bytes) * 2 * bytes };
     let (frame, last) = frame.split_at(pairs);
     let (baseline, baseline_last) = baseline.split_at(pairs);
     let (kept, kept_last) = kept.split_at_mut((pairs / 3).min(kept.len()));
     order(columns.as_chunks_mut::<PIXELS>().0, true);
     rows_by_reading!(kernel, rows_of(frame, baseline, columns, rows, kept));
-    rows_by_reading!(kernel, last_row(last, baseline_last, columns, rows, kept_last));
+    rows_by_reading!(kernel, rows_alone(last, baseline_last, columns, rows, kept_last));
     order(columns.as_chunks_mut::<PIXELS>().0, false);
 }
 
@@ -188,9 +189,9 @@ fn rows_of<const DIFFERENCE: u8, const SQUARES: bool>(
     }
 }
 
-/// One row, or none.
+/// Rows one by one.
 #[target_feature(enable = "avx2")]
-fn last_row<const DIFFERENCE: u8, const SQUARES: bool>(
+fn rows_alone<const DIFFERENCE: u8, const SQUARES: bool>(
     kernel: &Kernel,
     frame: &[u8],
     baseline: &[u8],
@@ -198,14 +199,16 @@ fn last_row<const DIFFERENCE: u8, const SQUARES: bool>(
     rows: &mut Vec<Row>,
     kept: &mut [u16],
 ) {
-    if frame.is_empty() {
-        return;
+    let width = columns.len();
+    let mut kept = kept.chunks_exact_mut(width);
+    for (frame, baseline) in frame.chunks_exact(3 * width).zip(baseline.chunks_exact(3 * width)) {
+        rows.extend(match kept.next() {
+            Some(kept) if DIFFERENCE != SIGNED => {
+                together::<DIFFERENCE, SQUARES, true, 1>(kernel, [frame], [baseline], columns, [kept])
+            }
+            _ => together::<DIFFERENCE, SQUARES, false, 1>(kernel, [frame], [baseline], columns, [&mut []]),
+        });
     }
-    rows.extend(if DIFFERENCE != SIGNED && !kept.is_empty() {
-        together::<DIFFERENCE, SQUARES, true, 1>(kernel, [frame], [baseline], columns, [kept])
-    } else {
-        together::<DIFFERENCE, SQUARES, false, 1>(kernel, [frame], [baseline], columns, [&mut []])
-    });
 }
 
 /// Rows whose levels are added up before they go to the columns, and kept as words where asked for.
