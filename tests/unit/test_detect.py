@@ -7,10 +7,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tega.detect import DetectedEvent, Detector, TouchFrame
+from tega.detect.detector import share_of
+from tega.detect.settings import Rule
 from tega.detect.tracks import Low, TwoMeans
+from tega_figures.slip_rule import SlipTrial, fit, left_out
 
 HZ = 60.0
 NOTHING = TouchFrame(False, 0, 0.0, 0.0, math.nan, math.nan)
@@ -144,6 +148,27 @@ def test_the_simulated_bench_shows_its_lift_off() -> None:
     judged = judge(kept)
     for way in WAYS[:2]:
         assert compare([judged], way, "lift_off").f1 == 1.0
+
+
+def test_a_rule_adds_weighed_products_to_weighed_features() -> None:
+    rule = Rule(-1.0, (0.5, 0.25), 0.5, 0.1, ((0, 1, 2.0), (1, 1, -0.5)))
+    assert share_of(rule, (0.5, 2.0)) == pytest.approx(1 / (1 + math.exp(1.0 - 0.25 - 0.5 - 2.0 + 2.0)))
+
+
+def test_a_rule_with_products_tells_what_no_single_feature_does() -> None:
+    rng = np.random.default_rng(1)
+    trials = []
+    for person in range(6):
+        features = rng.normal(size=(800, 3))
+        features[200:220, :2] = rng.choice([-2.0, 2.0], size=(20, 1)) + rng.normal(scale=0.1, size=(20, 2))
+        slips = np.zeros(800)
+        slips[200:220] = 1
+        asked = np.ones(800, dtype=bool)
+        trials.append(SlipTrial(np.arange(800) / 40, features, asked, slips, asked, (5.0,), person))
+    rule = fit(trials, ahead=False, products=2)
+    assert any(set(one[:2]) == {0, 1} for one in rule.products)
+    told = left_out(trials, products=2, parts=3)[1]
+    assert [[round(t_s) for t_s in one] for one in told] == [[5]] * 6
 
 
 @pytest.mark.deep

@@ -239,3 +239,9 @@ def test_the_detector_uses_the_shear_where_it_is_told_any() -> None:
     assert seen[: len(before)] == before
     pulled_by = seen[len(before)]
     assert pulled_by > np.log1p(20 * 0.05)
+
+
+def test_a_recording_that_does_not_say_how_sure_its_shear_is_has_its_slips_told_by_touch() -> None:
+    values = {"shear_mm": 1.0, "shear_direction_rad": 0.0, "incipient": 0.5, "slip_mm_s": 2.0}
+    assert ShearFrame.of(values) is None
+    assert ShearFrame.of(values | {"shear_sure": 0.2}) == (1.0, 0.0, 0.5, 2.0, 0.2)

@@ -345,7 +345,8 @@ class Detector:
 
 def share_of(rule: Rule, seen: Sequence[float]) -> float:
     """Return the share that a rule gives to what is seen."""
-    return _logistic(rule.bias + sum(w * x for w, x in zip(rule.weights, seen, strict=True)))
+    both = sum(w * seen[i] * seen[j] for i, j, w in rule.products)
+    return _logistic(rule.bias + sum(w * x for w, x in zip(rule.weights, seen, strict=True)) + both)
 
 
 def _logistic(x: float) -> float:

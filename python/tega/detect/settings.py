@@ -2,7 +2,8 @@
 
 They were fixed before they were compared with anything. The slip's rule with hand and arm was chosen and fitted on
 simulated people 1000 to 1022 (``python -m tega_figures.check_events --fit 1000:1023``), the one by fingertips alone on
-1000 to 1019 of an earlier version of the simulated gel; both are reported on others.
+1000 to 1019 of an earlier version of the simulated gel; the one by shear on 1000 to 1022 with ``--shear texture``. All
+are reported on others.
 """
 
 from __future__ import annotations
@@ -86,12 +87,14 @@ class Rule(NamedTuple):
         weights: One for each feature.
         enter: Share from which it is an event.
         least_s: For so long, seconds.
+        products: Places of two features and the weight of their product.
     """
 
     bias: float
     weights: tuple[float, ...]
     enter: float
     least_s: float
+    products: tuple[tuple[int, int, float], ...] = ()
 
 
 class DetectorSettings(NamedTuple):
@@ -123,7 +126,7 @@ class DetectorSettings(NamedTuple):
         eased: A deformation is over when less than this share of it is left.
         look_ahead_s: How far the detector looks ahead in a record.
         touch: The slip by fingertips alone.
-        shear: The slip by fingertips alone where shear is read.
+        shear: The slip by fingertips alone where shear is read: products of two features are looked at besides.
         hand: The slip where closure and height are measured as well.
     """
 
@@ -155,10 +158,46 @@ class DetectorSettings(NamedTuple):
         0.2,
     )
     shear: Rule = Rule(
-        -0.919,
-        (-0.293, -0.005, -5.72, -0.807, 0.248, -0.055, 0.16, -1.44, -0.748, 1.06, 1.176, -0.04) + (0.0,) * 9,
+        -6.9193,
+        (
+            0.4046,  # fingers
+            -2.1343,  # mass
+            7.3216,  # mass_change
+            2.2895,  # mass_trend
+            0.2183,  # flow
+            2.2841,  # flow_trend
+            -0.0023,  # mean_flow
+            -0.8901,  # peak
+            0.8306,  # peak_change
+            4.0568,  # edge_change
+            -0.416,  # lost
+            4.7408,  # gained
+            7.8381,  # pulled
+            2.127,  # mean_pulled
+            9.5066,  # slid
+            2.0404,  # slid_change
+            0.0867,  # sliding
+            0.195,  # second_pulled
+            -13.25,  # slack_pulled
+            -0.464,  # slant
+            2.9699,  # sound
+        ),
         0.5,
-        0.2,
+        0.15,
+        (
+            (5, 5, -0.4418),  # flow_trend, flow_trend
+            (2, 5, -2.8699),  # mass_change, flow_trend
+            (7, 9, -2.6386),  # peak, edge_change
+            (14, 20, -6.0807),  # slid, sound
+            (3, 20, -4.1496),  # mass_trend, sound
+            (9, 10, -9.7276),  # edge_change, lost
+            (14, 14, -7.152),  # slid, slid
+            (0, 18, 3.8916),  # fingers, slack_pulled
+            (11, 13, -13.4853),  # gained, mean_pulled
+            (0, 12, -1.8288),  # fingers, pulled
+            (3, 14, 3.9395),  # mass_trend, slid
+            (1, 1, 0.2214),  # mass, mass
+        ),
     )
     hand: Rule = Rule(-4.014, (0.109, 0.414, -10.474, -0.871, 0.896, 0.832, 3.586, 0.846), 0.5, 0.05)
 

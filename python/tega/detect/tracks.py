@@ -51,8 +51,12 @@ class ShearFrame(NamedTuple):
 
     @classmethod
     def of(cls, values: Mapping[str, float]) -> Self | None:
-        """Return the shear among a contact's named values; ``None`` where it has none."""
-        if "shear_mm" not in values:
+        """Return the shear among a contact's named values; ``None`` where it has none.
+
+        Version 1 of the metric ``shear`` did not say how sure it was: its recordings have no shear here, so that their
+        slips are told as they were then, by touch.
+        """
+        if "shear_sure" not in values:
             return None
         length_mm, angle_rad = values["shear_mm"], values["shear_direction_rad"]
         return cls(
@@ -60,7 +64,7 @@ class ShearFrame(NamedTuple):
             length_mm * math.sin(angle_rad),
             values["incipient"],
             values["slip_mm_s"],
-            values.get("shear_sure", 1.0),
+            values["shear_sure"],
         )
 
 

@@ -20,31 +20,24 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from tega.detect import DetectedEvent, Detector, ShearFrame
-from tega.detect.detector import Rise
-from tega.detect.settings import FEATURES, HAND_FEATURES, SETTINGS, SHEAR_FEATURES, Rule
+from tega.detect import ShearFrame
 from tega.sim.plan import TrialPlan, TrialResult
 from tega.sim.streams import Streams
 from tega.study.detecting import events_of
 from tega.study.hand_rows import HandRow
 from tega.study.score import Agreement, agreement, match_events
 from tega.study.touch_rows import TouchRow
+from tega_figures.slip_rule import N_PRODUCTS, TOLERANCE_S, fit, left_out, looks_of
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from tega.records import Contact, Intent
     from tega.sim.seams import Act, Percept
 
-__all__ = ["JudgedTrial", "KeptTrial", "compare", "fit", "judge", "main", "run"]
-
-TOLERANCE_S = 0.5
-"""As for video that is stepped through: nobody has to press a key here."""
+__all__ = ["JudgedTrial", "KeptTrial", "compare", "judge", "main", "run"]
 
 KINDS = ("lift_off", "slip", "deformation")
 WAYS = ("record", "live", "live, touch only")
 _PLACING = frozenset({"place", "release", "done"})
-_ONSET_S = 0.5
 _HOLDS_LEVEL = 1.5
 
 
@@ -152,112 +145,6 @@ def compare(trials: Sequence[JudgedTrial], way: str, kind: str) -> Agreement:
 
 def _judged(plan: TrialPlan) -> JudgedTrial:
     return judge(run(plan))
-
-
-class _Looks(Detector):
-    """Keeps what the slip's rule is given, and whether it is asked."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.seen: list[tuple[float, tuple[float, ...], bool]] = []
-
-    def _slip(self, t_s: float) -> list[DetectedEvent]:
-        self._remember(t_s)
-        self.seen.append((t_s, self.features(t_s), self._settled(t_s) and self.may_slip))
-        return []
-
-
-class _SlipTrial(NamedTuple):
-    """A trial as the slip's rule sees it.
-
-    Attributes:
-        t_s: Times of the looks, seconds.
-        features: What is seen.
-        asked: Whether the rule is asked.
-        slips: 1 in the first half second of a slip.
-        used: Which looks are fitted: later ones of a slip are not.
-    """
-
-    t_s: NDArray[np.float64]
-    features: NDArray[np.float64]
-    asked: NDArray[np.bool_]
-    slips: NDArray[np.float64]
-    used: NDArray[np.bool_]
-
-
-def _looks(kept: KeptTrial, *, hand: bool) -> _SlipTrial:
-    looks = _Looks()
-    events_of(kept.touch, kept.hand if hand else [], detector=looks, shear=kept.shear)
-    width = len(HAND_FEATURES if hand else SHEAR_FEATURES if kept.shear else FEATURES)
-    rows = [row for row in looks.seen if len(row[1]) == width]
-    t_s = np.array([row[0] for row in rows])
-    slips, near = np.zeros(len(rows)), np.zeros(len(rows), dtype=bool)
-    for begin, end in kept.slipping:
-        near |= (t_s >= begin - 0.1) & (t_s <= end + 0.3)
-        slips[(t_s >= begin) & (t_s <= min(end, begin + _ONSET_S))] = 1
-    asked = np.array([row[2] for row in rows])
-    return _SlipTrial(
-        t_s,
-        np.array([row[1] for row in rows]).reshape(-1, width),
-        asked,
-        slips,
-        asked & (~near | (slips > 0)),
-    )
-
-
-def fit(trials: Sequence[KeptTrial], *, hand: bool, penalty: float = 30.0) -> Rule:
-    """Fit the slip's rule: ridge-penalised logistic weights, then the threshold with the best F1 over these trials."""
-    from scipy.optimize import minimize
-
-    seen = [_looks(one, hand=hand) for one in trials]
-    x = np.concatenate([one.features[one.used] for one in seen])
-    y = np.concatenate([one.slips[one.used] for one in seen])
-    mean, sd = x.mean(axis=0), np.maximum(x.std(axis=0), 1e-9)
-    z = (x - mean) / sd
-
-    def loss(b: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
-        u = b[0] + z @ b[1:]
-        error = 1 / (1 + np.exp(-u)) - y
-        value = np.logaddexp(0, u).sum() - y @ u + penalty / 2 * float(b[1:] @ b[1:])
-        return float(value), np.concatenate([[error.sum()], z.T @ error + penalty * b[1:]])
-
-    b = minimize(loss, np.zeros(x.shape[1] + 1), jac=True, method="L-BFGS-B").x
-    weights = tuple(round(float(w), 3) for w in b[1:] / sd)
-    rule = Rule(round(float(b[0] - (b[1:] / sd) @ mean), 3), weights, 0.5, 0.1)
-    shares = [
-        np.where(one.asked, 1 / (1 + np.exp(-(rule.bias + one.features @ np.array(weights)))), 0.0)
-        for one in seen
-    ]
-    tried = [
-        rule._replace(enter=enter, least_s=least_s)
-        for enter in (0.05, 0.075, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6)
-        for least_s in (0.05, 0.1, 0.15, 0.2)
-    ]
-    best = max(tried, key=lambda one: _f1(trials, seen, shares, one, ahead=hand))
-    # The share is of looks; shifted so that an event that is just one has a confidence of a half.
-    shift = math.log(best.enter / (1 - best.enter))
-    return best._replace(bias=round(best.bias - shift, 3), enter=0.5)
-
-
-def _f1(
-    trials: Sequence[KeptTrial],
-    seen: Sequence[_SlipTrial],
-    shares: Sequence[NDArray[np.float64]],
-    rule: Rule,
-    *,
-    ahead: bool,
-) -> float:
-    events = matched = 0
-    for one, looks, share in zip(trials, seen, shares, strict=True):
-        rise = Rise("slip", rule, SETTINGS.rest_s, SETTINGS.look_ahead_s if ahead else 0.0)
-        rows = zip(looks.t_s.tolist(), share.tolist(), looks.asked.tolist(), strict=True)
-        slips = [
-            found.t_s for t_s, p, asked in rows if (found := rise.add(t_s, p, void=not asked)) is not None
-        ]
-        truth = [begin for begin, _end in one.slipping]
-        events += len(slips) + len(truth)
-        matched += len(match_events(truth, slips, tolerance_s=TOLERANCE_S))
-    return 2 * matched / max(events, 1)
 
 
 def narrowing(trials: Sequence[KeptTrial]) -> Iterable[str]:
@@ -407,7 +294,15 @@ def main() -> None:
         plans = _plans(asked.fit, ["haptic"], asked.stiffness, asked.friction, asked.shear)
         kept: list[KeptTrial] = Parallel(n_jobs=asked.jobs)(delayed(run)(plan) for plan in plans)
         for name, hand in (("touch", False), ("hand", True)):
-            sys.stdout.write(f"{name}: {fit(kept, hand=hand)}\n")
+            products = N_PRODUCTS if asked.shear != "off" and not hand else 0
+            seen = [looks_of(one, hand=hand) for one in kept]
+            sys.stdout.write(f"{name}: {fit(seen, ahead=hand, products=products)}\n")
+            if not hand:
+                told = left_out(seen, products=products)[1]
+                both = zip(kept, told, strict=True)
+                ways = [JudgedTrial(one.result, {(WAYS[2], "slip"): found}) for one, found in both]
+                sys.stdout.write(f"{name}, people left out: {compare(ways, WAYS[2], 'slip').f1:.2f}; ")
+                sys.stdout.write(false_alarms(ways) + "\n")
         return
     plans = _plans(asked.seeds, asked.conditions.split(","), asked.stiffness, asked.friction, asked.shear)
     plans = [plan for plan in plans if not asked.objects or plan.object in asked.objects.split(",")]

@@ -1,0 +1,220 @@
+"""Fits the rule that a slip is seen by to trials whose truth is known.
+
+A logistic rule over what the detector sees (:data:`tega.detect.settings.FEATURES` and its sisters), with a penalty on
+its weights; over fingertips that read shear also over products of two of them, chosen one after another as the one
+that lessens the error most. :func:`left_out` fits without some people and judges those, several times over.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from tega.detect import DetectedEvent, Detector
+from tega.detect.detector import Rise
+from tega.detect.settings import FEATURES, HAND_FEATURES, SETTINGS, SHEAR_FEATURES, Rule
+from tega.study.detecting import events_of
+from tega.study.score import match_events
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tega_figures.check_events import KeptTrial
+
+__all__ = ["N_PRODUCTS", "TOLERANCE_S", "SlipTrial", "fit", "left_out", "looks_of"]
+
+TOLERANCE_S = 0.5
+"""As for video that is stepped through: nobody has to press a key here."""
+
+N_PRODUCTS = 12
+"""Of a rule that looks at shear."""
+
+_ONSET_S = 0.5
+_ENTER = (0.05, 0.075, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.7)
+_LEAST_S = (0.05, 0.1, 0.15, 0.2)
+
+
+class _Looks(Detector):
+    """Keeps what the slip's rule is given, and whether it is asked."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.seen: list[tuple[float, tuple[float, ...], bool]] = []
+
+    def _slip(self, t_s: float) -> list[DetectedEvent]:
+        self._remember(t_s)
+        self.seen.append((t_s, self.features(t_s), self._settled(t_s) and self.may_slip))
+        return []
+
+
+class SlipTrial(NamedTuple):
+    """A trial as the slip's rule sees it.
+
+    Attributes:
+        t_s: Times of the looks, seconds; shape ``(n,)``.
+        features: What is seen, shape ``(n, features)``.
+        asked: Whether the rule is asked, shape ``(n,)``.
+        slips: 1 in the first half second of a slip, shape ``(n,)``.
+        used: Which looks are fitted: later ones of a slip are not. Shape ``(n,)``.
+        truth_s: When slips began, seconds.
+        person: Who.
+    """
+
+    t_s: NDArray[np.float64]
+    features: NDArray[np.float64]
+    asked: NDArray[np.bool_]
+    slips: NDArray[np.float64]
+    used: NDArray[np.bool_]
+    truth_s: tuple[float, ...]
+    person: int
+
+
+def looks_of(kept: KeptTrial, *, hand: bool) -> SlipTrial:
+    """Return what the slip's rule sees in a trial, with hand and arm or by the fingertips alone."""
+    looks = _Looks()
+    events_of(kept.touch, kept.hand if hand else [], detector=looks, shear=kept.shear)
+    width = len(HAND_FEATURES if hand else SHEAR_FEATURES if kept.shear else FEATURES)
+    rows = [row for row in looks.seen if len(row[1]) == width]
+    t_s = np.array([row[0] for row in rows])
+    slips, near = np.zeros(len(rows)), np.zeros(len(rows), dtype=bool)
+    for begin, end in kept.slipping:
+        near |= (t_s >= begin - 0.1) & (t_s <= end + 0.3)
+        slips[(t_s >= begin) & (t_s <= min(end, begin + _ONSET_S))] = 1
+    asked = np.array([row[2] for row in rows])
+    return SlipTrial(
+        t_s,
+        np.array([row[1] for row in rows]).reshape(-1, width),
+        asked,
+        slips,
+        asked & (~near | (slips > 0)),
+        tuple(begin for begin, _end in kept.slipping),
+        kept.result.seed,
+    )
+
+
+def fit(trials: Sequence[SlipTrial], *, ahead: bool, products: int = 0, penalty: float = 30.0) -> Rule:
+    """Fit the slip's rule: ridge-penalised logistic weights, then the threshold with the best F1 over these trials.
+
+    Args:
+        trials: What is seen of them.
+        ahead: Whether a slip waits for what comes after it.
+        products: So many products of two features are looked at besides.
+        penalty: On half the squared weights of standardised features.
+    """
+    rule = _weighed(trials, products, penalty)
+    return _with_threshold(rule, trials, [_shares(rule, one) for one in trials], ahead=ahead)
+
+
+def left_out(
+    trials: Sequence[SlipTrial], *, products: int = 0, penalty: float = 30.0, parts: int = 4
+) -> tuple[Rule, list[list[float]]]:
+    """Fit without a part of the people and see what is told of those, for each part; live.
+
+    Returns:
+        The threshold chosen over all that is told so (its weights are those of the last part), and when a slip is
+        told with it in each trial, seconds.
+    """
+    people = sorted({one.person for one in trials})
+    shares: list[NDArray[np.float64]] = [np.zeros(0)] * len(trials)
+    rule = Rule(0.0, (), 0.5, 0.1)
+    for part in range(parts):
+        out = set(people[part::parts])
+        rule = _weighed([one for one in trials if one.person not in out], products, penalty)
+        for n, one in enumerate(trials):
+            if one.person in out:
+                shares[n] = _shares(rule, one)
+    tried = [rule._replace(enter=enter, least_s=least_s) for enter in _ENTER for least_s in _LEAST_S]
+    best = max(tried, key=lambda one: _f1(trials, shares, one, ahead=False))
+    return best, [_told(one, share, best, ahead=False) for one, share in zip(trials, shares, strict=True)]
+
+
+def _weighed(trials: Sequence[SlipTrial], products: int, penalty: float) -> Rule:
+    x = np.concatenate([one.features[one.used] for one in trials])
+    y = np.concatenate([one.slips[one.used] for one in trials])
+    mean, sd = x.mean(axis=0), np.maximum(x.std(axis=0), 1e-9)
+    z = (x - mean) / sd
+    chosen: list[tuple[int, int]] = []
+    first, second = np.triu_indices(z.shape[1])
+    pairs = z[:, first] * z[:, second] if products else z[:, :0]
+    of_pairs = pairs.mean(axis=0), np.maximum(pairs.std(axis=0), 1e-9)
+    pairs = (pairs - of_pairs[0]) / of_pairs[1]
+    at: list[int] = []
+    b = _logistic_weights(z, y, penalty)
+    for _ in range(products):
+        share = _share(b, np.concatenate([z, pairs[:, at]], axis=1))
+        gain = ((y - share) @ pairs) ** 2 / ((share * (1 - share)) @ pairs**2 + penalty)
+        gain[at] = -1.0
+        at.append(int(gain.argmax()))
+        chosen.append((int(first[at[-1]]), int(second[at[-1]])))
+        b = _logistic_weights(np.concatenate([z, pairs[:, at]], axis=1), y, penalty)
+    # Back from standardised features to those that the detector has.
+    bias, weights = float(b[0] - (b[1 : 1 + z.shape[1]] / sd) @ mean), b[1 : 1 + z.shape[1]] / sd
+    raw: list[tuple[int, int, float]] = []
+    for (i, j), n, weight in zip(chosen, at, b[1 + z.shape[1] :], strict=True):
+        each = float(weight / of_pairs[1][n])
+        bias -= each * float(of_pairs[0][n])
+        both = each / float(sd[i] * sd[j])
+        bias += both * float(mean[i] * mean[j])
+        weights[i] -= both * mean[j]
+        weights[j] -= both * mean[i]
+        raw.append((i, j, round(both, 4)))
+    return Rule(round(bias, 4), tuple(round(float(w), 4) for w in weights), 0.5, 0.1, tuple(raw))
+
+
+def _logistic_weights(z: NDArray[np.float64], y: NDArray[np.float64], penalty: float) -> NDArray[np.float64]:
+    from scipy.optimize import minimize
+
+    def loss(b: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+        u = b[0] + z @ b[1:]
+        error = 1 / (1 + np.exp(-np.clip(u, -500, 500))) - y
+        value = np.logaddexp(0, u).sum() - y @ u + penalty / 2 * float(b[1:] @ b[1:])
+        return float(value), np.concatenate([[error.sum()], z.T @ error + penalty * b[1:]])
+
+    found: NDArray[np.float64] = minimize(loss, np.zeros(z.shape[1] + 1), jac=True, method="L-BFGS-B").x
+    return found
+
+
+def _share(b: NDArray[np.float64], z: NDArray[np.float64]) -> NDArray[np.float64]:
+    share: NDArray[np.float64] = 1 / (1 + np.exp(-np.clip(b[0] + z @ b[1:], -500, 500)))
+    return share
+
+
+def _shares(rule: Rule, one: SlipTrial) -> NDArray[np.float64]:
+    u = rule.bias + one.features @ np.array(rule.weights)
+    for i, j, weight in rule.products:
+        u = u + weight * one.features[:, i] * one.features[:, j]
+    share: NDArray[np.float64] = np.where(one.asked, 1 / (1 + np.exp(-np.clip(u, -500, 500))), 0.0)
+    return share
+
+
+def _with_threshold(
+    rule: Rule, trials: Sequence[SlipTrial], shares: Sequence[NDArray[np.float64]], *, ahead: bool
+) -> Rule:
+    tried = [rule._replace(enter=enter, least_s=least_s) for enter in _ENTER for least_s in _LEAST_S]
+    best = max(tried, key=lambda one: _f1(trials, shares, one, ahead=ahead))
+    # The share is of looks; shifted so that an event that is just one has a confidence of a half.
+    shift = math.log(best.enter / (1 - best.enter))
+    return best._replace(bias=round(best.bias - shift, 4), enter=0.5)
+
+
+def _told(one: SlipTrial, share: NDArray[np.float64], rule: Rule, *, ahead: bool) -> list[float]:
+    rise = Rise("slip", rule, SETTINGS.rest_s, SETTINGS.look_ahead_s if ahead else 0.0)
+    rows: Iterable[tuple[float, float, bool]] = zip(
+        one.t_s.tolist(), share.tolist(), one.asked.tolist(), strict=True
+    )
+    found = [rise.add(t_s, p, void=not asked) for t_s, p, asked in rows]
+    return [event.t_s if ahead else event.known_s for event in found if event is not None]
+
+
+def _f1(
+    trials: Sequence[SlipTrial], shares: Sequence[NDArray[np.float64]], rule: Rule, *, ahead: bool
+) -> float:
+    events = matched = 0
+    for one, share in zip(trials, shares, strict=True):
+        slips = _told(one, share, rule, ahead=ahead)
+        events += len(slips) + len(one.truth_s)
+        matched += len(match_events(one.truth_s, slips, tolerance_s=TOLERANCE_S))
+    return 2 * matched / max(events, 1)
