@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from tega.scene.layout import example_layout
-from tega.scene.outcomes import _heights, placed, righted
+from tega.scene.outcomes import _heights, righted
+from tega.scene.resting import placed
 from tega.scene.smoothing import _CHANGE_COST, Course, smoothed, trended
 from tega.scene.track import BodyTrack, SceneTrack
 

@@ -13,6 +13,7 @@ from tega.errors import InvalidValueError, RecordingError
 from tega.scene.layout import example_layout
 from tega.scene.lens import Lens
 from tega.scene.outcomes import SceneEvent, SceneOutcome
+from tega.scene.resting import SceneRest
 from tega.study import make_plan, read_plan, write_plan
 from tega.study.journal import Journal, read_events
 from tega.study.measured import CAMERA, measured_path, read_measured
@@ -42,6 +43,7 @@ def folder(tmp_path: Path) -> Path:
             SceneEvent("slip", 3.0, 0.012, 0.0052, 0.0001),
             SceneEvent("slip", 4.0, 0.012, 0.0031, 0.0001),
             SceneEvent("lifted", 5.0, 0.01),
+            SceneEvent("placed", 7.5, 0.01, 0.0123, 0.0005),
         ),
         success=True,
         slid_m=0.0083,
@@ -56,6 +58,18 @@ def folder(tmp_path: Path) -> Path:
         hand_seen=1.0,
         longest_gap_s=0.03,
         notes=("the object was out of sight for 0.30 s",),
+        rest=SceneRest(
+            at_mm=(-62.0, -86.6),
+            error_mm=(0.5, 0.4),
+            lean_deg=0.2,
+            since_s=6.5,
+            error_s=0.01,
+            stood_s=1.5,
+            let_go=True,
+        ),
+        off_mark_m=0.0123,
+        off_mark_error_m=0.0005,
+        on_mark=True,
     )
     write_measured(
         measured_path(folder, "p01"), signed, [(start, end, MeasuredTrial("p01", 1, 1, "bag", outcome))]
@@ -71,6 +85,24 @@ def test_the_camera_is_an_account_of_its_own(folder: Path) -> None:
     one = found["experimenter", CAMERA]
     assert (one.n_a, one.n_b) == (1, 2)
     assert one.f1 == pytest.approx(2 / 3)
+
+
+def test_a_place_that_was_measured_is_compared_with_who_corrected_it_alone(folder: Path) -> None:
+    measured = read_measured(folder, "p01")
+    (there,) = (event for event in measured if event.kind == "placed")
+    assert (there.t_ns, there.value) == (BEGIN_NS + 7_500_000_000, 12.3)
+    assert there.text == "placed: 12.30 ± 0.50 mm, ± 10 ms"
+    assert "stands at -62.00 ± 0.50 mm, -86.60 ± 0.40 mm, 0.2° from upright, still for 1.50 s, let go of" in [
+        event.text for event in measured if event.kind == "note"
+    ]
+    confirm_trial(folder, "p01", 1, "r1", struck=(there.n,))
+    confirm_trial(folder, "p01", 1, "r2", struck=(there.n,), added=(("placed", 7.0),))
+    found = {(one.a, one.b): one for one in agreements(folder) if one.kind == "placed"}
+    assert {pair: (one.n_a, one.n_b, one.f1) for pair, one in found.items() if CAMERA in pair} == {
+        ("camera+r1", CAMERA): (0, 1, 0.0),
+        ("camera+r2", CAMERA): (1, 1, 1.0),
+    }
+    assert not any("experimenter" in pair for pair in found)
 
 
 def test_a_person_corrects_and_both_are_kept(folder: Path) -> None:
@@ -93,7 +125,7 @@ def test_a_person_corrects_and_both_are_kept(folder: Path) -> None:
         ],
     )
     assert said.exit_code == 0, said.output
-    assert said.output == "p01 trial 1, as r1 has it: lift_off, slip, drop\n"
+    assert said.output == "p01 trial 1, as r1 has it: lift_off, slip, drop, placed\n"
     assert measured_path(folder, "p01").read_bytes() == before
     mine = read_observers(folder, "p01")["camera+r1"]
     assert saw_whole(mine, 1, 1)
@@ -103,7 +135,12 @@ def test_a_person_corrects_and_both_are_kept(folder: Path) -> None:
     ]
     with pytest.raises(InvalidValueError, match="confirmed trial 1 before"):
         confirm_trial(folder, "p01", 1, "r1")
-    assert [event.kind for event in confirm_trial(folder, "p01", 1, "r2")] == ["lift_off", "slip", "slip"]
+    assert [event.kind for event in confirm_trial(folder, "p01", 1, "r2")] == [
+        "lift_off",
+        "slip",
+        "slip",
+        "placed",
+    ]
 
 
 def test_who_watched_comes_before_who_confirmed_the_camera(folder: Path) -> None:
@@ -133,7 +170,7 @@ def test_a_video_without_a_time_code_says_nothing_of_a_session(folder: Path) -> 
     video.write_bytes(b"")
     with pytest.raises(RecordingError, match="no time code"):
         measure_session(folder, "p01", video, Lens(640, 480, 500.0, 500.0, 320.0, 240.0), example_layout())
-    assert len(read_events(measured_path(folder, "p01"))) == 8
+    assert len(read_events(measured_path(folder, "p01"))) == 10
 
 
 def test_each_trial_takes_its_pictures_from_one_pass_over_the_film() -> None:

@@ -24,8 +24,25 @@ def scene() -> None:
     """Score lifts by cameras that see printed tags on table, hand and object."""
 
 
+def _mark(_ctx: click.Context, _option: click.Parameter, text: str | None) -> tuple[float, float] | None:
+    """Read a mark such as 50,-87, millimetres, into metres; a usage error where it is none."""
+    from tega.scene.resting import checked_mark
+
+    if text is None:
+        return None
+    try:
+        x_mm, y_mm = map(float, text.split(","))
+    except ValueError:
+        raise click.UsageError(f"--mark {text}: write it as 50,-87, in millimetres") from None
+    return checked_mark((x_mm / 1000, y_mm / 1000))
+
+
 def _optics(function: Callable[..., None], *, required: bool = True) -> Callable[..., None]:
     for option in (
+        click.option(
+            "--mark", "mark", metavar="X,Y", callback=_mark,
+            help="Second mark, on which the object is to be put down: mm from the first one, along the table's axes.",
+        ),
         click.option(
             "--harm-mm", type=click.FloatRange(0.1, 100), default=6.0, show_default=True,
             help="How far the object must narrow to count as deformed, mm.",
@@ -143,15 +160,17 @@ def score(
     lens_file: Path,
     layout_file: Path,
     harm_mm: float,
+    mark: tuple[float, float] | None,
     begin_s: float | None,
     end_s: float | None,
     as_json: bool,
 ) -> None:
-    """Score one lift from a video: lift-off, 0.2 m, stable, slips, deformations, drop, put down, each with its error.
+    """Score one lift from a video: lift-off, 0.2 m, stable, slips, deformations, drop, put down, placed, with errors.
 
     With --json: {"events": [{"kind", "t_s", "t_error_s", "size_m", "size_error_m"}], "success", "slid_m",
     "slid_error_m", "narrowing_m", "narrowing_error_m", "height_m", "along_mm", "across_mm", "seen", "placed",
-    "hand_seen", "longest_gap_s", "notes"}.
+    "hand_seen", "longest_gap_s", "notes", "rest": {"at_mm", "error_mm", "lean_deg", "since_s", "error_s", "stood_s",
+    "let_go"}, "off_mark_m", "off_mark_error_m", "on_mark"}.
     """
     import math
 
@@ -170,7 +189,12 @@ def score(
         end_s=math.inf if end_s is None else end_s,
     )
     outcome = score_scene(
-        track_scene(pictures, lens, layout), layout, begin_s=begin_s, end_s=end_s, harm_m=harm_mm / 1000
+        track_scene(pictures, lens, layout),
+        layout,
+        begin_s=begin_s,
+        end_s=end_s,
+        harm_m=harm_mm / 1000,
+        mark_m=mark,
     )
     if as_json:
         echo_json(msgspec.to_builtins(outcome))
@@ -192,6 +216,10 @@ def _tell(outcome: SceneOutcome, indent: str = "") -> None:
         f"slid {1000 * outcome.slid_m:.2f} ± {1000 * outcome.slid_error_m:.2f} mm{narrow}; one picture places the "
         f"object to {outcome.along_mm:.2f} mm along the view, {outcome.across_mm:.2f} mm across"
     )
+    if outcome.on_mark is not None:
+        click.echo(f"{indent}{'placed' if outcome.on_mark else 'not placed'} on the second mark")
+    if outcome.rest is not None:
+        click.echo(f"{indent}{outcome.rest.said()}")
     for note in outcome.notes:
         click.echo(f"{indent}look: {note}")
 
@@ -212,6 +240,7 @@ def measure(
     lens_file: Path | None,
     layout_file: Path | None,
     harm_mm: float,
+    mark: tuple[float, float] | None,
     as_json: bool,
 ) -> None:
     """Score the trials of a study's session by a camera; study score compares them with the raters.
@@ -237,6 +266,7 @@ def measure(
         None if layout_file is None else load_layout(layout_file),
         camera=None if is_file else video,
         harm_m=harm_mm / 1000,
+        mark_m=mark,
     )
     if as_json:
         echo_json({"trials": msgspec.to_builtins(found)})

@@ -1,4 +1,4 @@
-"""Score a lift from the poses that a camera saw: lift-off, 0.2 m, stable, slips, deformations, drop, put down.
+"""Score a lift from the poses that a camera saw: lift-off, 0.2 m, stable, slips, deformations, drop, put down, placed.
 
 The rule is that of a simulated trial's truth (:class:`tega.sim.score.TrialScorer`); what it is told here is measured.
 Heights and width are smoothed by straight lines about each moment, slip by few pieces of parabolas, which neither
@@ -15,9 +15,18 @@ import numpy as np
 
 from tega.errors import RecordingError
 from tega.scene.layout import TagBody, TagLayout
+from tega.scene.resting import (
+    LOST_M,
+    TALL_M,
+    SceneRest,
+    checked_mark,
+    likely_error,
+    placed,
+    resting,
+)
 from tega.scene.smoothing import KERNEL_S, Course, joined, smoothed, trended, where_seen
 from tega.scene.track import BodyTrack, SceneTrack
-from tega.sim.score import LIFT_WINDOW_S, TrialScorer
+from tega.sim.score import LIFT_WINDOW_S, STABLE_S, TrialScorer
 from tega.sim.seams import WorldTruth
 
 if TYPE_CHECKING:
@@ -26,33 +35,23 @@ if TYPE_CHECKING:
 OFF_M, STANDS_M = 1e-3, 0.5e-3
 """Height of the object's lowest point from which it is off the table, and below which it stands again."""
 
-LOST_M: Final = 0.03
-"""Slip from which an object counts as dropped, metres."""
-
 _GRID_S: Final = 0.01
 _REST_S: Final = 0.6
 _GAP_S: Final = 0.25
 _SUSTAINED_S: Final = 0.05
-_ALONG_M, _ACROSS_M, _TALL_M = 1.5e-3, 0.2e-3, 0.3e-3
-"""Standard errors that are thought likely: of the place of the object's tags along the view and across it, which the
-folded box has in all pictures alike, and of the height over the table at which the layout says they are."""
-
-OutcomeKind = Literal["lift_off", "lifted", "slip", "deformation", "drop", "put_down"]
-
-
-PLACED_M: Final = 2e-3
-"""Standard error of the object's place, in its worst direction, beyond which a picture is not asked where it is: most
-of it is hidden, or smeared by a fall."""
+OutcomeKind = Literal["lift_off", "lifted", "slip", "deformation", "drop", "put_down", "placed"]
 
 
 class SceneEvent(msgspec.Struct, frozen=True):
     """One outcome, as measured.
 
     Attributes:
-        kind: What; ``lifted`` is stable at 0.2 m, ``put_down`` stands on the table again.
-        t_s: When, on the video's clock; ``lifted``: when it was complete.
+        kind: What; ``lifted`` is stable at 0.2 m, ``put_down`` stands on the table again, ``placed`` stands on the
+            second mark, upright and still for a second, and let go of.
+        t_s: When, on the video's clock; ``lifted`` and ``placed``: when it was complete.
         t_error_s: Standard error of that.
-        size_m: Slip: way slid. Deformation: largest narrowing. Put down: distance from the mark. Else 0.
+        size_m: Slip: way slid. Deformation: largest narrowing. Put down and placed: distance from the mark in the end,
+            from the first one where no second is given. Else 0.
         size_error_m: Standard error of that.
     """
 
@@ -68,7 +67,8 @@ class SceneOutcome(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         events: In the order of time.
-        success: Whether it was lifted to 0.2 m, was stable there for a second, within the window, and not dropped.
+        success: Whether it was lifted to 0.2 m, was stable there for a second, within the window, and not dropped;
+            with a second mark, whether it was placed there as well.
         slid_m: Way slid in all, metres.
         slid_error_m: Standard error of that.
         narrowing_m: Largest narrowing; not there where its tags were not seen.
@@ -77,10 +77,14 @@ class SceneOutcome(msgspec.Struct, frozen=True, kw_only=True):
         along_mm: Standard error of the object's place along the view, millimetres, one picture of those that place it.
         across_mm: Likewise across it.
         seen: Share of the pictures in which the object was seen.
-        placed: Share of the pictures that place it (:data:`PLACED_M`).
+        placed: Share of the pictures that place it (:data:`~tega.scene.resting.PLACED_M`).
         hand_seen: Share in which the hand was.
         longest_gap_s: Longest time without the object, between two sights of it.
         notes: What to look at before these numbers are believed.
+        rest: Where it stands at the end; ``None`` where it was not put down, or not seen then.
+        off_mark_m: How far from the second mark that is, metres; ``None`` without a mark.
+        off_mark_error_m: Standard error of that.
+        on_mark: Whether it was placed on the second mark; ``None`` without a mark.
     """
 
     events: tuple[SceneEvent, ...]
@@ -97,6 +101,10 @@ class SceneOutcome(msgspec.Struct, frozen=True, kw_only=True):
     hand_seen: float
     longest_gap_s: float
     notes: tuple[str, ...]
+    rest: SceneRest | None = None
+    off_mark_m: float | None = None
+    off_mark_error_m: float | None = None
+    on_mark: bool | None = None
 
 
 class SceneCourses(NamedTuple):
@@ -151,8 +159,8 @@ def righted(track: SceneTrack, layout: TagLayout, *, begin_s: float) -> SceneTra
     position = body.position_m + body.rotation @ (middle - right @ middle)
     ray = np.median(position[rest], axis=0) + middle - track.eye_m
     ray /= np.linalg.norm(ray)
-    likely = (_ALONG_M**2 - _ACROSS_M**2) * np.outer(ray, ray) + _ACROSS_M**2 * np.eye(3)
-    position -= np.median(position[rest, 2]) * likely[:, 2] / (likely[2, 2] + _TALL_M**2)
+    likely = likely_error(ray)
+    position -= np.median(position[rest, 2]) * likely[:, 2] / (likely[2, 2] + TALL_M**2)
     position[:, 2] -= np.median(position[rest, 2])
     return track._replace(object=body._replace(position_m=position, rotation=body.rotation @ right))
 
@@ -185,12 +193,6 @@ def scene_courses(track: SceneTrack, layout: TagLayout, *, begin_s: float, end_s
         trended(t_s, palm - grip, np.hypot(grip_error, palm_error), grid),
         where_seen(t_s[np.isfinite(width)], grid, smoothed(t_s, width, thing.width_error_m, grid)),
     )
-
-
-def placed(pose: BodyTrack, at_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return which pictures place a point of a body to :data:`PLACED_M`, bool (n,)."""
-    _, cov = pose.point(at_m)
-    return np.asarray(np.linalg.eigvalsh(np.nan_to_num(cov, nan=1.0))[:, -1] <= PLACED_M**2)
 
 
 def _heights(
@@ -236,6 +238,7 @@ def score_scene(
     end_s: float | None = None,
     harm_m: float = 0.006,
     window_s: float = LIFT_WINDOW_S,
+    mark_m: tuple[float, float] | None = None,
 ) -> SceneOutcome:
     """Score a trial by rule.
 
@@ -246,10 +249,15 @@ def score_scene(
         end_s: Its end; the last picture where ``None``.
         harm_m: Narrowing from which the object counts as deformed, metres.
         window_s: Time within which the second at 0.2 m has to be complete, seconds.
+        mark_m: Second mark, on which the object is to be put down: x and y from the first one in the table's axes,
+            metres. ``None`` where it is not asked for.
 
     Raises:
+        InvalidValueError: The mark is no place on the table.
         RecordingError: See :func:`righted`.
     """
+    if mark_m is not None:
+        checked_mark(mark_m)
     begin_s = float(track.t_s[0]) if begin_s is None else begin_s
     end_s = float(track.t_s[-1]) if end_s is None else end_s
     track = righted(track, layout, begin_s=begin_s)
@@ -260,7 +268,14 @@ def score_scene(
     at = track.object.position_m[inside]
     seen = np.isfinite(at[:, 0])
     events = [ruling.measured(one.kind, one.t_s, one.size_m) for one in ruling.scorer.events]
-    events += _put_down(ruling, track)
+    rest = None
+    if not ruling.aloft:
+        rest = resting(
+            track, layout, stood_s=ruling.stands_s[-1] if ruling.stands_s else begin_s, end_s=end_s
+        )
+    on_mark = None if mark_m is None else _on_mark(ruling, rest, mark_m)
+    off_mark_m, off_mark_error_m = (None, None) if rest is None or mark_m is None else rest.off(mark_m)
+    events += _put_down(ruling, rest, mark_m, on_mark=on_mark)
     events.sort(key=lambda event: event.t_s)
     grip = np.array([0, 0, layout.object.grip_mm / 1000])
     sure = inside & placed(track.object, grip)
@@ -284,11 +299,18 @@ def score_scene(
     hand_seen = float(np.isfinite(track.hand.position_m[inside, 0]).mean())
     if hand_seen < 0.5:
         notes.append(f"the hand was seen in {hand_seen:.0%} of the pictures: slips and drops may be missing")
+    if rest is None and ruling.stands_s and not ruling.aloft:
+        notes.append("the object was not seen where it was put down")
+    elif rest is not None and mark_m is not None and rest.let_go is None:
+        notes.append(
+            "the hand was not seen after the object was put down: whether it has let go is not known"
+        )
     return SceneOutcome(
         events=tuple(events),
         success=lifted_s is not None
         and lifted_s - begin_s <= window_s
-        and ruling.scorer.time_of("drop") is None,
+        and ruling.scorer.time_of("drop") is None
+        and on_mark is not False,
         slid_m=ruling.scorer.slid_m,
         slid_error_m=float(np.nanmedian(courses.slip.error) * np.sqrt(2)),
         narrowing_m=None if widest is None else max(0.0, float(narrow[widest])),
@@ -301,6 +323,10 @@ def score_scene(
         hand_seen=hand_seen,
         longest_gap_s=gap_s,
         notes=tuple(notes),
+        rest=rest,
+        off_mark_m=off_mark_m,
+        off_mark_error_m=off_mark_error_m,
+        on_mark=on_mark,
     )
 
 
@@ -314,27 +340,29 @@ class SceneRule:
     Attributes:
         scorer: The rule; its times are those of the video.
         stands_s: Times at which the object stood again after it had left the table.
+        aloft: Whether it is off the table.
     """
 
     def __init__(self, courses: SceneCourses, harm_m: float) -> None:
         self._courses = courses
         self.scorer = TrialScorer(harm_m)
         self.stands_s: list[float] = []
+        self.aloft = False
 
     def go(self) -> None:
         """Tell it all."""
         courses = self._courses
-        lifted = dropped = False
+        dropped = False
         reference_m = off_s = 0.0
         sustained = round(_SUSTAINED_S / _GRID_S)
         off = courses.lowest.value > OFF_M
         for k, t_s in enumerate(courses.t_s.tolist()):
-            if not lifted and off[k] and off[k : k + sustained].all():
-                lifted, reference_m, off_s = True, float(courses.slip.value[k]), t_s
-            elif lifted and courses.lowest.value[k] < STANDS_M:
-                lifted = False
+            if not self.aloft and off[k] and off[k : k + sustained].all():
+                self.aloft, reference_m, off_s = True, float(courses.slip.value[k]), t_s
+            elif self.aloft and courses.lowest.value[k] < STANDS_M:
+                self.aloft = False
                 self.stands_s.append(t_s)
-            slip_m = float(courses.slip.value[k]) - reference_m if lifted else 0.0
+            slip_m = float(courses.slip.value[k]) - reference_m if self.aloft else 0.0
             if not np.isfinite(slip_m):
                 slip_m = self.scorer.slid_m
             dropped = dropped or slip_m > LOST_M
@@ -342,12 +370,12 @@ class SceneRule:
             truth = WorldTruth(
                 t_s=t_s,
                 object_height_m=float(courses.height.value[k]),
-                lift_off=lifted,
+                lift_off=self.aloft,
                 pad_force_n=(0.0, 0.0, 0.0, 0.0),
                 slip_m=slip_m,
                 # Until then the fitted line still has what moved before the object left the table.
                 slip_m_s=float(np.nan_to_num(courses.slip.slope[k]))
-                if lifted and t_s > off_s + 2 * KERNEL_S
+                if self.aloft and t_s > off_s + 2 * KERNEL_S
                 else 0.0,
                 deformation_m=-narrow if np.isfinite(narrow) else 0.0,
                 damage_m=0.0,
@@ -376,18 +404,23 @@ class SceneRule:
         return SceneEvent(kind, t_s, float(np.hypot(error_m / speed, _GRID_S)), size_m, float(size_error_m))
 
 
-def _put_down(ruling: SceneRule, track: SceneTrack) -> list[SceneEvent]:
-    """Return where the object stood again at last, after it was lifted."""
-    lifted_s = ruling.scorer.time_of("lifted")
-    after = [t_s for t_s in ruling.stands_s if lifted_s is not None and t_s > lifted_s]
-    if not after or ruling.scorer.time_of("drop") is not None:
+def _on_mark(ruling: SceneRule, rest: SceneRest | None, mark_m: tuple[float, float]) -> bool:
+    """Whether the object was put down on a mark, and not dropped."""
+    lost = ruling.scorer.time_of("drop") is not None
+    return bool(ruling.stands_s) and not lost and rest is not None and rest.stands(mark_m)
+
+
+def _put_down(
+    ruling: SceneRule, rest: SceneRest | None, mark_m: tuple[float, float] | None, *, on_mark: bool | None
+) -> list[SceneEvent]:
+    """Return when the object stood again at last, after it was lifted, and when it had stood on the second mark."""
+    if rest is None or not ruling.stands_s:
         return []
-    base, cov = track.object.point(np.zeros(3))
-    sure = placed(track.object, np.zeros(3))
-    then = (track.t_s > after[-1] + 0.1) & (sure if sure.any() else np.isfinite(base[:, 0]))
-    if not then.any():
-        then = (track.t_s > after[-1] - 0.1) & np.isfinite(base[:, 0])
-    at, spread = np.median(base[then], axis=0), np.median(cov[then], axis=0)
-    away = float(np.hypot(at[0], at[1]))
-    way = at[:2] / max(away, 1e-9)
-    return [SceneEvent("put_down", after[-1], _GRID_S, away, float(np.sqrt(way @ spread[:2, :2] @ way)))]
+    away, lifted_s = rest.off(mark_m or (0.0, 0.0)), ruling.scorer.time_of("lifted")
+    events = []
+    stood_s = ruling.stands_s[-1]
+    if lifted_s is not None and stood_s > lifted_s and ruling.scorer.time_of("drop") is None:
+        events.append(SceneEvent("put_down", stood_s, _GRID_S, *away))
+    if on_mark:
+        events.append(SceneEvent("placed", rest.since_s + STABLE_S, rest.error_s, *away))
+    return events

@@ -28,6 +28,7 @@ Kind = Literal[
     "slip",
     "deformation",
     "drop",
+    "placed",
     "note",
     "override",
     "redo",

@@ -36,10 +36,11 @@ KINDS: Final[dict[str, Kind]] = {
     "slip": "slip",
     "deformation": "deformation",
     "drop": "drop",
+    "placed": "placed",
 }
 """Events of a scene that a study's journal has."""
 
-CORRECTED: Final[tuple[Kind, ...]] = ("lift_off", "slip", "deformation", "drop")
+CORRECTED: Final[tuple[Kind, ...]] = ("lift_off", "slip", "deformation", "drop", "placed")
 """What a person may add."""
 
 
@@ -72,6 +73,7 @@ def measure_session(
     *,
     camera: str | None = None,
     harm_m: float = 0.006,
+    mark_m: tuple[float, float] | None = None,
 ) -> list[MeasuredTrial]:
     """Measure the trials of a session by a camera, and write them beside the session's events.
 
@@ -84,9 +86,10 @@ def measure_session(
         layout: Which tags are where.
         camera: Which camera of the settings; ``None`` for the only one.
         harm_m: Narrowing from which the object counts as deformed, metres.
+        mark_m: Second mark of a task of two places, as of :func:`tega.scene.outcomes.score_scene`.
 
     Raises:
-        InvalidValueError: Nobody has that id.
+        InvalidValueError: Nobody has that id, or the mark is no place on the table.
         RecordingError: The study or the video is damaged, has no time code, or shows no trial of the session.
         CalibrationError: The intrinsics in a recording are damaged.
         ConfigError: A layout in a recording is damaged.
@@ -113,7 +116,8 @@ def measure_session(
         if not problem and seen_by is not None and laid is not None:
             try:
                 pictures = between(film.pictures, start.t_ns / 1e9, end.t_ns / 1e9)
-                outcome = score_scene(track_scene(pictures, seen_by, laid), laid, begin_s=0.0, harm_m=harm_m)
+                track = track_scene(pictures, seen_by, laid)
+                outcome = score_scene(track, laid, begin_s=0.0, harm_m=harm_m, mark_m=mark_m)
             except RecordingError as error:
                 problem = str(error)
         seen = MeasuredTrial(
@@ -205,7 +209,8 @@ def write_measured(
                     trial=trial,
                     attempt=attempt,
                 )
-            for note in outcome.notes:
+            rest = () if outcome.rest is None else (outcome.rest.said(),)
+            for note in (*rest, *outcome.notes):
                 journal.add("note", t_ns=end.t_ns, source=CAMERA, text=note, trial=trial, attempt=attempt)
             journal.add(
                 "trial_end",

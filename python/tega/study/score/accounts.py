@@ -19,7 +19,7 @@ from tega.study.state import events_path
 
 TRUTH, EXPERIMENTER = "truth", "experimenter"
 _PLACES = {TRUTH: 0, EXPERIMENTER: 2, CAMERA: 3, DETECTOR: 4}
-KINDS: tuple[Kind, ...] = ("lift_off", "slip", "deformation", "drop")
+KINDS: tuple[Kind, ...] = ("lift_off", "slip", "deformation", "drop", "placed")
 TOLERANCE_S = 1.0
 """For a live rater: seeing, deciding and pressing take 0.25 to 0.6 s, more for what is rare."""
 
@@ -129,6 +129,8 @@ def agreements(folder: Path, *, tolerance_s: float = TOLERANCE_S) -> list[Agreem
         for kind in KINDS:
             if kind == "drop" and DETECTOR in {a, b}:
                 continue  # it does not look for drops
+            if kind == "placed" and {name.partition("+")[0] for name in (a, b)} != {CAMERA}:
+                continue  # who does not go by the camera does not look for it
             times_a = [first[key].times_s[kind] for key in both]
             times_b = [second[key].times_s[kind] for key in both]
             if any(times_a) or any(times_b):

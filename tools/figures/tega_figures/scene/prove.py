@@ -27,7 +27,7 @@ from tega.scene.decode import SceneDecoder
 from tega.scene.layout import PlacedTag, TagBody, TagLayout
 from tega.scene.lens import Lens, load_lens, save_lens
 from tega.scene.outcomes import SceneCourses, SceneEvent, SceneRule, righted, scene_courses, score_scene
-from tega.scene.outcomes import placed as is_placed
+from tega.scene.resting import placed as is_placed
 from tega.scene.smoothing import Course
 from tega.scene.track import SceneSightings, SceneTrack, follow_bodies, sight_tags
 from tega.scene.video import SceneEncoder

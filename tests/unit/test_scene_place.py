@@ -1,0 +1,154 @@
+"""A task of two places, scored from poses: the true ones of simulated trials, with noise as a camera has it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from tega.cli.main import cli
+from tega.errors import InvalidValueError
+from tega.scene.outcomes import SceneOutcome, score_scene
+from tega.scene.resting import checked_mark
+
+pytest.importorskip("cv2")
+pytest.importorskip("tega_figures")
+pytest.importorskip("mujoco")
+
+from reference.scene import noisy_track
+from tega.sim.operator.forearm import AWAY_M
+from tega.sim.plan import TrialPlan, TrialResult
+from tega.sim.score import ON_MARK_M, REST_M_S, STABLE_S
+from tega.sim.trial import run_trial
+from tega.sim.world.world import World
+from tega_figures.scene.bench import bench_layout
+from tega_figures.scene.trials import TrueTrial, true_trial
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+@pytest.fixture(scope="module")
+def carried() -> TrueTrial:
+    """Return what truly happens when an object is carried to the second mark."""
+    return true_trial(
+        TrialPlan(object="bag", condition="non-haptic", seed=3, operator="scripted", task="place")
+    )
+
+
+@pytest.fixture(scope="module")
+def told(carried: TrueTrial) -> TrialResult:
+    """Return what the simulation says of it."""
+    return run_trial(carried.plan)
+
+
+@pytest.fixture(scope="module")
+def mark_m(carried: TrueTrial) -> NDArray[np.float64]:
+    """Return the second mark."""
+    return World(carried.spec, seed=0).mark_m(AWAY_M)[:2]
+
+
+def scored(trial: TrueTrial, mark_m: NDArray[np.float64], *, end_s: float | None = None) -> SceneOutcome:
+    x, y = mark_m.tolist()
+    return score_scene(noisy_track(trial), bench_layout(trial), end_s=end_s, mark_m=(x, y))
+
+
+def test_what_is_carried_to_the_second_mark_is_placed_as_far_from_it_as_in_truth(
+    carried: TrueTrial, told: TrialResult, mark_m: NDArray[np.float64]
+) -> None:
+    outcome = scored(carried, mark_m)
+    assert told.off_mark_m is not None
+    assert outcome.off_mark_m is not None
+    assert outcome.off_mark_error_m is not None
+    assert (outcome.on_mark, outcome.success) == (told.placed, told.success) == (True, True)
+    assert abs(outcome.off_mark_m - told.off_mark_m) < min(0.001, 3 * outcome.off_mark_error_m)
+    kinds = {event.kind: event for event in outcome.events}
+    # True rest: from the last moment off the table, or farther than 2 mm from where it stays.
+    base = carried.object[:, :2, 3]
+    moving = np.hypot(*(base - base[-1]).T) > REST_M_S * STABLE_S
+    aloft = np.array([truth.lift_off for truth in carried.truths])
+    since_s = float(carried.t_s[np.flatnonzero(moving | aloft)[-1]])
+    assert abs(kinds["placed"].t_s - since_s - STABLE_S) < 0.05
+    assert kinds["put_down"].t_s < kinds["placed"].t_s
+    assert kinds["put_down"].size_m == kinds["placed"].size_m == outcome.off_mark_m
+    assert outcome.rest is not None
+    assert outcome.rest.let_go
+    assert outcome.rest.lean_deg < 1
+
+
+def test_what_stands_beside_the_mark_is_not_placed(carried: TrueTrial, mark_m: NDArray[np.float64]) -> None:
+    away = mark_m + np.array([0.0, ON_MARK_M + 0.01])
+    outcome = scored(carried, away)
+    assert outcome.off_mark_m is not None
+    assert outcome.off_mark_m > ON_MARK_M
+    assert (outcome.on_mark, outcome.success) == (False, False)
+    assert "placed" not in {event.kind for event in outcome.events}
+    assert "put_down" in {event.kind for event in outcome.events}
+
+
+def test_what_is_held_yet_or_aloft_is_not_placed(carried: TrueTrial, mark_m: NDArray[np.float64]) -> None:
+    put_s = next(event.t_s for event in scored(carried, mark_m).events if event.kind == "put_down")
+    aloft = scored(carried, mark_m, end_s=put_s - 0.5)
+    assert (aloft.rest, aloft.off_mark_m, aloft.on_mark) == (None, None, False)
+    held = scored(carried, mark_m, end_s=put_s + 0.5)
+    assert held.rest is not None
+    assert (held.rest.let_go, held.on_mark) == (False, False)
+
+
+def test_what_leans_is_not_placed(carried: TrueTrial, mark_m: NDArray[np.float64]) -> None:
+    """Tipped over its rim by 30° when the hand goes."""
+    turn, thing = np.radians(30), carried.object.copy()
+    gone = carried.t_s > 12.0
+    thing[gone, :, :3] = np.array(
+        [[1, 0, 0], [0, np.cos(turn), -np.sin(turn)], [0, np.sin(turn), np.cos(turn)]]
+    )
+    thing[gone, 2, 3] += np.sin(turn) * carried.spec.diameter_m / 2
+    outcome = scored(carried._replace(object=thing), mark_m)
+    assert outcome.rest is not None
+    assert outcome.rest.lean_deg == pytest.approx(30, abs=1)
+    assert outcome.on_mark is False
+
+
+def test_a_lift_without_a_second_mark_says_nothing_of_one(carried: TrueTrial) -> None:
+    outcome = score_scene(noisy_track(carried), bench_layout(carried))
+    assert (outcome.on_mark, outcome.off_mark_m, outcome.success) == (None, None, True)
+    assert "placed" not in {event.kind for event in outcome.events}
+
+
+@pytest.mark.parametrize(
+    ("mark", "said"),
+    [
+        ((float("nan"), 0.0), "not a place"),
+        ((0.0, float("inf")), "not a place"),
+        ((0.9, 0.9), "not on the table"),
+    ],
+)
+def test_a_mark_that_is_nowhere_on_the_table_is_refused(mark: tuple[float, float], said: str) -> None:
+    with pytest.raises(InvalidValueError, match=said):
+        checked_mark(mark)
+
+
+@pytest.mark.parametrize(
+    ("mark", "said"),
+    [("50", "write it as"), ("a,b", "write it as"), ("nan,0", "not a place"), ("9000,0", "not on")],
+)
+def test_the_verb_refuses_such_a_mark_before_it_looks_at_a_video(
+    tmp_path: Path, mark: str, said: str
+) -> None:
+    words = [
+        "scene",
+        "score",
+        str(tmp_path / "a.mp4"),
+        "--lens",
+        "a.json",
+        "--layout",
+        "a.toml",
+        "--mark",
+        mark,
+    ]
+    done = CliRunner().invoke(cli, words)
+    assert done.exit_code != 0
+    assert said in done.output + str(done.exception)
