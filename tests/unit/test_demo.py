@@ -26,7 +26,7 @@ from tega.haptics import vest_frame
 from tega.inbox.sources import EmgBlock
 from tega.recording import prepare_folder
 from tega.sim import demo as demo_module
-from tega.sim.demo import DEMO_NAMES, DemoReport, demo_heading
+from tega.sim.demo import DemoReport, demo_heading, demo_outputs
 from tega.sim.gel import Gel, ball
 from tega.sim.plan import TrialPlan, TrialResult
 from tega.sim.score import TrialEvent
@@ -77,9 +77,17 @@ def test_the_demo_lifts_is_felt_and_draws_it(tmp_path: Path, capsys: pytest.Capt
     assert any(",1," in line for line in contacts.splitlines())
     # The folder is known as our own: the next demo may go there, and keeps what is there.
     left = sorted(path.name for path in (tmp_path / "demo").iterdir())
-    kept = prepare_folder(tmp_path / "demo", also=DEMO_NAMES)
+    (tmp_path / "demo" / "2-mine").mkdir()
+    (tmp_path / "demo" / "2026-notes.txt").write_text("mine")
+    kept = prepare_folder(tmp_path / "demo", also=demo_outputs(tmp_path / "demo"))
     assert kept is not None
     assert sorted(path.name for path in kept.iterdir()) == left
+    assert {path.name for path in (tmp_path / "demo").iterdir()} == {
+        "2-mine",
+        "2026-notes.txt",
+        kept.name,
+        "summary.json",
+    }
 
 
 @pytest.mark.slow

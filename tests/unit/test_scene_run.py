@@ -245,6 +245,18 @@ def test_a_password_comes_from_the_environment(monkeypatch: pytest.MonkeyPatch, 
         full_source(camera.source)
     monkeypatch.setenv("TEGA_TEST_LOGIN", "secret")
     assert full_source(camera.source) == "rtsp://me:secret@cam/1"
+    assert full_source("rtsp://me:${TEGA_TEST_LOGIN}@cam/1") == "rtsp://me:secret@cam/1"
+    with pytest.raises(ValueError, match="TEGA_ELSE is not set"):
+        full_source("rtsp://me:$TEGA_TEST_LOGIN@cam/$TEGA_ELSE")
+
+
+def test_a_settings_file_sends_no_other_variable_to_the_host_that_it_names(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("MY_TOKEN", "secret")
+    for source in ("http://elsewhere/$MY_TOKEN", "http://elsewhere/${MY_TOKEN}"):
+        with pytest.raises(ValueError, match="MY_TOKEN does not begin with TEGA_"):
+            full_source(source)
 
 
 def test_a_run_without_recording_and_page_opens_no_camera(tmp_path: Path) -> None:

@@ -115,7 +115,7 @@ def demo(
     from tega.errors import MissingExtraError
     from tega.recording import prepare_folder
     from tega.safety.ctrl_c import CtrlC
-    from tega.sim.demo import DEMO_NAMES, draw_demo, prepare_demo, run_demo, write_demo
+    from tega.sim.demo import demo_outputs, draw_demo, prepare_demo, run_demo, write_demo
     from tega.sim.trials import plan_trials
     from tega.threads import short_turns
 
@@ -139,7 +139,7 @@ def demo(
 
         require("foxglove", driver="recording", extra="record")
         recorder = LiftRecorder(record, real_time=not fast)
-    if kept := prepare_folder(out_dir, also=DEMO_NAMES):
+    if kept := prepare_folder(out_dir, also=demo_outputs(out_dir)):
         click.echo(f"the earlier results in {out_dir} are kept in {kept}", err=True)
     with CtrlC() as stop, short_turns(), ExitStack() as stack:
         show, more = stack.enter_context(

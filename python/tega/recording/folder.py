@@ -6,6 +6,7 @@ import contextlib
 import itertools
 import json
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -27,7 +28,7 @@ class _RunSummary(msgspec.Struct):
     format: Literal["tega-run", "tega-demo"]
 
 
-def prepare_folder(folder: Path, *, also: tuple[str, ...] = ()) -> Path | None:
+def prepare_folder(folder: Path, *, also: Sequence[Path] = ()) -> Path | None:
     """Make a folder ready for a run's outputs, and keep those of an earlier run in a folder below it.
 
     It may be new, empty, or hold an earlier run (recognised by its ``summary.json``); an earlier run's own files
@@ -37,7 +38,7 @@ def prepare_folder(folder: Path, *, also: tuple[str, ...] = ()) -> Path | None:
 
     Args:
         folder: The folder.
-        also: Patterns of further names that a run of this kind leaves there.
+        also: What an earlier run of this kind left there besides.
 
     Returns:
         Where the earlier run is kept; ``None`` if there was none, or it left no results.
@@ -59,10 +60,10 @@ def prepare_folder(folder: Path, *, also: tuple[str, ...] = ()) -> Path | None:
     return kept
 
 
-def _keep_earlier(folder: Path, also: tuple[str, ...]) -> Path | None:
+def _keep_earlier(folder: Path, also: Sequence[Path]) -> Path | None:
     """Move what an earlier run left into a folder of its own; a mere note that a run has begun is no result."""
     ours = [folder / name for name in OUTPUT_NAMES if os.path.lexists(folder / name)]
-    ours += sorted(path for pattern in also for path in folder.glob(pattern))
+    ours += also
     if not ours or (ours == [folder / "summary.json"] and NOT_ENDED in read_words(ours[0])):
         return None
     for number in itertools.count(1):

@@ -20,6 +20,8 @@ MOST_CAMERAS: Final = 16
 """No scene has more; of a recording with more no others are played."""
 
 _PASSWORD: Final = re.compile(r"[a-z]+://[^/@]*:([^/@]+)@")
+_VARIABLE: Final = re.compile(r"\$(?:(\w+)|\{(\w+)\})")
+_OURS: Final = "TEGA_"
 _Side = Annotated[int, msgspec.Meta(ge=64, le=3840)]
 
 
@@ -29,8 +31,8 @@ class SceneConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     Attributes:
         name: What to call it, in files and on the page.
         source: Its number, a device such as ``/dev/video0``, an address such as ``rtsp://192.168.1.20/main``, or a
-            video file, which is filmed once from the run's start. ``$NAME`` stands for an environment variable, since
-            the settings stand in every recording and a password must not.
+            video file, which is filmed once from the run's start. ``$TEGA_NAME`` in an address stands for that
+            environment variable, since the settings stand in every recording and a password must not.
         width: Of the pictures, pixels, even.
         height: Likewise.
         rate_hz: Pictures a second.
@@ -70,17 +72,27 @@ def is_camera(source: str) -> bool:
 
 
 def full_source(source: str) -> str:
-    """Return a source with its environment variables in their places.
+    """Return an address with its environment variables in their places; any other source as it is.
+
+    Only variables whose names begin with ``TEGA_`` are put in: a settings file of somebody else's must not send another
+    one to the host that it names.
 
     Raises:
-        InvalidValueError: One is not set.
+        InvalidValueError: One is not set, or has another name.
     """
-    full = os.path.expandvars(source) if source.startswith(ADDRESSES) else source
-    if full == source and source.startswith(ADDRESSES) and re.search(r"\$\w|\$\{", source):
-        raise InvalidValueError(
-            f"scene camera {source}: the variable in it is not set", "set it, and try again"
-        )
-    return full
+
+    def value(found: re.Match[str]) -> str:
+        name = found[1] or found[2]
+        if not name.startswith(_OURS):
+            raise InvalidValueError(
+                f"scene camera {source}: ${name} does not begin with {_OURS}",
+                f"call the variable {_OURS}{name}, here and where it is set",
+            )
+        if name not in os.environ:
+            raise InvalidValueError(f"scene camera {source}: ${name} is not set", "set it, and try again")
+        return os.environ[name]
+
+    return _VARIABLE.sub(value, source) if source.startswith(ADDRESSES) else source
 
 
 def checked_cameras(cameras: Sequence[SceneConfig], base: Path, pace: str) -> tuple[SceneConfig, ...]:
@@ -115,7 +127,7 @@ def checked_cameras(cameras: Sequence[SceneConfig], base: Path, pace: str) -> tu
         if (written := _PASSWORD.match(one.source)) and "$" not in written.group(1):
             raise ConfigError(
                 f"{key}.source: has a password, which every recording would carry",
-                "put it into an environment variable, and write $ and its name",
+                f"put it into an environment variable {_OURS}…, and write $ and its name",
             )
         if (one.lens is None) != (one.layout is None):
             raise ConfigError(f"{key}: lens and layout measure together", "give both, or neither")

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
 
 DEMO_FORMAT = "tega-demo"
-DEMO_NAMES = ("demo.png", "[0-9]*-*")
-"""Patterns of what a demo leaves beside its ``summary.json``: the picture, and a folder for each trial."""
 
 
 class DemoReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -127,6 +125,12 @@ def prepare_demo(plans: Sequence[TrialPlan]) -> None:
     for plan in plans:
         lab_of(plan.seed, plan.preset, plan.settings, plan.shear)
     import_mujoco()
+
+
+def demo_outputs(folder: Path) -> list[Path]:
+    """Return what an earlier demo left beside its ``summary.json``: its picture, and each trial's folder of tables."""
+    trials = sorted({table.parent for table in folder.glob("[0-9]*-*/vest.csv")})
+    return [*trials, *folder.glob("demo.png")]
 
 
 def write_demo(folder: Path, report: DemoReport, courses: Sequence[Streams]) -> None:
