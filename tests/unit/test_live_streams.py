@@ -113,13 +113,15 @@ def test_pictures_are_compressed_for_who_listens_alone(monkeypatch: pytest.Monke
         bus.publish(picture)
         viewer = Viewer(stream.url)
         viewer.subscribe(f"/tactile/{FINGER}/image")
-        heard = None
-        while heard is None:
+        n_heard = 0
+        # The first one heard may be the picture that made the channel: an app can choose it while that is compressed.
+        while n_heard < 2:
             bus.publish(picture)
             try:
-                heard = viewer.message()
+                viewer.message()
             except TimeoutError:
                 continue
+            n_heard += 1
         viewer.peer.close()
     assert len(n_compressed) > 2
 
