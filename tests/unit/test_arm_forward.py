@@ -44,6 +44,7 @@ def moving(folder: Path, *headings_rad: float) -> Iterator[Path]:
             yield file
 
 
+@pytest.mark.slow
 def test_forward_is_found_and_checked(tmp_path: Path) -> None:
     with moving(tmp_path, 0.5) as file:
         said = CliRunner().invoke(forward, [str(file), "--json"])

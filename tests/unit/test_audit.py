@@ -265,6 +265,7 @@ def test_the_noise_of_a_force_sensor_about_0_is_no_force(tmp_path: Path) -> None
 # Sweeps.
 
 
+@pytest.mark.slow
 def test_a_sweep_scores_every_value_and_is_drawn(presses: Path, capsys: Any) -> None:
     table, drawn = presses.parent / "forces.csv", presses.parent / "sweep.png"
     rows = [f"{k}.png,{force_n}" for k, force_n in enumerate(FORCES_N)]
@@ -393,6 +394,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "recorded"
 
 
+@pytest.mark.slow
 def test_a_session_is_audited_with_the_numbers_of_its_run(session: Path) -> None:
     from tega.replay.recorded import read_recorded
 
@@ -451,6 +453,7 @@ def listed(schema: bytes) -> bytes:
     return described
 
 
+@pytest.mark.slow
 def test_the_vest_of_a_session_is_compared_and_swept(session: Path, tmp_path: Path, capsys: Any) -> None:
     (report,) = told(session, "--of", "vest", "--picture", tmp_path / "vest.png", capsys=capsys)
     scores = {score["reading"]: score for score in report["vest"]}

@@ -85,6 +85,7 @@ def test_a_run_follows_rest_and_target_and_one_key_undoes_it(run: tuple[Path, li
     assert changes[-1].offsets == (0.0, 0.0)
 
 
+@pytest.mark.slow
 def test_its_recording_is_computed_again_bit_for_bit(run: tuple[Path, list[Any]]) -> None:
     found = replay_file(run[0])
     changes = [one for one in run[1] if isinstance(one, Adaptation)]
@@ -95,6 +96,7 @@ def test_its_recording_is_computed_again_bit_for_bit(run: tuple[Path, list[Any]]
     assert stream(found, "/beside/rules/emg").differ == 0
 
 
+@pytest.mark.slow
 def test_the_condition_of_the_muscles_is_recorded_and_changes_nothing(run: tuple[Path, list[Any]]) -> None:
     messages = McapReader(run[0]).messages(lambda topic: topic == "/emg/condition")
     kept = [one.value for one in messages if one.topic == "/emg/condition"]

@@ -82,6 +82,7 @@ def test_a_run_on_a_board_that_is_unplugged_ends_in_order(tmp_path: Path) -> Non
     assert (tmp_path / "out" / "can.csv").read_text().splitlines()[-1].endswith("104,")
 
 
+@pytest.mark.slow
 def test_a_page_that_asks_all_the_time_does_not_disturb_the_reader(tmp_path: Path) -> None:
     """Another thread asks the source for its notes as fast as it can, as the page's painter once did."""
     maxima = EmgMaxima(

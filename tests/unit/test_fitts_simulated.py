@@ -18,6 +18,7 @@ from tega.skill.simulated import Cursor, Practised, practised, simulated_decoder
 from tega_figures.simulated_skill import skill_figure
 
 
+@pytest.mark.slow
 def test_the_same_person_does_the_same_in_any_company() -> None:
     alone = person_at_test(3, ["learned"], ["sweat"], movements=1)
     among = person_at_test(3, ["rules", "learned"], ["none", "sweat"], movements=1)
@@ -38,6 +39,7 @@ def carried(gain: float) -> tuple[float, float]:
     return score.throughput_bits_s, score.completion
 
 
+@pytest.mark.slow
 def test_a_cursor_that_goes_less_far_than_practised_carries_less() -> None:
     as_practised, less = carried(1.0), carried(0.55)
     assert as_practised[0] > less[0]

@@ -36,6 +36,7 @@ def fitted_surface(image: NDArray[np.uint8], degree: int) -> NDArray[np.uint8]:
     return fitted
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("outline", "overlap"), [("dent", 0.58), ("contact", 0.53)])
 def test_a_grasp_without_a_frame_at_rest(recordings, outline, overlap):
     folder = recordings / "digit" / "digit_grasp"

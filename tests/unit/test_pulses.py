@@ -220,6 +220,7 @@ def test_a_run_pulses_an_emulated_vest_at_its_events_and_is_computed_again(tmp_p
     assert replay.same, [stream for stream in replay.streams if stream.differ]
 
 
+@pytest.mark.slow
 def test_a_simulated_person_is_told_events_only() -> None:
     pytest.importorskip("mujoco")
     from tega.sim.streams import Streams

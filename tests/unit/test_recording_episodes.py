@@ -295,6 +295,7 @@ def called(capsys: pytest.CaptureFixture[str], *words: str, code: int = 0) -> st
     return said.out if code == 0 else said.err
 
 
+@pytest.mark.slow
 def test_recordings_are_labelled_anew_and_stay_as_they_are(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -318,6 +319,7 @@ def test_recordings_are_labelled_anew_and_stay_as_they_are(
     )
 
 
+@pytest.mark.slow
 def test_pictures_are_encoded_anew_and_all_else_is_copied_as_it_is(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -88,6 +88,7 @@ def test_the_layout_is_the_published_one(dataset: Path) -> None:
     assert tasks == {"task_index": [0], "task": ["lift the bottle"]}
 
 
+@pytest.mark.slow
 def test_episodes_have_their_own_tasks_where_nobody_names_one_for_all(lossless: Path, tmp_path: Path) -> None:
     folder = tmp_path / "session"
     folder.mkdir()
@@ -203,6 +204,7 @@ def test_a_scene_camera_is_laid_on_the_frames_by_the_machine_s_clock(
     assert np.ravel(stats["min"])[0] < np.ravel(stats["max"])[0]
 
 
+@pytest.mark.slow
 def test_a_scene_camera_of_another_time_or_without_one_is_refused(lossless: Path, tmp_path: Path) -> None:
     begun_ns = 5_000_000_000
     moved = rewritten(lossless, tmp_path / "trial-001.mcap", tables={"tega": {"start_ns": str(begun_ns)}})
@@ -344,6 +346,7 @@ def test_the_encoder_does_not_put_this_program_before_all_others(tmp_path: Path)
     assert policies() == before
 
 
+@pytest.mark.slow
 def test_other_inputs_and_full_folders_are_refused(
     lossless: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

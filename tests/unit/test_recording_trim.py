@@ -144,6 +144,7 @@ def test_nothing_is_overwritten_and_a_wrong_span_is_told(lossless: Path, tmp_pat
     assert [p.name for p in taken.iterdir()] == ["mine.txt"]
 
 
+@pytest.mark.slow
 def test_sessions_are_merged_in_order_of_time_as_they_are(lossless: Path, tmp_path: Path) -> None:
     late = trim_session(lossless, from_s=0.8, to_s=None, out=tmp_path / "late")
     early = trim_session(lossless, from_s=0.0, to_s=0.8, out=tmp_path / "early")

@@ -79,6 +79,7 @@ def test_what_is_carried_to_the_second_mark_is_placed_as_far_from_it_as_in_truth
     assert outcome.rest.lean_deg < 1
 
 
+@pytest.mark.slow
 def test_what_stands_beside_the_mark_is_not_placed(carried: TrueTrial, mark_m: NDArray[np.float64]) -> None:
     away = mark_m + np.array([0.0, ON_MARK_M + 0.01])
     outcome = scored(carried, away)
@@ -89,6 +90,7 @@ def test_what_stands_beside_the_mark_is_not_placed(carried: TrueTrial, mark_m: N
     assert "put_down" in {event.kind for event in outcome.events}
 
 
+@pytest.mark.slow
 def test_what_is_held_yet_or_aloft_is_not_placed(carried: TrueTrial, mark_m: NDArray[np.float64]) -> None:
     put_s = next(event.t_s for event in scored(carried, mark_m).events if event.kind == "put_down")
     aloft = scored(carried, mark_m, end_s=put_s - 0.5)
@@ -98,6 +100,7 @@ def test_what_is_held_yet_or_aloft_is_not_placed(carried: TrueTrial, mark_m: NDA
     assert (held.rest.let_go, held.on_mark) == (False, False)
 
 
+@pytest.mark.slow
 def test_what_leans_is_not_placed(carried: TrueTrial, mark_m: NDArray[np.float64]) -> None:
     """Tipped over its rim by 30° when the hand goes."""
     turn, thing = np.radians(30), carried.object.copy()
@@ -112,6 +115,7 @@ def test_what_leans_is_not_placed(carried: TrueTrial, mark_m: NDArray[np.float64
     assert outcome.on_mark is False
 
 
+@pytest.mark.slow
 def test_a_lift_without_a_second_mark_says_nothing_of_one(carried: TrueTrial) -> None:
     outcome = score_scene(noisy_track(carried), bench_layout(carried))
     assert (outcome.on_mark, outcome.off_mark_m, outcome.success) == (None, None, True)

@@ -99,6 +99,7 @@ def test_files_are_filmed_into_the_run_s_own_recording(tmp_path: Path) -> None:
         assert len(seen[name]) > 2
 
 
+@pytest.mark.slow
 def test_a_part_of_a_film_begins_with_a_picture_that_stands_alone(tmp_path: Path) -> None:
     film(tmp_path / "film.avi", 50)
     tree = settings(tmp_path / "session", {"name": "front", "source": "film.avi"}, duration_s=3.0)
@@ -111,6 +112,7 @@ def test_a_part_of_a_film_begins_with_a_picture_that_stands_alone(tmp_path: Path
     assert n > 10
 
 
+@pytest.mark.slow
 def test_a_camera_that_goes_away_is_told_recorded_and_found_again(tmp_path: Path) -> None:
     """The run goes on meanwhile, and what was filmed before and after can be looked at."""
     said: list[str] = []
@@ -148,6 +150,7 @@ def test_a_camera_that_goes_away_is_told_recorded_and_found_again(tmp_path: Path
     assert len(list(read_pictures(tmp_path / "front.mp4"))) == told["pictures"]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="finds the process in /proc")
 def test_a_camera_whose_process_is_killed_gets_another(tmp_path: Path) -> None:
     bus, n_pictures, killed, done = Bus(), [0], [0], threading.Event()
@@ -192,6 +195,7 @@ def test_a_camera_that_is_not_there_refuses_the_run(
     assert not _children("tega.scene.camera_program")
 
 
+@pytest.mark.slow
 def test_whoever_gives_up_does_not_wait_for_a_camera(tmp_path: Path) -> None:
     """An address that takes the connection and then says nothing."""
     with socket.create_server(("127.0.0.1", 0)) as silent:
@@ -266,6 +270,7 @@ def test_a_run_without_recording_and_page_opens_no_camera(tmp_path: Path) -> Non
     assert "scene: no camera was opened: the run was neither recorded nor shown" in summary["notes"]
 
 
+@pytest.mark.slow
 def test_episodes_that_filmed_themselves_are_a_dataset_with_the_camera(tmp_path: Path) -> None:
     pytest.importorskip("pyarrow")
     from tega.lerobot import export_lerobot
@@ -287,6 +292,7 @@ def test_episodes_that_filmed_themselves_are_a_dataset_with_the_camera(tmp_path:
     assert first[-1] > 10
 
 
+@pytest.mark.slow
 def test_doctor_films_each_camera_for_a_moment(tmp_path: Path) -> None:
     film(tmp_path / "film.avi", 60)
     cameras = [

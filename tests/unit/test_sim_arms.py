@@ -180,6 +180,7 @@ def test_a_replayed_vest_is_another_trial_s_byte_for_byte_and_knows_nothing_of_t
         assert untouched.worn[look] == recorded[newest][1]
 
 
+@pytest.mark.slow
 def test_mistimed_pulses_are_those_of_another_trial_and_know_nothing_of_this_one(lab: Lab) -> None:
     plan = TrialPlan(object="bag", condition="mistimed", seed=3, operator="scripted", view="hidden")
     other = other_trial(plan)

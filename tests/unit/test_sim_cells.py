@@ -91,6 +91,7 @@ def test_a_picture_that_is_not_painted_counts_as_one() -> None:
     assert (report.n_items, report.n_missing, meter.seq, meter.next_seq) == (3, 2, 4, 5)
 
 
+@pytest.mark.slow
 def test_what_is_read_by_cells_gives_vest_and_hand_the_bytes_of_painted_pictures(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

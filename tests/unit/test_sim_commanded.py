@@ -29,6 +29,7 @@ def levels(hand: HandWay, **fields: Any) -> list[tuple[float, int]]:
     return list(zip(times, streams.array("levels", "fused").tolist(), strict=True))
 
 
+@pytest.mark.slow
 def test_the_level_aimed_at_goes_to_the_hand_without_emg_or_muscles_in_between() -> None:
     aimed = levels("aim", operator="scripted")
     assert {level for _, level in aimed} == {1, 2, 3}
@@ -39,6 +40,7 @@ def test_the_level_aimed_at_goes_to_the_hand_without_emg_or_muscles_in_between()
     assert decoded != aimed
 
 
+@pytest.mark.slow
 def test_the_drive_is_read_as_the_quarter_of_the_effort_that_it_lies_in() -> None:
     motor = typical_person().motor
     for level in range(1, 6):

@@ -35,6 +35,7 @@ def test_what_slides_out_of_the_hand_on_its_way_is_not_placed() -> None:
     assert lost.off_mark_m is not None
 
 
+@pytest.mark.slow
 def test_a_simulated_person_places_an_object_and_a_lift_without_a_second_mark_says_nothing_of_one() -> None:
     person = tried(object="container", operator="simulated", task="place")
     assert person.placed

@@ -110,6 +110,7 @@ def test_statistics_are_off_by_nothing_for_the_same_kind_of_press() -> None:
     assert all(one[name] == pytest.approx(two[name], rel=0.1, abs=0.05) for name in one)
 
 
+@pytest.mark.slow
 def test_simulated_presses_are_close_to_recorded_ones(presses: RecordedPresses) -> None:
     gel = Gel(0, spread=0.0)
     picked = range(0, len(presses.frames), 6)
@@ -131,6 +132,7 @@ def test_a_ball_pressed_to_a_like_difference_covers_what_was_marked(presses: Rec
     assert 0.5 < np.median(touching) < 0.75
 
 
+@pytest.mark.slow
 def test_the_command_says_what_it_leaves_out(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

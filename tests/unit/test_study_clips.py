@@ -149,6 +149,7 @@ def test_a_clip_is_the_trial_picture_by_picture(folder: Path, tmp_path: Path) ->
         assert np.abs(first[:, half] - last[:, half]).mean() > 0.05
 
 
+@pytest.mark.slow
 def test_two_studies_that_differ_in_the_condition_alone_give_the_same_clips(
     folder: Path, tmp_path: Path, recording: Path
 ) -> None:
@@ -216,6 +217,7 @@ def _at_time_of_day(path: Path, epoch_ns: int) -> None:
     new.replace(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("restarted", [False, True])
 def test_a_clip_shows_the_scene_of_its_moment_and_none_of_another_start_of_the_machine(
     *, restarted: bool, tmp_path: Path, recording: Path

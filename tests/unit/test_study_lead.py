@@ -409,6 +409,7 @@ class _Feet(Experimenter):
         return due
 
 
+@pytest.mark.slow
 def test_pedals_begin_mark_score_end_and_repeat_trials(tmp_path: Path) -> None:
     folder = study(tmp_path)
     state = lead_session(folder, "p01", StandingBench(), _Feet(), time_scale=0.001, pedals="12345")

@@ -175,6 +175,7 @@ def test_the_effect_is_found_at_every_level_and_corrected(study: Path) -> None:
     assert all(t.p_holm is None for t in outside)
 
 
+@pytest.mark.slow
 def test_coupling_is_told_beside_what_it_is_without_an_answer(study: Path) -> None:
     analysis, (courses, _pictures) = analyse_study(study)
     assert len(courses) == len(analysis.trials)
@@ -216,6 +217,7 @@ def test_a_rehearsal_among_people_is_shown_and_cannot_pass_for_data(tmp_path: Pa
     )
 
 
+@pytest.mark.slow
 def test_p_values_wait_until_the_plan_is_done(tmp_path: Path) -> None:
     fill(tmp_path / "study", people=2, courses=False)
     path = events_path(tmp_path / "study", "p02")
@@ -326,6 +328,7 @@ def test_the_page_opens_with_what_was_compared_and_what_came_out(report: Report)
     assert "The 95 % interval excludes 0" not in opening(report_html(early, {}))
 
 
+@pytest.mark.slow
 def test_what_two_people_cannot_tell_is_not_given_as_numbers(tmp_path: Path) -> None:
     fill(tmp_path / "study", people=2, courses=False, simulated=False)
     analysis, _ = analyse_study(tmp_path / "study")

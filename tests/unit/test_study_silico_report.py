@@ -134,6 +134,7 @@ def test_the_page_says_what_came_out_and_of_which_assumptions(study: Path) -> No
         assert rows[name] == hashlib.sha256((done.tables / name).read_bytes()).hexdigest()
 
 
+@pytest.mark.slow
 def test_a_changed_parameter_file_is_called_changed(study: Path, tmp_path: Path) -> None:
     changed = tmp_path / "changed.toml"
     changed.write_bytes((study / "parameters.toml").read_bytes() + b"\n")
@@ -147,6 +148,7 @@ def test_a_changed_parameter_file_is_called_changed(study: Path, tmp_path: Path)
     assert "parameters,changed" in (done.tables / "provenance.csv").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_the_sensitivity_table_says_where_a_direction_turns(study: Path) -> None:
     rows = read_sensitivity(study)
     assert [(row.what, row.setting, row.end) for row in rows] == [

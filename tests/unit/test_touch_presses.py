@@ -120,7 +120,7 @@ def still_frames(seed: int, n: int) -> tuple[list[NDArray[np.float32]], NDArray[
 
 
 @pytest.mark.parametrize("name", SHAPES)
-@pytest.mark.parametrize("sinks_s", [1.0, 2.0, 4.0])
+@pytest.mark.parametrize("sinks_s", [1.0, *(pytest.param(s, marks=pytest.mark.slow) for s in (2.0, 4.0))])
 def test_a_leftover_of_16_percent_that_sinks_to_5_is_silent_from_a_second_on(
     name: str, sinks_s: float
 ) -> None:
