@@ -6,6 +6,7 @@ anything: what moves or vibrates is opened when every source is there.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
@@ -18,6 +19,14 @@ from tega.devices.registry import driver_class
 if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.devices.base import EmgSource, TactileSource
+
+
+_LOG = logging.getLogger("tega.start")
+
+
+def reached(stage: str) -> None:
+    """Note in the log how far a start is, for whoever measures what takes its time."""
+    _LOG.debug("%s", stage)
 
 
 class Opening:
@@ -63,8 +72,12 @@ class Opening:
             TegaError: One of them cannot be opened; of several the finger that comes first, the EMG last.
         """
         n_emg = self._emg is not None
-        for opened in (*self._opened[n_emg:], *self._opened[:n_emg]):
+        for opened in self._opened[n_emg:]:
             opened.result()
+        reached("fingers open")
+        for opened in self._opened[:n_emg]:
+            opened.result()
+        reached("EMG open")
         return self._fingers, self._emg
 
     def _begin(self, sources: Sequence[EmgSource | TactileSource]) -> None:
@@ -75,6 +88,7 @@ class Opening:
             self._stack.callback(source.close)
         self._stack.callback(pool.shutdown)
         self._opened += [pool.submit(source.open) for source in sources]
+        pool.shutdown(wait=False)  # its threads end with what they open
 
 
 def _nothing() -> None:

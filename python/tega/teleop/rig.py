@@ -16,6 +16,7 @@ from tega.stages.base import MeasuredPicture
 from tega.teleop.arm import Steering, open_arm
 from tega.teleop.beside import open_beside
 from tega.teleop.condition import open_condition
+from tega.teleop.opening import Opening, reached
 from tega.teleop.pacing import refuse_live
 from tega.teleop.prepare import Progress, prepare, to_be_read
 from tega.teleop.sinks import Sinks, open_inputs, open_sinks
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from tega.net.station import Station
     from tega.recording.session import Recording
     from tega.scene.filmed_run import RunCameras
-    from tega.teleop.opening import Opening
 
 
 class Rig(NamedTuple):
@@ -96,8 +96,10 @@ def open_rig(
         TegaError: Whatever is wrong with settings, recordings, calibration or devices.
         KeyboardInterrupt: ``stop`` said so.
     """
+    reached("loaded")
     hand = opening.begin_rest()
     recording = _recording(stack, config, bus)
+    reached("recorder ready")
     markers = _markers(stack, config, bus)
     station = None
     if config.net is not None:
@@ -122,7 +124,9 @@ def open_rig(
         open_beside(stack, config, prepared, bus)
     condition = open_condition(stack, config, prepared, bus)
     cameras = _cameras(stack, config, bus, stop)  # before what moves: an address may take its time
+    reached("prepared")
     sinks = open_sinks(stack, config, prepared, bus, hand)
+    reached("vest and hand open")
     inputs = open_inputs(stack, config)
     if station is not None:
         sinks, inputs = station.sinks(sinks), station.inputs(stack, inputs)

@@ -10,7 +10,7 @@ from tega.bus import Bus
 from tega.clock import ManualClock, SystemClock
 from tega.errors import ConfigError
 from tega.teleop.gc_pause import settled
-from tega.teleop.opening import Opening
+from tega.teleop.opening import Opening, reached
 from tega.threads import realtime, short_turns
 
 if TYPE_CHECKING:
@@ -92,6 +92,7 @@ def run_session(
         if isinstance(clock, SystemClock):
             stack.enter_context(short_turns())
             stack.enter_context(settled())
+        reached("settings read")
         opening = Opening(stack, config, sources=prepared is None)
         # Loaded while the devices open.
         from tega.teleop.motor_tests import MotorTests
