@@ -58,7 +58,7 @@ def realtime_allowed() -> bool:
 
 
 def spare_threads() -> None:
-    """Have NumPy and OpenCV, if they are imported after this, start no threads for matrices: a core each, idle in a run."""
+    """Have NumPy and OpenCV, if imported after this, start no threads for matrices: in a run they would idle."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 

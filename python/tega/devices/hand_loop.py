@@ -48,7 +48,9 @@ class HandLoop:
         whole: The same, until the loop runs.
     """
 
-    def __init__(self, options: AllegroOptions, orders: HandOrders, tell: Tell, *, whole: bool = False) -> None:
+    def __init__(
+        self, options: AllegroOptions, orders: HandOrders, tell: Tell, *, whole: bool = False
+    ) -> None:
         o = options
         self._options, self._orders, self._tell, self.whole = o, orders, tell, whole
         self._bus = HandBus(o.interface, o.channel, bitrate=o.bitrate, more=o.bus)

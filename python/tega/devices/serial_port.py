@@ -1,7 +1,7 @@
 """Read and write a serial port without waiting, and say in plain words what is wrong with it.
 
-On Linux a native thread drains the port and stamps what arrives, so that neither waits for the interpreter lock; elsewhere
-that is done by whoever reads.
+On Linux a native thread drains the port and stamps what arrives, so that neither waits for the interpreter lock;
+elsewhere that is done by whoever reads.
 """
 
 from __future__ import annotations

@@ -20,7 +20,6 @@ from tega.teleop.loop import DualLoop
 from tega.teleop.moment import LoopView, Moment
 from tega.teleop.motor_tests import MotorTests
 from tega.teleop.open_streams import contact_stream, is_fed, latency_trace, level_stream
-from tega.teleop.opening import reached
 from tega.teleop.pacing import Pacer
 from tega.teleop.reflex import open_reflex
 from tega.teleop.rig import Rig
@@ -102,7 +101,6 @@ def run_loop(
         find_events=rig.bus.wants(Moment) or rig.bus.wants(Event),
     )
     start_ns = pacer.start()
-    reached("first tick")
     if recording is not None:
         recording.begin(start_ns, clock.now_ns())
     trace = None

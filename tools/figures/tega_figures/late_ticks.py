@@ -53,7 +53,11 @@ def draw(path: Path, files: list[Path]) -> None:
 
 
 def _title(report: dict[str, Any]) -> str:
-    busy = f"{report['busy']} busy program{'' if report['busy'] == 1 else 's'}" if report["busy"] else "nothing else"
+    busy = (
+        f"{report['busy']} busy program{'' if report['busy'] == 1 else 's'}"
+        if report["busy"]
+        else "nothing else"
+    )
     return f"beside it {busy}{', page open' if report['page'] else ''}"
 
 

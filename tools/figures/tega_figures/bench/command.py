@@ -12,8 +12,7 @@ from tega.cli.options import NameList, json_option
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from tega_figures.bench.report import BenchReport
-    from tega_figures.bench.report import ContactRow
+    from tega_figures.bench.report import BenchReport, ContactRow
     from tega_figures.bench.simulation import SimReport
 
 __all__ = ["bench"]

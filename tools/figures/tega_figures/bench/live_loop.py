@@ -143,14 +143,21 @@ def bench_loop(
                 ahead = lab.go_ahead()
                 if page:
                     summary = run_viewed(
-                        config, title="bench", port=0, stop=lambda: False, progress=progress, opened=viewer.open
+                        config,
+                        title="bench",
+                        port=0,
+                        stop=lambda: False,
+                        progress=progress,
+                        opened=viewer.open,
                     )
                 else:
                     summary = run_session(config, progress=progress)
                 cpu_s.append(used_s())
                 answers_ms = lab.hand.say("answers")["answers_ms"]
                 witness_ticks = beside.late()
-            whole_s, own_s, devices_s, browser_s = (after - before for before, after in zip(*cpu_s, strict=True))
+            whole_s, own_s, devices_s, browser_s = (
+                after - before for before, after in zip(*cpu_s, strict=True)
+            )
     wall_s, pacing = summary["duration_s"], summary["pacing"]
     return LoopBench(
         machine=describe_machine(),
