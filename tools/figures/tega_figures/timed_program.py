@@ -11,7 +11,7 @@ import sys
 import time
 
 
-class _Stages(logging.Handler):
+class _Reached(logging.Handler):
     """Notes when each stage was reached."""
 
     def __init__(self, began_s: float) -> None:
@@ -25,7 +25,7 @@ class _Stages(logging.Handler):
 
 
 def _run() -> None:
-    stages = _Stages(float(sys.argv[1]))
+    stages = _Reached(float(sys.argv[1]))
     log = logging.getLogger("tega.start")
     log.setLevel(logging.DEBUG)
     log.addHandler(stages)

@@ -18,6 +18,8 @@ from tega_figures.bench.machine import Machine, describe_machine
 __all__ = ["StartBench", "bench_start"]
 
 _SECONDS = 0.5
+# A Chords board of 2026 is deaf for a second after a stop.
+_REST_S = 1.5
 _FIRST = "first tick"
 
 
@@ -65,6 +67,7 @@ def bench_start(*, repeats: int, record: bool, emg_hz: Literal[250, 1000]) -> St
             settings = folder / "session.toml"
             settings.write_text(tree_text(lab.tree), encoding="utf-8")
             for k in range(repeats):
+                time.sleep(_REST_S)
                 more = ("--record", str(folder / f"recorded-{k}")) if record else ()
                 found.append(_start("run", str(settings), "--json", *more))
     return StartBench(
