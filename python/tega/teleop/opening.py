@@ -43,9 +43,10 @@ class Opening:
         self._emg: EmgSource | None = None
         self._fingers: dict[str, TactileSource] = {}
         self._opened: list[Future[None]] = []
-        # In this thread: in no other can a request to terminate be caught, which has to close what they open.
-        closes_on_exit(_nothing)
-        stack.callback(release, _nothing)
+        if sources and config.session.pace == "real":
+            # In this thread: in no other can a request to terminate be caught, which has to close what they open.
+            closes_on_exit(_nothing)
+            stack.callback(release, _nothing)
         if sources and config.emg is not None:
             self._emg = driver_class(config.emg.driver, "emg")(config.emg.options)
             self._begin([self._emg])
