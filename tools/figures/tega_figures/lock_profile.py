@@ -1,7 +1,7 @@
-"""Draw who holds the interpreter lock: ``python -m tega_figures.lock_profile docs/images/lock-profile.png before.raw now.raw``.
+"""Draw who holds the interpreter lock: ``python -m tega_figures.lock_profile docs/images/lock-profile.png a.raw b.raw``.
 
-Each file is what ``py-spy record --gil --threads --rate 200 --duration 10 --format raw --pid N`` wrote of a run's process:
-one stack a line, outermost first, and how many samples found it. Each becomes a panel: threads at the bottom, what they
+Each file is what ``py-spy record --gil --threads --rate 200 --duration 10 --format raw --pid N`` wrote of a run: one
+stack a line, outermost first, and how many samples found it. Each becomes a panel: threads at the bottom, what they
 call above, as wide as the share of the time in which they held the lock.
 """
 
@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 import sys
 from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -67,34 +68,37 @@ def draw(path: Path, files: list[Path], *, n_samples: int = 2000) -> None:
         left = 0
         for thread, n in threads.most_common():
             colour = colours.setdefault(thread, _COLOURS[min(len(colours), len(_COLOURS) - 1)])
-            inside = Counter({stack: m for stack, m in found.items() if stack[0] == thread})
-            _draw_level(ax, inside, 0, left / n_samples, n_samples, colour)
+            inside = {stack: m / n_samples for stack, m in found.items() if stack[0] == thread}
+            _draw_level(ax, inside, 0, left / n_samples, colour)
             left += n
         ax.set_xlim(0, 0.45)
         ax.set_ylim(0, _DEEP)
         ax.set_yticks([])
         ax.xaxis.set_major_formatter(lambda share, _place: f"{100 * share:.0f} %")
-        ax.set_title(f"{file.stem.replace('-', ' ')}: the lock is held for {100 * left / n_samples:.0f} % of the time")
+        ax.set_title(
+            f"{file.stem.replace('-', ' ')}: the lock is held for {100 * left / n_samples:.0f} % of the time"
+        )
     figure.savefig(path, dpi=100)
 
 
-def _draw_level(ax: Axes, found: Stacks, depth: int, left: float, n_samples: int, colour: str) -> None:
+def _draw_level(
+    ax: Axes, found: Mapping[tuple[str, ...], float], depth: int, left: float, colour: str
+) -> None:
     """Draw the functions of one depth side by side, and above each what it calls."""
     if depth == _DEEP:
         return
-    names = Counter[str]()
-    for stack, n in found.items():
+    names: dict[str, float] = {}
+    for stack, share in found.items():
         if len(stack) > depth:
-            names[stack[depth]] += n
-    for name, n in names.most_common():
-        width = n / n_samples
+            names[stack[depth]] = names.get(stack[depth], 0.0) + share
+    for name, width in sorted(names.items(), key=lambda named: -named[1]):
         ax.barh(depth, width, 1, left, align="edge", color=colour, alpha=1 - 0.1 * depth, edgecolor="white")
         n_signs = int(width / 0.45 * 11 / _SIGN)
         if n_signs > 3:
             said = name if len(name) <= n_signs else name[: n_signs - 1] + "…"
             ax.text(left + width / 2, depth + 0.5, said, ha="center", va="center", fontsize=7, color="white")
-        above = Counter({s: m for s, m in found.items() if len(s) > depth and s[depth] == name})
-        _draw_level(ax, above, depth + 1, left, n_samples, colour)
+        above = {s: share for s, share in found.items() if len(s) > depth and s[depth] == name}
+        _draw_level(ax, above, depth + 1, left, colour)
         left += width
 
 
