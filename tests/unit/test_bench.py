@@ -345,6 +345,8 @@ def test_the_time_of_a_program_counts_with_that_of_those_that_it_started():
     with subprocess.Popen(
         [sys.executable, "-c", outer], stdin=subprocess.PIPE, stdout=subprocess.PIPE
     ) as program:
+        assert program.stdin is not None
+        assert program.stdout is not None
         assert program.stdout.read(1) == b"."
         assert processor_s([program.pid]) >= 0.05
         program.stdin.close()

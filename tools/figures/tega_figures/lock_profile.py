@@ -1,4 +1,4 @@
-"""Draw who holds the interpreter lock: ``python -m tega_figures.lock_profile docs/images/lock-profile.png a.raw b.raw``.
+"""Draw who holds the interpreter lock: ``python -m tega_figures.lock_profile lock-profile.png a.raw b.raw``.
 
 Each file is what ``py-spy record --gil --threads --rate 200 --duration 10 --format raw --pid N`` wrote of a run: one
 stack a line, outermost first, and how many samples found it. Each becomes a panel: threads at the bottom, what they
