@@ -141,6 +141,13 @@ measured: ## the pictures of what takes hours to measure, and their tables; TEGA
 	$(BIN)/python -m tega_figures.touch_peers.pareto docs/images/touch-pareto.svg
 	$(BIN)/python -m tega_figures.pareto.page
 	$(BIN)/python -m tega_figures.skipped
+	$(BIN)/tega-teleop bench loop --seconds 16 --record --json > target/loop-idle.json
+	$(BIN)/tega-teleop bench loop --seconds 16 --record --busy 2 --json > target/loop-busy.json
+	$(BIN)/python -m tega_figures.late_ticks docs/images/late-ticks.png target/loop-idle.json target/loop-busy.json
+	$(BIN)/tega-teleop bench loop --seconds 22 --record & sleep 11; py-spy record --pid $$! --gil --threads --rate 200 \
+		--duration 10 --format raw --output target/this-version.raw; wait
+	$(BIN)/python -m tega_figures.lock_profile docs/images/lock-profile.png benches/hand-in-a-thread,-version-2aceae8a.raw \
+		target/this-version.raw
 	$(BIN)/tega-teleop soak --seconds 3600 --seed 7 --out target/soak
 	cp target/soak/faults.png docs/images/soak.png
 	$(BIN)/python -m tega_figures.readability docs/evidence/words.md

@@ -1,5 +1,6 @@
 """Typed face of the extension module; proved by `python -m mypy.stubtest tega._native`."""
 
+import sys
 from collections.abc import Sequence
 from typing import Final, Literal, Self, final
 
@@ -407,6 +408,15 @@ def bare_clock(period_ns: int, n_ticks: int, /) -> list[int]: ...
 def step_modelled(
     controller: HandController, model: JointModel, level: float, /
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+
+# --- serial ---
+
+if sys.platform != "win32":
+    @final
+    class SerialDrain:
+        def __new__(cls, fd: int, /) -> Self: ...
+        def take(self) -> tuple[bytes, int]: ...
+        def close(self) -> None: ...
 
 # --- image ---
 

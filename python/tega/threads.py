@@ -8,7 +8,7 @@ for others, whatever such a thread does, and processes that it starts are ordina
 =========== ======== =====================================================================================
 rank        priority whose
 =========== ======== =====================================================================================
-``hand``    9        the hand's process, whose interpreter is its own: nobody waits for what it holds
+``hand``    9        the hand's process and who drains a serial port: nobody in the run waits for what they hold
 ``act``     8        the loop, the vest's thread, the muscles', who hears the hand: short, and somebody waits for it
 ``measure`` 6        a camera's: it looks at a picture and measures it, in less than a millisecond
 ``beside``  4        everything else in the program, and the recorder's process
@@ -55,6 +55,11 @@ def realtime(*, allowed: bool) -> Iterator[None]:
 def realtime_allowed() -> bool:
     """Whether real-time priority may be asked for, for a process of the same run to do likewise."""
     return _state["allowed"]
+
+
+def spare_threads() -> None:
+    """Have NumPy and OpenCV, if imported after this, start no threads for matrices: in a run they would idle."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 @contextmanager
@@ -138,7 +143,7 @@ def all_along() -> Iterator[None]:
                 brought.add(tid)
 
     try:
-        with every(sweep, every_s=_SWEEP_S, name="tega-priority"):
+        with every(sweep, every_s=_SWEEP_S):
             yield
     finally:
         for left in threading.enumerate():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import importlib.util
 import json
+import subprocess
 import sys
 import tomllib
 from functools import partial
@@ -18,7 +19,8 @@ from click.testing import CliRunner
 from tega.haptics import FINGERS
 from tega_figures.bench import command as cli_bench
 from tega_figures.bench import error as errors
-from tega_figures.bench import filters, peers, report, scenes, simulation, tick, timing, variants
+from tega_figures.bench import filters, peers, report, scenes, simulation, start, tick, timing, variants
+from tega_figures.bench.beside import processor_s
 from tega_figures.bench.variants import CONTACT_LAWS, Law
 from tega_figures.exact import exact_contact, exact_paper
 
@@ -321,3 +323,30 @@ def test_a_bare_clock_in_a_process_of_its_own_tells_how_late_each_tick_was():
     counted = LateTicks.of([0, 100_000, 1_000_001, 200_000_000])
     assert counted.late == (2, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 1)
     assert (counted.over_1_ms, counted.worst_ms) == (2, 200.0)
+
+
+@pytest.mark.slow
+def test_a_start_tells_its_stages_in_their_order():
+    report = start.bench_start(repeats=1, record=True, emg_hz=250)
+    times_s = [reached_s for (reached_s,) in report.stages_s.values()]
+    assert times_s == sorted(times_s)
+    first, *_, last = report.stages_s
+    assert (first, last) == ("interpreter", "first tick")
+    assert report.first_tick_s == times_s[-1:]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="read from /proc")
+def test_the_time_of_a_program_counts_with_that_of_those_that_it_started():
+    busy = (
+        "import subprocess, sys, time; t = time.process_time()\nwhile time.process_time() - t < 0.05: pass\n"
+    )
+    inner = [sys.executable, "-c", busy + "sys.stdout.write('.'); sys.stdout.flush(); sys.stdin.read()"]
+    outer = f"import subprocess; subprocess.run({inner!r})"
+    with subprocess.Popen(
+        [sys.executable, "-c", outer], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as program:
+        assert program.stdin is not None
+        assert program.stdout is not None
+        assert program.stdout.read(1) == b"."
+        assert processor_s([program.pid]) >= 0.05
+        program.stdin.close()

@@ -11,6 +11,8 @@ mod hand;
 mod hand_link;
 mod haptics;
 mod image;
+#[cfg(unix)]
+mod serial;
 mod shared;
 mod shear;
 mod sim;
@@ -54,6 +56,9 @@ mod _native {
     };
     #[pymodule_export]
     use crate::image::decode_png;
+    #[cfg(unix)]
+    #[pymodule_export]
+    use crate::serial::SerialDrain;
     #[pymodule_export]
     use crate::shear::ShearReader;
     #[pymodule_export]

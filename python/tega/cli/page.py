@@ -69,6 +69,7 @@ def browser_observer(
     *,
     port: int = DEFAULT_PORT,
     controls: Controls | None = None,
+    opened: Callable[[str], object] = open_page,
     **options: Any,
 ) -> Iterator[BrowserView]:
     """Serve the page and say on stderr where.
@@ -77,6 +78,7 @@ def browser_observer(
         title: Heading of the page.
         port: TCP port.
         controls: What the page's buttons set; the caller looks.
+        opened: Given the page's address.
         options: Further arguments of :class:`~tega.view.browser.BrowserView`.
 
     Yields:
@@ -89,7 +91,7 @@ def browser_observer(
     from tega.view.browser import BrowserView
 
     with BrowserView(title, port=port, controls=controls, **(options | page_address())) as view:
-        open_page(view.url)
+        opened(view.url)
         yield view
     if view.problem:
         click.echo(f"view: {view.problem}", err=True)
@@ -106,6 +108,7 @@ def run_viewed(
     bus: Bus | None = None,
     run: Callable[..., dict[str, Any]] | None = None,
     playhead: Playhead | None = None,
+    opened: Callable[[str], object] = open_page,
     **options: Any,
 ) -> dict[str, Any]:
     """Run a session with the page open.
@@ -120,6 +123,7 @@ def run_viewed(
         bus: The run's, where others listen as well.
         run: Runs it, called like ``run_session``; that itself when ``None``.
         playhead: Of a recording that is played: the page's slider goes anywhere in it.
+        opened: Given the page's address before the run begins.
         options: Further arguments of it.
 
     Returns:
@@ -155,7 +159,9 @@ def run_viewed(
     feed = SessionFeed({"preset": config.session.preset}, bus)
     if config.stages.adaptation.on and not can_pause:
         controls.undo = feed.undo
-    kept = {"kept_s": _RECORDING_KEPT_S} if can_pause or run is not None else {}
+    kept: dict[str, Any] = {"opened": opened}
+    if can_pause or run is not None:
+        kept["kept_s"] = _RECORDING_KEPT_S
     with browser_observer(
         title, port=port, controls=controls, complete=feed.complete, eye_m=EYE_M, at_m=LOOK_AT_M, **kept
     ) as view:

@@ -92,6 +92,9 @@ def run_settings(
     import sys
     import time
 
+    from tega.threads import spare_threads
+
+    spare_threads()
     from tega.bus import Bus
     from tega.cli.options import stop_keys
     from tega.cli.page import run_viewed

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 from tega.bus import Backlog
 from tega.cli.options import progress_bar
-from tega.teleop.moment import Moment
 
 if TYPE_CHECKING:
     from tega.bus import Bus
@@ -34,6 +33,8 @@ class TerminalDisplay:
 
     def watch(self, bus: Bus) -> None:
         """Show the moments of a run from now on."""
+        from tega.teleop.moment import Moment  # not before a run opens its devices
+
         bus.subscribe(
             Moment, lambda moment: self._take((moment.view, {})), name="display", backlog=self._waiting
         )

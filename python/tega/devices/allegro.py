@@ -23,7 +23,7 @@ from tega.safety.hand_alert import HandAlert
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tega.devices.hand_ends import HandEnd
+    from tega.devices.hand_ends import HandEnd, HandProcess
     from tega.devices.hand_told import HandNews, HandSpoken
     from tega.hand_link import HandState, Received
     from tega.wire import CanFrame
@@ -98,6 +98,7 @@ class Allegro(Opened):
     def __init__(self, options: AllegroOptions) -> None:
         self._options = options
         self._end: HandEnd | None = None
+        self._warm: HandProcess | None = None
         self._seen: HandNews | None = None
         self._ready = threading.Event()
         self._alert = HandAlert(self)
@@ -148,6 +149,15 @@ class Allegro(Opened):
         """Trouble of the hand now, while it can still be steered or may come back; ``""`` for none."""
         return self._alert()
 
+    def warm_up(self) -> None:
+        """Start the hand's process, which makes ready meanwhile; the hand is not touched before :meth:`open`."""
+        if self._options.interface != "virtual":
+            from tega.devices.hand_ends import HandProcess
+
+            self.close()
+            self._warm = HandProcess(self._options, self._take)
+            self._warm.warm_up()
+
     def open(self) -> None:
         """Open the bus, check the hand, and hold it where it is.
 
@@ -159,17 +169,21 @@ class Allegro(Opened):
         """
         from tega.devices.hand_ends import HandProcess, HandThread
 
+        warm, self._warm = self._warm, None
         self.close()
         self._seen = None
         self._sent.clear()
         self._cycles.clear()
         self._ready.clear()
-        inside = self._options.interface == "virtual"
-        end = (HandThread if inside else HandProcess)(
-            self._options, self._take, whole=self.on_exchange is not None
-        )
-        end.open()
-        self._end = end
+        whole = self.on_exchange is not None
+        if self._options.interface == "virtual":
+            thread = HandThread(self._options, self._take, whole=whole)
+            thread.open()
+            self._end = thread
+        else:
+            process = warm or HandProcess(self._options, self._take)
+            process.open(whole=whole)
+            self._end = process
         # A program that ends without closing must not leave the fingers pushing.
         closes_on_exit(self.close)
         try:
@@ -180,6 +194,9 @@ class Allegro(Opened):
 
     def close(self) -> None:
         """Let go of the hand and close the bus."""
+        warm, self._warm = self._warm, None
+        if warm is not None:
+            warm.end()
         end, self._end = self._end, None
         if end is None:
             return

@@ -338,6 +338,15 @@ class SteeredHand(Device, Protocol):
 
 
 @runtime_checkable
+class WarmingHand(SteeredHand, Protocol):
+    """A hand whose driver can make ready beside other devices; optional, for a run that begins sooner."""
+
+    def warm_up(self) -> None:
+        """Start what takes its time and touches no device; returns at once. ``open`` or ``close`` follows."""
+        ...
+
+
+@runtime_checkable
 class AnsweringHand(SteeredHand, Protocol):
     """A hand that tells when torques first left; without it no latency is counted to it."""
 

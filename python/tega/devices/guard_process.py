@@ -191,8 +191,8 @@ def stand_by(let_go: Callable[[Callable[[], bool]], None]) -> None:
         let_go: Leaves the device safe, or tries until nobody needs that any more; it is given what tells whether the
             program goes on.
     """
-    sys.stdout.write("ready\n")
-    sys.stdout.flush()
+    with contextlib.suppress(OSError):  # it has given up already, and its input has ended
+        os.write(sys.stdout.fileno(), b"ready\n")
     pieces = hear()
     heard, stuck, said = False, False, b""
     while True:

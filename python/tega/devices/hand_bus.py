@@ -82,6 +82,14 @@ class HandBus:
         """Adapter and bus, without a path."""
         return bus_label(self.settings["interface"], self.settings["channel"])
 
+    def load(self) -> None:
+        """Load python-can, which takes its time.
+
+        Raises:
+            MissingExtraError: It is not installed.
+        """
+        self._can = require("can", driver="allegro", extra="lab")
+
     def open(self) -> None:
         """Open the bus.
 
@@ -89,7 +97,7 @@ class HandBus:
             DeviceUnavailableError: The adapter is not there, or refuses.
             MissingExtraError: python-can is not installed.
         """
-        self._can = require("can", driver="allegro", extra="lab")
+        self.load()
         self._bus, self.trouble = self._opened(), ""
 
     def drop(self) -> None:

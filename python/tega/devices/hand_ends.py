@@ -73,11 +73,10 @@ class HandProcess:
     Args:
         options: The driver's settings.
         tell: Told what the loop tells, in a thread of its own.
-        whole: Whether it tells every exchange.
     """
 
-    def __init__(self, options: AllegroOptions, tell: Tell, *, whole: bool) -> None:
-        self._options, self._tell, self._whole = options, tell, whole
+    def __init__(self, options: AllegroOptions, tell: Tell) -> None:
+        self._options, self._tell = options, tell
         self._process: subprocess.Popen[bytes] | None = None
         self._thread: threading.Thread | None = None
         self._word: float = 1
@@ -89,23 +88,38 @@ class HandProcess:
         """The process's number; 0 before it was started."""
         return 0 if self._process is None else self._process.pid
 
-    def open(self) -> None:
-        """Start it; returns when the bus is open and the guard ready, and raises what :meth:`HandLoop.open` does."""
-        process = subprocess.Popen(
+    def warm_up(self) -> None:
+        """Start it, and return at once; it makes ready, and touches nothing of the hand before :meth:`open`."""
+        self._process = subprocess.Popen(
             python_command("tega.devices.hand_program"),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env=python_environment(),
             **own_group(),
         )
+        assert isinstance(self._process.stdin, BufferedWriter)
+        widen_pipe(self._process.stdin)
+        with contextlib.suppress(OSError):  # it has ended: told of when the hand is opened
+            send_object(self._process.stdin, (self._options, realtime_allowed()))
+
+    def open(self, *, whole: bool) -> None:
+        """Return when the bus is open and the guard ready; raises what :meth:`HandLoop.open` does.
+
+        Args:
+            whole: Whether it tells every exchange.
+        """
+        if self._process is None:
+            self.warm_up()
+        process = self._process
+        assert process is not None
         asked, said = process.stdin, process.stdout
         assert isinstance(asked, BufferedWriter)
         assert isinstance(said, BufferedReader)
-        widen_pipe(asked)
         late = threading.Timer(_START_S, process.kill)
         late.start()
         try:
-            send_object(asked, (self._options, self._whole, realtime_allowed()))
+            with contextlib.suppress(OSError):  # it has ended, and may have said why
+                send_object(asked, whole)
             error = receive_object(said)
         except (EOFError, OSError):
             error = DeviceUnavailableError(
@@ -125,7 +139,6 @@ class HandProcess:
         # Windows has no such pipes: a process that takes no word is told of before one is full.
         if sys.platform != "win32":
             os.set_blocking(asked.fileno(), False)
-        self._process = process
         self._heard_s = time.monotonic()
         self._thread = threading.Thread(target=self._hear, args=(said,), name="allegro", daemon=True)
         self._thread.start()
@@ -146,7 +159,7 @@ class HandProcess:
         if self._process is not None:
             end_child(self._process, LEAVE_S)
             self.join(LEAVE_S)
-            if self._process.stdout is not None and self._thread is not None and not self._thread.is_alive():
+            if self._process.stdout is not None and (self._thread is None or not self._thread.is_alive()):
                 self._process.stdout.close()
 
     @property

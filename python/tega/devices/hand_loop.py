@@ -43,17 +43,23 @@ class HandLoop:
         orders: What is asked.
         tell: Told after each answer to the hand and each change, and twenty times a second; from the loop's thread.
         whole: Whether every exchange is told with all that was received; else those in which something was sent.
+
+    Attributes:
+        whole: The same, until the loop runs.
     """
 
-    def __init__(self, options: AllegroOptions, orders: HandOrders, tell: Tell, *, whole: bool) -> None:
+    def __init__(
+        self, options: AllegroOptions, orders: HandOrders, tell: Tell, *, whole: bool = False
+    ) -> None:
         o = options
-        self._options, self._orders, self._tell, self._whole = o, orders, tell, whole
+        self._options, self._orders, self._tell, self.whole = o, orders, tell, whole
         self._bus = HandBus(o.interface, o.channel, bitrate=o.bitrate, more=o.bus)
         self._off: list[CanFrame] = [
             *allegro_limp_frames(device_id=o.device_id),
             allegro_set_period(0, device_id=o.device_id),
         ]
         self._link: HandLink
+        self._warm = False
         self._guard: GuardProcess | None = None
         self._n_guarded = 0
         self._pushed, self._let_go, self._ready, self._died = False, True, False, ""
@@ -62,11 +68,11 @@ class HandLoop:
         self._state_s = self._told_s = 0.0
         self._cpu_s = 0.0
 
-    def open(self) -> None:
-        """Open the bus and start the guard; nothing is sent yet.
+    def warm_up(self) -> None:
+        """Make ready and start the guard; the bus is not touched.
 
         Raises:
-            DeviceUnavailableError: There is no adapter, or the guard does not start.
+            DeviceUnavailableError: The guard does not start.
             ConfigError: The pose file cannot be used.
             MissingExtraError: python-can is not installed.
         """
@@ -89,14 +95,27 @@ class HandLoop:
             lowest_rate_hz=o.lowest_rate_hz,
             reconnects=o.reconnects,
         )
-        self._bus.open()
+        self._bus.load()
         # A bus inside this process ends with it.
         if o.guard and o.torque and o.interface != "virtual":
-            try:
-                self._guard = guard_hand(self._bus.settings, self._off, device_id=o.device_id)
-            except BaseException:
-                self._bus.drop()
-                raise
+            self._guard = guard_hand(self._bus.settings, self._off, device_id=o.device_id)
+        self._warm = True
+
+    def open(self) -> None:
+        """Open the bus, and make ready before where that was not done; nothing is sent yet.
+
+        Raises:
+            DeviceUnavailableError: There is no adapter, or the guard does not start.
+            ConfigError: The pose file cannot be used.
+            MissingExtraError: python-can is not installed.
+        """
+        if not self._warm:
+            self.warm_up()
+        try:
+            self._bus.open()
+        except BaseException:
+            self.dismiss()
+            raise
 
     @run_realtime("hand")
     def run(self) -> None:
@@ -124,7 +143,7 @@ class HandLoop:
                 if link.phase == "silent" != before:
                     # Whoever else let go of the hand, as the guard does, has closed the adapter behind itself.
                     self._bus.drop()
-                if out or self._whole:
+                if out or self.whole:
                     self._note(HandSpoken(t_ns, level, frames, out, "exchange", taken, left_ns))
                 if link.phase == "running" and self._options.torque:
                     self._pushed, self._let_go = True, False
@@ -152,7 +171,7 @@ class HandLoop:
                     self._let_go = self._bus.switch_off(self._off, device_id=device_id, patience_s=CONFIRM_S)
             with contextlib.suppress(Exception):
                 self._bus.drop()
-            self._dismiss()
+            self.dismiss()
             self._flush(time.monotonic_ns(), ended=True)
 
     def _stood_still(self) -> bool:
@@ -163,7 +182,7 @@ class HandLoop:
         self._orders.await_word()
         return True
 
-    def _dismiss(self) -> None:
+    def dismiss(self) -> None:
         """Dismiss the process that guards the hand if the hand has confirmed that its motors are off."""
         guard = self._guard
         if self._let_go:
@@ -173,7 +192,7 @@ class HandLoop:
             guard.leave_to_it()
 
     def _note(self, said: HandSpoken) -> None:
-        self._spoken.append(said if self._whole else said._replace(received=[]))
+        self._spoken.append(said if self.whole else said._replace(received=[]))
 
     def _flush(self, t_ns: int, *, ended: bool = False) -> None:
         """Tell what was said since the last time, and how it is now."""

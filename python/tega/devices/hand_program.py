@@ -13,7 +13,7 @@ import signal
 import sys
 import threading
 from contextlib import suppress
-from io import BufferedWriter
+from io import BufferedWriter, FileIO
 from queue import Empty, SimpleQueue
 from typing import Any
 
@@ -41,11 +41,17 @@ def _pass_on(told: SimpleQueue[_Told | None], said: BufferedWriter) -> None:
             send_object(said, what)
 
 
-def _steer(options: Any, *, whole: bool, orders: HandOrders, said: BufferedWriter) -> None:
+def _steer(options: Any, *, asked: FileIO, orders: HandOrders, said: BufferedWriter) -> None:
+    """Make ready, wait until the run opens the hand, and steer it."""
     told: SimpleQueue[_Told | None] = SimpleQueue()
-    loop = HandLoop(options, orders, lambda spoken, seen: told.put((spoken, seen)), whole=whole)
+    loop = HandLoop(options, orders, lambda spoken, seen: told.put((spoken, seen)))
     try:
+        loop.warm_up()
+        loop.whole = receive_object(asked)
         loop.open()
+    except EOFError:  # the run has given up, or was killed, before it opened the hand
+        loop.dismiss()
+        return
     except Exception as error:  # the run tells it
         send_object(said, error)
         return
@@ -70,11 +76,12 @@ def main() -> None:
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a library prints is no answer
     try:
         # Not through a buffer, which would keep the words behind it.
-        options, whole, allowed = receive_object(os.fdopen(os.dup(sys.stdin.fileno()), "rb", buffering=0))
+        asked = os.fdopen(os.dup(sys.stdin.fileno()), "rb", buffering=0)
+        options, allowed = receive_object(asked)
     except EOFError:  # the run was killed as soon
         return
     with realtime(allowed=allowed), short_turns():
-        _steer(options, whole=whole, orders=orders, said=said)
+        _steer(options, asked=asked, orders=orders, said=said)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from typing import Annotated, ClassVar
 
 import msgspec
@@ -44,10 +43,10 @@ class LiveSerialEmg(LiveEmg):
         return self._port
 
     def _received(self) -> tuple[bytes, int]:
-        """Return the bytes that have arrived and when that was."""
-        data = b"" if self._port is None else self._port.read()
+        """Return the bytes that have arrived and when the last of them did."""
+        data, arrival_ns = (b"", 0) if self._port is None else self._port.arrived()
         self._n_bytes += len(data)
-        return data, time.monotonic_ns()
+        return data, arrival_ns
 
     def _stop(self) -> None:
         if self._port is None:

@@ -8,9 +8,9 @@ full drive. Times are the machine's time of day: between two runs there is no ot
 from __future__ import annotations
 
 import math
-import threading
 import time
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Annotated, Final, Self
@@ -19,6 +19,7 @@ import msgspec
 import numpy as np
 
 from tega.errors import CalibrationError
+from tega.every import every
 from tega.foreign_file import parse_json, read_foreign
 from tega.safety.motor_budget import HEAT_TAU_S, MotorBudget
 from tega.whole_file import write_whole
@@ -80,8 +81,7 @@ class KeptDose:
             self._carried_s = self._carried_s + np.max([dose_s for dose_s, _ in others], axis=0)
             heat = np.maximum(heat, np.max([warm for _, warm in others], axis=0))
         budget.carry(dose_s=self._carried_s, heat=heat)
-        self._over = threading.Event()
-        self._thread = threading.Thread(target=self._work, name="tega-dose", daemon=True)
+        self._saving = ExitStack()
 
     def save(self) -> None:
         """Write the file."""
@@ -93,23 +93,19 @@ class KeptDose:
     def __enter__(self) -> Self:
         """Begin to keep it."""
         self.save()
-        self._thread.start()
+        self._saving.enter_context(every(self._save_again, every_s=SAVE_S))
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Keep it a last time."""
-        self._over.set()
-        self._thread.join()
+        self._saving.close()
         self.save()
 
-    def _work(self) -> None:
-        while not self._over.wait(SAVE_S):
-            try:
-                self.save()
-            except OSError:  # a full disk does not end a run; the last writing tells it
-                continue
+    def _save_again(self) -> None:
+        with suppress(OSError):  # a full disk does not end a run; the last writing tells it
+            self.save()
 
 
 def _of_the_day(file: Path, now_s: float) -> list[_Run]:

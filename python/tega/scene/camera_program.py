@@ -40,7 +40,7 @@ def main() -> None:
         return
     answers.say("open")
     film.start()
-    with every(lambda: answers.say("tally", film.tally), every_s=_TOLD_S, name="scene-tally"):
+    with every(lambda: answers.say("tally", film.tally), every_s=_TOLD_S):
         with suppress(EOFError):
             film.begin(receive_object(asked))
             receive_object(asked)  # nothing more is asked: this waits for the end

@@ -2,10 +2,35 @@
 
 from __future__ import annotations
 
-from tega.teleop.loop import DualLoop
-from tega.teleop.loop_report import LoopReport
-from tega.teleop.moment import LoopView, Moment
-from tega.teleop.session import run_session
-from tega.teleop.touch import TouchLoop, TouchMoment
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from tega.teleop.loop import DualLoop
+    from tega.teleop.loop_report import LoopReport
+    from tega.teleop.moment import LoopView, Moment
+    from tega.teleop.session import run_session
+    from tega.teleop.touch import TouchLoop, TouchMoment
 
 __all__ = ["DualLoop", "LoopReport", "LoopView", "Moment", "TouchLoop", "TouchMoment", "run_session"]
+
+# Loaded when they are asked for: a run opens its devices before it needs most of it.
+_PLACES = {
+    "DualLoop": "loop",
+    "LoopReport": "loop_report",
+    "LoopView": "moment",
+    "Moment": "moment",
+    "TouchLoop": "touch",
+    "TouchMoment": "touch",
+    "run_session": "session",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name in _PLACES:
+        return getattr(importlib.import_module(f"tega.teleop.{_PLACES[name]}"), name)
+    raise AttributeError(f"module 'tega.teleop' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -27,6 +27,7 @@ from tega.records import Event, HandCommand, Imposed, Intent, Joints, Skip, bus_
 from tega.teleop.hand import HAND_TICK_NS, Hand
 from tega.teleop.loop_report import LoopReport
 from tega.teleop.moment import LoopView, Moments
+from tega.teleop.opening import reached
 from tega.teleop.pacing import Pacer
 from tega.teleop.touch import STALE_NS, TouchLoop
 from tega.teleop.vest_output import VestOutput
@@ -184,6 +185,7 @@ class DualLoop:
         with_hand = self._levels is not None
         with_vest = bool(self._contacts) or self._moments.wanted
         step_ns = HAND_TICK_NS if with_hand else IDLE_NS
+        reached("first tick")
         try:
             k_step = k_vest = 0
             while True:

@@ -7,8 +7,6 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING, NamedTuple
 
 from tega.config import SessionConfig
-from tega.devices.base import EmgSource, TactileSource
-from tega.devices.registry import driver_class
 from tega.inbox.inputs import Inputs
 from tega.inbox.prepared import Prepared
 from tega.records import BesideContact, BesideIntent
@@ -18,6 +16,7 @@ from tega.stages.base import MeasuredPicture
 from tega.teleop.arm import Steering, open_arm
 from tega.teleop.beside import open_beside
 from tega.teleop.condition import open_condition
+from tega.teleop.opening import Opening, reached
 from tega.teleop.pacing import refuse_live
 from tega.teleop.prepare import Progress, prepare, to_be_read
 from tega.teleop.sinks import Sinks, open_inputs, open_sinks
@@ -67,6 +66,7 @@ def open_rig(
     config: SessionConfig,
     bus: Bus,
     *,
+    opening: Opening,
     prepared: Prepared | None,
     on_prepared: Callable[[Prepared], Prepared],
     progress: Progress,
@@ -82,6 +82,7 @@ def open_rig(
         stack: Closes all of it.
         config: The settings.
         bus: Told of everything that comes in and goes out.
+        opening: Opens the EMG already.
         prepared: What to start with instead of the sources of the settings.
         on_prepared: Given what the run starts with; returns what it is to start with.
         progress: Told how preparation goes.
@@ -95,7 +96,10 @@ def open_rig(
         TegaError: Whatever is wrong with settings, recordings, calibration or devices.
         KeyboardInterrupt: ``stop`` said so.
     """
+    reached("loaded")
+    hand = opening.begin_rest()
     recording = _recording(stack, config, bus)
+    reached("recorder ready")
     markers = _markers(stack, config, bus)
     station = None
     if config.net is not None:
@@ -107,7 +111,9 @@ def open_rig(
         with run_realtime("act", inherited=True):
             stack.enter_context(station)
     if prepared is None:
-        sources, emg = _sources(stack, config)
+        sources, emg = opening.sources()
+        for source in (*sources.values(), *([] if emg is None else [emg])):
+            refuse_live(source.info, config.session.pace)
         prepared = prepare(config, sources, emg, progress=progress, stop=stop, settings=settings)
     if station is not None:
         prepared = station.prepared(prepared)
@@ -118,7 +124,9 @@ def open_rig(
         open_beside(stack, config, prepared, bus)
     condition = open_condition(stack, config, prepared, bus)
     cameras = _cameras(stack, config, bus, stop)  # before what moves: an address may take its time
-    sinks = open_sinks(stack, config, prepared, bus)
+    reached("prepared")
+    sinks = open_sinks(stack, config, prepared, bus, hand)
+    reached("vest and hand open")
     inputs = open_inputs(stack, config)
     if station is not None:
         sinks, inputs = station.sinks(sinks), station.inputs(stack, inputs)
@@ -143,22 +151,8 @@ def open_rig(
     return Rig(config, bus, prepared, sinks, inputs, guard, recording, markers, steering, station, cameras)
 
 
-def _sources(stack: ExitStack, config: SessionConfig) -> tuple[dict[str, TactileSource], EmgSource | None]:
-    """Open the sources of the settings."""
-    sources: dict[str, TactileSource] = {
-        finger: stack.enter_context(driver_class(c.driver, "tactile")(c.options))
-        for finger, c in config.tactile.in_use().items()
-    }
-    emg: EmgSource | None = None
-    if config.emg is not None:
-        emg = stack.enter_context(driver_class(config.emg.driver, "emg")(config.emg.options))
-    for source in (*sources.values(), *([] if emg is None else [emg])):
-        refuse_live(source.info, config.session.pace)
-    return sources, emg
-
-
 def _recording(stack: ExitStack, config: SessionConfig, bus: Bus) -> Recording | None:
-    """Make the recording, if one is asked for, before any device is touched."""
+    """Make the recording, if one is asked for: what is missing there is told before any device is waited for."""
     if config.recording.dir is None:
         return None
     from tega.recording.session import Recording

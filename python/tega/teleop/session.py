@@ -4,22 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import ExitStack
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tega.bus import Bus
-from tega.clock import Clock, ManualClock, SystemClock
-from tega.config import SessionConfig
+from tega.clock import ManualClock, SystemClock
 from tega.errors import ConfigError
-from tega.inbox.prepared import Prepared
-from tega.recording import prepare_folder
-from tega.safety.states import Transition
 from tega.teleop.gc_pause import settled
-from tega.teleop.moment import LoopView
-from tega.teleop.motor_tests import MotorTests
-from tega.teleop.prepare import Progress
-from tega.teleop.rig import open_rig
-from tega.teleop.run import run_loop
+from tega.teleop.opening import Opening, reached
 from tega.threads import realtime, short_turns
+
+if TYPE_CHECKING:
+    from tega.clock import Clock
+    from tega.config import SessionConfig
+    from tega.inbox.prepared import Prepared
+    from tega.safety.states import Transition
+    from tega.teleop.moment import LoopView
+    from tega.teleop.motor_tests import MotorTests
+    from tega.teleop.prepare import Progress
 
 
 def run_session(
@@ -81,6 +82,8 @@ def run_session(
     if clock is None:
         clock = SystemClock() if session.pace == "real" else ManualClock()
     if session.out_dir is not None:
+        from tega.recording import prepare_folder
+
         kept = prepare_folder(session.out_dir)
         if kept is not None:
             tell(f"the earlier results in {session.out_dir} are kept in {kept}")
@@ -89,10 +92,18 @@ def run_session(
         if isinstance(clock, SystemClock):
             stack.enter_context(short_turns())
             stack.enter_context(settled())
+        reached("settings read")
+        opening = Opening(stack, config, sources=prepared is None)
+        # Loaded while the devices open.
+        from tega.teleop.motor_tests import MotorTests
+        from tega.teleop.rig import open_rig
+        from tega.teleop.run import run_loop
+
         rig = open_rig(
             stack,
             config,
             Bus() if bus is None else bus,
+            opening=opening,
             prepared=prepared,
             on_prepared=on_prepared,
             progress=progress,

@@ -66,8 +66,14 @@ def _open_vest(stack: ExitStack, config: SessionConfig) -> VestSink | None:
     return stack.enter_context(worn_vest(config.vest, dose_file(config.calibration)))
 
 
-def open_sinks(stack: ExitStack, config: SessionConfig, prepared: Prepared, bus: Bus) -> Sinks:
-    """Open the outputs of a run: the devices of the settings, then the tables of the output folder."""
+def open_sinks(
+    stack: ExitStack,
+    config: SessionConfig,
+    prepared: Prepared,
+    bus: Bus,
+    hand: HandDriver | SteeredHand | None,
+) -> Sinks:
+    """Open the outputs of a run: vest and hand, then the tables of the output folder."""
     live_vests: list[VestSink] = []
     vests: list[VestSink] = []
     hands: list[HandDriver] = []
@@ -77,8 +83,7 @@ def open_sinks(stack: ExitStack, config: SessionConfig, prepared: Prepared, bus:
         live_vests.append(vest)
     elif vest is not None:
         vests.append(vest)
-    if config.hand.driver is not None:
-        hand: HandDriver | SteeredHand = driver_class(config.hand.driver, "hand")(config.hand.options)
+    if hand is not None:
         _listen(hand, bus)
         stack.enter_context(hand)
         if isinstance(hand, SteeredHand):

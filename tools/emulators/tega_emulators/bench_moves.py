@@ -75,7 +75,7 @@ class Moves:
             self.port = server.server_address[1]
             threading.Thread(target=server.serve_forever, name="tega-moves", daemon=True).start()
             starting.callback(server.shutdown)
-            starting.enter_context(every(self._hold, every_s=_LOOK_S, name="tega-held"))
+            starting.enter_context(every(self._hold, every_s=_LOOK_S))
             self._up = starting.pop_all()
         return self
 

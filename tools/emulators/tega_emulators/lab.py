@@ -60,11 +60,16 @@ class EmulatedLab:
         self.environment: dict[str, str] = {}
         self.sensors: dict[str, Emulator] = {}
 
-    def go_ahead(self) -> bool:
-        """Let every device go before every thread of a run; return whether the system allows that."""
+    @property
+    def devices(self) -> list[Emulator]:
+        """All emulators that run."""
         names = ("emg", "hand", "vest", "headset", "cap", "robot", "pedal")
         found = [getattr(self, name) for name in names if hasattr(self, name)]
-        granted = [device.go_ahead() for device in (*found, *self.sensors.values())]
+        return [*found, *self.sensors.values()]
+
+    def go_ahead(self) -> bool:
+        """Let every device go before every thread of a run; return whether the system allows that."""
+        granted = [device.go_ahead() for device in self.devices]
         return all(granted)
 
     def limp(self) -> bool:
@@ -169,7 +174,7 @@ def pressing(lab: EmulatedLab) -> Iterator[None]:
         for sensor in lab.sensors.values():
             sensor.say(f"press {firmness}")
 
-    with every(press, every_s=_PRESS_S, name="tega-press"):
+    with every(press, every_s=_PRESS_S):
         yield
 
 

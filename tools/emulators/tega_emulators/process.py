@@ -71,6 +71,11 @@ class Emulator:
         """The ``port`` of its address."""
         return self.address["port"]
 
+    @property
+    def pid(self) -> int:
+        """The process's number; 0 while it does not run."""
+        return 0 if self._process is None else self._process.pid
+
     def __enter__(self) -> Self:
         """Start it and wait until it can be reached."""
         command = python_command(self._module, *self._arguments)

@@ -14,6 +14,7 @@ import sys
 import termios
 import time
 import tty
+from collections import deque
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,9 @@ from tega_emulators.faults import FAULTS, SIGNALS, Faults, Signal
 from tega_emulators.pipe import obey, tell
 
 __all__ = ["EmulatedBoard", "add_options", "serve"]
+
+# So many packets' times are remembered, which `sent` tells.
+_KEPT = 4096
 
 
 class EmulatedBoard:
@@ -85,6 +89,7 @@ class _Line:
         self._heard = b""
         self._rest = b""
         self._typed = b""
+        self._sent_ns: deque[int] = deque(maxlen=_KEPT)
         self._plug()
 
     def _plug(self) -> None:
@@ -125,6 +130,7 @@ class _Line:
                 due -= 1
                 if self._board.streaming and not self._faults.frozen:
                     self._send(self._faults.pass_on(self._board.packet()))
+                    self._sent_ns.append(time.monotonic_ns())
 
     def _hear(self, ours: int) -> None:
         try:
@@ -186,6 +192,8 @@ class _Line:
             self._send(self._board.power_on())
         elif verb == "heard":
             return {"heard": self._heard.hex()}
+        elif verb == "sent":
+            return {"sent_ns": list(self._sent_ns)}
         elif verb == "clear":
             self._faults.clear()
         elif verb == "signal":

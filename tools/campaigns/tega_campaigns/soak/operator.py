@@ -39,7 +39,7 @@ class SoakOperator:
     def at_work(self) -> Iterator[None]:
         """Be there for as long as the block lasts."""
         self._lab.headset.say(_SWING)
-        with every(self._look, every_s=_LOOK_S, name="tega-soak-operator"):
+        with every(self._look, every_s=_LOOK_S):
             yield
 
     def _look(self) -> None:

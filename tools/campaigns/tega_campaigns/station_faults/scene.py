@@ -84,7 +84,7 @@ class StationScene:
             tree["hand"] = {"driver": "python-can", "options": {"interface": "virtual", "channel": "tega"}}
             tree["arm"]["tracker"] = {"driver": "poses-file", "options": {"file": str(_still(folder))}}
             # A button of which nothing is heard for ten seconds is not believed.
-            stack.enter_context(every(self._hold_on, every_s=_PRESS_S, name="tega-person"))
+            stack.enter_context(every(self._hold_on, every_s=_PRESS_S))
             self._tree, self._port = tree, port
             self._robot_file, self._operator_file = self.files("", keys=self.keys)
             self.robot = stack.enter_context(Supervisor(self._robot_file, "--commands"))

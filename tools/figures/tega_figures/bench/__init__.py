@@ -3,9 +3,3 @@
 Everything is measured in one run and in turns, so that a machine that is busy is busy for all alike; ratios are what
 to compare. The packages that TEGA is compared with are optional: what is not installed is listed, not measured.
 """
-
-from __future__ import annotations
-
-from tega_figures.bench.report import BenchReport, run_bench
-
-__all__ = ["BenchReport", "run_bench"]

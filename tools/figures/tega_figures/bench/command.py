@@ -12,8 +12,7 @@ from tega.cli.options import NameList, json_option
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from tega_figures.bench import BenchReport
-    from tega_figures.bench.report import ContactRow
+    from tega_figures.bench.report import BenchReport, ContactRow
     from tega_figures.bench.simulation import SimReport
 
 __all__ = ["bench"]
@@ -56,7 +55,7 @@ def bench(ctx: click.Context, /, *, picture: Path | None, quick: bool, as_json: 
     import msgspec
 
     from tega.cli.options import echo_json, progress_bar
-    from tega_figures.bench import run_bench
+    from tega_figures.bench.report import run_bench
 
     with progress_bar() as progress:
         report = run_bench(quick=quick, progress=progress)
@@ -155,6 +154,14 @@ def sim(*, objects: list[str], repeats: int, preset: Literal["paper", "live"], a
     show_default=True,
     help="Whether the run and the bare clock beside it ask for real-time priority.",
 )
+@click.option("--page", is_flag=True, help="Have a Chromium without a window show the run's page meanwhile.")
+@click.option(
+    "--busy",
+    type=click.IntRange(0, 64),
+    default=0,
+    show_default=True,
+    help="Programs that keep a core busy each, at ordinary priority.",
+)
 @json_option
 def loop(
     *,
@@ -164,6 +171,8 @@ def loop(
     most_hz: float | None,
     preset: Literal["paper", "live"],
     realtime: bool,
+    page: bool,
+    busy: int,
     as_json: bool,
 ) -> None:
     """Run the whole loop in real time on emulated devices and measure how long each stage takes.
@@ -181,16 +190,27 @@ def loop(
                   by how long after its positions the emulated hand had its torques; and of a bare native clock of
                   3 ms in a process beside them; "late" counts ticks by the bins whose upper bounds are late_edges_ms
       vest        {frames, sent, skipped, ...}
-      frames_hz, samples_hz, hand_hz, cpu_cores, run_cores, held_ticks
+      frames_hz, samples_hz, hand_hz, held_ticks, threads, page, busy
+      cpu_cores, run_cores, emulators_cores, browser_cores
     """  # noqa: D301  # click keeps the lines after \b as they are
     import msgspec
 
     from tega.cli.options import echo_json
     from tega.cli.report import latency_tables
+    from tega.threads import spare_threads
+
+    spare_threads()  # as the command run does, before what is imported here
     from tega_figures.bench.live_loop import bench_loop
 
     report = bench_loop(
-        seconds=seconds, record=record, pace=pace, most_hz=most_hz, preset=preset, realtime=realtime
+        seconds=seconds,
+        record=record,
+        pace=pace,
+        most_hz=most_hz,
+        preset=preset,
+        realtime=realtime,
+        page=page,
+        busy=busy,
     )
     if as_json:
         echo_json(msgspec.to_builtins(report))
@@ -203,8 +223,11 @@ def loop(
     pacing = report.pacing
     out.print(
         f"{report.frames_hz:.0f} pictures, {report.samples_hz:.0f} EMG samples and {report.hand_hz:.0f} ticks "
-        f"of the hand a second; {report.run_cores:.2f} cores for the run, {report.cpu_cores:.2f} with "
-        "its recorder and its guard"
+        f"of the hand a second; {report.threads} threads"
+    )
+    out.print(
+        f"{report.run_cores:.2f} cores for the run, {report.cpu_cores:.2f} with its hand, guard and recorder; "
+        f"{report.emulators_cores:.2f} for the emulated devices, {report.browser_cores:.2f} for the browser"
     )
     vest = report.vest
     out.print(
@@ -222,6 +245,47 @@ def loop(
         f"(worst {hand.worst_ms:.1f} ms); {bare.over_1_ms} of {bare.ticks} of a bare clock "
         f"(worst {bare.worst_ms:.1f} ms)"
     )
+
+
+@bench.command(epilog="Example: tega-teleop bench start --repeats 5")
+@click.option(
+    "--repeats",
+    type=click.IntRange(1, 1000),
+    default=5,
+    show_default=True,
+    help="How often the run is started.",
+)
+@click.option("--record", is_flag=True, help="Record the runs, into a folder that is removed.")
+@click.option(
+    "--emg-hz",
+    type=click.Choice(["250", "1000"]),
+    default="1000",
+    show_default=True,
+    help="Samples a second: 250 for a Cyton, 1000 for a board that blinks for 0.4 s and is measured for 1 s.",
+)
+@json_option
+def start(*, repeats: int, record: bool, emg_hz: str, as_json: bool) -> None:
+    """Start the command run on emulated devices, and tell how long until its first tick.
+
+    Each run is a process of its own, and the time counts from its start. The devices are those of bench loop.
+
+    \b
+    --json prints one object:
+      machine, emg_hz
+      first_tick_s  [seconds, one a run]
+      stages_s      {stage: [seconds until it was reached, one a run]}
+    """  # noqa: D301  # click keeps the lines after \b as they are
+    import msgspec
+
+    from tega.cli.options import echo_json
+    from tega_figures.bench.start import bench_start
+
+    report = bench_start(repeats=repeats, record=record, emg_hz=1000 if emg_hz == "1000" else 250)
+    if as_json:
+        echo_json(msgspec.to_builtins(report))
+        return
+    for stage, reached_s in report.stages_s.items():
+        click.echo(f"{stage:22} " + " ".join(f"{s:6.2f}" for s in reached_s) + " s")
 
 
 @bench.command(epilog="Example: tega-teleop bench stations --seconds 20 --keys")

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import sys
 import tempfile
+import threading
 from pathlib import Path
 from typing import Any, Literal
 
@@ -11,6 +13,7 @@ import msgspec
 
 from tega.config import FINGERS, Pace, check_tree
 from tega.teleop.pacing import LATE_EDGES_NS
+from tega_figures.bench.beside import Viewer, busy_cores, processor_s
 from tega_figures.bench.machine import Machine, describe_machine
 from tega_figures.bench.witness import LateTicks, witness
 
@@ -40,6 +43,11 @@ class LoopBench(msgspec.Struct, frozen=True, kw_only=True):
         cpu_cores: Processor time of the run's process and of those of its recorder, its hand and that one's guard,
             their start included, per second.
         run_cores: That of the run's process alone.
+        emulators_cores: That of the emulated devices.
+        browser_cores: That of the browser, if one shows the page.
+        threads: Of the run's process, in the middle of the run; the bench's own calls are made by one of them.
+        page: Whether a browser showed the run's page.
+        busy: Programs that kept a core busy each.
         vest: The summary's table of the vest: frames made, sent and left out.
         held_ticks: Hand ticks on which the muscles did not steer, those before the run was active included.
         devices_ahead: Whether the emulators went before every thread of ours, as devices do, which have processors of
@@ -60,6 +68,11 @@ class LoopBench(msgspec.Struct, frozen=True, kw_only=True):
     hand_hz: float
     cpu_cores: float
     run_cores: float
+    emulators_cores: float
+    browser_cores: float
+    threads: int
+    page: bool
+    busy: int
     vest: dict[str, Any]
     held_ticks: int
     devices_ahead: bool
@@ -73,6 +86,8 @@ def bench_loop(
     most_hz: float | None = None,
     preset: Literal["paper", "live"] = "live",
     realtime: bool = True,
+    page: bool = False,
+    busy: int = 0,
 ) -> LoopBench:
     """Run four DIGITs at 60 Hz, EMG at 1 kHz, an Allegro Hand and a vest for a while.
 
@@ -83,6 +98,8 @@ def bench_loop(
         most_hz: The greatest rate of the vest's link; ``None`` for the driver's own.
         preset: Of the session and its calibration.
         realtime: Whether run and witness ask for real-time priority.
+        page: Whether a browser shows the run's page.
+        busy: Programs that keep a core busy each meanwhile.
 
     Returns:
         What was measured.
@@ -90,6 +107,7 @@ def bench_loop(
     Raises:
         MissingExtraError: A package of the extra ``lab`` is not installed.
     """
+    from tega.cli.page import run_viewed
     from tega.teleop.session import run_session
     from tega_emulators.lab import PRESSED, emulated_lab, pressing
 
@@ -106,21 +124,40 @@ def bench_loop(
                 lab.tree["session"]["out_dir"] = str(folder / "out")
                 lab.tree["recording"] = {"dir": str(folder / "recorded")}
             config = check_tree(lab.tree, {}, base=folder).config
-            cpu_s: list[tuple[float, float]] = []
+            cpu_s: list[tuple[float, ...]] = []
+            threads: list[int] = []
+
+            def used_s() -> tuple[float, ...]:
+                devices = [device.pid for device in lab.devices]
+                return (*_processor_s(), processor_s(devices), processor_s(viewer.pids))
 
             def progress(what: str, _done: int, _total: int) -> None:
                 if what == "running":
-                    cpu_s.append(_processor_s())
+                    cpu_s.append(used_s())
                     lab.hand.say("answers")
                     beside.begin(seconds)
+                    half.start()
 
-            with witness(realtime=realtime) as beside, pressing(lab):
+            half = threading.Timer(seconds / 2, lambda: threads.append(_n_threads() - 1))
+            with witness(realtime=realtime) as beside, pressing(lab), busy_cores(busy), Viewer() as viewer:
                 ahead = lab.go_ahead()
-                summary = run_session(config, progress=progress)
-                cpu_s.append(_processor_s())
+                if page:
+                    summary = run_viewed(
+                        config,
+                        title="bench",
+                        port=0,
+                        stop=lambda: False,
+                        progress=progress,
+                        opened=viewer.open,
+                    )
+                else:
+                    summary = run_session(config, progress=progress)
+                cpu_s.append(used_s())
                 answers_ms = lab.hand.say("answers")["answers_ms"]
                 witness_ticks = beside.late()
-            used_s, own_s = (after - before for before, after in zip(*cpu_s, strict=True))
+            whole_s, own_s, devices_s, browser_s = (
+                after - before for before, after in zip(*cpu_s, strict=True)
+            )
     wall_s, pacing = summary["duration_s"], summary["pacing"]
     return LoopBench(
         machine=describe_machine(),
@@ -135,8 +172,13 @@ def bench_loop(
         frames_hz=sum(f["frames"] for f in summary["tactile"].values()) / wall_s,
         samples_hz=summary["emg"]["samples"] / wall_s,
         hand_hz=summary["hand"]["ticks"] / wall_s,
-        cpu_cores=used_s / wall_s,
+        cpu_cores=whole_s / wall_s,
         run_cores=own_s / wall_s,
+        emulators_cores=devices_s / wall_s,
+        browser_cores=browser_s / wall_s,
+        threads=max(threads, default=0),
+        page=page,
+        busy=busy,
         vest=summary["vest"],
         held_ticks=summary["safety"]["held_ticks"],
         devices_ahead=ahead,
@@ -147,3 +189,8 @@ def _processor_s() -> tuple[float, float]:
     """Return the processor time of this process with those that it has started and ended, and its own, seconds."""
     times = os.times()
     return sum(times[:4]), times.user + times.system
+
+
+def _n_threads() -> int:
+    """Return how many threads this process has, those of libraries among them; 0 but on Linux."""
+    return len(list(Path("/proc/self/task").iterdir())) if sys.platform == "linux" else 0

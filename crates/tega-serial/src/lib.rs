@@ -1,0 +1,11 @@
+//! Drain a serial port in a thread of its own, which waits for nobody, and stamp what arrives.
+//!
+//! Whoever is interested takes what has come since the last time, and is told when the last of it arrived. A system's
+//! buffer of a port keeps some kilobytes; here a mebibyte waits. There is nothing here but on Unix, whose ports are
+//! descriptors.
+
+#[cfg(unix)]
+mod drain;
+
+#[cfg(unix)]
+pub use drain::Drain;

@@ -1,0 +1,51 @@
+"""What a board sends is drained and stamped as it comes, whatever else the program that reads it does."""
+
+from __future__ import annotations
+
+import ctypes
+import sys
+import time
+
+import pytest
+
+from tega.devices.serial_port import SerialPort
+from tega_emulators.process import Emulator
+
+pytestmark = pytest.mark.slow
+
+RATE_HZ = 200
+BURST_MS = 50
+HELD_US = 200_000
+TIMES = 6
+# The system wakes the thread, and the board tells the time of a packet after the last of a burst.
+LATE_NS = 8_000_000
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere whoever reads drains the port")
+@pytest.mark.asked_again("a machine that is busy for 8 ms wakes nobody")
+def test_bytes_are_stamped_as_they_come_while_the_interpreter_lock_is_held() -> None:
+    # Called through this, a function of C keeps the lock.
+    hold = ctypes.PyDLL(None).usleep
+    board = ("--rate", str(RATE_HZ), "--burst-ms", str(BURST_MS), "--stamp")
+    stamps: list[tuple[int, int]] = []
+    with Emulator("ascii_board", *board) as emulator:
+        port = SerialPort(emulator.port, 115_200, driver="test")
+        try:
+            said = port.read_until(b"\r\n", 5.0)
+            for _ in range(TIMES):
+                hold(HELD_US)
+                data, arrival_ns = port.arrived()
+                said += data
+                whole, _, _ = said.rpartition(b"\r\n")
+                newest = round(int(whole.rpartition(b"\n")[2].split(b",")[0]) * RATE_HZ / 1000)
+                stamps.append((newest, arrival_ns))
+                time.sleep(0.013)  # another part of a burst's period
+        finally:
+            port.close()
+        sent_ns = emulator.say("sent")["sent_ns"]
+    lines = [line.split(b",") for line in said.split(b"\r\n")[1:-1]]
+    numbers = [round(int(line[0]) * RATE_HZ / 1000) for line in lines]
+    assert numbers == list(range(numbers[0], numbers[0] + len(numbers))), "no line is lost"
+    assert len(numbers) > TIMES * HELD_US / 1e6 * RATE_HZ / 2
+    late_ns = [arrival_ns - sent_ns[newest] for newest, arrival_ns in stamps]
+    assert max(late_ns) < LATE_NS
