@@ -168,7 +168,7 @@ def _cells(
     gel: Gel, still: NDArray[np.uint8]
 ) -> dict[Says, tuple[Callable[[], object], Callable[[], object]]]:
     """Make both ways of a fingertip that the reading alone sees: its cells' sums read, and its picture."""
-    found = {}
+    found: dict[Says, tuple[Callable[[], object], Callable[[], object]]] = {}
     for state, pressing in {"untouched": [], "touched": [ball(force_n=2.5)]}.items():
         by_sums, by_picture = TouchTracker(still), TouchTracker(still)
         told = [
