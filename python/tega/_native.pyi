@@ -11,7 +11,9 @@ __version__: Final[str]
 
 # --- tactile ---
 
-_Contact = tuple[float, tuple[float, float], float, float, int, float, float, tuple[int, int], bool]
+_Contact = tuple[
+    float, tuple[float, float], float, float, int, float, float, tuple[int, int], bool, tuple[()]
+]
 
 @final
 class Equations:

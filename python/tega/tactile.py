@@ -8,8 +8,9 @@ the caller. Coordinates are (column, row), pixel centres counted from 0. Grey va
 from __future__ import annotations
 
 import math
-from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, cast
+from collections.abc import Callable
+from functools import lru_cache, partial
+from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, TypeAlias, cast
 
 from tega import _native
 from tega.errors import ShapeError
@@ -17,7 +18,7 @@ from tega.records.touch import NamedValue
 from tega.touch import GelLight, TouchTracker, TrackedContact, nominal_light, sensor_noise, update_fingers
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     import numpy as np
     from numpy.typing import NDArray
@@ -81,6 +82,10 @@ class ContactMetrics(NamedTuple):
     """Values of a metric of one's own (:mod:`tega.stages`)."""
 
 
+_contact: Final[Callable[[tuple[object, ...]], ContactMetrics]] = partial(tuple.__new__, ContactMetrics)
+"""Makes the metrics of all their fields at once: half the time of naming them one by one."""
+
+
 class ContactGate(NamedTuple):
     """No contact unless ``min_pixels`` pixels exceed ``noise_floor`` grey values (0 to 255)."""
 
@@ -137,7 +142,7 @@ def contact_metrics(
         (40.0, 600, (64.5, 109.5))
     """
     equations = _equations(weights, order, difference, spread, factor, centroid_value, gate)
-    return ContactMetrics(*equations.metrics(frame, baseline))
+    return _contact(equations.metrics(frame, baseline))
 
 
 def contact_metrics_many(
@@ -212,7 +217,7 @@ def _each(
         raise ShapeError(
             f"{len(baseline)} baselines for {len(frames)} frames", "give one for all frames, or one for each"
         )
-    return [ContactMetrics(*fields) for fields in read(list(frames), baselines)]
+    return list(map(_contact, read(list(frames), baselines)))
 
 
 def read_contact(
@@ -251,7 +256,7 @@ def read_contact(
         InvalidValueError: ``reading``, ``order`` or ``outline`` is not known.
     """
     preset = _native.Preset(reading=reading, order=order, outline=outline, noise=noise)
-    return ContactMetrics(*preset.read(frame, baseline))
+    return _contact(preset.read(frame, baseline))
 
 
 def read_contacts(
@@ -335,7 +340,7 @@ class ContactReader:
             ShapeError: It is not of the baseline's size.
         """
         known = self._known
-        return ContactMetrics(*(known.read(frame) if known else self._preset.read(frame, self._baseline)))
+        return _contact(known.read(frame) if known else self._preset.read(frame, self._baseline))
 
 
 def contact_mask(

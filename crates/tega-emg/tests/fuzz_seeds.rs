@@ -1,8 +1,5 @@
 //! What the muscle chain owes to any samples at all. The body is that of the fuzz target.
 
-#[path = "../../../fuzz/src/bytes.rs"]
-#[allow(dead_code, clippy::all, clippy::pedantic, clippy::unwrap_used)]
-mod bytes;
 #[path = "../../../fuzz/src/emg.rs"]
 #[allow(clippy::all, clippy::pedantic, clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 mod fuzz;

@@ -386,7 +386,7 @@ mod tests {
             let setup = Setup { seed, spread, memory: true, surface, ..Setup::default() };
             let mut gel = Gel::new(setup).expect("a spread within bounds");
             let (mut picture, mut found, mut wanted) = (vec![0; PICTURE], [[0; 1200]; 3], [[0; 1200]; 3]);
-            for index in 0..200 {
+            for index in (0..200).step_by(5) {
                 // From nothing over a touch to one as hard as any, from place to place, and what is left of it.
                 let k = index as f64;
                 let mut ball = ball(if index % 40 < 30 { 0.02 * k * k / (1.0 + 0.05 * k) } else { 0.0 });

@@ -1,8 +1,5 @@
 //! What the readings owe to any images at all. The bodies are those of the fuzz targets.
 
-#[path = "../../../fuzz/src/bytes.rs"]
-#[allow(dead_code, clippy::all, clippy::pedantic, clippy::unwrap_used)]
-mod bytes;
 #[path = "../../../fuzz/src/tactile/mod.rs"]
 #[allow(clippy::all, clippy::pedantic, clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 mod fuzz;

@@ -10,12 +10,11 @@
 
 #![allow(clippy::unwrap_used)]
 
-mod slopes;
-
 use ndarray::Array3;
 use proptest::prelude::*;
-use slopes::{Drift, Gel, Press, Random};
 use tega_tactile::{ContactMetrics, LiveScratch, Order, Outline, Pair, SensorNoise, read_live};
+
+use crate::slopes::{Drift, Gel, Press, Random};
 
 const SMALLEST_RADIUS: f32 = 10.0;
 const FLATTEST_BALL: f32 = 82.2;

@@ -1,9 +1,6 @@
 //! What every decoder owes to any bytes at all. The bodies are those of the fuzz targets: here they meet the committed
 //! seeds, and bytes drawn so that headers, footers and separators are common.
 
-#[path = "../../../fuzz/src/bytes.rs"]
-#[allow(dead_code, clippy::all, clippy::pedantic, clippy::unwrap_used)]
-mod bytes;
 #[path = "../../../fuzz/src/wire.rs"]
 #[allow(clippy::all, clippy::pedantic, clippy::unwrap_used)]
 mod fuzz;

@@ -20,6 +20,7 @@ from typing import Any, Final
 import click
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.calibration import TouchMaxima
 from tega.clock import ManualClock
@@ -28,6 +29,7 @@ from tega.inbox.sources import EmgBlock
 from tega.inbox.stream import PulledStream
 from tega.inbox.stuck_frames import LastFrame
 from tega.sim.gel import Gel, ball
+from tega.sim.seams import Indenter
 from tega.sim.trial import TrialPlan, run_trial
 from tega.tactile import ContactMetrics
 from tega.teleop.hand import ModelledAllegro
@@ -158,7 +160,47 @@ def _reading() -> dict[Says, tuple[Callable[[], object], Callable[[], object]]]:
             "nothing in the lift's tables; the picture has no noise of its own",
             "`test_sim_trial.py::test_a_lift_repeats_bit_for_bit_and_is_the_same_with_every_fingertip_rendered`",
         ): (lambda: shown, partial(gel.frame, [], 41)),
+        **_cells(gel, still),
     }
+
+
+def _cells(
+    gel: Gel, still: NDArray[np.uint8]
+) -> dict[Says, tuple[Callable[[], object], Callable[[], object]]]:
+    """Make both ways of a fingertip that the reading alone sees: its cells' sums read, and its picture."""
+    found: dict[Says, tuple[Callable[[], object], Callable[[], object]]] = {}
+    for state, pressing in {"untouched": [], "touched": [ball(force_n=2.5)]}.items():
+        by_sums, by_picture = TouchTracker(still), TouchTracker(still)
+        told = [
+            (by_sums.update_sums(gel.sums(pressing, k)), by_picture.update(gel.frame(pressing, k)))
+            for k in range(30)
+        ]
+        if any(repr(sums) != repr(picture) for sums, picture in told) or told[-1][0].in_contact != bool(
+            pressing
+        ):
+            raise SystemExit(f"{state}: the reading of the sums is not that of the picture")
+        found[
+            Says(
+                f"a simulated fingertip that only the reading sees, {state}",
+                "painting the picture and summing it",
+                "nothing: sums, contacts, and every byte of vest and hand are those of painted pictures",
+                "`test_sim_cells.py::test_sums_are_those_of_the_picture_and_are_read_as_it_is`, "
+                "`test_what_is_read_by_cells_gives_vest_and_hand_the_bytes_of_painted_pictures`, "
+                "`tega-gel` `sums_are_those_of_the_painted_picture`",
+            )
+        ] = (
+            partial(_read_sums, gel, pressing, by_sums),
+            partial(_read_picture, gel, pressing, by_picture),
+        )
+    return found
+
+
+def _read_sums(gel: Gel, pressing: list[Indenter], tracker: TouchTracker) -> object:
+    return tracker.update_sums(gel.sums(pressing, 41))
+
+
+def _read_picture(gel: Gel, pressing: list[Indenter], tracker: TouchTracker) -> object:
+    return tracker.update(gel.frame(pressing, 41))
 
 
 def _minute(*, emg: bool) -> object:
@@ -238,7 +280,9 @@ def table(skips: list[SavedWork]) -> str:
 
 
 def _time(us: float) -> str:
-    return f"{us:.1f} µs" if us < 1000 else f"{us / 1000:.3g} ms"
+    if us < 1000:
+        return f"{us:.1f} µs"
+    return f"{us / 1000:.1f} ms" if us < 100_000 else f"{us / 1000:,.0f} ms"
 
 
 def page(text: str) -> str:

@@ -39,9 +39,14 @@ impl Random {
 
     /// Standard normal: the sum of twelve even draws of 16 bits, four to a number, within 6.
     fn normal(&mut self) -> f32 {
-        let draws = [(); 3].map(|()| self.bits());
-        let sum: u64 = draws.iter().map(|z| (0..4).map(|k| z >> (16 * k) & 0xFFFF).sum::<u64>()).sum();
-        sum as f32 / (1 << 16) as f32 - 6.0
+        // Two draws are added at a time: a half of 32 bits holds the sum of six.
+        const HALVES: u64 = 0x0000_FFFF_0000_FFFF;
+        let mut sums = 0;
+        for _ in 0..3 {
+            let z = self.bits();
+            sums += (z & HALVES) + (z >> 16 & HALVES);
+        }
+        ((sums >> 32) + (sums & 0xFFFF_FFFF)) as f32 / (1 << 16) as f32 - 6.0
     }
 }
 
@@ -94,10 +99,10 @@ impl Gel {
         let mut counts = self.untouched.clone();
         if drift != Drift::default() {
             let (last_x, last_y) = ((self.width - 1) as f32, (self.height - 1) as f32);
-            for ((y, x, c), value) in counts.indexed_iter_mut() {
-                let (x, y) = (2.0 * x as f32 / last_x - 1.0, 2.0 * y as f32 / last_y - 1.0);
-                *value += drift.step[c] + 0.5 * (drift.across[c] * x + drift.down[c] * y);
-            }
+            self.add(&mut counts, |x, y| {
+                let (x, y) = (2.0 * x / last_x - 1.0, 2.0 * y / last_y - 1.0);
+                [0, 1, 2].map(|c| drift.step[c] + 0.5 * (drift.across[c] * x + drift.down[c] * y))
+            });
         }
         if let Some(press) = press {
             self.shade(&mut counts, press);
@@ -114,7 +119,8 @@ impl Gel {
                 }
             }
         }
-        counts.mapv(|value| value.round().clamp(0.0, 255.0) as u8)
+        // A conversion cuts off, and stops at 0 and 255.
+        counts.mapv(|value| (value + 0.5) as u8)
     }
 
     fn shade(&self, counts: &mut Array3<f32>, press: Press) {
@@ -125,17 +131,32 @@ impl Gel {
             let angle = (light_deg + self.turn_deg).to_radians();
             (angle.cos(), angle.sin())
         });
-        for ((y, x, c), value) in counts.indexed_iter_mut() {
-            let (dx, dy) = ((x as f32 - middle_x) / scale, (y as f32 - middle_y) / scale);
-            let distance = dx.hypot(dy) + 1e-6;
-            let rim = press.contact_radius / press.ball_radius;
+        let rim = press.contact_radius / press.ball_radius;
+        self.add(counts, |x, y| {
+            let (dx, dy) = ((x - middle_x) / scale, (y - middle_y) / scale);
+            let distance = (dx * dx + dy * dy).sqrt() + 1e-6;
             let slope = if distance < press.contact_radius {
                 distance / press.ball_radius
             } else {
                 rim * ((press.contact_radius - distance) / DENT_LENGTH).exp()
             };
-            let (cos, sin) = facing[c];
-            *value += slope * COUNTS_PER_SLOPE[c] * (dx * cos + dy * sin) / distance;
+            [0, 1, 2].map(|c| {
+                let (cos, sin) = facing[c];
+                slope * COUNTS_PER_SLOPE[c] * (dx * cos + dy * sin) / distance
+            })
+        });
+    }
+
+    /// Adds to each pixel what its place, x and y, is given.
+    fn add(&self, counts: &mut Array3<f32>, given: impl Fn(f32, f32) -> [f32; 3]) {
+        let rows = counts.as_slice_mut().unwrap_or_default().chunks_exact_mut(3 * self.width);
+        for (y, row) in rows.enumerate() {
+            for (x, pixel) in row.chunks_exact_mut(3).enumerate() {
+                let given = given(x as f32, y as f32);
+                pixel[0] += given[0];
+                pixel[1] += given[1];
+                pixel[2] += given[2];
+            }
         }
     }
 }

@@ -7,6 +7,7 @@ from math import hypot, isnan
 
 import msgspec
 
+from tega.tactile import ContactMetrics
 from tega_figures.bench.variants import Metrics
 from tega_figures.exact import ExactContact
 
@@ -29,7 +30,7 @@ class ContactError(msgspec.Struct, frozen=True, kw_only=True):
     cci_relative: float
 
 
-def measure_error(metrics: Metrics, truth: ExactContact) -> ContactError | None:
+def measure_error(metrics: Metrics | ContactMetrics, truth: ExactContact) -> ContactError | None:
     """Compare a variant's answer with the exact one, whose spread and CCI are not zero.
 
     The differences are taken between fractions and rounded only then.

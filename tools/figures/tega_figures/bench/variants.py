@@ -5,12 +5,13 @@ from __future__ import annotations
 import ctypes
 import sys
 from collections.abc import Callable
+from functools import partial
 from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.tactile import contact_metrics, read_contact
+from tega.tactile import ContactMetrics, contact_metrics, read_contact
 
 __all__ = [
     "CONTACT_LAWS",
@@ -61,7 +62,7 @@ class Metrics(NamedTuple):
 
 
 Images = tuple[NDArray[np.uint8], NDArray[np.uint8]]
-ContactKernel = Callable[[NDArray[np.uint8], NDArray[np.uint8]], Metrics]
+ContactKernel = Callable[[NDArray[np.uint8], NDArray[np.uint8]], Metrics | ContactMetrics]
 
 CONTACT_LAWS = (
     Law("rectified", "spatial"),
@@ -76,24 +77,12 @@ CONTACT_LAWS = (
 def law_kernel(law: Law) -> ContactKernel:
     """Return `tega.tactile.contact_metrics` under a law."""
     difference, spread, centroid_value = law
-
-    def tega(frame: NDArray[np.uint8], baseline: NDArray[np.uint8]) -> Metrics:
-        m = contact_metrics(
-            frame, baseline, difference=difference, spread=spread, centroid_value=centroid_value
-        )
-        return Metrics(m.centroid_xy, m.spread, m.eda, m.cci)
-
-    return tega
+    return partial(contact_metrics, difference=difference, spread=spread, centroid_value=centroid_value)
 
 
 def preset_kernel(reading: Literal["paper", "live"]) -> ContactKernel:
     """Return `tega.tactile.read_contact` with a preset."""
-
-    def tega(frame: NDArray[np.uint8], baseline: NDArray[np.uint8]) -> Metrics:
-        m = read_contact(frame, baseline, reading=reading)
-        return Metrics(m.centroid_xy, m.spread, m.eda, m.cci)
-
-    return tega
+    return partial(read_contact, reading=reading)
 
 
 def floor_kernels(images: Images) -> dict[str, Callable[[], object]]:

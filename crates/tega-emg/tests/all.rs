@@ -1,0 +1,8 @@
+//! All tests that ask the crate from outside.
+
+#[path = "../../../fuzz/src/bytes.rs"]
+#[allow(dead_code, clippy::all, clippy::pedantic, clippy::unwrap_used)]
+mod bytes;
+
+mod fuzz_seeds;
+mod streaming;

@@ -1,0 +1,13 @@
+//! All tests that ask the crate from outside.
+
+#[path = "../../../fuzz/src/bytes.rs"]
+#[allow(dead_code, clippy::all, clippy::pedantic, clippy::unwrap_used)]
+mod bytes;
+
+mod alloc;
+mod baseline;
+mod fuzz_seeds;
+mod gate;
+mod live;
+mod slopes;
+mod tracker;
