@@ -35,9 +35,10 @@ class FilmServer:
 
     Args:
         port: The port; 0 for any.
+        ready: So many pictures are sent at once, as by a sender that has kept them.
     """
 
-    def __init__(self, port: int = 0) -> None:
+    def __init__(self, port: int = 0, *, ready: int = 0) -> None:
         ended = self._ended = threading.Event()
 
         class Answering(BaseHTTPRequestHandler):
@@ -45,15 +46,18 @@ class FilmServer:
                 self.send_response(200)
                 self.send_header("Content-Type", "multipart/x-mixed-replace; boundary=frame")
                 self.end_headers()
-                number = 0
+                number, sent = 0, b""
                 with contextlib.suppress(OSError):
                     while not ended.is_set():
-                        image = cv2.resize(numbered(number % 256), (2 * SIZE[0], 2 * SIZE[1]))
+                        image = cv2.resize(numbered(number % 256), (WIDE, HIGH))
                         data = cv2.imencode(".jpg", image)[1].tobytes()
                         head = f"--frame\r\nContent-Type: image/jpeg\r\nContent-Length: {len(data)}\r\n\r\n"
-                        self.wfile.write(head.encode() + data + b"\r\n")
+                        sent += head.encode() + data + b"\r\n"
                         number += 1
-                        time.sleep(1 / RATE_HZ)
+                        if number > ready:
+                            self.wfile.write(sent)
+                            sent = b""
+                            time.sleep(1 / RATE_HZ)
 
             def log_message(self, *_: Any) -> None:
                 pass

@@ -4,7 +4,8 @@
 :mod:`tega_figures.scene.prove` does through its own, and adds a line a trial; one that is there is passed over. Films
 and tags are kept beside it. ``python -m tega_figures.scene.places OUT.jsonl table`` prints the page's table instead.
 
-The film goes on until the person is done, or what was dropped has fallen. The truth is the camera's own rule, told the true poses; what the simulation says of its trial stands beside it.
+The film goes on until the person is done, or what was dropped has fallen. The truth is the camera's own rule, told the
+true poses; what the simulation says of its trial stands beside it.
 """
 
 from __future__ import annotations
