@@ -22,7 +22,7 @@ from tega.errors import DeviceUnavailableError, RecordingError
 from tega.reopening import Reopening
 from tega.scene.settings import SceneConfig, is_camera
 from tega.scene.sources import open_pictures
-from tega.scene.video import SceneEncoder
+from tega.scene.video import SceneEncoder, shrunk
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -197,8 +197,7 @@ class Filming:
         self.tally.trouble = ""
         if self._show is not None and t_ns - self._shown_ns >= _SHOWN_S * 1e9:
             self._shown_ns = t_ns
-            step = -(-image.shape[1] // _SHOWN_PX)
-            self._show(t_ns, np.ascontiguousarray(image[::step, ::step]))
+            self._show(t_ns, shrunk(image, _SHOWN_PX))
         if not self._begun.is_set() or t_ns < self._since_ns:
             return
         tally = self.tally
