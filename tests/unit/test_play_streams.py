@@ -420,10 +420,14 @@ def test_a_second_pass_begins_at_the_part_that_holds_a_time(lossless: Path) -> N
 def test_scene_pictures_fit_the_panel_whatever_their_shape() -> None:
     assert cameras_html({}) is None
     shapes = ((480, 640), (8000, 2), (1, 9000), (64, 64))
-    html = cameras_html({str(shape): np.full((*shape, 3), (10, 20, 30), np.uint8) for shape in shapes})
+    names = [f"{k} {shape}" for k, shape in enumerate(shapes)]
+    made = {
+        name: np.full((*shape, 3), (10, 20, 30), np.uint8) for name, shape in zip(names, shapes, strict=True)
+    }
+    html = cameras_html(dict(reversed(made.items())))
     assert html is not None
     parts = html.split("<div")[1:]
-    assert [f"scene: {shape}</div>" in part for shape, part in zip(shapes, parts, strict=True)] == [True] * 4
+    assert all(f"scene camera: {name}</div>" in part for name, part in zip(names, parts, strict=True))
     pictures = [shown(part) for part in parts]
     assert [picture.shape[1] for picture in pictures] == [360, 1, 360, 270]
     assert max(len(picture) for picture in pictures) == 270

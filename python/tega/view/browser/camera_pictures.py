@@ -42,13 +42,16 @@ class CameraPictures:
 
 
 def cameras_html(pictures: Mapping[str, NDArray[np.uint8]]) -> str | None:
-    """Return pictures by their cameras' names, uint8 (H, W, 3) in BGR, as HTML; ``None`` without any."""
-    shown = {name: _fitted(picture)[..., ::-1] for name, picture in pictures.items() if picture.size}
+    """Return pictures by their cameras' names, uint8 (H, W, 3) in BGR, as HTML; ``None`` without any.
+
+    They are in the order of the names, whichever camera was seen first.
+    """
+    shown = {name: _fitted(picture)[..., ::-1] for name, picture in sorted(pictures.items()) if picture.size}
     return "".join(map(_captioned, shown, shown.values())) or None
 
 
 def _captioned(name: str, picture: NDArray[np.uint8]) -> str:
-    said = f"scene: {escape(name)}"
+    said = f"scene camera: {escape(name)}"
     return f'<div style="{FONT};padding:4px 10px 0">{said}</div>{picture_html(picture, said)}'
 
 
