@@ -1,8 +1,8 @@
 """Accept emulated devices as a person would, and print the reports for docs/evidence/acceptance.md.
 
-``python -m tega_figures.acceptances OUT thumb emg vest hand tracker dead_man arm`` takes some four minutes; ``franky`` is
-the arm on franky-sim's robot, in an environment with the extra ``arm-sim``. Whoever answers is this program: it says "yes, by a program", presses, squeezes, moves and lets go on the emulated devices when
-it is asked to.
+``python -m tega_figures.acceptances OUT thumb emg vest hand tracker dead_man arm`` takes some four minutes; ``franky``
+is the arm on franky-sim's robot, in an environment with the extra ``arm-sim``. Whoever answers is this program: it says
+"yes, by a program", presses, squeezes, moves and lets go on the emulated devices when it is asked to.
 """
 
 from __future__ import annotations
