@@ -15,6 +15,7 @@ from typing import Any, Final
 
 import av
 import cv2
+import numpy as np
 
 from reference.filmed import SIZE, numbered
 
@@ -94,7 +95,7 @@ def numbered_film(path: Path, n: int = 1200) -> Path:
         stream = out.add_stream("libx264", rate=round(RATE_HZ), options={"tune": "zerolatency", "g": "20"})
         stream.width, stream.height, stream.pix_fmt = WIDE, HIGH, "yuv420p"
         for number in range(n):
-            image = cv2.resize(numbered(number % 256), (WIDE, HIGH))
+            image = np.asarray(cv2.resize(numbered(number % 256), (WIDE, HIGH)), np.uint8)
             frame = av.VideoFrame.from_ndarray(image, format="bgr24")
             frame.pts, frame.time_base = number, Fraction(1, round(RATE_HZ))
             out.mux(stream.encode(frame))

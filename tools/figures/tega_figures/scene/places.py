@@ -226,18 +226,18 @@ def table(trials: list[PlacedTrial]) -> str:
     ways = np.array([_way_mm(one) for one in seen])
     offs = np.array([(one.off_mm or 0) - one.true_off_mm for one in seen])
     claims = np.array([one.claimed_off_mm or np.nan for one in seen])
-    pairs = [pair for one in trials for pair in matched(one.true, one.measured)]
-    hits = [(a, b) for a, b in pairs if a is not None and b is not None]
-    late_ms = 1000 * np.abs([b.t_s - a.t_s for a, b in hits])
+    every = [pair for one in trials for pair in matched(one.true, one.measured)]
+    found = [(a, b) for a, b in every if a is not None and b is not None]
+    late_ms = 1000 * np.abs([b.t_s - a.t_s for a, b in found])
     lines += [
         "",
         f"{len(trials)} trials, {sum(one.n_pictures for one in trials)} pictures; put where: "
         f"{np.sqrt(np.mean(ways**2)):.2f} mm over all, {ways.max():.2f} in the worst; distance from the mark: "
         f"{np.sqrt(np.mean(offs**2)):.2f} mm, {np.abs(offs).max():.2f} in the worst, "
         f"{np.sqrt(np.mean((offs / claims) ** 2)):.2f} of the claimed error",
-        f"events within {1000 * TOLERANCE_S:.0f} ms: F1 {f1(pairs):.3f}, {len(hits)} of "
-        f"{sum(a is not None for a, _ in pairs)}; {late_ms.mean():.0f} ms off in the mean, {late_ms.max():.0f} at most",
-        *(f"unmatched: true {a}, measured {b}" for a, b in pairs if a is None or b is None),
+        f"events within {1000 * TOLERANCE_S:.0f} ms: F1 {f1(every):.3f}, {len(found)} of "
+        f"{sum(a is not None for a, _ in every)}; {late_ms.mean():.0f} ms off in the mean, {late_ms.max():.0f} at most",
+        *(f"unmatched: true {a}, measured {b}" for a, b in every if a is None or b is None),
         *(f"{one.name}: {note}" for one in trials for note in one.notes),
     ]
     return "\n".join(lines) + "\n"
