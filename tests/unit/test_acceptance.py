@@ -266,7 +266,9 @@ def test_an_arm_goes_up_a_little_under_the_dead_man_and_comes_back(tmp_path: Pat
     assert steps["rate"].measured["rate_hz"] > 20
     # franky-sim's arm hangs on a spring and rubs.
     assert steps["least"].status == "passed" or driver == "franky"
-    assert steps["least"].measured["up_m"] == pytest.approx(0.02, abs=0.002 if driver == "simulated-arm" else 0.01)
+    assert steps["least"].measured["up_m"] == pytest.approx(
+        0.02, abs=0.002 if driver == "simulated-arm" else 0.01
+    )
     assert steps["limits"].measured["told_m_s"] <= 0.05
     assert steps["stop"].measured["drift_mm"] < 1
 
