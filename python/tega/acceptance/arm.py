@@ -6,13 +6,13 @@ import math
 import time
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Final, Literal
+from typing import TYPE_CHECKING, Final
 
 import msgspec
 import numpy as np
 
 from tega.acceptance.outputs import seen_status, skipped_steps
-from tega.acceptance.report import STEPS, AcceptanceGuide, AcceptanceStep
+from tega.acceptance.report import STEPS, AcceptanceGuide, AcceptanceStatus, AcceptanceStep
 from tega.bus import Bus
 from tega.records import ArmTurn
 from tega.teleop.homing import go_to_start, watch_arm
@@ -172,7 +172,7 @@ def _least_step(turns: Sequence[ArmTurn], home: tuple[float, ...], said: str, an
     off_m = math.dist(places[-1], home)
     moved = up_m > LEAST_UP_M / 2 and off_m < LEAST_UP_M / 2
     near = up_m > LEAST_UP_M - _BACK_M and off_m < _BACK_M
-    status: Literal["failed", "look", "passed"] = "failed"
+    status: AcceptanceStatus = "failed"
     todo = "look at its page, and at what holds it back"
     if near:
         status, todo = seen_status(answer), ""

@@ -101,6 +101,7 @@ def _accept_lab(out: Path, names: Sequence[str], *, driver: str = "simulated-arm
     ):
         config = check_tree(lab.tree, {}, base=Path(place)).config
         assert lab.headset is not None
+        lab.go_ahead()  # a device has a processor of its own
         lab.headset.say("at 0 1.2 0")
         for name in names:
             program = _Program(lambda text: _leading(lab, text))
