@@ -121,6 +121,7 @@ pictures: ## the drawn pictures of the docs, and the demo's animation; needs lab
 # 72 trials; the figures of the pages on evidence are of 600, which take an hour and more.
 shots: ## the pictures that take a Chromium (Debian: apt install chromium) and the extra browser: page, report, calibration, site
 	$(BIN)/python -m tega_figures.page_shots docs/images
+	$(BIN)/python -m tega_figures.camera_shots docs/images
 	$(BIN)/python -m tega_figures.calibrate_shots docs/images/calibrate-emg.webp
 	$(BIN)/python -m tega_figures.fitts_shots docs/images
 	$(BIN)/python -m tega_figures.stream_shots docs/images/stream-rerun.webp

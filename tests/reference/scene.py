@@ -57,7 +57,7 @@ def known_lift(*, end_s: float = 3.1, slip_s: float = SLIP_S, dropped: bool = Fa
         thing,
         [],
         np.zeros((len(t_s), 0, 7)),
-        np.zeros(len(t_s), bool),
+        ["lift"] * len(t_s),
         (),
     )
 

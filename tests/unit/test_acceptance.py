@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from reference.command import call
+from reference.waiting import until
 from tega.acceptance import AcceptanceReport, accept_device, acceptance_case, report_text, write_report
 from tega.acceptance.report import STEPS
 from tega.config import check_tree, load_config
@@ -109,7 +110,7 @@ def test_a_vest_gets_the_least_pulse_after_a_yes_and_falls_silent(
     felt = [values for _, values in seen.history[before:]]
     assert max(max(values) for values in felt) == 20
     assert {tuple(np.flatnonzero(values)) for values in felt} <= {(), (0,), (39,), (35,)}
-    assert not any(seen.motors)
+    until(lambda: not any(seen_by(bench.player).motors))
     steps = by_name(report)
     assert {s.status for s in steps.values()} == {"passed"}
     assert steps["limits"].measured["largest_percent"] == 20
@@ -226,8 +227,24 @@ def test_a_switch_is_accepted_by_hand_and_one_that_is_held_by_itself_fails(tmp_p
     assert "is held although nobody touches it" in stuck["limits"].said
 
 
-def test_an_arm_goes_up_a_little_under_the_dead_man_and_comes_back(tmp_path: Path) -> None:
-    with emulated_lab(tmp_path, vest=False, fingers=(), arm=True) as lab:
+@pytest.mark.parametrize(
+    "driver",
+    [
+        "simulated-arm",
+        pytest.param(
+            "franky",
+            marks=pytest.mark.asked_again(
+                "libfranka ends a motion when this process or the simulator gets no core for some 20 ms"
+            ),
+        ),
+    ],
+)
+def test_an_arm_goes_up_a_little_under_the_dead_man_and_comes_back(tmp_path: Path, driver: str) -> None:
+    if driver == "franky":
+        pytest.importorskip("franky", reason="comes with the extra arm-sim")
+        pytest.importorskip("franky_sim", reason="comes with the extra arm-sim")
+    with emulated_lab(tmp_path, vest=False, fingers=(), arm=driver) as lab:
+        lab.go_ahead()
         cap = lab.cap
 
         def act(text: str) -> None:
@@ -247,8 +264,11 @@ def test_an_arm_goes_up_a_little_under_the_dead_man_and_comes_back(tmp_path: Pat
     assert tuple(steps) == STEPS
     assert {step.status for step in steps.values()} <= {"passed", "look"}, report_text(report)
     assert steps["rate"].measured["rate_hz"] > 20
-    assert steps["least"].status == "passed"
-    assert steps["least"].measured["up_m"] == pytest.approx(0.02, abs=0.002)
+    # franky-sim's arm hangs on a spring and rubs.
+    assert steps["least"].status == "passed" or driver == "franky"
+    assert steps["least"].measured["up_m"] == pytest.approx(
+        0.02, abs=0.002 if driver == "simulated-arm" else 0.01
+    )
     assert steps["limits"].measured["told_m_s"] <= 0.05
     assert steps["stop"].measured["drift_mm"] < 1
 

@@ -35,7 +35,7 @@ from tega.study.lead.benches import LabBench
 from tega.study.lead.rest_tasks import RestTaskEndedError, RunningTask
 from tega.study.lead.running_trial import in_thread
 from tega.teleop import homing
-from tega.teleop.homing import go_to_start
+from tega.teleop.homing import Settling, go_to_start
 
 _UPRIGHT = (0.0, 0.7071067811865476, 0.0, 0.7071067811865476)
 _LEANS = (0.1305262, 0.7010574, 0.0922959, 0.6903455)
@@ -158,6 +158,26 @@ def test_a_short_way_ends_where_it_is_to_end() -> None:
     assert arm.way.there
     highest_m = max(command.target.position_m[2] for command in arm.course if command.target is not None)
     assert highest_m == pytest.approx(0.32, abs=0.0005)
+
+
+@pytest.mark.parametrize(
+    ("off_mm", "rests_s"),
+    [
+        (lambda _: 8.0, 1.0),  # friction keeps it there
+        (lambda t_s: max(8.0 - 4.0 * t_s, 2.0), 2.5),
+        (lambda t_s: 5.0 + math.sin(6.0 * t_s), 5.0),  # it never rests
+    ],
+)
+def test_the_way_ends_when_the_arm_itself_rests(off_mm: Callable[[float], float], rests_s: float) -> None:
+    settling = Settling()
+    assert not settling.rests(0.0, there=True, off_m=0.02)
+    assert not settling.rests(5.0, there=False, off_m=0.02)  # the switch was let go
+    ended = next(
+        t / 100
+        for t in range(1000)
+        if settling.rests(9.0 + t / 100, there=True, off_m=off_mm(t / 100) / 1000)
+    )
+    assert ended == pytest.approx(rests_s, abs=0.15)
 
 
 @pytest.mark.parametrize(

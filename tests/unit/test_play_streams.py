@@ -33,14 +33,14 @@ from tega.replay.playhead import Playhead
 from tega.replay.recorded import read_recorded
 from tega.scene.decode import SceneDecoder, ScenePicture, stands_alone
 from tega.scene.settings import VideoFormat
-from tega.scene.video import SceneEncoder
+from tega.scene.video import SceneEncoder, shrunk
 from tega.stages.base import MeasuredPicture
 from tega.stages.choose import finger_metric
 from tega.stages.metrics import contact_metrics_of
 from tega.teleop.moment import LoopView, Moment
 from tega.teleop.touch import TouchMoment
 from tega.view.browser import BrowserView, Controls
-from tega.view.browser.camera_pictures import camera_sheet
+from tega.view.browser.camera_pictures import cameras_html
 from tega.view.browser.feed import SessionFeed
 from tega.view.state import ViewState
 
@@ -418,13 +418,29 @@ def test_a_second_pass_begins_at_the_part_that_holds_a_time(lossless: Path) -> N
 
 
 def test_scene_pictures_fit_the_panel_whatever_their_shape() -> None:
-    assert camera_sheet({}) is None
+    assert cameras_html({}) is None
     shapes = ((480, 640), (8000, 2), (1, 9000), (64, 64))
-    sheet = camera_sheet({str(shape): np.full((*shape, 3), (10, 20, 30), np.uint8) for shape in shapes})
-    assert sheet is not None
-    assert sheet.shape[1] == 360
-    assert sheet.shape[0] <= 4 * 276
-    assert tuple(sheet[0, 0]) == (30, 20, 10)
+    names = [f"{k} {shape}" for k, shape in enumerate(shapes)]
+    made = {
+        name: np.full((*shape, 3), (10, 20, 30), np.uint8) for name, shape in zip(names, shapes, strict=True)
+    }
+    html = cameras_html(dict(reversed(made.items())))
+    assert html is not None
+    parts = html.split("<div")[1:]
+    assert all(f"scene camera: {name}</div>" in part for name, part in zip(names, parts, strict=True))
+    pictures = [shown(part) for part in parts]
+    assert [picture.shape[1] for picture in pictures] == [360, 1, 360, 270]
+    assert max(len(picture) for picture in pictures) == 270
+    assert tuple(pictures[0][0, 0]) == (30, 20, 10)
+
+
+def test_a_picture_is_made_smaller_without_losing_what_is_fine() -> None:
+    fine = np.zeros((720, 1280, 3), np.uint8)
+    fine[:, ::2] = 200
+    small = shrunk(fine, 360)
+    assert small.shape == (202, 360, 3)
+    assert np.abs(small.astype(int) - 100).max() < 30
+    assert shrunk(small, 360) is small
 
 
 def shown(html: str) -> NDArray[np.uint8]:

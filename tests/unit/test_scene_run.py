@@ -27,12 +27,13 @@ from tega.errors import ConfigError, DeviceUnavailableError, RecordingError, Uns
 from tega.recording.mcap_reader import McapReader  # noqa: E402
 from tega.recording.trim import trim_session  # noqa: E402
 from tega.records import Alert, SceneVideo  # noqa: E402
-from tega.scene.decode import ScenePicture  # noqa: E402
+from tega.scene.decode import SceneDecoder, ScenePicture  # noqa: E402
+from tega.scene.filming import Filming  # noqa: E402
 from tega.scene.layout import example_layout, save_layout  # noqa: E402
 from tega.scene.lens import Lens, save_lens  # noqa: E402
 from tega.scene.pictures import read_pictures, read_times, times_path  # noqa: E402
 from tega.scene.record import export_camera  # noqa: E402
-from tega.scene.settings import full_source  # noqa: E402
+from tega.scene.settings import SceneConfig, full_source  # noqa: E402
 from tega.teleop import run_session  # noqa: E402
 from tega.toml_text import config_text  # noqa: E402
 
@@ -148,6 +149,27 @@ def test_a_camera_that_goes_away_is_told_recorded_and_found_again(tmp_path: Path
     assert any("front: scene camera" in one for one in alerts)
     assert export_camera(recording, "front", tmp_path / "front.mp4") == told["pictures"] > 20
     assert len(list(read_pictures(tmp_path / "front.mp4"))) == told["pictures"]
+
+
+@pytest.mark.slow
+def test_what_a_sender_had_ready_is_not_filmed_as_if_it_were_of_now() -> None:
+    """Many send some seconds at once to whoever connects; what is older than now has no time that is known."""
+    packets: list[tuple[int, bytes]] = []
+    with FilmServer(ready=40) as server:
+        camera = SceneConfig(name="front", source=server.url, width=WIDE, height=HIGH, rate_hz=20.0)
+        film = Filming(camera, give=packets.extend)
+        film.open()
+        film.begin(0)
+        film.start()
+        _until(lambda: film.tally.seen > 10)
+        film.leave()
+    decoder, numbers = SceneDecoder(), []
+    for t_ns, data in packets:
+        decoder.take(t_ns, data)
+        if (decoded := decoder.image()) is not None:
+            numbers.append(number_of(decoded[1]))
+    assert numbers[0] >= 39
+    assert (film.tally.dropped, film.tally.pictures) == (0, film.tally.seen)
 
 
 @pytest.mark.slow

@@ -183,3 +183,19 @@ def test_each_trial_takes_its_pictures_from_one_pass_over_the_film() -> None:
     second = [int(image[0, 0]) for _, image in between(film, 5.0, 5.25)]
     assert second == [50, 51, 52]
     assert list(between(film, 4.0, 4.5)) == []
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("front",), "a video needs --lens"),
+        (("cam.mp4",), "a video needs --lens"),
+        (("cam.mp4", "--camera", "front"), "a video is of one camera"),
+    ],
+)
+def test_what_stands_alone_is_a_video_and_a_camera_is_named_as_one(
+    folder: Path, words: tuple[str, ...], said: str
+) -> None:
+    done = CliRunner().invoke(cli, ["scene", "measure", str(folder), "p01", *words])
+    assert done.exit_code == 2
+    assert said in done.output

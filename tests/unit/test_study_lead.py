@@ -117,8 +117,8 @@ def test_an_answer_is_one_key_and_can_be_taken_back_until_the_last_is_kept(tmp_p
             block_one.press(key)
         screen = block_one.screen()
         assert (screen.big, screen.heading) == ("Temporal Demand", "p01 · question 3 of 11")
-        assert screen.lines[0] == "0 low … 100 high"
-        assert " ".join(screen.lines[1:]).split() == [w for n, k in enumerate(KEYS) for w in (k, str(5 * n))]
+        assert screen.lines[:2] == ["How hurried or rushed was the pace of the task?", "0 low … 100 high"]
+        assert " ".join(screen.lines[2:]).split() == [w for n, k in enumerate(KEYS) for w in (k, str(5 * n))]
         again = asked()  # the program was stopped here
         again.press(ENTER)
         for key in "kfmu-bcqe":

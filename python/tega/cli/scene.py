@@ -229,14 +229,18 @@ def _tell(outcome: SceneOutcome, indent: str = "") -> None:
 )
 @click.argument("folder", type=_FOLDER)
 @click.argument("participant")
-@click.argument("video", required=False, metavar="[VIDEO|CAMERA]")
+@click.argument("video", type=_FILE, required=False)
+@click.option(
+    "--camera", metavar="NAME", help="Which camera of the settings, where several filmed the trials."
+)
 @partial(_optics, required=False)
 @json_option
 def measure(
     *,
     folder: Path,
     participant: str,
-    video: str | None,
+    video: Path | None,
+    camera: str | None,
     lens_file: Path | None,
     layout_file: Path | None,
     harm_mm: float,
@@ -255,16 +259,17 @@ def measure(
     from tega.scene.lens import load_lens
     from tega.study.measuring import measure_session
 
-    is_file = video is not None and ("." in video or Path(video).exists())
-    if is_file and (lens_file is None or layout_file is None):
+    if video is not None and camera is not None:
+        raise click.UsageError("a video is of one camera: leave out --camera or the file")
+    if video is not None and (lens_file is None or layout_file is None):
         raise click.UsageError("a video needs --lens CAM.json and --layout TAGS.toml")
     found = measure_session(
         folder,
         participant,
-        Path(video) if is_file and video is not None else None,
+        video,
         None if lens_file is None else load_lens(lens_file),
         None if layout_file is None else load_layout(layout_file),
-        camera=None if is_file else video,
+        camera=camera,
         harm_m=harm_mm / 1000,
         mark_m=mark,
     )

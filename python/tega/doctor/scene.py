@@ -17,7 +17,9 @@ if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.scene.settings import SceneConfig
 
-_LOOK_S: Final = 2.0
+_LOOK_S, _ASKED_S = 2.0, 0.02
+# A camera that is open may send what it kept before what is of now.
+_FIRST_S: Final = 6.0
 _SLOW: Final = 0.9
 """Share of the agreed rate below which pictures are missing."""
 
@@ -55,14 +57,16 @@ def _look(camera: SceneConfig) -> Finding:
     except TegaError as error:
         todo = (error.hint,) if error.hint else ()
         return Finding(check=check, status="missing", finding=error.message, todo=todo, device=camera.source)
-    begin_s = time.monotonic()
     film.begin(0)
     film.start()
+    begin_s = time.monotonic()
+    while film.is_alive and not film.tally.seen and time.monotonic() < begin_s + _FIRST_S:
+        time.sleep(_ASKED_S)
+    before, begin_s = film.tally.seen, time.monotonic()
     while film.is_alive and time.monotonic() < begin_s + _LOOK_S:
-        time.sleep(0.02)
+        time.sleep(_ASKED_S)
+    tally, rate_hz = film.tally, (film.tally.seen - before) / (time.monotonic() - begin_s)
     film.leave()
-    tally, took_s = film.tally, time.monotonic() - begin_s
-    rate_hz = tally.seen / took_s
     measured = {"rate_hz": round(rate_hz, 1), "dropped_pictures": float(tally.dropped)}
     if tally.trouble:
         return Finding(check=check, status="wrong", finding=tally.trouble, device=camera.source)

@@ -1,7 +1,8 @@
 """Film with one scene camera: a thread reads it, another encodes what it saw.
 
 A picture's time is when the machine had it, on its monotonic clock. Pictures that the encoder has no time for are
-dropped and counted, so that none is stamped late because those before it had to wait.
+dropped and counted, so that none is stamped late because those before it had to wait. What a sender had ready when the
+camera was opened is older than that time, and left out.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from tega.errors import DeviceUnavailableError, RecordingError
 from tega.reopening import Reopening
 from tega.scene.settings import SceneConfig, is_camera
 from tega.scene.sources import open_pictures
-from tega.scene.video import SceneEncoder
+from tega.scene.video import SceneEncoder, shrunk
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -34,6 +35,9 @@ _MOST_WAITING: Final = 16
 _SHOWN_S: Final = 0.2
 _SHOWN_PX: Final = 360
 _AGAIN_S: Final = (1.0, 10.0)
+# Who had to wait for so much of the time between two pictures, so often in a row, has come to those of now. A camera
+# that sends still faster than its settings say is believed after some seconds.
+_WAITED, _IN_A_ROW, _READY_S = 1 / 3, 3, 5.0
 
 
 class CameraTally(msgspec.Struct):
@@ -173,11 +177,18 @@ class Filming:
                 return
 
     def _paced(self, pictures: Generator[NDArray[np.uint8]]) -> Generator[NDArray[np.uint8]]:
-        """Return pictures as they come; those of a file at its rate."""
-        start_s = time.monotonic()
+        """Return pictures as they come: a camera's from the first of now on, a file's at its rate."""
+        start_s = asked_s = time.monotonic()
+        to_wait_for = _IN_A_ROW if self._live else 0
         for number, image in enumerate(pictures):
+            now_s = time.monotonic()
+            if to_wait_for and now_s - start_s < _READY_S and not self._leaving.is_set():
+                waited = (now_s - asked_s) * self._camera.rate_hz > _WAITED
+                to_wait_for, asked_s = to_wait_for - 1 if waited else _IN_A_ROW, now_s
+                continue
+            to_wait_for = 0
             if not self._live:
-                self._leaving.wait(max(0.0, start_s + number / self._camera.rate_hz - time.monotonic()))
+                self._leaving.wait(max(0.0, start_s + number / self._camera.rate_hz - now_s))
             yield image
 
     def _see(self, image: NDArray[np.uint8]) -> None:
@@ -186,8 +197,7 @@ class Filming:
         self.tally.trouble = ""
         if self._show is not None and t_ns - self._shown_ns >= _SHOWN_S * 1e9:
             self._shown_ns = t_ns
-            step = -(-image.shape[1] // _SHOWN_PX)
-            self._show(t_ns, np.ascontiguousarray(image[::step, ::step]))
+            self._show(t_ns, shrunk(image, _SHOWN_PX))
         if not self._begun.is_set() or t_ns < self._since_ns:
             return
         tally = self.tally

@@ -105,3 +105,17 @@ class SceneEncoder:
             raise RecordingError(f"a picture cannot be encoded as {self.video}: {error}") from error
         # In the order in which the pictures came: nothing is reordered.
         return [(self._times.pop(0), bytes(packet)) for packet in packets]
+
+
+def shrunk(image: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
+    """Return a picture, uint8 (H, W, 3), no wider than asked for: each pixel is the mean of those that it stands for.
+
+    Raises:
+        MissingExtraError: PyAV is not installed.
+    """
+    if image.shape[1] <= width:
+        return image
+    av: Any = require("av", driver="scene", extra="lerobot")
+    height = max(1, round(image.shape[0] * width / image.shape[1]))
+    frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(image), format="bgr24")
+    return np.asarray(frame.reformat(width=width, height=height, interpolation="AREA").to_ndarray(), np.uint8)

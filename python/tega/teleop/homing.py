@@ -35,9 +35,29 @@ OPEN_RAD: Final = 0.2
 """A hand none of whose joints is farther from the open pose is called open."""
 _LEVELS_PER_S = 2.0
 _LOOK_S = 0.02
-_SETTLE_S = 1.0
+# The arm itself comes after its target: it rests once its place has changed by no more for so long, or after a while.
+_SETTLE_S, _STILL_M, _LONGEST_S = 1.0, 0.0005, 5.0
 # What leads the arm tells of itself a hundred times a second; a hand is opened by nothing older.
 _FRESH_S = 0.2
+
+
+class Settling:
+    """Tells when an arm has come to rest, which lags behind its target as far as its spring or its machine lets it."""
+
+    def __init__(self) -> None:
+        self._there_s: float | None = None
+        self._still_s = self._off_m = 0.0
+
+    def rests(self, now_s: float, *, there: bool, off_m: float) -> bool:
+        """Take in whether the target is at its goal, and how far the arm is from it, metres; tell whether it rests."""
+        if not there:
+            self._there_s = None
+            return False
+        if self._there_s is None:
+            self._there_s, self._still_s, self._off_m = now_s, now_s, off_m
+        if abs(off_m - self._off_m) > _STILL_M:
+            self._still_s, self._off_m = now_s, off_m
+        return now_s - self._still_s >= _SETTLE_S or now_s - self._there_s >= _LONGEST_S
 
 
 def go_to_start(
@@ -87,7 +107,7 @@ def go_to_start(
         )
         stack.callback(steering.stop)
         last_s = held_s = time.monotonic()
-        there_s: float | None = None
+        settling = Settling()
         while True:
             now_s = time.monotonic()
             follows = way.state == "following" and now_s - way.seen_s < _FRESH_S
@@ -107,8 +127,7 @@ def go_to_start(
                 )
             hand.look(now_s - last_s, may_move=follows and not hand.unguarded)
             last_s = now_s
-            there_s = (there_s or now_s) if follows and way.there and hand.is_open else None
-            if there_s is not None and now_s - there_s >= _SETTLE_S:
+            if settling.rests(now_s, there=follows and way.there and hand.is_open, off_m=way.off_m or 0.0):
                 break
             time.sleep(_LOOK_S)
         return f"the arm is at its start, {1000 * (way.off_m or 0.0):.0f} mm off" + hand.words

@@ -1,8 +1,8 @@
 """Accept emulated devices as a person would, and print the reports for docs/evidence/acceptance.md.
 
-``python -m tega_figures.acceptances OUT thumb emg vest hand tracker dead_man arm`` takes some four minutes. Whoever
-answers is this program: it says "yes, by a program", presses, squeezes, moves and lets go on the emulated devices when
-it is asked to.
+``python -m tega_figures.acceptances OUT thumb emg vest hand tracker dead_man arm`` takes some four minutes; ``franky``
+is the arm on franky-sim's robot, in an environment with the extra ``arm-sim``. Whoever answers is this program: it says
+"yes, by a program", presses, squeezes, moves and lets go on the emulated devices when it is asked to.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ __all__ = ["main"]
 _ANSWER = "yes, by a program"
 _LATER_S = 1.0
 _SENSING = ("thumb", "emg", "vest", "hand")
+_FRANKY = "franky"
 
 
 class _Program:
@@ -75,8 +76,10 @@ def main(out: Path, names: Sequence[str]) -> None:
     """Accept those that are named, write their reports into a folder, and print them."""
     if wanted := [name for name in names if name in _SENSING]:
         _accept_bench(out, wanted)
-    if wanted := [name for name in names if name not in _SENSING]:
+    if wanted := [name for name in names if name not in {*_SENSING, _FRANKY}]:
         _accept_lab(out, wanted)
+    if _FRANKY in names:
+        _accept_lab(out, ["arm"], driver=_FRANKY)
 
 
 def _accept_bench(out: Path, names: Sequence[str]) -> None:
@@ -91,13 +94,14 @@ def _accept_bench(out: Path, names: Sequence[str]) -> None:
             print(report_text(report), flush=True)
 
 
-def _accept_lab(out: Path, names: Sequence[str]) -> None:
+def _accept_lab(out: Path, names: Sequence[str], *, driver: str = "simulated-arm") -> None:
     with (
         tempfile.TemporaryDirectory() as place,
-        emulated_lab(Path(place), vest=False, fingers=(), arm=True) as lab,
+        emulated_lab(Path(place), vest=False, fingers=(), arm=driver) as lab,
     ):
         config = check_tree(lab.tree, {}, base=Path(place)).config
         assert lab.headset is not None
+        lab.go_ahead()  # a device has a processor of its own
         lab.headset.say("at 0 1.2 0")
         for name in names:
             program = _Program(lambda text: _leading(lab, text))

@@ -85,7 +85,7 @@ class BlockQuestions:
         ends = f"0 {asked.left} … 100 {asked.right}"
         where = f"{self._heading} · question {QUESTIONS.index(asked) + 1} of {len(QUESTIONS)}"
         keys = [(f"{KEYS[0]} … {KEYS[-1]}", "0 … 100"), (PASS, "pass over"), *back]
-        return Screen("questions", where, asked.title, [ends, *scale], keys)
+        return Screen("questions", where, asked.title, [asked.text, ends, *scale], keys)
 
 
 def _short(event: JournalEvent) -> str:

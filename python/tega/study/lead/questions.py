@@ -1,7 +1,8 @@
 """Ask a participant after each block: six NASA-TLX scales and comfort, each 0 to 100 in steps of 5.
 
-Raw NASA-TLX (Hart and Staveland 1988) is the mean of its six scales. The left end of Performance is the good one, so
-that more is worse on all six and nothing is turned round.
+Raw NASA-TLX (Hart and Staveland 1988) is the mean of its six scales. Their questions are asked in the words of NASA's
+form, a work of the US government: other words would be another questionnaire. The left end of Performance is the good
+one, so that more is worse on all six and nothing is turned round.
 """
 
 from __future__ import annotations
@@ -23,32 +24,72 @@ class Question(NamedTuple):
 
     Attributes:
         item: Its name in the events.
-        title: What is shown.
+        title: What it is called.
+        text: What is asked.
         left: What 0 means.
         right: What 100 means.
     """
 
     item: str
     title: str
+    text: str
     left: str
     right: str
 
 
 TLX = (
-    Question("tlx.mental", "Mental Demand", "low", "high"),
-    Question("tlx.physical", "Physical Demand", "low", "high"),
-    Question("tlx.temporal", "Temporal Demand", "low", "high"),
-    Question("tlx.performance", "Performance", "good", "poor"),
-    Question("tlx.effort", "Effort", "low", "high"),
-    Question("tlx.frustration", "Frustration", "low", "high"),
+    Question("tlx.mental", "Mental Demand", "How mentally demanding was the task?", "low", "high"),
+    Question("tlx.physical", "Physical Demand", "How physically demanding was the task?", "low", "high"),
+    Question(
+        "tlx.temporal", "Temporal Demand", "How hurried or rushed was the pace of the task?", "low", "high"
+    ),
+    Question(
+        "tlx.performance",
+        "Performance",
+        "How successful were you in accomplishing what you were asked to do?",
+        "good",
+        "poor",
+    ),
+    Question(
+        "tlx.effort",
+        "Effort",
+        "How hard did you have to work to accomplish your level of performance?",
+        "low",
+        "high",
+    ),
+    Question(
+        "tlx.frustration",
+        "Frustration",
+        "How insecure, discouraged, irritated, stressed, and annoyed were you?",
+        "low",
+        "high",
+    ),
 )
 
 COMFORT = (
-    Question("comfort.vest", "Comfort of the vest", "very uncomfortable", "very comfortable"),
-    Question("comfort.warmth", "Warmth of the vest", "not warm", "too hot"),
-    Question("comfort.distraction", "Distraction by the vest", "none", "very distracting"),
-    Question("comfort.arm", "Tiredness of the arm", "none", "cannot go on"),
-    Question("comfort.grip", "Confidence in the grip", "none", "complete"),
+    Question(
+        "comfort.vest",
+        "Comfort of the vest",
+        "How comfortable was the vest?",
+        "very uncomfortable",
+        "very comfortable",
+    ),
+    Question("comfort.warmth", "Warmth of the vest", "How warm was the vest?", "not warm", "too hot"),
+    Question(
+        "comfort.distraction",
+        "Distraction by the vest",
+        "How much did the vest distract you from the task?",
+        "none",
+        "very distracting",
+    ),
+    Question("comfort.arm", "Tiredness of the arm", "How tired is your arm?", "none", "cannot go on"),
+    Question(
+        "comfort.grip",
+        "Confidence in the grip",
+        "How sure were you that the hand held the object?",
+        "none",
+        "complete",
+    ),
 )
 
 QUESTIONS: tuple[Question, ...] = TLX + COMFORT

@@ -1,4 +1,4 @@
-"""Draw the scene cameras' pictures below each other in one picture."""
+"""Show the scene cameras' pictures below each other, each with its camera's name."""
 
 from __future__ import annotations
 
@@ -15,12 +15,11 @@ if TYPE_CHECKING:
     import viser
     from numpy.typing import NDArray
 
-__all__ = ["CameraPictures", "camera_sheet", "cameras_html"]
+__all__ = ["CameraPictures", "cameras_html"]
 
 WIDTH_PX: Final = 360
-"""Of the sheet, a little less than the panel."""
-_HIGHEST_PX, _GAP_PX = 270, 6
-_PAPER: Final = 255
+"""Of a picture, a little less than the panel."""
+_HIGHEST_PX: Final = 270
 
 
 class CameraPictures:
@@ -43,27 +42,17 @@ class CameraPictures:
 
 
 def cameras_html(pictures: Mapping[str, NDArray[np.uint8]]) -> str | None:
-    """Return pictures by their cameras' names, uint8 (H, W, 3) in BGR, as HTML; ``None`` without any."""
-    sheet = camera_sheet(pictures)
-    if sheet is None:
-        return None
-    names = escape(" · ".join(pictures))
-    told = f'<div style="{FONT};padding:4px 10px 0">scene: {names}</div>'
-    return told + picture_html(sheet, f"scene: {names}")
+    """Return pictures by their cameras' names, uint8 (H, W, 3) in BGR, as HTML; ``None`` without any.
+
+    They are in the order of the names, whichever camera was seen first.
+    """
+    shown = {name: _fitted(picture)[..., ::-1] for name, picture in sorted(pictures.items()) if picture.size}
+    return "".join(map(_captioned, shown, shown.values())) or None
 
 
-def camera_sheet(pictures: Mapping[str, NDArray[np.uint8]]) -> NDArray[np.uint8] | None:
-    """Return pictures, uint8 (H, W, 3) in BGR, below each other as uint8 (H, W, 3) in RGB; ``None`` without any."""
-    tiles = [_fitted(picture) for picture in pictures.values() if picture.size]
-    if not tiles:
-        return None
-    height = sum(len(tile) for tile in tiles) + _GAP_PX * (len(tiles) - 1)
-    sheet = np.full((height, WIDTH_PX, 3), _PAPER, np.uint8)
-    top = 0
-    for tile in tiles:
-        sheet[top : top + len(tile), : tile.shape[1]] = tile[..., ::-1]
-        top += len(tile) + _GAP_PX
-    return sheet
+def _captioned(name: str, picture: NDArray[np.uint8]) -> str:
+    said = f"scene camera: {escape(name)}"
+    return f'<div style="{FONT};padding:4px 10px 0">{said}</div>{picture_html(picture, said)}'
 
 
 def _fitted(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:

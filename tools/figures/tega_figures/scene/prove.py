@@ -14,7 +14,7 @@ object's box over the table is measured with 0.3 mm of error; pictures are encod
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -197,8 +197,8 @@ def ruled(trial: TrueTrial, begin_s: float, end_s: float) -> tuple[TrialScorer, 
     return scorer, stands
 
 
-def true_events(trial: TrueTrial, begin_s: float, end_s: float) -> list[SceneEvent]:
-    """Return what the camera's rule says of the true poses: heights over where the object rested, as a camera has them.
+def true_rule(trial: TrueTrial, begin_s: float, end_s: float) -> SceneRule:
+    """Return the camera's rule, told the true poses: heights over where the object rested, as a camera has them.
 
     The simulated table gives by half a millimetre, so that a lift-off by its plane comes some 20 ms later.
     """
@@ -225,6 +225,11 @@ def true_events(trial: TrueTrial, begin_s: float, end_s: float) -> list[SceneEve
         trial.spec.harm_m,
     )
     rule.go()
+    return rule
+
+
+def true_events(rule: SceneRule) -> list[SceneEvent]:
+    """Return what a rule that was told the truth says happened."""
     return [SceneEvent(one.kind, one.t_s, 0.0, one.size_m) for one in rule.scorer.events]
 
 
@@ -264,28 +269,65 @@ def prove(
 ) -> ProvenTrial:
     """Simulate, render, encode, decode, track and score one trial, and compare; film and tags are read where kept."""
     trial = true_trial(plan)
-    begin_s, end_s = window(trial, placed=placed)
+    span = window(trial, placed=placed)
+    occluders = []
+    if occluded:
+        lift_s = ruled(trial, *span)[0].time_of("lift_off") or span[0] + 1
+        occluders = [lift_s + 0.8]
+    track, layout, sunk_mm = filmed(
+        trial, lens, kept, span, occluders, rate_hz=rate_hz, film=film, number=number
+    )
+    return compared(
+        trial, track, layout, rate_hz=rate_hz, film=film, occluded=occluded, placed=placed, sunk_mm=sunk_mm
+    )
+
+
+def filmed(
+    trial: TrueTrial,
+    lens: Lens,
+    kept: Path,
+    span: tuple[float, float],
+    passes_s: Sequence[float],
+    *,
+    rate_hz: float,
+    film: str,
+    number: int,
+) -> tuple[SceneTrack, TagLayout, float]:
+    """Render, encode and follow a trial; film and tags are read where kept.
+
+    Args:
+        trial: What happened.
+        lens: The camera's, as calibrated.
+        kept: Where the film is, or is to be.
+        span: From when to when it is filmed.
+        passes_s: When something passes before the object's box, for 0.2 s each time.
+        rate_hz: Of the camera.
+        film: Which: ``bright``, ``dim`` or ``rolling``.
+        number: Seed of all noise.
+
+    Returns:
+        The poses, the layout as who measures with a ruler writes it, and how far below the table's plane the object
+        rests, millimetres.
+    """
     if not kept.exists():
         rendered = RenderedTrial(
             trial,
             {"bright": Film(), "dim": DIM, "rolling": ROLLING}[film],
             rate_hz=rate_hz,
-            begin_s=begin_s,
-            end_s=end_s,
+            begin_s=span[0],
+            end_s=span[1],
             seed=1000 + number,
             layout=folded(bench_layout(trial), np.random.default_rng(number)),
         )
-        if occluded:
-            lift_s = ruled(trial, begin_s, end_s)[0].time_of("lift_off") or begin_s + 1
-            at = rendered.seen_at("object", np.array([0, 0, trial.spec.height_m]), lift_s + 0.8)
-            rendered.occluders = (Occluder(lift_s + 0.8, lift_s + 1.0, at, (80.0, 110.0)),)
+        top = np.array([0, 0, trial.spec.height_m])
+        rendered.occluders = tuple(
+            Occluder(at_s, at_s + 0.2, rendered.seen_at("object", top, at_s), (80.0, 110.0))
+            for at_s in passes_s
+        )
         write_film(kept, rendered.pictures(), (lens.width, lens.height), rate_hz)
-    sunk_mm = float(1000 * trial.object[np.searchsorted(trial.t_s, begin_s), 2, 3])
+    sunk_mm = float(1000 * trial.object[np.searchsorted(trial.t_s, span[0]), 2, 3])
     layout = ruled_layout(bench_layout(trial), sunk_mm, np.random.default_rng(500 + number))
-    track = follow_bodies(found_tags(kept, lens, layout), lens, layout)
-    return compared(
-        trial, track, layout, rate_hz=rate_hz, film=film, occluded=occluded, placed=placed, sunk_mm=sunk_mm
-    )
+    return follow_bodies(found_tags(kept, lens, layout), lens, layout), layout, sunk_mm
 
 
 def found_tags(film: Path, lens: Lens, layout: TagLayout) -> SceneSightings:
@@ -315,7 +357,7 @@ def compared(
     scorer, stands = ruled(trial, begin_s, end_s)
     outcome = score_scene(track, layout, harm_m=trial.spec.harm_m)
     track = righted(track, layout, begin_s=float(track.t_s[0]))
-    true = true_events(trial, begin_s, end_s)
+    true = true_events(true_rule(trial, begin_s, end_s))
     lifted_s = scorer.time_of("lifted")
     put = [
         t_s for t_s in stands if lifted_s is not None and t_s > lifted_s and scorer.time_of("drop") is None
@@ -333,8 +375,10 @@ def compared(
         occluded=occluded,
         placed=placed,
         n_pictures=len(track.t_s),
-        object_mm=_off(trial, track, "object", np.array([0, 0, layout.object.grip_mm / 1000]), sunk_mm),
-        hand_mm=_off(trial, track, "hand", np.array(WRIST_MM) / 1000, 0.0),
+        object_mm=split_off(
+            place_off_mm(trial, track, "object", np.array([0, 0, layout.object.grip_mm / 1000]), sunk_mm)
+        ),
+        hand_mm=split_off(place_off_mm(trial, track, "hand", np.array(WRIST_MM) / 1000, 0.0)),
         claimed_mm=(outcome.along_mm, outcome.across_mm),
         slip_mm=_slip_off(trial, track, layout, scorer, (begin_s, end_s)),
         width_mm=_width_off(trial, track, layout),
@@ -345,17 +389,21 @@ def compared(
     )
 
 
-def _off(
+def place_off_mm(
     trial: TrueTrial, track: SceneTrack, name: str, at_m: NDArray[np.float64], sunk_mm: float
-) -> tuple[float, float, float]:
-    """Return errors of a point, root mean square, millimetres: in space, along the view, across it."""
+) -> NDArray[np.float64]:
+    """Return how far a point is measured from where it is, float64 (n, 3); NaN in pictures that do not place it."""
     pose = track.object if name == "object" else track.hand
     measured, _ = pose.point(at_m)
     true = np.array([world_pose(trial, name, float(t_s)) for t_s in track.t_s])
     left = 1000 * (measured - true[:, :, :3] @ (at_m - (0, 0, sunk_mm / 1000)) - true[:, :, 3])
-    left = left[is_placed(pose, at_m)]
+    return np.where(is_placed(pose, at_m)[:, None], left, np.nan)
+
+
+def split_off(left: NDArray[np.float64]) -> tuple[float, float, float]:
+    """Return the root mean square of errors (n, 3): in space, along the view, across it."""
     along = left @ camera_pose()[2, :3]
-    whole, deep = float((left**2).sum(1).mean()), float((along**2).mean())
+    whole, deep = float(np.nanmean((left**2).sum(1))), float(np.nanmean(along**2))
     return float(np.sqrt(whole)), float(np.sqrt(deep)), float(np.sqrt((whole - deep) / 2))
 
 

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 
 MOMENT_S, FALL_S = 0.01, 0.6
-PLACING = frozenset({"place", "release", "done"})
 
 
 class TrueTrial(NamedTuple):
@@ -37,7 +36,7 @@ class TrueTrial(NamedTuple):
         object: float64 (n, 3, 4), the object's, its origin at the middle of its base.
         shapes: What is drawn.
         poses: float64 (n, shapes, 7), where.
-        placing: bool (n,), whether the object is being put down.
+        phases: What the person was about at each moment, as :class:`tega.sim.seams.Act` names it.
         events: As scored by rule from the truth.
     """
 
@@ -49,7 +48,7 @@ class TrueTrial(NamedTuple):
     object: NDArray[np.float64]
     shapes: list[Shape]
     poses: NDArray[np.float64]
-    placing: NDArray[np.bool_]
+    phases: list[str]
     events: tuple[TrialEvent, ...]
 
 
@@ -111,6 +110,6 @@ def true_trial(plan: TrialPlan) -> TrueTrial:
         thing,
         list(lift.rig.world.shapes()),
         poses,
-        np.array([phase in PLACING for phase in streams.phases]),
+        streams.phases,
         tuple(lift.scorer.events),
     )
