@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from tega_figures.check_events import KeptTrial
 
-__all__ = ["N_PRODUCTS", "TOLERANCE_S", "SlipTrial", "fit", "left_out", "looks_of"]
+__all__ = ["N_PRODUCTS", "TOLERANCE_S", "SlipTrial", "fit", "left_out", "looks_of", "told_of"]
 
 TOLERANCE_S = 0.5
 """As for video that is stepped through: nobody has to press a key here."""
@@ -109,9 +109,14 @@ def fit(trials: Sequence[SlipTrial], *, ahead: bool, products: int = 0, penalty:
 
 
 def left_out(
-    trials: Sequence[SlipTrial], *, products: int = 0, penalty: float = 30.0, parts: int = 4
+    trials: Sequence[SlipTrial],
+    *,
+    products: int = 0,
+    penalty: float = 30.0,
+    parts: int = 4,
+    ahead: bool = False,
 ) -> tuple[Rule, list[list[float]]]:
-    """Fit without a part of the people and see what is told of those, for each part; live.
+    """Fit without a part of the people and see what is told of those, for each part; live unless looked ahead.
 
     Returns:
         The threshold chosen over all that is told so (its weights are those of the last part), and when a slip is
@@ -127,8 +132,13 @@ def left_out(
             if one.person in out:
                 shares[n] = _shares(rule, one)
     tried = [rule._replace(enter=enter, least_s=least_s) for enter in _ENTER for least_s in _LEAST_S]
-    best = max(tried, key=lambda one: _f1(trials, shares, one, ahead=False))
-    return best, [_told(one, share, best, ahead=False) for one, share in zip(trials, shares, strict=True)]
+    best = max(tried, key=lambda one: _f1(trials, shares, one, ahead=ahead))
+    return best, [_told(one, share, best, ahead=ahead) for one, share in zip(trials, shares, strict=True)]
+
+
+def told_of(rule: Rule, one: SlipTrial, *, ahead: bool) -> list[float]:
+    """Return when a rule tells a slip of a trial, seconds; with a look ahead, when it began."""
+    return _told(one, _shares(rule, one), rule, ahead=ahead)
 
 
 def _weighed(trials: Sequence[SlipTrial], products: int, penalty: float) -> Rule:
