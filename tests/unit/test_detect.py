@@ -165,7 +165,7 @@ def test_a_rule_with_products_tells_what_no_single_feature_does() -> None:
         slips[200:220] = 1
         asked = np.ones(800, dtype=bool)
         trials.append(SlipTrial(np.arange(800) / 40, features, asked, slips, asked, (5.0,), person))
-    rule = fit(trials, ahead=False, products=2)
+    rule = fit(trials, products=2)
     assert any(set(one[:2]) == {0, 1} for one in rule.products)
     told = left_out(trials, products=2, parts=3)[1]
     assert [[round(t_s) for t_s in one] for one in told] == [[5]] * 6

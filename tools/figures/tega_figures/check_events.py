@@ -17,8 +17,10 @@ import argparse
 import math
 import sys
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+import msgspec
 import numpy as np
 
 from tega.detect import ShearFrame
@@ -29,7 +31,16 @@ from tega.study.hand_rows import HandRow
 from tega.study.score import Agreement, agreement
 from tega.study.touch_rows import TouchRow
 from tega_figures.slip_rule import N_PRODUCTS, TOLERANCE_S, fit, left_out, looks_of, told_of
-from tega_figures.slip_score import HEAD, SlipsTold, by_speed, score_row, true_shear
+from tega_figures.slip_score import (
+    HEAD,
+    ScoredTrial,
+    SlipsTold,
+    by_speed,
+    read_scored,
+    score_row,
+    slid_mm,
+    true_shear,
+)
 
 if TYPE_CHECKING:
     from tega.records import Contact, Intent
@@ -273,7 +284,7 @@ def told(trials: Sequence[JudgedTrial], way: str) -> list[SlipsTold]:
             one.result.duration_s / 60,
             [e.t_s for e in one.result.events if e.kind == "slip"],
             one.found[way, "slip"],
-            one.speed,
+            [slid_mm(one.speed, t_s) for t_s in one.found[way, "slip"]],
         )
         for one in trials
     ]
@@ -285,10 +296,10 @@ def _fitted(kept: Sequence[KeptTrial], *, products: int, truth: bool) -> Iterabl
     rows = [HEAD]
     for name, hand in (("touch", False), *(() if truth else (("hand", True),))):
         seen = [looks_of(one, hand=hand) for one in shown]
-        rule = fit(seen, ahead=hand, products=products)
+        rule = fit(seen, products=products)
         yield f"{name}: {rule}"
-        ways = {f"{name}, left out": left_out(seen, products=products, ahead=hand)[1]}
-        ways[f"{name}, **in-sample**"] = [told_of(rule, one, ahead=hand) for one in seen]
+        ways = {f"{name}, left out": left_out(seen, products=products)[1]}
+        ways[f"{name}, **in-sample**"] = [told_of(rule, one) for one in seen]
         if not hand:
             for mm_s in (5, 6, 8):
                 ways[f"true speed, {mm_s} mm/s"] = [by_speed(one, mm_s / 1e3) for one in kept]
@@ -298,6 +309,19 @@ def _fitted(kept: Sequence[KeptTrial], *, products: int, truth: bool) -> Iterabl
             ]
             rows.append(score_row(what, told(judged, what)))
     yield from rows
+
+
+def _keep(file: Path, plans: Iterable[TrialPlan]) -> None:
+    """Add to a file the slips that are told in trials which it does not hold yet."""
+    kept = read_scored(file) if file.exists() else []
+    known = {(one.ways[WAYS[0]].person, one.object, one.shear) for one in kept}
+    with file.open("ab") as out:
+        for plan in plans:
+            if (plan.seed, plan.object, plan.shear) not in known:
+                judged = _judged(plan)
+                ways = {way: told([judged], way)[0] for way in WAYS}
+                out.write(msgspec.json.encode(ScoredTrial(plan.object, plan.shear, ways)) + b"\n")
+                out.flush()
 
 
 def _number(value: float | None) -> str:
@@ -338,6 +362,12 @@ def main() -> None:
     parser.add_argument(
         "--truth", action="store_true", help="fit on the gels' true shear in the place of the reading's"
     )
+    parser.add_argument(
+        "--keep",
+        type=Path,
+        metavar="FILE",
+        help="add the trials to FILE one by one; goes on where it was stopped",
+    )
     parser.add_argument("--jobs", type=int, default=-1)
     asked = parser.parse_args()
     from joblib import Parallel, delayed
@@ -353,6 +383,9 @@ def main() -> None:
     if asked.narrowing:
         trials: list[KeptTrial] = Parallel(n_jobs=asked.jobs)(delayed(run)(plan) for plan in plans)
         sys.stdout.writelines(line + "\n" for line in narrowing(trials))
+        return
+    if asked.keep is not None:
+        _keep(asked.keep, plans)
         return
     judged: list[JudgedTrial] = Parallel(n_jobs=asked.jobs)(delayed(_judged)(plan) for plan in plans)
     for line in _table(judged):

@@ -3,17 +3,24 @@
 The bar for slips by touch alone: F1 of 0.85, half of them told within 60 ms, at most 0.5 false ones a minute.
 :func:`true_shear` has a detector told the gels' true shear where the reading's is told else, :func:`by_speed` the
 object's true speed: what is missed then is not for the reading to find.
+
+``python -m tega_figures.slip_score FILE`` prints the scores of the trials that ``check_events --keep FILE`` kept.
 """
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+import click
+import msgspec
 import numpy as np
 
 from tega.detect import ShearFrame
+from tega.foreign_file import read_foreign
+from tega.sim.seams import Shear
 from tega.study.score import match_events
 from tega_figures.slip_rule import TOLERANCE_S
 
@@ -22,7 +29,16 @@ if TYPE_CHECKING:
 
     from tega_figures.check_events import KeptTrial
 
-__all__ = ["HEAD", "SlipsTold", "by_speed", "score_row", "true_shear"]
+__all__ = [
+    "HEAD",
+    "ScoredTrial",
+    "SlipsTold",
+    "by_speed",
+    "read_scored",
+    "score_row",
+    "slid_mm",
+    "true_shear",
+]
 
 DRAWS: Final = 1500
 """How often people are drawn anew for an interval of 95 %."""
@@ -51,14 +67,28 @@ class SlipsTold(NamedTuple):
         minutes: Length of the trial.
         truth_s: When slips began, seconds.
         told_s: When slips were told, seconds.
-        speed: How fast the object slid, by time: seconds, metres a second.
+        slid_mm: How far the object slid within the tolerance of each told one, millimetres.
     """
 
     person: int
     minutes: float
     truth_s: Sequence[float]
     told_s: Sequence[float]
-    speed: Sequence[tuple[float, float]] = ()
+    slid_mm: Sequence[float] = ()
+
+
+class ScoredTrial(msgspec.Struct, frozen=True):
+    """A line of a file of scored trials.
+
+    Attributes:
+        object: What was lifted.
+        shear: Of the gels.
+        ways: Slips by the way in which they were told.
+    """
+
+    object: str
+    shear: Shear
+    ways: dict[str, SlipsTold]
 
 
 class _Counted(NamedTuple):
@@ -80,8 +110,8 @@ def score_row(name: str, trials: Sequence[SlipsTold]) -> str:
     for one in trials:
         pairs = match_events(list(one.truth_s), list(one.told_s), tolerance_s=TOLERANCE_S)
         late_s = [one.told_s[j] - one.truth_s[i] for i, j in pairs]
-        false_s = [t_s for j, t_s in enumerate(one.told_s) if j not in {j for _, j in pairs}]
-        n_idle = sum(_slid_mm(one.speed, t_s) < IDLE_MM for t_s in false_s)
+        false = set(range(len(one.told_s))) - {j for _, j in pairs}
+        n_idle = sum(one.slid_mm[j] < IDLE_MM for j in false)
         by.setdefault(one.person, []).append(
             _Counted(len(one.truth_s), len(one.told_s), n_idle, one.minutes, late_s)
         )
@@ -118,7 +148,7 @@ def _idle(trials: Sequence[_Counted]) -> float:
     return sum(one.n_idle for one in trials) / sum(one.minutes for one in trials)
 
 
-def _slid_mm(speed: Sequence[tuple[float, float]], t_s: float) -> float:
+def slid_mm(speed: Sequence[tuple[float, float]], t_s: float) -> float:
     """Return how far an object slid within the tolerance of a time, millimetres."""
     near = [(at_s, v) for at_s, v in speed if abs(at_s - t_s) <= TOLERANCE_S]
     return 1e3 * sum((b[0] - a[0]) * max(a[1], 0.0) for a, b in itertools.pairwise(near))
@@ -159,3 +189,28 @@ def by_speed(kept: KeptTrial, least_m_s: float) -> list[float]:
                 told.append(t_s)
             free_s = t_s + TOLERANCE_S
     return told
+
+
+def read_scored(file: Path) -> list[ScoredTrial]:
+    """Read scored trials, one a line."""
+    lines = read_foreign(file, most_mib=64).splitlines()
+    return [msgspec.json.decode(line, type=ScoredTrial) for line in lines]
+
+
+@click.command(help=__doc__)
+@click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+def main(file: Path) -> None:
+    """Print FILE's scores by gels, way and object."""
+    trials = read_scored(file)
+    click.echo(HEAD)
+    for shear in dict.fromkeys(one.shear for one in trials):
+        some = [one for one in trials if one.shear == shear]
+        for way in some[0].ways:
+            names = dict.fromkeys(one.object for one in some)
+            for name in ("all", *names):
+                ways = [one.ways[way] for one in some if name in {"all", one.object}]
+                click.echo(score_row(f"gels with shear {shear}; {way}; {name}", ways))
+
+
+if __name__ == "__main__":
+    main()
