@@ -12,7 +12,7 @@ import pytest
 
 from tega.detect import DetectedEvent, Detector, TouchFrame
 from tega.detect.detector import share_of
-from tega.detect.settings import Rule
+from tega.detect.settings import FEATURES, SETTINGS, Rule
 from tega.detect.tracks import Low, TwoMeans
 from tega_figures.slip_rule import SlipTrial, fit, left_out
 
@@ -121,8 +121,12 @@ def slide(hold_s: float) -> list[TouchFrame]:
 
 
 def test_a_record_and_the_run_agree_on_a_slip_and_steady_holds_have_none() -> None:
+    # A rule that goes by the fall of what is pressed, lately and over a second, whatever the rules in use are.
+    weights = [{"mass_change": -5.0, "mass_trend": -1.0}.get(name, 0.0) for name in FEATURES]
+    settings = SETTINGS._replace(touch=Rule(-3.0, tuple(weights), 0.5, 0.2))
+
     def slips(look_ahead_s: float, touches: list[TouchFrame]) -> list[DetectedEvent]:
-        detector = Detector(look_ahead_s=look_ahead_s)
+        detector = Detector(settings, look_ahead_s=look_ahead_s)
         found = play(detector, touches)
         found += detector.close(len(touches) / HZ)
         return [one for one in found if one.kind == "slip"]
