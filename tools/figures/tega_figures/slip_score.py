@@ -197,19 +197,23 @@ def read_scored(file: Path) -> list[ScoredTrial]:
     return [msgspec.json.decode(line, type=ScoredTrial) for line in lines]
 
 
-@click.command(help=__doc__)
-@click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
-def main(file: Path) -> None:
-    """Print FILE's scores by gels, way and object."""
-    trials = read_scored(file)
-    click.echo(HEAD)
+def score_rows(trials: Sequence[ScoredTrial]) -> list[str]:
+    """Return the scores of trials under :data:`HEAD`: by gels, way and object."""
+    rows = []
     for shear in dict.fromkeys(one.shear for one in trials):
         some = [one for one in trials if one.shear == shear]
         for way in some[0].ways:
-            names = dict.fromkeys(one.object for one in some)
-            for name in ("all", *names):
+            for name in ("all", *dict.fromkeys(one.object for one in some)):
                 ways = [one.ways[way] for one in some if name in {"all", one.object}]
-                click.echo(score_row(f"gels with shear {shear}; {way}; {name}", ways))
+                rows.append(score_row(f"gels with shear {shear}; {way}; {name}", ways))
+    return rows
+
+
+@click.command(help=__doc__)
+@click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+def main(file: Path) -> None:
+    """Print FILE's scores."""
+    click.echo("\n".join((HEAD, *score_rows(read_scored(file)))))
 
 
 if __name__ == "__main__":
