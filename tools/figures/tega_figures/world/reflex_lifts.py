@@ -9,6 +9,7 @@ closure no reflex has to.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final, NamedTuple
 
@@ -32,6 +33,10 @@ LIFTS: Final = (("bottle", 3), ("container", 2), ("bag", 2), ("bottle", 4), ("co
 
 RISE_FROM: Final = 0.15
 """Of the share that has slid; chosen on the lifts of seed 3."""
+
+
+FELT_LEVELS: Final = 0.02
+"""An addition counts as begun when it is larger than this, levels."""
 
 
 class Arm(NamedTuple):
@@ -164,8 +169,9 @@ def lift_row(name: str, level: int, arm: Arm, seed: int) -> str:
         run._reflex = TrueArc(reflex, settings, run, lab)  # noqa: SLF001
     run.go(real_time=False, observer=None, stop=lambda: False, paused=lambda: False)
     found = run.result(run.end_s)
-    begun = [b[0] for a, b in zip(script.added[:-1], script.added[1:], strict=True) if a[1] <= 0 < b[1]]
-    on = np.mean([added > 0 for _, added in script.added]) if script.added else 0.0
+    added = script.added
+    begun = [b[0] for a, b in itertools.pairwise(added) if a[1] <= FELT_LEVELS < b[1]]
+    on = np.mean([levels > FELT_LEVELS for _, levels in added]) if added else 0.0
     times = ", ".join(f"{t_s:.2f}" for t_s in begun[:4]) + (" …" if len(begun) > 4 else "")
     slides = "–" if script.slid_s is None else f"{script.slid_s:.2f}"
     return (
