@@ -39,7 +39,7 @@ FELT_LEVELS: Final = 0.02
 """An addition counts as begun when it is larger than this, levels."""
 
 
-class Arm(NamedTuple):
+class Firming(NamedTuple):
     """One way to firm the grip.
 
     Attributes:
@@ -59,13 +59,13 @@ class Arm(NamedTuple):
 
 _RISE: Final = (f"rise_from={RISE_FROM}", "full_slip_mm_s=1000")
 ARMS: Final = (
-    Arm("none"),
-    Arm("true slide", "true-reflex", 1.0),
-    Arm("shear, share that has slid", "reflex", 1.0, ("full_slip_mm_s=1000",)),
-    Arm("shear, rise of that share", "reflex", 1.0, _RISE),
-    Arm("rise of the true share", "reflex", 1.0, _RISE, "share"),
+    Firming("none"),
+    Firming("true slide", "true-reflex", 1.0),
+    Firming("shear, share that has slid", "reflex", 1.0, ("full_slip_mm_s=1000",)),
+    Firming("shear, rise of that share", "reflex", 1.0, _RISE),
+    Firming("rise of the true share", "reflex", 1.0, _RISE, "share"),
     *(
-        Arm(f"constant, {most:g} levels", "true-reflex", most, (), "constant")
+        Firming(f"constant, {most:g} levels", "true-reflex", most, (), "constant")
         for most in (0.1, 0.2, 0.35, 0.5, 0.75)
     ),
 )
@@ -105,7 +105,7 @@ class TrueArc(ReflexArc):
         return super().step(t_ns, own, lambda: true)
 
 
-class _Watched(ScriptedOperator):
+class _WatchedScript(ScriptedOperator):
     """Keeps, while the object is lifted and held, how far the hand is closed, what is added, and where it slides."""
 
     run: Lift
@@ -129,7 +129,7 @@ class _Watched(ScriptedOperator):
         return act
 
 
-def lift_row(name: str, level: int, arm: Arm, seed: int) -> str:
+def lift_row(name: str, level: int, arm: Firming, seed: int) -> str:
     """Lift an object once and return its line of the table."""
     shear = "texture" if arm.condition == "reflex" else "off"
     sets: tuple[str, ...] = ("stages.metric.name=shear",) if shear == "texture" else ()
@@ -160,7 +160,7 @@ def lift_row(name: str, level: int, arm: Arm, seed: int) -> str:
         Step(12.2, "release", 1, (0.0, 0.0), 0.0),
         Step(13.0, "done", 1, (0.0, 0.0), 0.0),
     )
-    script = _Watched(course, full_effort=lab.calibrated.full_effort)
+    script = _WatchedScript(course, full_effort=lab.calibrated.full_effort)
     script.run = run = Lift(lab, plan, script, 0)
     if arm.imposed:
         setup, options = ReflexSetup(FINGERS), GripReflexOptions(rise_from=RISE_FROM)
