@@ -95,8 +95,9 @@ def told(
 
 
 def test_pulses_come_at_contact_slip_and_release_and_silence_is_between() -> None:
-    hold = [touch(0)] * 30 + [touch(60_000)] * 150
-    slides = [touch(60_000 * math.exp(-2 * f), 100 + 25 * f) for f in np.arange(60) / 60]
+    # A light grip that load comes upon, while what is touched moves on.
+    hold = [touch(0)] * 30 + [touch(3000)] * 150
+    slides = [touch(3000 * 3**f, 100 + 25 * f) for f in np.arange(60) / 60]
     changes, sent, loop = told(hold + slides + [touch(9000, 125)] * 60 + [touch(0)] * 60)
     assert [(front, back) for _, front, back in changes] == [
         (0, 0), (70, 0), (0, 0), (100, 100), (0, 0), (0, 70), (0, 0)

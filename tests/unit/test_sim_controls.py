@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
 
 from tega.sim.conditions import Condition
 from tega.sim.operator import draw_person
-from tega_figures.information.compare import Paired, paired
+from tega_figures.information.compare import Paired, paired, power_text
 from tega_figures.information.controls import CELLS, CONTROLS, SOFTEST, table_text
 from tega_figures.information.sessions import (
     MARGIN,
@@ -104,3 +106,11 @@ def test_a_direction_counts_only_where_a_level_fails_and_another_does_not() -> N
     assert verdicts("slips", "holds", "holds", "holds", harmed_from=6) == [True, False]
     assert verdicts("lost", "slips", "lost", "lost", harmed_from=5) == [False, True]
     assert verdicts("holds", "holds", "holds", "holds", harmed_from=2) == [False, False]
+
+
+def test_power_says_what_could_have_been_seen_and_how_many_people_a_difference_asks_for() -> None:
+    told = np.array([[0.0], [2.0]] * 8)
+    text = power_text({"arm": (told, np.zeros_like(told))}, ["slips"])
+    s, z = float(told.std(ddof=1)), 1.959964 + 0.841621
+    cells = [cell.strip() for cell in text.splitlines()[-1].strip("|").split("|")]
+    assert cells == ["arm", "slips", "16", "+1.000", f"{z * s / 4:.3f}", str(math.ceil((z * s) ** 2))]

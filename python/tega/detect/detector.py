@@ -189,17 +189,6 @@ class Detector:
 
         :data:`HAND_FEATURES` where they are measured, else :data:`SHEAR_FEATURES`, else :data:`FEATURES`.
         """
-        if self._level is not None and self._measured:
-            return (
-                self._pressed.fallen,
-                self._pressed.below,
-                self._closure.change,
-                self._level - self._closure.quick,
-                10 * self._height.change,
-                self._grip.fallen,
-                self._grip.below,
-                0.0 if self._since_s is None else math.exp(self._since_s - t_s),
-            )
         on = [(one, self._trend[finger]) for finger, one in self._quick.items() if one.touching]
         sums = [math.exp(one.mass.quick) for one, _ in on]
         mass = sum(sums)
@@ -221,6 +210,18 @@ class Detector:
             math.exp((self._lost_s - t_s) / self._s.fade_s),
             math.exp((self._gained_s - t_s) / self._s.fade_s),
         )
+        if self._level is not None and self._measured:
+            return (
+                *touch,
+                self._pressed.fallen,
+                self._pressed.below,
+                self._closure.change,
+                self._level - self._closure.quick,
+                10 * self._height.change,
+                self._grip.fallen,
+                self._grip.below,
+                0.0 if self._since_s is None else math.exp(self._since_s - t_s),
+            )
         if not self._shear:
             return touch
         return (*touch, *self._shear_features(mass_change=touch[2]))

@@ -1,9 +1,8 @@
 """Define the detector's numbers, all of them, and say why they are what they are.
 
-They were fixed before they were compared with anything. The slip's rule with hand and arm was chosen and fitted on
-simulated people 1000 to 1022 (``python -m tega_figures.check_events --fit 1000:1023``), the one by fingertips alone on
-1000 to 1019 of an earlier version of the simulated gel; the one by shear on 1000 to 1022 with ``--shear texture``. All
-are reported on others.
+They were fixed before they were compared with anything. The slip's rules were fitted on simulated people 1000 to 1022
+(``python -m tega_figures.check_events --fit 1000:1023``, the one by shear with ``--shear texture``) and are reported on
+others.
 """
 
 from __future__ import annotations
@@ -33,6 +32,7 @@ FEATURES: Final = (
 """
 
 HAND_FEATURES: Final = (
+    *FEATURES,
     "eased",
     "weakest",
     "closing",
@@ -42,8 +42,8 @@ HAND_FEATURES: Final = (
     "widest",
     "fresh",
 )
-"""And instead where hand and arm are measured, since then lift-off is known: an object that hangs in a grip slides
-where the grip gets weaker than it ever was since.
+"""What a slip is seen by where hand and arm are measured, since then lift-off is known: those of :data:`FEATURES` and,
+as an object that hangs in a grip slides where the grip gets weaker than it ever was since:
 
 - how far the log of the fingertips' summed maps is below that at lift-off, and below its lowest since, 0.4 s ago or
   longer;
@@ -126,8 +126,8 @@ class DetectorSettings(NamedTuple):
         eased: A deformation is over when less than this share of it is left.
         look_ahead_s: How far the detector looks ahead in a record.
         touch: The slip by fingertips alone.
-        shear: The slip by fingertips alone where shear is read: products of two features are looked at besides.
-        hand: The slip where closure and height are measured as well.
+        shear: The slip by fingertips alone where shear is read.
+        hand: The slip where closure and height are measured as well. All three look at products of two features, too.
     """
 
     quick_s: float = 0.08
@@ -152,10 +152,37 @@ class DetectorSettings(NamedTuple):
     eased: float = 0.8
     look_ahead_s: float = 0.5
     touch: Rule = Rule(
-        -0.919,
-        (-0.293, -0.005, -5.72, -0.807, 0.248, -0.055, 0.16, -1.44, -0.748, 1.06, 1.176, -0.04),
+        -5.8946,
+        (
+            2.1205,  # fingers
+            -1.494,  # mass
+            52.5498,  # mass_change
+            -6.1988,  # mass_trend
+            -0.6351,  # flow
+            2.4553,  # flow_trend
+            1.9707,  # mean_flow
+            -0.8868,  # peak
+            6.2167,  # peak_change
+            -0.6419,  # edge_change
+            0.7546,  # lost
+            -19.0553,  # gained
+        ),
         0.5,
-        0.2,
+        0.15,
+        (
+            (5, 5, -0.4741),  # flow_trend, flow_trend
+            (1, 8, -1.6591),  # mass, peak_change
+            (0, 2, -7.8317),  # fingers, mass_change
+            (2, 5, -4.2975),  # mass_change, flow_trend
+            (6, 6, -0.5209),  # mean_flow, mean_flow
+            (3, 10, -7.9195),  # mass_trend, lost
+            (0, 11, 4.4433),  # fingers, gained
+            (10, 11, 6.3563),  # lost, gained
+            (1, 4, 0.3253),  # mass, flow
+            (2, 7, -9.9082),  # mass_change, peak
+            (1, 3, 2.0532),  # mass, mass_trend
+            (0, 0, -0.2841),  # fingers, fingers
+        ),
     )
     shear: Rule = Rule(
         -6.9193,
@@ -199,7 +226,47 @@ class DetectorSettings(NamedTuple):
             (1, 1, 0.2214),  # mass, mass
         ),
     )
-    hand: Rule = Rule(-4.014, (0.109, 0.414, -10.474, -0.871, 0.896, 0.832, 3.586, 0.846), 0.5, 0.05)
+    hand: Rule = Rule(
+        30.2489,
+        (
+            -10.2649,  # fingers
+            -9.8388,  # mass
+            42.4042,  # mass_change
+            -1.2674,  # mass_trend
+            0.5033,  # flow
+            0.0263,  # flow_trend
+            0.1908,  # mean_flow
+            -0.1756,  # peak
+            -0.4771,  # peak_change
+            6.7329,  # edge_change
+            -4.6272,  # lost
+            6.601,  # gained
+            1.0313,  # eased
+            -0.3612,  # weakest
+            -9.0024,  # closing
+            -0.8237,  # stall
+            3.042,  # rising
+            0.2651,  # opened
+            14.4225,  # widest
+            1.2045,  # fresh
+        ),
+        0.5,
+        0.05,
+        (
+            (0, 1, 2.6646),  # fingers, mass
+            (11, 13, -30.0235),  # gained, weakest
+            (9, 10, -20.9159),  # edge_change, lost
+            (11, 14, -32.1477),  # gained, closing
+            (18, 19, -27.344),  # widest, fresh
+            (2, 19, -11.2763),  # mass_change, fresh
+            (16, 16, -7.0636),  # rising, rising
+            (8, 12, 4.8413),  # peak_change, eased
+            (11, 15, -3.3792),  # gained, stall
+            (0, 2, -10.9447),  # fingers, mass_change
+            (1, 9, -1.798),  # mass, edge_change
+            (6, 19, 2.4992),  # mean_flow, fresh
+        ),
+    )
 
 
 SETTINGS: Final = DetectorSettings()

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import msgspec
 
+from tega.detect.tracks import TwoMeans
 from tega.stages.base import Reflex, ReflexSetup, StageOptions
 
 if TYPE_CHECKING:
@@ -17,6 +18,10 @@ if TYPE_CHECKING:
 
 # The wish fades over the last fifth of the way to a limit, so that it neither jumps nor chatters there.
 _MARGIN: Final = 0.2
+# Of a rise: time constants of a share's quick and slow mean, as the detector's of shear; how long a finger finds its
+# place; and the gain of closure between the two means at which the hand is closing, 0.4 levels a second.
+_QUICK_S, _SLOW_S, _SETTLED_S = 0.04, 0.2, 0.3
+_CLOSING_LEVELS: Final = 0.4 * (_SLOW_S - _QUICK_S)
 
 
 class GripReflexOptions(StageOptions, frozen=True):
@@ -24,6 +29,9 @@ class GripReflexOptions(StageOptions, frozen=True):
 
     Attributes:
         incipient_from: Share of a contact's rim that slips, from which on the grip is to be firmer; at 1, fully.
+        rise_from: Rise of that share within a fifth of a second from which on the grip is to be firmer instead, and at
+            twice of it fully; 0 goes by the share itself. A rise counts on a finger that has touched for 0.3 s, while
+            the hand does not close by more than 0.4 levels a second: a closing grip pulls the gel, too.
         full_slip_mm_s: Speed of a slip at which the grip is to be firmer by all that may be added.
         events: Whether a slip that was found by its events counts, for fingers whose metric knows none of the two.
         keep_s: How long a wish outlasts its cause, seconds.
@@ -33,6 +41,7 @@ class GripReflexOptions(StageOptions, frozen=True):
     """
 
     incipient_from: Annotated[float, msgspec.Meta(ge=0, lt=1)] = 0.4
+    rise_from: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.0
     full_slip_mm_s: Annotated[float, msgspec.Meta(gt=0, le=1000)] = 5.0
     events: bool = True
     keep_s: Annotated[float, msgspec.Meta(ge=0, le=5)] = 0.5
@@ -60,6 +69,8 @@ class GripReflex(Reflex):
         self._fingers, self._o = setup.fingers, options
         self.wants_events = options.events
         self._first: float | None = None
+        self._slid: dict[str, _Slid] = {}
+        self._closure = TwoMeans(_QUICK_S, _SLOW_S)
         self._asked, self._until_ns = 0.0, 0
         self._why = self._cause = ""
 
@@ -80,6 +91,9 @@ class GripReflex(Reflex):
         touching = [
             contacts[name] for name in self._fingers if name in contacts and contacts[name].in_contact
         ]
+        if measured is not None:
+            self._closure.add(t_ns / 1e9, measured)
+        self._slid = {one.finger: self._slid.get(one.finger) or _Slid(one.t_ns) for one in touching}
         if not touching:
             self._first, self._asked, self._cause = None, 0.0, ""
             return 0.0
@@ -116,10 +130,22 @@ class GripReflex(Reflex):
         o, most = self._o, 0.0
         for one in contact.more:
             if one.name == "incipient" and math.isfinite(one.value):
-                most = max(most, (one.value - o.incipient_from) / (1 - o.incipient_from))
+                most = max(most, self._incipient(contact, one.value))
             elif one.name == "slip_mm_s" and math.isfinite(one.value):
                 most = max(most, abs(one.value) / o.full_slip_mm_s)
         return min(most, 1.0)
+
+    def _incipient(self, contact: Contact, share: float) -> float:
+        """How much a finger's share that has slid calls for a firmer grip: by itself, or by its rise."""
+        o = self._o
+        if o.rise_from <= 0:
+            return (share - o.incipient_from) / (1 - o.incipient_from)
+        slid = self._slid[contact.finger]
+        slid.share.add(contact.t_ns / 1e9, share)
+        settled = contact.t_ns - slid.since_ns >= _SETTLED_S * 1e9
+        if not settled or self._closure.change > _CLOSING_LEVELS:
+            return 0.0
+        return slid.share.change / o.rise_from - 1.0
 
     def _room(self, touching: Sequence[Contact], measured: float | None) -> float:
         """What is left before harm: 1 far from it, 0 at the limit, -1 well beyond it."""
@@ -135,6 +161,13 @@ class GripReflex(Reflex):
             if left < room:
                 room, self._cause = left, "eased: a finger is loaded"
         return max(room, -1.0)
+
+
+class _Slid:
+    """Share of a finger's contact that has slid, lately, and since when the finger touches."""
+
+    def __init__(self, since_ns: int) -> None:
+        self.since_ns, self.share = since_ns, TwoMeans(_QUICK_S, _SLOW_S)
 
 
 def _tells(contact: Contact) -> bool:

@@ -3,6 +3,7 @@
 ::
 
     python -m tega_figures.check_events --fit 1000:1023                       # weights for tega.detect.settings
+    python -m tega_figures.check_events --fit 1000:1023 --shear texture --truth   # what the gels' true shear would tell
     python -m tega_figures.check_events --seeds 2000:2020 --conditions haptic # the table of docs/detect.md
     python -m tega_figures.check_events --narrowing --objects bag             # what a deformation could be told by
     python -m tega_figures.check_events --conditions haptic --shear texture   # of docs/evidence/shear.md
@@ -15,9 +16,11 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+import msgspec
 import numpy as np
 
 from tega.detect import ShearFrame
@@ -25,12 +28,23 @@ from tega.sim.plan import TrialPlan, TrialResult
 from tega.sim.streams import Streams
 from tega.study.detecting import events_of
 from tega.study.hand_rows import HandRow
-from tega.study.score import Agreement, agreement, match_events
+from tega.study.score import Agreement, agreement
 from tega.study.touch_rows import TouchRow
-from tega_figures.slip_rule import N_PRODUCTS, TOLERANCE_S, fit, left_out, looks_of
+from tega_figures.slip_rule import N_PRODUCTS, TOLERANCE_S, fit, left_out, looks_of, told_of
+from tega_figures.slip_score import (
+    HEAD,
+    ScoredTrial,
+    SlipsTold,
+    by_speed,
+    read_scored,
+    score_row,
+    slid_mm,
+    true_shear,
+)
 
 if TYPE_CHECKING:
     from tega.records import Contact, Intent
+    from tega.sim.gel import Gel, ShearTruth
     from tega.sim.seams import Act, Percept
 
 __all__ = ["JudgedTrial", "KeptTrial", "compare", "judge", "main", "run"]
@@ -51,6 +65,8 @@ class KeptTrial(NamedTuple):
         slipping: Beginning and end of each slip, seconds.
         narrowing: How much narrower the object is, by time: seconds, millimetres.
         shear: Time, finger and shear of every frame; empty where the gels have none.
+        speed: How fast the object slides, by time: seconds, metres a second.
+        gels: Time, finger and true shear of its gel at every frame; nothing slides in gels without.
     """
 
     result: TrialResult
@@ -59,16 +75,20 @@ class KeptTrial(NamedTuple):
     slipping: list[tuple[float, float]]
     narrowing: Sequence[tuple[float, float]] = ()
     shear: Sequence[tuple[float, str, ShearFrame]] = ()
+    speed: Sequence[tuple[float, float]] = ()
+    gels: Sequence[tuple[float, str, ShearTruth]] = ()
 
 
 class _Keeper(Streams):
-    def __init__(self) -> None:
+    def __init__(self, gels: Mapping[str, Gel]) -> None:
         super().__init__()
+        self._gels = gels
         self.touch: list[TouchRow] = []
         self.hand: list[HandRow] = []
         self.speed: list[tuple[float, float]] = []
         self.narrowing: list[tuple[float, float]] = []
         self.shear: list[tuple[float, str, ShearFrame]] = []
+        self.true_shear: list[tuple[float, str, ShearTruth]] = []
         self._level: int | None = None
 
     def act(self, percept: Percept, act: Act) -> None:
@@ -79,6 +99,7 @@ class _Keeper(Streams):
     def contact(self, contact: Contact) -> None:
         if (shear := ShearFrame.of({value.name: value.value for value in contact.more})) is not None:
             self.shear.append((contact.t_ns / 1e9, contact.finger, shear))
+            self.true_shear.append((contact.t_ns / 1e9, contact.finger, self._gels[contact.finger].sheared))
         self.touch.append(
             TouchRow(
                 contact.t_ns / 1e9,
@@ -97,17 +118,27 @@ class _Keeper(Streams):
 
 def run(plan: TrialPlan) -> KeptTrial:
     """Run a trial and keep what its sensors say."""
+    from tega.sim.lab import lab_of
     from tega.sim.score import REST_M_S
     from tega.sim.trial import run_trial
 
-    keeper = _Keeper()
+    keeper = _Keeper(lab_of(plan.seed, plan.preset, plan.settings, plan.shear).gels)
     result = run_trial(plan, streams=keeper)
     slipping = []
     for event in result.events:
         if event.kind == "slip":
             rests = (t for t, v in keeper.speed if t > event.t_s + 0.3 and v < REST_M_S)
             slipping.append((event.t_s, next(rests, result.duration_s)))
-    return KeptTrial(result, keeper.touch, keeper.hand, slipping, keeper.narrowing, keeper.shear)
+    return KeptTrial(
+        result,
+        keeper.touch,
+        keeper.hand,
+        slipping,
+        keeper.narrowing,
+        keeper.shear,
+        keeper.speed,
+        keeper.true_shear,
+    )
 
 
 class JudgedTrial(NamedTuple):
@@ -116,10 +147,12 @@ class JudgedTrial(NamedTuple):
     Attributes:
         result: What became of it.
         found: Times by way and kind, seconds; live, an event is there when it is told.
+        speed: How fast the object slides, by time: seconds, metres a second.
     """
 
     result: TrialResult
     found: dict[tuple[str, str], list[float]]
+    speed: Sequence[tuple[float, float]] = ()
 
 
 def judge(kept: KeptTrial) -> JudgedTrial:
@@ -132,7 +165,7 @@ def judge(kept: KeptTrial) -> JudgedTrial:
             times[way, kind] = [
                 event.t_s if way == WAYS[0] else event.known_s for event in found if event.kind == kind
             ]
-    return JudgedTrial(kept.result, times)
+    return JudgedTrial(kept.result, times, kept.speed)
 
 
 def compare(trials: Sequence[JudgedTrial], way: str, kind: str) -> Agreement:
@@ -243,18 +276,52 @@ def _table(trials: Sequence[JudgedTrial]) -> Iterable[str]:
                 )
 
 
-def false_alarms(trials: Sequence[JudgedTrial]) -> str:
-    """Say how many slips a minute are told by touch alone, live, that are none, and how late the others are told."""
-    slips = compare(trials, WAYS[2], "slip")
-    minutes = sum(one.result.duration_s for one in trials) / 60
-    false = (slips.n_b - slips.matched) / minutes
-    late_s: list[float] = []
-    for one in trials:
-        truth = [e.t_s for e in one.result.events if e.kind == "slip"]
-        found = one.found[WAYS[2], "slip"]
-        late_s += [found[j] - truth[i] for i, j in match_events(truth, found, tolerance_s=TOLERANCE_S)]
-    median_s = float(np.median(late_s)) if late_s else None
-    return f"slip, {WAYS[2]}: {false:.2f} false a minute, median delay {_number(median_s)} s"
+def told(trials: Sequence[JudgedTrial], way: str) -> list[SlipsTold]:
+    """Return the true slips of trials and those that were found in a way."""
+    return [
+        SlipsTold(
+            one.result.seed,
+            one.result.duration_s / 60,
+            [e.t_s for e in one.result.events if e.kind == "slip"],
+            one.found[way, "slip"],
+            [slid_mm(one.speed, t_s) for t_s in one.found[way, "slip"]],
+        )
+        for one in trials
+    ]
+
+
+def _fitted(kept: Sequence[KeptTrial], *, products: int, truth: bool) -> Iterable[str]:
+    """Fit the rules of fingertips and of hand on trials, and say how they do with a quarter of the people left out."""
+    shown = [true_shear(one) for one in kept] if truth else kept
+    rows = [HEAD]
+    for name, hand in (("touch", False), *(() if truth else (("hand", True),))):
+        seen = [looks_of(one, hand=hand) for one in shown]
+        rule = fit(seen, products=products)
+        yield f"{name}: {rule}"
+        ways = {f"{name}, left out": left_out(seen, products=products)[1]}
+        ways[f"{name}, **in-sample**"] = [told_of(rule, one) for one in seen]
+        if not hand:
+            for mm_s in (5, 6, 8):
+                ways[f"true speed, {mm_s} mm/s"] = [by_speed(one, mm_s / 1e3) for one in kept]
+        for what, found in ways.items():
+            judged = [
+                JudgedTrial(one.result, {(what, "slip"): f}) for one, f in zip(kept, found, strict=True)
+            ]
+            rows.append(score_row(what, told(judged, what)))
+    yield from rows
+
+
+def _keep(file: Path, plans: Iterable[TrialPlan]) -> None:
+    """Add to a file the slips that are told in trials which it does not hold yet."""
+    kept = read_scored(file) if file.exists() else []
+    known = {(one.ways[WAYS[0]].person, one.object, one.shear) for one in kept}
+    with file.open("ab") as out:
+        for plan in plans:
+            if (plan.seed, plan.object, plan.shear) not in known:
+                judged = _judged(plan)
+                ways = {way: told([judged], way)[0] for way in WAYS}
+                out.write(msgspec.json.encode(ScoredTrial(plan.object, plan.shear, ways)) + b"\n")
+                out.flush()
 
 
 def _number(value: float | None) -> str:
@@ -286,6 +353,21 @@ def main() -> None:
     parser.add_argument(
         "--narrowing", action="store_true", help="how well the signals tell an object's narrowing"
     )
+    parser.add_argument(
+        "--products",
+        type=int,
+        default=N_PRODUCTS,
+        help="of two features, that a fitted rule looks at besides",
+    )
+    parser.add_argument(
+        "--truth", action="store_true", help="fit on the gels' true shear in the place of the reading's"
+    )
+    parser.add_argument(
+        "--keep",
+        type=Path,
+        metavar="FILE",
+        help="add the trials to FILE one by one; goes on where it was stopped",
+    )
     parser.add_argument("--jobs", type=int, default=-1)
     asked = parser.parse_args()
     from joblib import Parallel, delayed
@@ -293,16 +375,8 @@ def main() -> None:
     if asked.fit is not None:
         plans = _plans(asked.fit, ["haptic"], asked.stiffness, asked.friction, asked.shear)
         kept: list[KeptTrial] = Parallel(n_jobs=asked.jobs)(delayed(run)(plan) for plan in plans)
-        for name, hand in (("touch", False), ("hand", True)):
-            products = N_PRODUCTS if asked.shear != "off" and not hand else 0
-            seen = [looks_of(one, hand=hand) for one in kept]
-            sys.stdout.write(f"{name}: {fit(seen, ahead=hand, products=products)}\n")
-            if not hand:
-                told = left_out(seen, products=products)[1]
-                both = zip(kept, told, strict=True)
-                ways = [JudgedTrial(one.result, {(WAYS[2], "slip"): found}) for one, found in both]
-                sys.stdout.write(f"{name}, people left out: {compare(ways, WAYS[2], 'slip').f1:.2f}; ")
-                sys.stdout.write(false_alarms(ways) + "\n")
+        for line in _fitted(kept, products=asked.products, truth=asked.truth):
+            sys.stdout.write(line + "\n")
         return
     plans = _plans(asked.seeds, asked.conditions.split(","), asked.stiffness, asked.friction, asked.shear)
     plans = [plan for plan in plans if not asked.objects or plan.object in asked.objects.split(",")]
@@ -310,10 +384,14 @@ def main() -> None:
         trials: list[KeptTrial] = Parallel(n_jobs=asked.jobs)(delayed(run)(plan) for plan in plans)
         sys.stdout.writelines(line + "\n" for line in narrowing(trials))
         return
+    if asked.keep is not None:
+        _keep(asked.keep, plans)
+        return
     judged: list[JudgedTrial] = Parallel(n_jobs=asked.jobs)(delayed(_judged)(plan) for plan in plans)
     for line in _table(judged):
         sys.stdout.write(line + "\n")
-    sys.stdout.write(false_alarms(judged) + "\n")
+    for line in (HEAD, *(score_row(way, told(judged, way)) for way in WAYS)):
+        sys.stdout.write(line + "\n")
 
 
 if __name__ == "__main__":

@@ -310,12 +310,13 @@ def main() -> None:
         description="Shear, simulated and read, against theory, truth and recordings."
     )
     parser.add_argument("--recorded", type=Path, help="folder of the shared recordings of fingertips")
+    parser.add_argument("--grips", action="store_true", help="only the tables of the recordings")
     parser.add_argument("--picture", type=Path, help="draw the picture there instead")
     asked = parser.parse_args()
     if asked.picture is not None:
         picture(asked.picture)
         return
-    tables = [_closed_form(), _reading(), _costs()]
+    tables = [] if asked.grips else [_closed_form(), _reading(), _costs()]
     if asked.recorded is not None:
         tables.append(_recorded(asked.recorded))
     for table in tables:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from tega_figures.check_events import KeptTrial
 
-__all__ = ["N_PRODUCTS", "TOLERANCE_S", "SlipTrial", "fit", "left_out", "looks_of"]
+__all__ = ["N_PRODUCTS", "TOLERANCE_S", "SlipTrial", "fit", "left_out", "looks_of", "told_of"]
 
 TOLERANCE_S = 0.5
 """As for video that is stepped through: nobody has to press a key here."""
@@ -95,21 +95,24 @@ def looks_of(kept: KeptTrial, *, hand: bool) -> SlipTrial:
     )
 
 
-def fit(trials: Sequence[SlipTrial], *, ahead: bool, products: int = 0, penalty: float = 30.0) -> Rule:
+def fit(trials: Sequence[SlipTrial], *, products: int = 0, penalty: float = 30.0) -> Rule:
     """Fit the slip's rule: ridge-penalised logistic weights, then the threshold with the best F1 over these trials.
 
     Args:
         trials: What is seen of them.
-        ahead: Whether a slip waits for what comes after it.
         products: So many products of two features are looked at besides.
         penalty: On half the squared weights of standardised features.
     """
     rule = _weighed(trials, products, penalty)
-    return _with_threshold(rule, trials, [_shares(rule, one) for one in trials], ahead=ahead)
+    return _with_threshold(rule, trials, [_shares(rule, one) for one in trials])
 
 
 def left_out(
-    trials: Sequence[SlipTrial], *, products: int = 0, penalty: float = 30.0, parts: int = 4
+    trials: Sequence[SlipTrial],
+    *,
+    products: int = 0,
+    penalty: float = 30.0,
+    parts: int = 4,
 ) -> tuple[Rule, list[list[float]]]:
     """Fit without a part of the people and see what is told of those, for each part; live.
 
@@ -127,8 +130,13 @@ def left_out(
             if one.person in out:
                 shares[n] = _shares(rule, one)
     tried = [rule._replace(enter=enter, least_s=least_s) for enter in _ENTER for least_s in _LEAST_S]
-    best = max(tried, key=lambda one: _f1(trials, shares, one, ahead=False))
-    return best, [_told(one, share, best, ahead=False) for one, share in zip(trials, shares, strict=True)]
+    best = max(tried, key=lambda one: _f1(trials, shares, one))
+    return best, [_told(one, share, best) for one, share in zip(trials, shares, strict=True)]
+
+
+def told_of(rule: Rule, one: SlipTrial) -> list[float]:
+    """Return when a rule tells a slip of a trial, live, seconds."""
+    return _told(one, _shares(rule, one), rule)
 
 
 def _weighed(trials: Sequence[SlipTrial], products: int, penalty: float) -> Rule:
@@ -190,31 +198,27 @@ def _shares(rule: Rule, one: SlipTrial) -> NDArray[np.float64]:
     return share
 
 
-def _with_threshold(
-    rule: Rule, trials: Sequence[SlipTrial], shares: Sequence[NDArray[np.float64]], *, ahead: bool
-) -> Rule:
+def _with_threshold(rule: Rule, trials: Sequence[SlipTrial], shares: Sequence[NDArray[np.float64]]) -> Rule:
     tried = [rule._replace(enter=enter, least_s=least_s) for enter in _ENTER for least_s in _LEAST_S]
-    best = max(tried, key=lambda one: _f1(trials, shares, one, ahead=ahead))
+    best = max(tried, key=lambda one: _f1(trials, shares, one))
     # The share is of looks; shifted so that an event that is just one has a confidence of a half.
     shift = math.log(best.enter / (1 - best.enter))
     return best._replace(bias=round(best.bias - shift, 4), enter=0.5)
 
 
-def _told(one: SlipTrial, share: NDArray[np.float64], rule: Rule, *, ahead: bool) -> list[float]:
-    rise = Rise("slip", rule, SETTINGS.rest_s, SETTINGS.look_ahead_s if ahead else 0.0)
+def _told(one: SlipTrial, share: NDArray[np.float64], rule: Rule) -> list[float]:
+    rise = Rise("slip", rule, SETTINGS.rest_s, 0.0)
     rows: Iterable[tuple[float, float, bool]] = zip(
         one.t_s.tolist(), share.tolist(), one.asked.tolist(), strict=True
     )
     found = [rise.add(t_s, p, void=not asked) for t_s, p, asked in rows]
-    return [event.t_s if ahead else event.known_s for event in found if event is not None]
+    return [event.known_s for event in found if event is not None]
 
 
-def _f1(
-    trials: Sequence[SlipTrial], shares: Sequence[NDArray[np.float64]], rule: Rule, *, ahead: bool
-) -> float:
+def _f1(trials: Sequence[SlipTrial], shares: Sequence[NDArray[np.float64]], rule: Rule) -> float:
     events = matched = 0
     for one, share in zip(trials, shares, strict=True):
-        slips = _told(one, share, rule, ahead=ahead)
+        slips = _told(one, share, rule)
         events += len(slips) + len(one.truth_s)
         matched += len(match_events(one.truth_s, slips, tolerance_s=TOLERANCE_S))
     return 2 * matched / max(events, 1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
@@ -125,6 +125,39 @@ def paired(
         name: Paired(float(mean[k]), float(mean[k] - half[k]), float(mean[k] + half[k]))
         for k, name in enumerate(names)
     }
+
+
+def power_text(
+    rows: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]],
+    names: Sequence[str],
+    *,
+    confidence: float = 0.95,
+    share: float = 0.8,
+) -> str:
+    """Return what paired comparisons could have seen, as Markdown: a normal approximation.
+
+    Args:
+        rows: By arm: its outcomes and the same people's without it, a row a person.
+        names: Of the outcomes.
+        confidence: Of one test.
+        share: Of studies that are to find an effect; the least effect that these people show so often is
+            (z(confidence) + z(share)) s / √n with s the deviation of differences between people, and the number of
+            people that a difference asks for the n at which that is the difference.
+    """
+    from scipy.stats import norm
+
+    z = float(norm.ppf(0.5 + confidence / 2) + norm.ppf(share))
+    lines = [
+        "| arm | outcome | people | found | least effect that would have been seen | people for what was found |"
+    ]
+    lines.append("|---" * 6 + "|")
+    for arm, (told, off) in rows.items():
+        difference = told - off
+        n = len(difference)
+        for name, mean, s in zip(names, difference.mean(axis=0), difference.std(axis=0, ddof=1), strict=True):
+            needed = "–" if abs(mean) < 5e-4 else f"{max(math.ceil((z * s / mean) ** 2), 2):,}"
+            lines.append(f"| {arm} | {name} | {n} | {mean:+.3f} | {z * s / math.sqrt(n):.3f} | {needed} |")
+    return "\n".join(lines)
 
 
 def null(found: dict[str, Paired], margin: dict[str, float] = MARGIN) -> bool:

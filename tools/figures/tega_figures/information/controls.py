@@ -18,7 +18,7 @@ from tega.sim.operator import VIEWS, RulesVersion, ViewName
 from tega.sim.seams import Shear
 from tega.sim.world import ObjectSpec, read_objects
 from tega_figures.information.bench import OFF
-from tega_figures.information.compare import paired
+from tega_figures.information.compare import paired, power_text
 from tega_figures.information.sessions import (
     MARGIN,
     OUTCOMES,
@@ -128,6 +128,22 @@ def run(
 def table(file: Path) -> None:
     """Print FILE as Markdown."""
     click.echo(table_text(read(file)))
+
+
+@main.command()
+@click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+@click.option("--tests", default=1, show_default=True, help="So many were planned (Bonferroni).")
+def power(file: Path, *, tests: int) -> None:
+    """Print what FILE could have seen, and how many people its differences ask for."""
+    sessions = read(file)
+    rows = {
+        f"{name}, {view}, `{condition}`": pairs(sessions, view=view, condition=condition, name=name)
+        for name in dict.fromkeys(one.object for one in sessions)
+        for view, condition in cells_of(sessions)
+        if condition != OFF
+    }
+    rows = {arm: both for arm, both in rows.items() if len(both[0]) > 1}
+    click.echo(power_text(rows, OUTCOMES, confidence=1 - 0.05 / tests))
 
 
 @main.command()

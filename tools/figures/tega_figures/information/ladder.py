@@ -13,12 +13,13 @@ from typing import Final, NamedTuple
 import click
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.foreign_file import read_foreign
 from tega.sim.commanded import HandWay
 from tega.sim.conditions import Condition
 from tega_figures.information.bench import OFF
-from tega_figures.information.compare import Paired, paired
+from tega_figures.information.compare import Paired, paired, power_text
 from tega_figures.information.controls import N_LIFTS, SOFTEST
 from tega_figures.information.sessions import OUTCOMES, BenchSession, bench_session, outcomes
 
@@ -107,6 +108,16 @@ def table(file: Path) -> None:
 
 @main.command()
 @click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+def power(file: Path) -> None:
+    """Print what FILE could have seen, and how many people its differences ask for; the rungs as five tests."""
+    rows = {
+        f"`{rung.condition}`, {rung.hand}": outcomes_of(read(file), rung) for rung, _ in steps(read(file))
+    }
+    click.echo(power_text(rows, OUTCOMES, confidence=1 - 0.05 / len(RUNGS)))
+
+
+@main.command()
+@click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 @click.argument("png", type=click.Path(dir_okay=False, path_type=Path))
 def picture(file: Path, png: Path) -> None:
     """Draw what the vest changes on each rung of FILE, with 95 % intervals over people, into PNG."""
@@ -140,21 +151,28 @@ def read(file: Path) -> list[LadderSession]:
 
 def steps(sessions: Sequence[LadderSession]) -> list[tuple[Rung, dict[str, Paired]]]:
     """Return what the vest changes on each rung that two people or more were on, within people."""
-    by = {(one.hand, one.session.condition, one.session.seed): outcomes(one.session) for one in sessions}
     found = []
     for rung in RUNGS:
-        people = [
-            seed
-            for hand, condition, seed in by
-            if (hand, condition) == (rung.hand, rung.condition) and (hand, OFF, seed) in by
-        ]
-        if len(people) > 1:
-            told, off = (
-                np.array([by[rung.hand, condition, seed] for seed in people])
-                for condition in (rung.condition, OFF)
-            )
+        told, off = outcomes_of(sessions, rung)
+        if len(told) > 1:
             found.append((rung, paired(told, off, names=OUTCOMES)))
     return found
+
+
+def outcomes_of(
+    sessions: Sequence[LadderSession], rung: Rung
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return outcomes on a rung, and without a vest on the same way to the hand, of those who were on both."""
+    by = {(one.hand, one.session.condition, one.session.seed): outcomes(one.session) for one in sessions}
+    people = [
+        seed
+        for hand, condition, seed in by
+        if (hand, condition) == (rung.hand, rung.condition) and (hand, OFF, seed) in by
+    ]
+    told, off = (
+        np.array([by[rung.hand, condition, seed] for seed in people]) for condition in (rung.condition, OFF)
+    )
+    return told, off
 
 
 def table_text(sessions: Sequence[LadderSession]) -> str:

@@ -1,67 +1,156 @@
-"""Lift objects at the level at which they slip, by a script without error: without a reflex, and with one.
+"""Lift objects by a script without error, where they slip and where they are held: without a reflex, and with one.
 
-The reflex is told the true speed of the slide, or reads the shear of the fingertips' pictures.
+The reflex goes by the true speed of the slide, by the share that the fingertips' pictures show to have slid or by its
+rise, or by the rise of the share that has truly slid. A constant addition is the control: what it prevents at the same
+closure no reflex has to.
 
-``python -m tega_figures.world.reflex_lifts`` prints the table of docs/evidence/reflex.md.
+``python -m tega_figures.world.reflex_lifts`` prints the tables of docs/evidence/reflex.md.
 """
 
 from __future__ import annotations
 
-from typing import Final
+import itertools
+from collections.abc import Callable, Mapping, Sequence
+from typing import Final, NamedTuple
 
 import click
 import numpy as np
 
+from tega.config import FINGERS, ReflexSection
+from tega.records import Contact, Event, NamedValue
 from tega.sim.conditions import Condition
-from tega.sim.lab import lab_of
+from tega.sim.lab import Lab, lab_of
 from tega.sim.lift import Lift
 from tega.sim.operator.scripted import ScriptedOperator, Step
 from tega.sim.plan import TrialPlan
-from tega.sim.seams import Act, Percept, Shear
-from tega.sim.streams import Streams
+from tega.sim.seams import Act, Percept
+from tega.stages.base import Reflex, ReflexSetup
+from tega.stages.grip_reflex import GripReflex, GripReflexOptions
+from tega.teleop.reflex import ReflexArc, ReflexMoment
 
-LIFTS: Final = (("bottle", 3), ("container", 2), ("bag", 2))
-"""Objects, each at the level at which it slips and is held, by the feasibility map."""
+LIFTS: Final = (("bottle", 3), ("container", 2), ("bag", 2), ("bottle", 4), ("container", 3), ("bag", 3))
+"""Objects, each at the level at which it slips and is held, and at one that holds, by the feasibility map."""
 
-ARMS: Final[tuple[tuple[Condition, float, str], ...]] = (
-    ("non-haptic", 0.0, "none"),
-    ("true-reflex", 0.5, "true slide, 0.5 levels at most"),
-    ("true-reflex", 1.0, "true slide, 1 level at most"),
-    ("reflex", 1.0, "shear, 1 level at most"),
+RISE_FROM: Final = 0.15
+"""Of the share that has slid; chosen on the lifts of seed 3."""
+
+
+FELT_LEVELS: Final = 0.02
+"""An addition counts as begun when it is larger than this, levels."""
+
+
+class Firming(NamedTuple):
+    """One way to firm the grip.
+
+    Attributes:
+        told: What the reflex goes by.
+        condition: Of the trial.
+        most_levels: The largest addition; 0 for none.
+        options: Of ``grip``.
+        imposed: Whether the reflex is told something else than the condition says: ``constant`` or ``share``.
+    """
+
+    told: str
+    condition: Condition = "non-haptic"
+    most_levels: float = 0.0
+    options: tuple[str, ...] = ()
+    imposed: str = ""
+
+
+_RISE: Final = (f"rise_from={RISE_FROM}", "full_slip_mm_s=1000")
+ARMS: Final = (
+    Firming("none"),
+    Firming("true slide", "true-reflex", 1.0),
+    Firming("shear, share that has slid", "reflex", 1.0, ("full_slip_mm_s=1000",)),
+    Firming("shear, rise of that share", "reflex", 1.0, _RISE),
+    Firming("rise of the true share", "reflex", 1.0, _RISE, "share"),
+    *(
+        Firming(f"constant, {most:g} levels", "true-reflex", most, (), "constant")
+        for most in (0.1, 0.2, 0.35, 0.5, 0.75)
+    ),
 )
-"""Condition, the largest addition, levels, and what the reflex goes by: ``reflex`` reads shear."""
-
-_SEED: Final = 3
 
 
-class _Closed(Streams):
-    """Keeps how far the hand was closed while the object was held."""
+class Always(Reflex):
+    """Wishes all that may be added as long as a finger touches."""
 
-    def __init__(self) -> None:
-        super().__init__()
+    def wish(
+        self,
+        t_ns: int,  # noqa: ARG002
+        own: float,  # noqa: ARG002
+        measured: float | None,  # noqa: ARG002
+        contacts: Mapping[str, Contact],
+        events: Sequence[Event],  # noqa: ARG002
+    ) -> float:
+        """Return the wish, see :meth:`tega.stages.Reflex.wish`."""
+        return float(any(one.in_contact for one in contacts.values()))
+
+
+class TrueArc(ReflexArc):
+    """An arc whose reflex is told the pads' true forces and the share of each gel that has truly slid."""
+
+    def __init__(self, reflex: Reflex, settings: ReflexSection, run: Lift, lab: Lab) -> None:
+        def moment(_t_ns: int) -> ReflexMoment:
+            return ReflexMoment(1.0, allowed=True, measured=run.rig.closure())
+
+        super().__init__(reflex, settings, moment=moment)
+        self._run, self._lab = run, lab
+
+    def step(self, t_ns: int, own: float, contacts: Callable[[], Mapping[str, Contact]]) -> float:  # noqa: ARG002
+        """Return what the hand is to be told at a tick."""
+        true = {}
+        for name, force_n in zip(FINGERS, self._run.rig.truth.pad_force_n, strict=True):
+            slid = NamedValue("incipient", self._lab.gels[name].sheared.slid)
+            true[name] = Contact(finger=name, t_ns=t_ns, in_contact=force_n > 0, more=(slid,))
+        return super().step(t_ns, own, lambda: true)
+
+
+class _WatchedScript(ScriptedOperator):
+    """Keeps, while the object is lifted and held, how far the hand is closed, what is added, and where it slides."""
+
+    run: Lift
+
+    def begin(self, *words: object, **more: object) -> None:
+        super().begin(*words, **more)  # type: ignore[arg-type]
         self.levels_closed: list[float] = []
+        self.added: list[tuple[float, float]] = []
+        self.slid_s: float | None = None
 
-    def act(self, percept: Percept, act: Act) -> None:
-        if act.phase in {"lift", "hold"} and percept.closure is not None:
-            self.levels_closed.append(percept.closure)
+    def act(self, percept: Percept) -> Act:
+        act = super().act(percept)
+        if act.phase in {"grasp", "lift", "hold"}:
+            arc = self.run._reflex  # noqa: SLF001  # what a lift adds is shown nowhere else without pictures
+            self.added.append((percept.t_s, 0.0 if arc is None else arc.added))
+        if act.phase in {"lift", "hold"}:
+            if percept.closure is not None:
+                self.levels_closed.append(percept.closure)
+            if self.slid_s is None and percept.scene.slip_m > 3e-4:
+                self.slid_s = percept.t_s
+        return act
 
 
-def lift_row(name: str, level: int, condition: Condition, most_levels: float, told: str) -> str:
+def lift_row(name: str, level: int, arm: Firming, seed: int) -> str:
     """Lift an object once and return its line of the table."""
-    sets: tuple[str, ...] = ()
-    shear: Shear = "texture" if condition == "reflex" else "off"
-    if most_levels > 0:
-        sets = (
+    shear = "texture" if arm.condition == "reflex" else "off"
+    sets: tuple[str, ...] = ("stages.metric.name=shear",) if shear == "texture" else ()
+    if arm.most_levels > 0:
+        sets += (
             "stages.reflex.name=grip",
             "stages.reflex.authority=1",
-            f"stages.reflex.most_levels={most_levels}",
+            f"stages.reflex.most_levels={arm.most_levels}",
         )
-    if shear != "off":
-        sets += ("stages.metric.name=shear",)
-    plan = TrialPlan(
-        object=name, condition=condition, seed=_SEED, operator="scripted", settings=sets, shear=shear
+        sets += tuple(f"stages.reflex.options.{one}" for one in arm.options)
+    plan = TrialPlan.checked(
+        {
+            "object": name,
+            "condition": arm.condition,
+            "seed": seed,
+            "operator": "scripted",
+            "settings": sets,
+            "shear": shear,
+        }
     )
-    lab = lab_of(_SEED, "live", sets, shear)
+    lab = lab_of(seed, "live", sets, plan.shear)
     course = (
         Step(0.0, "reach", 1, (0.0, 0.0), 1.2),
         Step(1.5, "grasp", level, (0.0, 0.0), 0.0),
@@ -71,26 +160,40 @@ def lift_row(name: str, level: int, condition: Condition, most_levels: float, to
         Step(12.2, "release", 1, (0.0, 0.0), 0.0),
         Step(13.0, "done", 1, (0.0, 0.0), 0.0),
     )
-    script = ScriptedOperator(course, full_effort=lab.calibrated.full_effort)
-    closed = _Closed()
-    run = Lift(lab, plan, script, 0, streams=closed)
+    script = _WatchedScript(course, full_effort=lab.calibrated.full_effort)
+    script.run = run = Lift(lab, plan, script, 0)
+    if arm.imposed:
+        setup, options = ReflexSetup(FINGERS), GripReflexOptions(rise_from=RISE_FROM)
+        reflex = Always() if arm.imposed == "constant" else GripReflex(setup, options)
+        settings = ReflexSection(name="grip", authority=1.0, most_levels=arm.most_levels)
+        run._reflex = TrueArc(reflex, settings, run, lab)  # noqa: SLF001
     run.go(real_time=False, observer=None, stop=lambda: False, paused=lambda: False)
     found = run.result(run.end_s)
+    added = script.added
+    begun = [b[0] for a, b in itertools.pairwise(added) if a[1] <= FELT_LEVELS < b[1]]
+    on = np.mean([levels > FELT_LEVELS for _, levels in added]) if added else 0.0
+    times = ", ".join(f"{t_s:.2f}" for t_s in begun[:4]) + (" …" if len(begun) > 4 else "")
+    slides = "–" if script.slid_s is None else f"{script.slid_s:.2f}"
     return (
-        f"| {name} | {level} | {told} | {1e3 * found.slid_m:.1f} | {found.slips} | {found.drops} | "
-        f"{np.mean(closed.levels_closed):.2f} |"
+        f"| {seed} | {name} | {level} | {arm.told} | {1e3 * found.slid_m:.1f} | {found.slips} | {found.drops} | "
+        f"{np.mean(script.levels_closed):.2f} | {slides} | {times or '–'} | {on:.0%} |"
     )
 
 
 @click.command(help=__doc__)
-def main() -> None:
+@click.option("--seeds", default="4,5", show_default=True, help="Of world and gels, with commas.")
+@click.option("--told", default="", help="Only arms whose name has this in it.")
+def main(*, seeds: str, told: str) -> None:
     """Print the table."""
     click.echo(
-        "| object | level | reflex by | slid mm | slips | drops | closed, levels |\n|---|---|---|---|---|---|---|"
+        "| seed | object | level | reflex by | slid mm | slips | drops | closed, levels | slides from, s "
+        "| addition begins, s | of the time |\n|" + "---|" * 11
     )
-    for name, level in LIFTS:
-        for condition, most_levels, told in ARMS:
-            click.echo(lift_row(name, level, condition, most_levels, told))
+    for seed in map(int, seeds.split(",")):
+        for name, level in LIFTS:
+            for arm in ARMS:
+                if told in arm.told:
+                    click.echo(lift_row(name, level, arm, seed))
 
 
 if __name__ == "__main__":
