@@ -114,6 +114,8 @@ pictures: ## the drawn pictures of the docs, and the demo's animation; needs lab
 		docs/images/value-of-information.png
 	$(BIN)/python -m tega_figures.world.feasible picture tools/figures/tega_figures/world/feasible.json \
 		docs/images/feasible.png
+	$(BIN)/python -m tega_figures.information.ladder picture tools/figures/tega_figures/information/ladder.jsonl \
+		docs/images/ladder.png
 	$(BIN)/tega-teleop demo --fast --out target/demo
 	cp target/demo/demo.png docs/images/demo.png
 
