@@ -111,6 +111,7 @@ drives = st.lists(
 @example(
     drive=[(1.0, 100, 40), (0.1, 100, 40)], limit=100, heat=0.3, dose_s=20.0
 )  # full drive for 40 s, then often
+@example(drive=[(1.0, 100, 40)], limit=100, heat=0.05, dose_s=20.0)  # heat ends it long before the dose does
 def test_no_input_drives_a_motor_beyond_ceiling_heat_or_dose(
     drive: list[Any], limit: int, heat: float, dose_s: float
 ) -> None:
