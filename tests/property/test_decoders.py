@@ -49,7 +49,9 @@ def fresh(model: str = "ridge") -> LearnedDecoder:
     return LearnedDecoder(fitted(model).model)
 
 
-@pytest.mark.parametrize("model", ["ridge", pytest.param("huber", marks=pytest.mark.slow), "kernel"])
+@pytest.mark.parametrize(
+    "model", ["ridge", *(pytest.param(m, marks=pytest.mark.slow) for m in ("huber", "kernel"))]
+)
 @given(cuts=st.lists(st.integers(0, 6000), max_size=12), holes=st.lists(st.integers(0, 5999), max_size=200))
 def test_chunks_do_not_matter_to_the_last_bit(model: str, cuts: list[int], holes: list[int]) -> None:
     emg = squeezes(seed=2)[0][:6000].copy()

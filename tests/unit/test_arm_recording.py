@@ -119,6 +119,7 @@ def test_a_changed_setting_and_what_comes_of_it_are_named(session: Path, tmp_pat
     assert set(turns.fields) <= {f"{what}_{axis}" for what in ("target", "velocity") for axis in "xyz"}
 
 
+@pytest.mark.slow
 def test_a_part_of_it_computes_to_the_same_bits_too(session: Path, tmp_path: Path) -> None:
     part = trim_session(session, from_s=1.0, to_s=2.0, out=tmp_path / "part")
     (turns,) = (s for s in replay_file(part).streams if s.stream == "/arm/turn")

@@ -175,6 +175,7 @@ def test_the_mean_difference_rises_with_the_press() -> None:
     assert list(press) == sorted(press)
 
 
+@pytest.mark.slow
 def test_the_verb_prints_and_draws(presses: Path, capsys: Any) -> None:
     out, curves = presses.parent / "out.png", presses.parent / "curves.png"
     with pytest.raises(SystemExit) as done:

@@ -152,6 +152,7 @@ def test_no_channel_of_a_person_loses_its_vote(recordings: Path) -> None:
     assert n_channels == 6 * 8 + 2 * 4 + 8 + 8 + 1
 
 
+@pytest.mark.slow
 @given(
     st.sampled_from([250.0, 500.0, 1000.0, 2000.0]),
     st.sampled_from([50.0, 60.0, 100.0, 180.0]),

@@ -124,6 +124,7 @@ def test_what_cannot_be_heard_gives_no_number(
     assert error.value.hint
 
 
+@pytest.mark.slow
 def test_knocks_cost_their_bursts_and_are_told(motor: Emulator, tmp_path: Path) -> None:
     commands_s = recorded(motor, tmp_path)[1]
     motor.say(f"knock {commands_s[2] - 0.1}")
@@ -137,6 +138,7 @@ def test_knocks_cost_their_bursts_and_are_told(motor: Emulator, tmp_path: Path) 
     assert float(np.median(onsets.delays_s)) * 1e3 == pytest.approx(60, abs=WITHIN_MS)
 
 
+@pytest.mark.slow
 def test_a_motor_that_is_late_once_is_a_stray(motor: Emulator, tmp_path: Path) -> None:
     samples, commands_s = recorded(motor, tmp_path)
     commands_s[4] -= 0.06

@@ -111,6 +111,7 @@ def test_episodes_have_their_own_tasks_where_nobody_names_one_for_all(lossless: 
     assert info(dataset)["total_tasks"] == 2
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="the arm's process needs Linux or macOS")
 def test_the_arm_is_observed_and_asked_in_one_action_with_the_hand(tmp_path: Path) -> None:
     recording = _with_arm(tmp_path)

@@ -263,6 +263,7 @@ def test_a_finger_that_never_touches_stays_silent(replay: Replay, tmp_path: Path
     replay(*words, "--calibration", tmp_path / "out" / "calibration.toml", "--out", tmp_path / "two")
 
 
+@pytest.mark.slow
 def test_a_source_that_ends_early_is_said(replay: Replay, press: list[object], tmp_path: Path) -> None:
     notes = replay(*press, "--out", tmp_path / "out")["notes"]
     assert "thumb: ended at 1.000 s, silent 100 ms later" in notes

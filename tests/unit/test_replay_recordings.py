@@ -50,6 +50,7 @@ def test_ball_presses_with_each_kind_of_emg(
     assert sum(seconds_at[k] for k in (3, 4, 5)) > 0
 
 
+@pytest.mark.slow
 def test_two_fingers_of_one_grip(
     recordings: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

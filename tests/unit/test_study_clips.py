@@ -186,6 +186,7 @@ def test_two_studies_that_differ_in_the_condition_alone_give_the_same_clips(
     assert made[0] == made[1]
 
 
+@pytest.mark.slow
 def test_a_lossless_recording_is_shown_as_good_as_it_is(tmp_path: Path) -> None:
     path = record(tmp_path)
     shown = read_reel(RecordedTrial("p01-t01", 1, 1, "bag", LEAD_NS, LENGTH_NS, LEAD_NS, tmp_path))

@@ -509,6 +509,7 @@ def write_pictures(folder: Path, images: list[Any]) -> None:
         cv2.imwrite(str(folder / f"frame_{k:03d}.png"), image)
 
 
+@pytest.mark.slow
 def test_reading_outline_and_rezero_are_settings_of_a_replay_and_of_the_demo(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
