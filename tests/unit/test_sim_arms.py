@@ -330,7 +330,7 @@ BEFORE = {
     "inverted": "7930555728a817dc",
     "half": "69f436c9fb1b4f3d",
     "unfelt": "9588cf176a340c51",
-    "event-gated": "5093cac47b3a08b4",
+    "event-gated": "02b0e421fa9fb299",  # since the slip's rule by touch was fitted anew, on 26 November 2026
 }
 """By condition, as the program gave them before there were rules to choose and controls."""
 
