@@ -44,12 +44,13 @@ def test_a_block_ends_when_its_call_has_returned() -> None:
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
-def test_one_that_fails_is_the_last_of_its_function_alone() -> None:
+@pytest.mark.parametrize("error", [ValueError, BaseException])  # a panic of native code is no Exception
+def test_one_that_fails_is_the_last_of_its_function_alone(error: type[BaseException]) -> None:
     n_failed, n_called = [], []
 
     def fail() -> None:
         n_failed.append(1)
-        raise ValueError("told as a thread's end is")
+        raise error("told as a thread's end is")
 
     with every(fail, every_s=0.001), every(lambda: n_called.append(1), every_s=0.001):
         until(lambda: bool(n_failed))

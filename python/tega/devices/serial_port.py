@@ -58,8 +58,15 @@ class SerialPort:
                     "write 1 to the adapter's latency_timer",
                 )
         if sys.platform == "linux":
-            with run_realtime("hand", inherited=True):  # it holds no lock that anybody waits for
-                self._drain = _native.SerialDrain(self._port.fileno())
+            try:
+                with run_realtime("hand", inherited=True):  # it holds no lock that anybody waits for
+                    self._drain = _native.SerialDrain(self._port.fileno())
+            except OSError as error:
+                self._port.close()
+                raise DeviceUnavailableError(
+                    f"{driver}: port {port} cannot be drained: {error}",
+                    "end some of the programs that are running",
+                ) from error
 
     def arrived(self) -> tuple[bytes, int]:
         """Return what has arrived since the last call, without waiting, and when the last of it did.
