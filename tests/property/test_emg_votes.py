@@ -43,14 +43,14 @@ def made(
 
 @st.composite
 def sources(draw: st.DrawFn) -> tuple[float, int, InputKind, Samples]:
-    """Draw a source of 1 to 8 channels: its rate, samples a block, kind, and samples of 0.4 to 1.6 s."""
+    """Draw a source of 1 to 4 channels: its rate, samples a block, kind, and samples of 0.4 to 1.6 s."""
     rate_hz = float(draw(st.integers(200, 2000) | st.sampled_from([200, 250, 256, 500, 1000, 1259.25, 2000])))
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     line_hz = draw(st.sampled_from([50.0, 60.0, 150.0, 180.0, 300.0]) | st.floats(48, 62))
     n = round(rate_hz * draw(st.floats(0.1, 0.4)))
     channels = [
         np.concatenate([made(*part, n, rate_hz=rate_hz, line_hz=line_hz, rng=rng) for part in drawn])
-        for drawn in draw(st.lists(st.lists(parts, min_size=4, max_size=4), min_size=1, max_size=8))
+        for drawn in draw(st.lists(st.lists(parts, min_size=4, max_size=4), min_size=1, max_size=4))
     ]
     samples = np.column_stack(channels)
     for _ in range(draw(st.integers(0, 3))):

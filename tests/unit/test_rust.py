@@ -17,12 +17,14 @@ PROJECT = Path(__file__).resolve().parents[2]
     shutil.which("cargo") is None, reason="cargo is not installed: the Rust tests are not run"
 )
 @pytest.mark.timeout(1800)
-def test_cargo_test_passes() -> None:
+# Examples in documentation need each crate once more, compiled as others use it.
+@pytest.mark.parametrize("which", [("--lib", "--tests"), pytest.param(("--doc",), marks=pytest.mark.slow)])
+def test_cargo_test_passes(which: tuple[str, ...]) -> None:
     """Run the core crates' tests; they replay the fuzz targets over their committed seeds."""
     if not (PROJECT / "Cargo.toml").is_file():
         pytest.skip("no Cargo.toml beside the tests: not a checkout")
     # The extension itself is what the rest of this run tests; linking it again would need Python's libraries.
-    command = ["cargo", "test", "--quiet", "--locked", "--workspace", "--exclude", "tega-py"]
+    command = ["cargo", "test", "--quiet", "--locked", "--workspace", "--exclude", "tega-py", *which]
     # The properties draw from a seed, which is the same for every run in CI and is told where one fails.
     drawn = "1" if os.environ.get("CI") else str(random.randrange(2**63))
     seed = os.environ.get("PROPTEST_RNG_SEED", drawn)
