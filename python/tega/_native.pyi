@@ -111,7 +111,7 @@ class ShearReader:
     def __new__(cls, baseline: NDArray[np.uint8], /, *, mm_per_px: float, order: str) -> Self: ...
     def update(
         self, frame: NDArray[np.uint8], tracker: TouchTracker, /, *, dt_s: float
-    ) -> tuple[float, float, float, float, float]: ...
+    ) -> tuple[float, float, float, float, float, tuple[float, float, float]]: ...
     def flow(self) -> NDArray[np.float32]: ...
 
 def update_fingers(
@@ -256,7 +256,13 @@ def gel_pad_pose(
 class Gel:
     def __new__(cls, seed: int, /, *, spread: float, shape: str, memory: bool, shear: str) -> Self: ...
     def press(
-        self, indenters: Sequence[_Indenter], t_s: float, /, *, pull: tuple[float, float, float]
+        self,
+        indenters: Sequence[_Indenter],
+        t_s: float,
+        /,
+        *,
+        pull: tuple[float, float, float],
+        relief: tuple[int, float, float],
     ) -> bool: ...
     def shear(self) -> tuple[tuple[float, float], float, float]: ...
     def shear_mm(self) -> NDArray[np.float32]: ...
@@ -270,6 +276,7 @@ class Gel:
         *,
         t_s: float,
         pull: tuple[float, float, float],
+        relief: tuple[int, float, float],
         out: NDArray[np.uint8],
     ) -> None: ...
     def sums(
@@ -280,6 +287,7 @@ class Gel:
         *,
         t_s: float,
         pull: tuple[float, float, float],
+        relief: tuple[int, float, float],
     ) -> NDArray[np.int16]: ...
     def remains(self, t_s: float) -> bool: ...
     def last_s(self) -> float | None: ...

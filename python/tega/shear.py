@@ -34,6 +34,12 @@ class ShearReading(NamedTuple):
     object shows nothing of its speed."""
     sure: float
     """How well the grain was found again: its correlation with the untouched gel's, -1 to 1."""
+    slide_mm_s: float
+    """How fast the object slides over the gel, millimetres a second, by the relief of its own that is seen in the contact."""
+    slide_direction_rad: float
+    """In which direction, as the shear's."""
+    slide_sure: float
+    """How sure that speed is, 0 to 1; 0 where the object is smooth, whose slide nothing shows."""
 
 
 class ShearReader:
@@ -82,7 +88,8 @@ class ShearReader:
             ShapeError: It is not of the baseline's shape; the reader is as before.
             InvalidValueError: ``dt_s`` is not from 0 to 1e6.
         """
-        return ShearReading._make(self._reader.update(frame, tracker._tracker, dt_s=dt_s))  # noqa: SLF001
+        *shear, slide = self._reader.update(frame, tracker._tracker, dt_s=dt_s)  # noqa: SLF001
+        return ShearReading(*shear, *slide)
 
     def flow(self) -> NDArray[np.float32]:
         """Return how far each cell is moved, float32 (rows, columns, 2), pixels to the right and down.

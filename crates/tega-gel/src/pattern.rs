@@ -5,6 +5,7 @@
 
 use crate::grid::PX_PER_MM;
 use crate::picture::{HEIGHT, LINE, WIDTH, nearest};
+use crate::relief::Imprint;
 use crate::rng::Stream;
 use crate::shear::{ShearField, WIDE_COLS, WIDE_PX, WIDE_ROWS};
 
@@ -101,8 +102,13 @@ impl Pattern {
     /// Adds the pattern to the picture of a plain gel, moved as the gel is. A frame has its own rounding; without a number all
     /// is rounded to the nearest.
     #[inline(always)]
-    pub(crate) fn add(&mut self, shear: Option<&ShearField>, index: Option<u64>, out: &mut [u8]) {
-        let [rows, cols] = shear.map_or([[0; 2]; 2], |shear| self.settle(shear));
+    pub(crate) fn add(
+        &mut self,
+        shear: Option<(&ShearField, &Imprint)>,
+        index: Option<u64>,
+        out: &mut [u8],
+    ) {
+        let [rows, cols] = shear.map_or([[0; 2]; 2], |(shear, imprint)| self.settle(shear, imprint.area()));
         let half = [HALF; LINE];
         for (y, (out, still)) in out.chunks_exact_mut(LINE).zip(self.still.chunks_exact(LINE)).enumerate() {
             let dither = index.map_or(&half[..], |index| {
@@ -113,15 +119,18 @@ impl Pattern {
             plain(&still[..from], &dither[..from], &mut out[..from]);
             plain(&still[to..], &dither[to..], &mut out[to..]);
             if from < to {
-                self.warp(y, cols, &dither[from..to], &mut out[from..to]);
+                self.warp(y, cols, shear.map(|(_, imprint)| imprint).filter(|imprint| imprint.shows()), &dither[from..to], &mut out[from..to]);
             }
         }
     }
 
-    /// Finds what has moved to where each cell is, and which rows and columns of pixels that concerns.
+    /// Finds what has moved to where each cell is, and which rows and columns of pixels that and an imprint concern.
     #[inline(always)]
-    fn settle(&mut self, shear: &ShearField) -> [[usize; 2]; 2] {
-        let (mut rows, mut cols) = ([WIDE_ROWS, 0], [WIDE_COLS, 0]);
+    fn settle(&mut self, shear: &ShearField, imprinted: [[usize; 2]; 2]) -> [[usize; 2]; 2] {
+        let [mut rows, mut cols] = imprinted;
+        if rows[0] >= rows[1] {
+            (rows, cols) = ([WIDE_ROWS, 0], [WIDE_COLS, 0]);
+        }
         for r in 0..WIDE_ROWS {
             for c in 0..WIDE_COLS {
                 let [mut x, mut y] = shear.at(r, c).map(|u| u * shear.px_per_mm(r, c));
@@ -148,7 +157,14 @@ impl Pattern {
 
     /// Adds a row of the moved pattern.
     #[inline(always)]
-    fn warp(&self, y: usize, [from, to]: [usize; 2], dither: &[u8], out: &mut [u8]) {
+    fn warp(
+        &self,
+        y: usize,
+        [from, to]: [usize; 2],
+        imprint: Option<&Imprint>,
+        dither: &[u8],
+        out: &mut [u8],
+    ) {
         let (row, down) = place(y);
         let (upper, lower) = (&self.moved[row * WIDE_COLS..], &self.moved[(row + 1) * WIDE_COLS..]);
         let mut cells = [[0.0f32; 2]; WIDE_COLS];
@@ -176,6 +192,13 @@ impl Pattern {
             let (upper, lower) = (a * (FINE - fx) + b * fx, c * (FINE - fx) + d * fx);
             levels[x] = ((upper * (FINE - fy) + lower * fy + FINE * FINE / 2) >> (2 * SHIFT)) as i16;
         }
+        let mut imprinted = [0i16; WIDTH];
+        if let Some(imprint) = imprint {
+            imprint.row(y, from, FINE as f32, &mut imprinted[from..to]);
+        }
+        for (level, imprinted) in levels.iter_mut().zip(imprinted) {
+            *level += imprinted;
+        }
         let lacking = &self.lacking[y * LINE + 3 * from..y * LINE + 3 * to];
         let parts = dither.as_chunks::<3>().0.iter().zip(lacking.as_chunks::<3>().0);
         for ((level, pixel), (dither, lacking)) in
@@ -190,7 +213,7 @@ impl Pattern {
 }
 
 /// The cell before each pixel of a row, and how far the pixel is on the way to the next one.
-const BESIDE: [usize; WIDTH] = {
+pub(crate) const BESIDE: [usize; WIDTH] = {
     let mut beside = [0; WIDTH];
     let mut x = 0;
     while x < WIDTH {
@@ -199,7 +222,7 @@ const BESIDE: [usize; WIDTH] = {
     }
     beside
 };
-const ACROSS: [f32; WIDTH] = {
+pub(crate) const ACROSS: [f32; WIDTH] = {
     let mut across = [0.0; WIDTH];
     let mut x = 0;
     while x < WIDTH {
@@ -210,7 +233,7 @@ const ACROSS: [f32; WIDTH] = {
 };
 
 /// The cell before a pixel, and how far the pixel is on the way to the next one.
-const fn place(pixel: usize) -> (usize, f32) {
+pub(crate) const fn place(pixel: usize) -> (usize, f32) {
     // The middle of cell c is pixel 8 c - 4.5.
     let at = (pixel as f32 + 4.5) / WIDE_PX as f32;
     (at as usize, at - (at as usize) as f32)
@@ -278,5 +301,5 @@ fn print(out: &mut [f32], drawn: Stream, rows: usize, cols: usize) {
 tega_simd::dispatched! {
     /// See [`Pattern::add`].
     add = Pattern::add,
-    (pattern: &mut Pattern, shear: Option<&ShearField>, index: Option<u64>, out: &mut [u8]) -> ()
+    (pattern: &mut Pattern, shear: Option<(&ShearField, &Imprint)>, index: Option<u64>, out: &mut [u8]) -> ()
 }

@@ -79,6 +79,27 @@ contact whose grain is found again:
 """
 
 
+SLIDE_FEATURES: Final = (
+    *SHEAR_FEATURES,
+    "across",
+    "across_before",
+    "across_thumb",
+    "along",
+    "along_thumb",
+    "fastest",
+    "seen",
+)
+"""What a slip is seen by where an object shows a relief that slides over the fingertips; those of :data:`SHEAR_FEATURES` and,
+over the fingers in contact that see it:
+
+- its speed to the right in the picture, where an upright object in the hand slides down (sign times log of 1 + millimetres
+  a second): the mean over the fingers but the thumb, that 0.15 s before, and the thumb's;
+- likewise down the picture, of the fingers and of the thumb;
+- the highest speed in any direction;
+- share of the fingers in contact that see it.
+"""
+
+
 class Rule(NamedTuple):
     """A logistic rule, and when it makes an event.
 
@@ -105,6 +126,8 @@ class DetectorSettings(NamedTuple):
         slow_s: Of the slow ones: a slip of 5 mm/s moves a contact by a few pixels in that time.
         trend_s: Time constants of the pair that sees slow changes.
         shear_s: And of the pair that sees changes of shear, which are quick.
+        slide_s: And of the speed of the object's slide over the gel, which is the quickest sign.
+        seen_s: What was seen of it is remembered for so long: a frame or two in which it is not found is no end of it.
         least_sure: Fingers whose grain is found again with less than this correlation are not asked for their shear: a
             texture of a recorded DIGIT's strength is found with 0.15 to 0.3, a lost one with 0.03.
         step_s: Between two looks at the slip; frames come at 60 Hz, or 30 Hz in a study's tables.
@@ -127,13 +150,16 @@ class DetectorSettings(NamedTuple):
         look_ahead_s: How far the detector looks ahead in a record.
         touch: The slip by fingertips alone.
         shear: The slip by fingertips alone where shear is read.
-        hand: The slip where closure and height are measured as well. All three look at products of two features, too.
+        slide: The slip by fingertips alone where an object's relief is seen to rest or to slide.
+        hand: The slip where closure and height are measured as well. Rules look at products of two features, too.
     """
 
     quick_s: float = 0.08
     slow_s: float = 0.35
     trend_s: tuple[float, float] = (0.2, 1.0)
     shear_s: tuple[float, float] = (0.04, 0.2)
+    slide_s: tuple[float, float] = (0.025, 0.15)
+    seen_s: float = 0.06
     least_sure: float = 0.08
     step_s: float = 0.025
     touch_s: float = 0.05
@@ -226,6 +252,7 @@ class DetectorSettings(NamedTuple):
             (1, 1, 0.2214),  # mass, mass
         ),
     )
+    slide: Rule = Rule(-9.0, (0.0,) * 28, 0.5, 0.0)
     hand: Rule = Rule(
         30.2489,
         (

@@ -41,6 +41,9 @@ class ShearFrame(NamedTuple):
         incipient: Share of the contact that has slid against the rest, 0 to 1.
         slip_mm_s: How fast it does, millimetres a second.
         sure: How well the grain was found again, -1 to 1.
+        slide_x_mm_s: How fast the object slides over the gel to the right, by its relief, millimetres a second.
+        slide_y_mm_s: And down.
+        slide_sure: How sure that is, 0 to 1; 0 where it shows none.
     """
 
     x_mm: float
@@ -48,23 +51,30 @@ class ShearFrame(NamedTuple):
     incipient: float
     slip_mm_s: float
     sure: float = 1.0
+    slide_x_mm_s: float = 0.0
+    slide_y_mm_s: float = 0.0
+    slide_sure: float = 0.0
 
     @classmethod
     def of(cls, values: Mapping[str, float]) -> Self | None:
         """Return the shear among a contact's named values; ``None`` where it has none.
 
         Version 1 of the metric ``shear`` did not say how sure it was: its recordings have no shear here, so that their
-        slips are told as they were then, by touch.
+        slips are told as they were then, by touch. Version 2 has no slide.
         """
         if "shear_sure" not in values:
             return None
         length_mm, angle_rad = values["shear_mm"], values["shear_direction_rad"]
+        slide_mm_s, slide_rad = values.get("slide_mm_s", 0.0), values.get("slide_direction_rad", 0.0)
         return cls(
             length_mm * math.cos(angle_rad),
             length_mm * math.sin(angle_rad),
             values["incipient"],
             values["slip_mm_s"],
             values["shear_sure"],
+            slide_mm_s * math.cos(slide_rad),
+            slide_mm_s * math.sin(slide_rad),
+            values.get("slide_sure", 0.0),
         )
 
 
@@ -76,12 +86,13 @@ class TwoMeans:
         slow_s: Of the slow one.
 
     Attributes:
+        slow_s: Time constant of the slow one, seconds.
         quick: The quick mean; NaN before the first value.
         slow: The slow one.
     """
 
     def __init__(self, quick_s: float, slow_s: float) -> None:
-        self._quick_s, self._slow_s = quick_s, slow_s
+        self._quick_s, self.slow_s = quick_s, slow_s
         self.quick = self.slow = math.nan
         self._t_s = 0.0
 
@@ -92,7 +103,7 @@ class TwoMeans:
         else:
             dt_s = max(t_s - self._t_s, 0.0)
             self.quick += (value - self.quick) * -math.expm1(-dt_s / self._quick_s)
-            self.slow += (value - self.slow) * -math.expm1(-dt_s / self._slow_s)
+            self.slow += (value - self.slow) * -math.expm1(-dt_s / self.slow_s)
         self._t_s = t_s
 
     def forget(self) -> None:
@@ -192,6 +203,7 @@ class ShearTrack:
     Args:
         quick_s: See :class:`TwoMeans`.
         slow_s: Likewise.
+        slide_s: Both, of the slide.
 
     Attributes:
         x: Pull to the right, millimetres.
@@ -199,15 +211,28 @@ class ShearTrack:
         incipient: Share that has slid.
         slip: Speed of that, millimetres a second.
         sure: How well the grain is found again.
+        slide_x: Speed of the object over the gel to the right where it was seen, millimetres a second.
+        slide_y: And down.
+        slid_s: When it was seen last; minus infinity before.
     """
 
-    def __init__(self, quick_s: float, slow_s: float) -> None:
+    def __init__(self, quick_s: float, slow_s: float, slide_s: tuple[float, float]) -> None:
         self.x, self.y, self.incipient, self.slip, self.sure = (TwoMeans(quick_s, slow_s) for _ in range(5))
+        self.slide_x, self.slide_y = TwoMeans(*slide_s), TwoMeans(*slide_s)
+        self.slid_s = -math.inf
 
     def add(self, t_s: float, shear: ShearFrame) -> None:
         """Take in a frame."""
-        for course, value in zip((self.x, self.y, self.incipient, self.slip, self.sure), shear, strict=True):
+        courses = (self.x, self.y, self.incipient, self.slip, self.sure)
+        for course, value in zip(courses, shear[: len(courses)], strict=True):
             course.add(t_s, value)
+        if shear.slide_sure > 0:
+            if t_s - self.slid_s > self.slide_x.slow_s:
+                self.slide_x.forget()
+                self.slide_y.forget()
+            self.slide_x.add(t_s, shear.slide_x_mm_s)
+            self.slide_y.add(t_s, shear.slide_y_mm_s)
+            self.slid_s = t_s
 
     @property
     def moved_mm(self) -> float:

@@ -40,6 +40,7 @@ from tega_figures.slip_score import (
     score_row,
     slid_mm,
     true_shear,
+    without_slide,
 )
 
 if TYPE_CHECKING:
@@ -51,6 +52,8 @@ __all__ = ["JudgedTrial", "KeptTrial", "compare", "judge", "main", "run"]
 
 KINDS = ("lift_off", "slip", "deformation")
 WAYS = ("record", "live", "live, touch only")
+_NO_SLIDE = "live, touch only, without the slide"
+_SPEEDS_MM_S = (5, 6, 8)
 _PLACING = frozenset({"place", "release", "done"})
 _HOLDS_LEVEL = 1.5
 
@@ -218,7 +221,12 @@ def narrowing(trials: Sequence[KeptTrial]) -> Iterable[str]:
 
 
 def _plans(
-    seeds: Iterable[int], conditions: Sequence[str], stiffness: float, friction: float, shear: str = "off"
+    seeds: Iterable[int],
+    conditions: Sequence[str],
+    stiffness: float,
+    friction: float,
+    shear: str = "off",
+    relief: float = 0.0,
 ) -> list[TrialPlan]:
     from tega.sim.world import OBJECTS
 
@@ -231,6 +239,7 @@ def _plans(
                 "stiffness_n_m": OBJECTS[name].stiffness_n_m * stiffness,
                 "friction": OBJECTS[name].friction * friction,
                 "shear": shear,
+                "spec": OBJECTS[name].with_(relief_counts=relief) if relief else None,
                 "settings": () if shear == "off" else ("stages.metric.name=shear",),
             }
         )
@@ -290,18 +299,22 @@ def told(trials: Sequence[JudgedTrial], way: str) -> list[SlipsTold]:
     ]
 
 
-def _fitted(kept: Sequence[KeptTrial], *, products: int, truth: bool) -> Iterable[str]:
-    """Fit the rules of fingertips and of hand on trials, and say how they do with a quarter of the people left out."""
+def _fitted(kept: Sequence[KeptTrial], *, products: int, truth: bool, relief: bool) -> Iterable[str]:
+    """Fit the rules of fingertips and of hand on trials, and say how they do with a quarter of the people left out.
+
+    Objects with a relief: the rule of the slide, on what is seen of one, and no other.
+    """
     shown = [true_shear(one) for one in kept] if truth else kept
     rows = [HEAD]
-    for name, hand in (("touch", False), *(() if truth else (("hand", True),))):
-        seen = [looks_of(one, hand=hand) for one in shown]
+    for name in ("slide",) if relief else ("touch",) if truth else ("touch", "hand"):
+        hand = name == "hand"
+        seen = [looks_of(one, hand=hand, slide=relief) for one in shown]
         rule = fit(seen, products=products)
         yield f"{name}: {rule}"
         ways = {f"{name}, left out": left_out(seen, products=products)[1]}
         ways[f"{name}, **in-sample**"] = [told_of(rule, one) for one in seen]
         if not hand:
-            for mm_s in (5, 6, 8):
+            for mm_s in _SPEEDS_MM_S:
                 ways[f"true speed, {mm_s} mm/s"] = [by_speed(one, mm_s / 1e3) for one in kept]
         for what, found in ways.items():
             judged = [
@@ -311,15 +324,27 @@ def _fitted(kept: Sequence[KeptTrial], *, products: int, truth: bool) -> Iterabl
     yield from rows
 
 
-def _keep(file: Path, plans: Iterable[TrialPlan]) -> None:
-    """Add to a file the slips that are told in trials which it does not hold yet."""
+def _keep(file: Path, plans: Iterable[TrialPlan], *, beside: bool) -> None:
+    """Add to a file the slips that are told in trials which it does not hold yet.
+
+    Args:
+        file: The file.
+        plans: The trials.
+        beside: Whether what fingertips tell that do not look at the slide, and what the true speed tells, stands beside.
+    """
     kept = read_scored(file) if file.exists() else []
     known = {(one.ways[WAYS[0]].person, one.object, one.shear) for one in kept}
     with file.open("ab") as out:
         for plan in plans:
             if (plan.seed, plan.object, plan.shear) not in known:
-                judged = _judged(plan)
-                ways = {way: told([judged], way)[0] for way in WAYS}
+                trial = run(plan)
+                found = judge(trial).found
+                if beside:
+                    found[_NO_SLIDE, "slip"] = judge(without_slide(trial)).found[WAYS[2], "slip"]
+                    for mm_s in _SPEEDS_MM_S:
+                        found[f"true speed, {mm_s} mm/s", "slip"] = by_speed(trial, mm_s / 1e3)
+                judged = JudgedTrial(trial.result, found, trial.speed)
+                ways = {way: told([judged], way)[0] for way, kind in found if kind == "slip"}
                 out.write(msgspec.json.encode(ScoredTrial(plan.object, plan.shear, ways)) + b"\n")
                 out.flush()
 
@@ -349,6 +374,13 @@ def main() -> None:
         choices=["off", "texture", "dots"],
         help="of the gels; the metric is shear then",
     )
+    parser.add_argument(
+        "--relief",
+        type=float,
+        default=0.0,
+        metavar="COUNTS",
+        help="contrast of the objects' relief; 0 is smooth. --fit fits the rule of the slide, --keep keeps more ways",
+    )
     parser.add_argument("--objects", default="", help="some of them, by name; all unless given")
     parser.add_argument(
         "--narrowing", action="store_true", help="how well the signals tell an object's narrowing"
@@ -373,19 +405,21 @@ def main() -> None:
     from joblib import Parallel, delayed
 
     if asked.fit is not None:
-        plans = _plans(asked.fit, ["haptic"], asked.stiffness, asked.friction, asked.shear)
+        plans = _plans(asked.fit, ["haptic"], asked.stiffness, asked.friction, asked.shear, asked.relief)
         kept: list[KeptTrial] = Parallel(n_jobs=asked.jobs)(delayed(run)(plan) for plan in plans)
-        for line in _fitted(kept, products=asked.products, truth=asked.truth):
+        relief = bool(asked.relief)
+        for line in _fitted(kept, products=asked.products, truth=asked.truth, relief=relief):
             sys.stdout.write(line + "\n")
         return
-    plans = _plans(asked.seeds, asked.conditions.split(","), asked.stiffness, asked.friction, asked.shear)
+    conditions = asked.conditions.split(",")
+    plans = _plans(asked.seeds, conditions, asked.stiffness, asked.friction, asked.shear, asked.relief)
     plans = [plan for plan in plans if not asked.objects or plan.object in asked.objects.split(",")]
     if asked.narrowing:
         trials: list[KeptTrial] = Parallel(n_jobs=asked.jobs)(delayed(run)(plan) for plan in plans)
         sys.stdout.writelines(line + "\n" for line in narrowing(trials))
         return
     if asked.keep is not None:
-        _keep(asked.keep, plans)
+        _keep(asked.keep, plans, beside=bool(asked.relief))
         return
     judged: list[JudgedTrial] = Parallel(n_jobs=asked.jobs)(delayed(_judged)(plan) for plan in plans)
     for line in _table(judged):

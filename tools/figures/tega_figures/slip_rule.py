@@ -15,7 +15,14 @@ import numpy as np
 
 from tega.detect import DetectedEvent, Detector
 from tega.detect.detector import Rise
-from tega.detect.settings import FEATURES, HAND_FEATURES, SETTINGS, SHEAR_FEATURES, Rule
+from tega.detect.settings import (
+    FEATURES,
+    HAND_FEATURES,
+    SETTINGS,
+    SHEAR_FEATURES,
+    SLIDE_FEATURES,
+    Rule,
+)
 from tega.study.detecting import events_of
 from tega.study.score import match_events
 
@@ -72,11 +79,12 @@ class SlipTrial(NamedTuple):
     person: int
 
 
-def looks_of(kept: KeptTrial, *, hand: bool) -> SlipTrial:
-    """Return what the slip's rule sees in a trial, with hand and arm or by the fingertips alone."""
+def looks_of(kept: KeptTrial, *, hand: bool, slide: bool = False) -> SlipTrial:
+    """Return what the slip's rule sees in a trial: with hand and arm, by the fingertips alone, or where they see a slide."""
     looks = _Looks()
     events_of(kept.touch, kept.hand if hand else [], detector=looks, shear=kept.shear)
-    width = len(HAND_FEATURES if hand else SHEAR_FEATURES if kept.shear else FEATURES)
+    alone = SLIDE_FEATURES if slide else SHEAR_FEATURES if kept.shear else FEATURES
+    width = len(HAND_FEATURES if hand else alone)
     rows = [row for row in looks.seen if len(row[1]) == width]
     t_s = np.array([row[0] for row in rows])
     slips, near = np.zeros(len(rows)), np.zeros(len(rows), dtype=bool)

@@ -26,7 +26,8 @@ pub(super) struct Grain {
     width: usize,
     /// Pixels from one to its neighbours in S.
     step: usize,
-    grey: Vec<i16>,
+    /// Quarters of a count; known a little farther around the part.
+    pub grey: Vec<i16>,
     once: Vec<i16>,
     pub twice: Vec<i16>,
     gathered: Vec<u8>,

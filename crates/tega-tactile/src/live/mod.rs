@@ -22,6 +22,7 @@ mod noise;
 mod peak;
 mod shape;
 mod shear;
+mod slide;
 mod still;
 mod thumbnail;
 mod tracker;
