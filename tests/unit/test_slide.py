@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tega.detect import Detector, ShearFrame, TouchFrame
-from tega.detect.settings import SHEAR_FEATURES, SLIDE_FEATURES
+from tega.detect.settings import FEATURES, SHEAR_FEATURES, SLIDE_FEATURES
 from tega.errors import InvalidValueError
 from tega.sim.gel import Gel
 from tega.sim.world import OBJECTS
@@ -114,5 +114,5 @@ def test_the_detector_looks_at_a_slide_while_it_is_seen() -> None:
         seen = detector.features(t_s)
         if shear.slide_sure:
             assert len(seen) == len(SLIDE_FEATURES)
-            assert seen[len(SHEAR_FEATURES)] == pytest.approx(-np.log1p(8.0))
+            assert seen[len(FEATURES)] == pytest.approx(-np.log1p(8.0))
     assert len(seen) == len(SHEAR_FEATURES)

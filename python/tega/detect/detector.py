@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Literal, NamedTuple
 
-from tega.detect.settings import SETTINGS, DetectorSettings, Rule
+from tega.detect.settings import FEATURES, HAND_FEATURES, SETTINGS, DetectorSettings, Rule
 from tega.detect.tracks import FingerTrack, Low, ShearFrame, ShearTrack, TouchFrame, TwoMeans
 
 _THUMB = "thumb"
@@ -228,8 +228,14 @@ class Detector:
         if not self._shear:
             return touch
         slides = self._slides(t_s)
-        seen = _slide_features(slides, len(on)) if slides else ()
-        return (*touch, *self._shear_features(mass_change=touch[2]), *seen)
+        return (
+            *touch,
+            *(
+                _slide_features(slides, len(on))
+                if slides
+                else self._shear_features(mass_change=touch[2])
+            ),
+        )
 
     def _slides(self, t_s: float) -> dict[str, ShearTrack]:
         """Return the fingers in contact that see the object's slide."""
@@ -319,14 +325,19 @@ class Detector:
     def _slip(self, t_s: float) -> list[DetectedEvent]:
         self._remember(t_s)
         seen = self.features(t_s)
-        rule = self._rule(len(seen))
-        share = share_of(rule, seen) if self._settled(t_s) and self.may_slip else 0.0
-        found = self._rises[rule].add(t_s, share, void=not self.may_slip)
-        # Two rules tell one slip once.
-        if found is None or t_s - self._slip_s < self._s.rest_s:
-            return []
-        self._slip_s = t_s
-        return [found]
+        asked = [(self._rule(len(seen)), seen, self.may_slip)]
+        if len(seen) == len(HAND_FEATURES) and (slides := self._slides(t_s)):
+            lowered = self._height.change < -self._s.lowered_m
+            sliding = (*seen[: len(FEATURES)], *_slide_features(slides, int(seen[0])))
+            asked.append((self._s.slide, sliding, self.may_slip and not lowered))
+        for rule, what, may in asked:
+            share = share_of(rule, what) if self._settled(t_s) and may else 0.0
+            found = self._rises[rule].add(t_s, share, void=not may)
+            # Two rules tell one slip once.
+            if found is not None and t_s - self._slip_s >= self._s.rest_s:
+                self._slip_s = t_s
+                return [found]
+        return []
 
     def _lift(self, t_s: float, height_m: float) -> list[DetectedEvent]:
         self._floor_m = min(self._floor_m, height_m)

@@ -80,7 +80,7 @@ contact whose grain is found again:
 
 
 SLIDE_FEATURES: Final = (
-    *SHEAR_FEATURES,
+    *FEATURES,
     "across",
     "across_before",
     "across_thumb",
@@ -89,7 +89,7 @@ SLIDE_FEATURES: Final = (
     "fastest",
     "seen",
 )
-"""What a slip is seen by where an object shows a relief that slides over the fingertips; those of :data:`SHEAR_FEATURES` and,
+"""What a slip is seen by where an object shows a relief that slides over the fingertips; those of :data:`FEATURES` and,
 over the fingers in contact that see it:
 
 - its speed to the right in the picture, where an upright object in the hand slides down (sign times log of 1 + millimetres
@@ -143,6 +143,7 @@ class DetectorSettings(NamedTuple):
         rest_s: Two slips closer than this are one (the definition that raters are given).
         lift_m: Height gained in a grasp that counts as lift-off: the object then hangs in the hand.
         down_m: So close over the height of the grasp it is being put down, and slips are not counted.
+        lowered_m: A hand that has come down by more than this over 0.35 s puts down what it holds, which may slide then.
         squeeze_levels: Closure gained since first contact that counts as a deformation: rigid objects stop the hand
             before 1.1; a soft one gives on, and the simulation's bag is harmed at 1.4.
         squeeze_sd: How sure that is, levels.
@@ -150,7 +151,8 @@ class DetectorSettings(NamedTuple):
         look_ahead_s: How far the detector looks ahead in a record.
         touch: The slip by fingertips alone.
         shear: The slip by fingertips alone where shear is read.
-        slide: The slip by fingertips alone where an object's relief is seen to rest or to slide.
+        slide: The slip by fingertips alone where an object's relief is seen to rest or to slide; asked beside the rule by
+            hand, too, unless the hand comes down.
         hand: The slip where closure and height are measured as well. Rules look at products of two features, too.
     """
 
@@ -173,6 +175,7 @@ class DetectorSettings(NamedTuple):
     rest_s: float = 0.5
     lift_m: float = 0.005
     down_m: float = 0.015
+    lowered_m: float = 0.003
     squeeze_levels: float = 1.4
     squeeze_sd: float = 0.05
     eased: float = 0.8
@@ -252,7 +255,32 @@ class DetectorSettings(NamedTuple):
             (1, 1, 0.2214),  # mass, mass
         ),
     )
-    slide: Rule = Rule(-9.0, (0.0,) * 28, 0.5, 0.0)
+    slide: Rule = Rule(
+        -13.1197,
+        (
+            0.7166,  # fingers
+            0.5413,  # mass
+            -4.0227,  # mass_change
+            0.8429,  # mass_trend
+            0.5486,  # flow
+            -0.0573,  # flow_trend
+            -0.0242,  # mean_flow
+            0.2113,  # peak
+            -1.9852,  # peak_change
+            -0.369,  # edge_change
+            -1.2286,  # lost
+            -1.7476,  # gained
+            2.9334,  # across
+            -0.4578,  # across_before
+            1.2914,  # across_thumb
+            0.4508,  # along
+            0.3751,  # along_thumb
+            0.4103,  # fastest
+            1.5605,  # seen
+        ),
+        0.5,
+        0.0,
+    )
     hand: Rule = Rule(
         30.2489,
         (

@@ -309,6 +309,7 @@ def _fitted(kept: Sequence[KeptTrial], *, products: int, truth: bool, relief: bo
     for name in ("slide",) if relief else ("touch",) if truth else ("touch", "hand"):
         hand = name == "hand"
         seen = [looks_of(one, hand=hand, slide=relief) for one in shown]
+        products = 0 if relief else products
         rule = fit(seen, products=products)
         yield f"{name}: {rule}"
         ways = {f"{name}, left out": left_out(seen, products=products)[1]}

@@ -42,6 +42,8 @@ N_PRODUCTS = 12
 _ONSET_S = 0.5
 _ENTER = (0.05, 0.075, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.7)
 _LEAST_S = (0.05, 0.1, 0.15, 0.2)
+_SLIDE_S = (-0.1, 0.2)
+_SLIDE_LEAST_S = (0.0, 0.025, 0.05)
 
 
 class _Looks(Detector):
@@ -64,10 +66,12 @@ class SlipTrial(NamedTuple):
         t_s: Times of the looks, seconds; shape ``(n,)``.
         features: What is seen, shape ``(n, features)``.
         asked: Whether the rule is asked, shape ``(n,)``.
-        slips: 1 in the first half second of a slip, shape ``(n,)``.
+        slips: 1 in the first half second of a slip; of a slide that is seen, from 0.1 s before to 0.2 s into it, so that it
+            is told early. Shape ``(n,)``.
         used: Which looks are fitted: later ones of a slip are not. Shape ``(n,)``.
         truth_s: When slips began, seconds.
         person: Who.
+        least_s: For how long a rule's share may have to last, seconds.
     """
 
     t_s: NDArray[np.float64]
@@ -77,6 +81,7 @@ class SlipTrial(NamedTuple):
     used: NDArray[np.bool_]
     truth_s: tuple[float, ...]
     person: int
+    least_s: tuple[float, ...] = _LEAST_S
 
 
 def looks_of(kept: KeptTrial, *, hand: bool, slide: bool = False) -> SlipTrial:
@@ -90,8 +95,9 @@ def looks_of(kept: KeptTrial, *, hand: bool, slide: bool = False) -> SlipTrial:
     slips, near = np.zeros(len(rows)), np.zeros(len(rows), dtype=bool)
     for begin, end in kept.slipping:
         near |= (t_s >= begin - 0.1) & (t_s <= end + 0.3)
-        slips[(t_s >= begin) & (t_s <= min(end, begin + _ONSET_S))] = 1
-    asked = np.array([row[2] for row in rows])
+        before_s, after_s = _SLIDE_S if slide else (0.0, _ONSET_S)
+        slips[(t_s >= begin + before_s) & (t_s <= min(end, begin + after_s))] = 1
+    asked = np.array([row[2] for row in rows], dtype=bool)
     return SlipTrial(
         t_s,
         np.array([row[1] for row in rows]).reshape(-1, width),
@@ -100,6 +106,7 @@ def looks_of(kept: KeptTrial, *, hand: bool, slide: bool = False) -> SlipTrial:
         asked & (~near | (slips > 0)),
         tuple(begin for begin, _end in kept.slipping),
         kept.result.seed,
+        _SLIDE_LEAST_S if slide else _LEAST_S,
     )
 
 
@@ -137,8 +144,7 @@ def left_out(
         for n, one in enumerate(trials):
             if one.person in out:
                 shares[n] = _shares(rule, one)
-    tried = [rule._replace(enter=enter, least_s=least_s) for enter in _ENTER for least_s in _LEAST_S]
-    best = max(tried, key=lambda one: _f1(trials, shares, one))
+    best = max(_tried(rule, trials), key=lambda one: _f1(trials, shares, one))
     return best, [_told(one, share, best) for one, share in zip(trials, shares, strict=True)]
 
 
@@ -207,11 +213,14 @@ def _shares(rule: Rule, one: SlipTrial) -> NDArray[np.float64]:
 
 
 def _with_threshold(rule: Rule, trials: Sequence[SlipTrial], shares: Sequence[NDArray[np.float64]]) -> Rule:
-    tried = [rule._replace(enter=enter, least_s=least_s) for enter in _ENTER for least_s in _LEAST_S]
-    best = max(tried, key=lambda one: _f1(trials, shares, one))
+    best = max(_tried(rule, trials), key=lambda one: _f1(trials, shares, one))
     # The share is of looks; shifted so that an event that is just one has a confidence of a half.
     shift = math.log(best.enter / (1 - best.enter))
     return best._replace(bias=round(best.bias - shift, 4), enter=0.5)
+
+
+def _tried(rule: Rule, trials: Sequence[SlipTrial]) -> list[Rule]:
+    return [rule._replace(enter=enter, least_s=least_s) for enter in _ENTER for least_s in trials[0].least_s]
 
 
 def _told(one: SlipTrial, share: NDArray[np.float64], rule: Rule) -> list[float]:
