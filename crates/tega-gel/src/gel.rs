@@ -107,7 +107,8 @@ impl Gel {
             epoch: None,
             touches: false,
             lags: false,
-            sheared: (surface != Surface::Plain).then(|| (Pattern::new(seed, surface), ShearField::new(), Imprint::new())),
+            sheared: (surface != Surface::Plain)
+                .then(|| (Pattern::new(seed, surface), ShearField::new(), Imprint::new())),
         })
     }
 

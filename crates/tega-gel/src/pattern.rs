@@ -102,12 +102,7 @@ impl Pattern {
     /// Adds the pattern to the picture of a plain gel, moved as the gel is. A frame has its own rounding; without a number all
     /// is rounded to the nearest.
     #[inline(always)]
-    pub(crate) fn add(
-        &mut self,
-        shear: Option<(&ShearField, &Imprint)>,
-        index: Option<u64>,
-        out: &mut [u8],
-    ) {
+    pub(crate) fn add(&mut self, shear: Option<(&ShearField, &Imprint)>, index: Option<u64>, out: &mut [u8]) {
         let [rows, cols] = shear.map_or([[0; 2]; 2], |(shear, imprint)| self.settle(shear, imprint.area()));
         let half = [HALF; LINE];
         for (y, (out, still)) in out.chunks_exact_mut(LINE).zip(self.still.chunks_exact(LINE)).enumerate() {
@@ -119,7 +114,13 @@ impl Pattern {
             plain(&still[..from], &dither[..from], &mut out[..from]);
             plain(&still[to..], &dither[to..], &mut out[to..]);
             if from < to {
-                self.warp(y, cols, shear.map(|(_, imprint)| imprint).filter(|imprint| imprint.shows()), &dither[from..to], &mut out[from..to]);
+                self.warp(
+                    y,
+                    cols,
+                    shear.map(|(_, imprint)| imprint).filter(|imprint| imprint.shows()),
+                    &dither[from..to],
+                    &mut out[from..to],
+                );
             }
         }
     }

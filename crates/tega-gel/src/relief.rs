@@ -189,8 +189,7 @@ impl Wrapped {
 
     fn at(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let (x, y) = (x - self.middle[0], y - self.middle[1]);
-        let (aside, along) =
-            (x * self.across[0] + y * self.across[1], x * self.along[0] + y * self.along[1]);
+        let (aside, along) = (x * self.across[0] + y * self.across[1], x * self.along[0] + y * self.along[1]);
         let aside = match self.round {
             Some((radius, turned)) => radius * (turned + (aside / radius).clamp(-1.0, 1.0).asin()),
             None => aside,
@@ -213,7 +212,8 @@ fn drawn() -> &'static [i16] {
                         let (x, y) = (k % SIDE, k / SIDE);
                         let at = |n: usize| {
                             // So many steps on, less two, around the border.
-                            let (x, y) = if step == 1 { (x + SIDE + n - 2, y) } else { (x, y + SIDE + n - 2) };
+                            let (x, y) =
+                                if step == 1 { (x + SIDE + n - 2, y) } else { (x, y + SIDE + n - 2) };
                             before[y % SIDE * SIDE + x % SIDE]
                         };
                         *out = ((at(0) + at(4)) + 4.0 * (at(1) + at(3)) + 6.0 * at(2)) / 16.0;
@@ -257,8 +257,7 @@ mod tests {
         // Axis along the pad's y; its own x to the right, its own y is then the pad's -z.
         let bar = |x: f64, y: f64, angle: f64| {
             let (sin, cos) = angle.sin_cos();
-            let pose_mm =
-                [[cos, -sin, 0.0, x], [0.0, 0.0, 1.0, y], [-sin, -cos, 0.0, 30.0]];
+            let pose_mm = [[cos, -sin, 0.0, x], [0.0, 0.0, 1.0, y], [-sin, -cos, 0.0, 30.0]];
             Indenter { shape: Shape::Cylinder { radius: 30.0, half_length: 50.0 }, pose_mm, force_n: 1.0 }
         };
         let at = |of: &Indenter, x: f64| Wrapped::new(of).at([x, 0.0]);

@@ -5,7 +5,8 @@ use numpy::{IntoPyArray, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, P
 use pyo3::prelude::*;
 use tega_error::choice;
 use tega_gel::{
-    CELLS, Form, HEIGHT, Indenter, PICTURE, Pad, Pull, Relief, SHEAR_CELLS, SUM_CELLS, Setup, Shape, Surface, WIDTH,
+    CELLS, Form, HEIGHT, Indenter, PICTURE, Pad, Pull, Relief, SHEAR_CELLS, SUM_CELLS, Setup, Shape, Surface,
+    WIDTH,
 };
 
 use crate::errors::{BindError, InvalidValueError, ShapeError};

@@ -312,9 +312,9 @@ impl SlideReader {
         } else if far < n {
             self.mean.copy_within(far.., 0);
         }
-        for k in 0..2 {
-            self.way[k] += by[k];
-            self.off[k] -= by[k] as f32;
+        for (k, by) in by.into_iter().enumerate() {
+            self.way[k] += by;
+            self.off[k] -= by as f32;
         }
     }
 }
@@ -355,7 +355,8 @@ fn contrast_plain(
     for k in 0..out.len() {
         let around = (i32::from(up[k]) + i32::from(down[k])) + (i32::from(left[k]) + i32::from(right[k]));
         let across = |own: &[i16]| i32::from(own[k]) * (PARTS - fx) + i32::from(own[k + 1]) * fx;
-        let own = (across(upper) * (PARTS - fy) + across(lower) * fy + PARTS * PARTS / 2) >> (2 * PARTS.ilog2());
+        let own =
+            (across(upper) * (PARTS - fy) + across(lower) * fy + PARTS * PARTS / 2) >> (2 * PARTS.ilog2());
         let found = i32::from(here[k]) - (around >> 2) - own;
         out[k] = found.clamp(-MOST, MOST) as i16;
     }
