@@ -1,16 +1,17 @@
-"""Relief of objects on a simulated gel, and the slide that is read of it: bits, contrast, known speeds, nothing where nothing slides."""
+"""Relief of objects on a simulated gel, and the slide that is read of it: bits, contrast, known speeds."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from tega.detect import Detector, ShearFrame, TouchFrame
-from tega.detect.settings import FEATURES, SHEAR_FEATURES, SLIDE_FEATURES
+from tega.detect import ShearFrame, TouchFrame
+from tega.detect.settings import FEATURES
 from tega.errors import InvalidValueError
 from tega.sim.gel import Gel
 from tega.sim.world import OBJECTS
 from tega_figures.slide import Step, fine, slid, speeding, wall
+from tega_figures.slide_rule import SLIDE_FEATURES, SLIDE_RULE, SlideDetector
 
 COUNTS = 1.5  # some half of the contrast of a recorded printed disc
 AFTER_RISE = 30 + 6  # frames until a course of `speeding` slides evenly
@@ -88,7 +89,9 @@ def test_no_speed_is_told_of_a_smooth_object() -> None:
         assert not course.speed_mm_s.any()
 
 
-@pytest.mark.parametrize(("counts", "length_mm"), [(-1.0, 0.6), (21.0, 0.6), (1.0, 0.05), (1.0, float("nan"))])
+@pytest.mark.parametrize(
+    ("counts", "length_mm"), [(-1.0, 0.6), (21.0, 0.6), (1.0, 0.05), (1.0, float("nan"))]
+)
 def test_a_relief_that_is_none_is_refused(counts: float, length_mm: float) -> None:
     one = wall(PRESSED, 0.0)._replace(relief_counts=counts, relief_mm=length_mm)
     with pytest.raises(InvalidValueError, match="relief"):
@@ -102,17 +105,30 @@ def test_an_object_may_have_a_relief_and_has_none_unless_it_is_given() -> None:
         OBJECTS["bottle"].with_(relief_counts=-1.0)
 
 
-def test_the_detector_looks_at_a_slide_while_it_is_seen() -> None:
-    detector = Detector()
+def test_what_a_contact_says_of_the_slide_goes_to_the_detector_with_its_direction() -> None:
+    values = {
+        "shear_mm": 0.0,
+        "shear_direction_rad": 0.0,
+        "incipient": 0.0,
+        "slip_mm_s": 0.0,
+        "shear_sure": 0.2,
+    }
+    told = ShearFrame.of(values | {"slide_mm_s": 5.0, "slide_direction_rad": np.pi / 2, "slide_sure": 0.7})
+    assert told is not None
+    assert told[-3:] == pytest.approx((0.0, 5.0, 0.7))
+
+
+def test_the_rule_of_the_slide_looks_at_one_while_it_is_seen_and_no_longer() -> None:
     smooth = ShearFrame(0.1, 0.0, 0.0, 0.0, 0.2)
     touch = TouchFrame(True, 500.0, 3e4, 40.0, 100.0, 100.0)
-    t_s = 0.0
-    for shear in [smooth] * 30 + [smooth._replace(slide_x_mm_s=-8.0, slide_sure=0.5)] * 6 + [smooth] * 12:
-        t_s += 1 / 60
-        detector.shear(t_s, "index", shear)
-        detector.touch(t_s, "index", touch)
-        seen = detector.features(t_s)
-        if shear.slide_sure:
-            assert len(seen) == len(SLIDE_FEATURES)
-            assert seen[len(FEATURES)] == pytest.approx(-np.log1p(8.0))
-    assert len(seen) == len(SHEAR_FEATURES)
+    detector, seen = SlideDetector(), []
+    for n, slides in enumerate([False] * 30 + [True] * 6 + [False] * 12):
+        shear = smooth._replace(slide_x_mm_s=-8.0, slide_sure=0.5) if slides else smooth
+        detector.shear(n / 60, "index", shear)
+        detector.touch(n / 60, "index", touch)
+        seen.append(detector.slide_features(n / 60))
+    assert seen[29] is None
+    assert seen[-1] is None
+    assert seen[35] is not None
+    assert len(seen[35]) == len(SLIDE_FEATURES) == len(SLIDE_RULE.weights)
+    assert seen[35][len(FEATURES)] == pytest.approx(-np.log1p(8.0))

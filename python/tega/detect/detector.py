@@ -7,13 +7,12 @@ next half second as well, which takes back what turns out to be a release and ra
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
-from tega.detect.settings import FEATURES, HAND_FEATURES, SETTINGS, DetectorSettings, Rule
+from tega.detect.settings import SETTINGS, DetectorSettings, Rule
 from tega.detect.tracks import FingerTrack, Low, ShearFrame, ShearTrack, TouchFrame, TwoMeans
 
-_THUMB = "thumb"
 _SHORT_MM, _FAINT = 0.05, 3.0
 """A pull that is no more than noise, millimetres, and a peak likewise, grey values."""
 
@@ -107,9 +106,8 @@ class Detector:
         self._squeezed_s: float | None = None
         self._rises = {
             rule: Rise("slip", rule, settings.rest_s, look_ahead_s)
-            for rule in (settings.touch, settings.shear, settings.slide, settings.hand)
+            for rule in (settings.touch, settings.shear, settings.hand)
         }
-        self._slip_s = -math.inf
 
     def touch(self, t_s: float, finger: str, touch: TouchFrame) -> list[DetectedEvent]:
         """Take in a frame of a fingertip, and return what it tells.
@@ -152,7 +150,7 @@ class Detector:
             shear: What it says; zeros without contact.
         """
         if finger not in self._shear:
-            self._shear[finger] = ShearTrack(*self._s.shear_s, self._s.slide_s)
+            self._shear[finger] = ShearTrack(*self._s.shear_s)
         self._shear[finger].add(t_s, shear)
 
     def hand(
@@ -189,8 +187,7 @@ class Detector:
     def features(self, t_s: float) -> tuple[float, ...]:
         """Return the features that a slip is seen by.
 
-        :data:`HAND_FEATURES` where they are measured, else :data:`SLIDE_FEATURES` where a slide is seen, else
-        :data:`SHEAR_FEATURES`, else :data:`FEATURES`.
+        :data:`HAND_FEATURES` where they are measured, else :data:`SHEAR_FEATURES`, else :data:`FEATURES`.
         """
         on = [(one, self._trend[finger]) for finger, one in self._quick.items() if one.touching]
         sums = [math.exp(one.mass.quick) for one, _ in on]
@@ -227,24 +224,7 @@ class Detector:
             )
         if not self._shear:
             return touch
-        slides = self._slides(t_s)
-        return (
-            *touch,
-            *(
-                _slide_features(slides, len(on))
-                if slides
-                else self._shear_features(mass_change=touch[2])
-            ),
-        )
-
-    def _slides(self, t_s: float) -> dict[str, ShearTrack]:
-        """Return the fingers in contact that see the object's slide."""
-        on = (finger for finger, one in self._quick.items() if one.touching and finger in self._shear)
-        return {
-            finger: self._shear[finger]
-            for finger in on
-            if t_s - self._shear[finger].slid_s <= self._s.seen_s
-        }
+        return (*touch, *self._shear_features(mass_change=touch[2]))
 
     def _shear_features(self, *, mass_change: float) -> tuple[float, ...]:
         pairs = [
@@ -276,10 +256,11 @@ class Detector:
         """Whether closure and height are measured."""
         return not (math.isnan(self._closure.quick) or math.isnan(self._height.quick))
 
-    def _rule(self, n_seen: int) -> Rule:
-        """Return the rule of a slip for what is measured: the one that looks at so many features."""
-        s = self._s
-        return next(rule for rule in (s.slide, s.shear, s.hand, s.touch) if len(rule.weights) == n_seen)
+    def _rule(self) -> Rule:
+        """Return the rule of a slip for what is measured."""
+        if self._level is not None and self._measured:
+            return self._s.hand
+        return self._s.shear if self._shear else self._s.touch
 
     @property
     def _holds(self) -> bool:
@@ -325,19 +306,10 @@ class Detector:
     def _slip(self, t_s: float) -> list[DetectedEvent]:
         self._remember(t_s)
         seen = self.features(t_s)
-        asked = [(self._rule(len(seen)), seen, self.may_slip)]
-        if len(seen) == len(HAND_FEATURES) and (slides := self._slides(t_s)):
-            lowered = self._height.change < -self._s.lowered_m
-            sliding = (*seen[: len(FEATURES)], *_slide_features(slides, int(seen[0])))
-            asked.append((self._s.slide, sliding, self.may_slip and not lowered))
-        for rule, what, may in asked:
-            share = share_of(rule, what) if self._settled(t_s) and may else 0.0
-            found = self._rises[rule].add(t_s, share, void=not may)
-            # Two rules tell one slip once.
-            if found is not None and t_s - self._slip_s >= self._s.rest_s:
-                self._slip_s = t_s
-                return [found]
-        return []
+        rule = self._rule()
+        share = share_of(rule, seen) if self._settled(t_s) and self.may_slip else 0.0
+        found = self._rises[rule].add(t_s, share, void=not self.may_slip)
+        return [] if found is None else [found]
 
     def _lift(self, t_s: float, height_m: float) -> list[DetectedEvent]:
         self._floor_m = min(self._floor_m, height_m)
@@ -376,24 +348,6 @@ def share_of(rule: Rule, seen: Sequence[float]) -> float:
     """Return the share that a rule gives to what is seen."""
     both = sum(w * seen[i] * seen[j] for i, j, w in rule.products)
     return _logistic(rule.bias + sum(w * x for w, x in zip(rule.weights, seen, strict=True)) + both)
-
-
-def _slide_features(slides: Mapping[str, ShearTrack], n_on: int) -> tuple[float, ...]:
-    fingers = [one for finger, one in slides.items() if finger != _THUMB]
-    n, thumb = max(len(fingers), 1), slides.get(_THUMB)
-    return (
-        _signed(sum(one.slide_x.quick for one in fingers) / n),
-        _signed(sum(one.slide_x.slow for one in fingers) / n),
-        0.0 if thumb is None else _signed(thumb.slide_x.quick),
-        _signed(sum(one.slide_y.quick for one in fingers) / n),
-        0.0 if thumb is None else _signed(thumb.slide_y.quick),
-        math.log1p(max(math.hypot(one.slide_x.quick, one.slide_y.quick) for one in slides.values())),
-        len(slides) / n_on,
-    )
-
-
-def _signed(speed_mm_s: float) -> float:
-    return math.copysign(math.log1p(abs(speed_mm_s)), speed_mm_s)
 
 
 def _logistic(x: float) -> float:

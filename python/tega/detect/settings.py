@@ -79,27 +79,6 @@ contact whose grain is found again:
 """
 
 
-SLIDE_FEATURES: Final = (
-    *FEATURES,
-    "across",
-    "across_before",
-    "across_thumb",
-    "along",
-    "along_thumb",
-    "fastest",
-    "seen",
-)
-"""What a slip is seen by where an object shows a relief that slides over the fingertips; those of :data:`FEATURES` and,
-over the fingers in contact that see it:
-
-- its speed to the right in the picture, where an upright object in the hand slides down (sign times log of 1 + millimetres
-  a second): the mean over the fingers but the thumb, that 0.15 s before, and the thumb's;
-- likewise down the picture, of the fingers and of the thumb;
-- the highest speed in any direction;
-- share of the fingers in contact that see it.
-"""
-
-
 class Rule(NamedTuple):
     """A logistic rule, and when it makes an event.
 
@@ -126,8 +105,6 @@ class DetectorSettings(NamedTuple):
         slow_s: Of the slow ones: a slip of 5 mm/s moves a contact by a few pixels in that time.
         trend_s: Time constants of the pair that sees slow changes.
         shear_s: And of the pair that sees changes of shear, which are quick.
-        slide_s: And of the speed of the object's slide over the gel, which is the quickest sign.
-        seen_s: What was seen of it is remembered for so long: a frame or two in which it is not found is no end of it.
         least_sure: Fingers whose grain is found again with less than this correlation are not asked for their shear: a
             texture of a recorded DIGIT's strength is found with 0.15 to 0.3, a lost one with 0.03.
         step_s: Between two looks at the slip; frames come at 60 Hz, or 30 Hz in a study's tables.
@@ -143,7 +120,6 @@ class DetectorSettings(NamedTuple):
         rest_s: Two slips closer than this are one (the definition that raters are given).
         lift_m: Height gained in a grasp that counts as lift-off: the object then hangs in the hand.
         down_m: So close over the height of the grasp it is being put down, and slips are not counted.
-        lowered_m: A hand that has come down by more than this over 0.35 s puts down what it holds, which may slide then.
         squeeze_levels: Closure gained since first contact that counts as a deformation: rigid objects stop the hand
             before 1.1; a soft one gives on, and the simulation's bag is harmed at 1.4.
         squeeze_sd: How sure that is, levels.
@@ -151,17 +127,13 @@ class DetectorSettings(NamedTuple):
         look_ahead_s: How far the detector looks ahead in a record.
         touch: The slip by fingertips alone.
         shear: The slip by fingertips alone where shear is read.
-        slide: The slip by fingertips alone where an object's relief is seen to rest or to slide; asked beside the rule by
-            hand, too, unless the hand comes down.
-        hand: The slip where closure and height are measured as well. Rules look at products of two features, too.
+        hand: The slip where closure and height are measured as well. All three look at products of two features, too.
     """
 
     quick_s: float = 0.08
     slow_s: float = 0.35
     trend_s: tuple[float, float] = (0.2, 1.0)
     shear_s: tuple[float, float] = (0.04, 0.2)
-    slide_s: tuple[float, float] = (0.025, 0.15)
-    seen_s: float = 0.06
     least_sure: float = 0.08
     step_s: float = 0.025
     touch_s: float = 0.05
@@ -175,7 +147,6 @@ class DetectorSettings(NamedTuple):
     rest_s: float = 0.5
     lift_m: float = 0.005
     down_m: float = 0.015
-    lowered_m: float = 0.003
     squeeze_levels: float = 1.4
     squeeze_sd: float = 0.05
     eased: float = 0.8
@@ -254,32 +225,6 @@ class DetectorSettings(NamedTuple):
             (3, 14, 3.9395),  # mass_trend, slid
             (1, 1, 0.2214),  # mass, mass
         ),
-    )
-    slide: Rule = Rule(
-        -13.1197,
-        (
-            0.7166,  # fingers
-            0.5413,  # mass
-            -4.0227,  # mass_change
-            0.8429,  # mass_trend
-            0.5486,  # flow
-            -0.0573,  # flow_trend
-            -0.0242,  # mean_flow
-            0.2113,  # peak
-            -1.9852,  # peak_change
-            -0.369,  # edge_change
-            -1.2286,  # lost
-            -1.7476,  # gained
-            2.9334,  # across
-            -0.4578,  # across_before
-            1.2914,  # across_thumb
-            0.4508,  # along
-            0.3751,  # along_thumb
-            0.4103,  # fastest
-            1.5605,  # seen
-        ),
-        0.5,
-        0.0,
     )
     hand: Rule = Rule(
         30.2489,

@@ -86,13 +86,12 @@ class TwoMeans:
         slow_s: Of the slow one.
 
     Attributes:
-        slow_s: Time constant of the slow one, seconds.
         quick: The quick mean; NaN before the first value.
         slow: The slow one.
     """
 
     def __init__(self, quick_s: float, slow_s: float) -> None:
-        self._quick_s, self.slow_s = quick_s, slow_s
+        self._quick_s, self._slow_s = quick_s, slow_s
         self.quick = self.slow = math.nan
         self._t_s = 0.0
 
@@ -103,7 +102,7 @@ class TwoMeans:
         else:
             dt_s = max(t_s - self._t_s, 0.0)
             self.quick += (value - self.quick) * -math.expm1(-dt_s / self._quick_s)
-            self.slow += (value - self.slow) * -math.expm1(-dt_s / self.slow_s)
+            self.slow += (value - self.slow) * -math.expm1(-dt_s / self._slow_s)
         self._t_s = t_s
 
     def forget(self) -> None:
@@ -203,7 +202,6 @@ class ShearTrack:
     Args:
         quick_s: See :class:`TwoMeans`.
         slow_s: Likewise.
-        slide_s: Both, of the slide.
 
     Attributes:
         x: Pull to the right, millimetres.
@@ -211,28 +209,16 @@ class ShearTrack:
         incipient: Share that has slid.
         slip: Speed of that, millimetres a second.
         sure: How well the grain is found again.
-        slide_x: Speed of the object over the gel to the right where it was seen, millimetres a second.
-        slide_y: And down.
-        slid_s: When it was seen last; minus infinity before.
     """
 
-    def __init__(self, quick_s: float, slow_s: float, slide_s: tuple[float, float]) -> None:
+    def __init__(self, quick_s: float, slow_s: float) -> None:
         self.x, self.y, self.incipient, self.slip, self.sure = (TwoMeans(quick_s, slow_s) for _ in range(5))
-        self.slide_x, self.slide_y = TwoMeans(*slide_s), TwoMeans(*slide_s)
-        self.slid_s = -math.inf
 
     def add(self, t_s: float, shear: ShearFrame) -> None:
         """Take in a frame."""
         courses = (self.x, self.y, self.incipient, self.slip, self.sure)
         for course, value in zip(courses, shear[: len(courses)], strict=True):
             course.add(t_s, value)
-        if shear.slide_sure > 0:
-            if t_s - self.slid_s > self.slide_x.slow_s:
-                self.slide_x.forget()
-                self.slide_y.forget()
-            self.slide_x.add(t_s, shear.slide_x_mm_s)
-            self.slide_y.add(t_s, shear.slide_y_mm_s)
-            self.slid_s = t_s
 
     @property
     def moved_mm(self) -> float:

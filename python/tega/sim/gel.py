@@ -134,7 +134,9 @@ class Gel:
         if out is None:
             out = np.empty((HEIGHT, WIDTH, 3), np.uint8)
         t_s = index / CAMERA_HZ if t_s is None else t_s
-        self._gel.frame(_poses(indenters), index, t_s=t_s, pull=_pull(indenters), relief=_relief(indenters), out=out)
+        self._gel.frame(
+            _poses(indenters), index, t_s=t_s, pull=_pull(indenters), relief=_relief(indenters), out=out
+        )
         return out
 
     def sums(
@@ -149,7 +151,9 @@ class Gel:
             int16 (3, 1200): blue, green and red, each 40 rows of 30 cells, one after the other.
         """
         t_s = index / CAMERA_HZ if t_s is None else t_s
-        return self._gel.sums(_poses(indenters), index, t_s=t_s, pull=_pull(indenters), relief=_relief(indenters))
+        return self._gel.sums(
+            _poses(indenters), index, t_s=t_s, pull=_pull(indenters), relief=_relief(indenters)
+        )
 
     def press(self, indenters: Sequence[Indenter], *, t_s: float | None = None) -> GelTruth:
         """Press shapes in without making a picture; :attr:`truth` and the arrays below are then of this press.

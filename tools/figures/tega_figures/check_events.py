@@ -23,13 +23,15 @@ from typing import TYPE_CHECKING, NamedTuple
 import msgspec
 import numpy as np
 
-from tega.detect import ShearFrame
+from tega.detect import Detector, ShearFrame
+from tega.detect.settings import SETTINGS
 from tega.sim.plan import TrialPlan, TrialResult
 from tega.sim.streams import Streams
 from tega.study.detecting import events_of
 from tega.study.hand_rows import HandRow
 from tega.study.score import Agreement, agreement
 from tega.study.touch_rows import TouchRow
+from tega_figures.slide_rule import SlideDetector
 from tega_figures.slip_rule import N_PRODUCTS, TOLERANCE_S, fit, left_out, looks_of, told_of
 from tega_figures.slip_score import (
     HEAD,
@@ -40,7 +42,6 @@ from tega_figures.slip_score import (
     score_row,
     slid_mm,
     true_shear,
-    without_slide,
 )
 
 if TYPE_CHECKING:
@@ -52,7 +53,6 @@ __all__ = ["JudgedTrial", "KeptTrial", "compare", "judge", "main", "run"]
 
 KINDS = ("lift_off", "slip", "deformation")
 WAYS = ("record", "live", "live, touch only")
-_NO_SLIDE = "live, touch only, without the slide"
 _SPEEDS_MM_S = (5, 6, 8)
 _PLACING = frozenset({"place", "release", "done"})
 _HOLDS_LEVEL = 1.5
@@ -158,14 +158,16 @@ class JudgedTrial(NamedTuple):
     speed: Sequence[tuple[float, float]] = ()
 
 
-def judge(kept: KeptTrial) -> JudgedTrial:
-    """Find a trial's events in each of :data:`WAYS`."""
+def judge(kept: KeptTrial, *, slide: bool = False) -> JudgedTrial:
+    """Find a trial's events in each of :data:`WAYS`, by the rules in use or by that of the slide as well."""
     times: dict[tuple[str, str], list[float]] = {}
     for way in WAYS:
         hand = [] if way == WAYS[2] else kept.hand
-        found = events_of(kept.touch, hand, live=way != WAYS[0], shear=kept.shear)
+        ahead_s = SETTINGS.look_ahead_s if way == WAYS[0] else 0.0
+        detector = SlideDetector(look_ahead_s=ahead_s) if slide else Detector(look_ahead_s=ahead_s)
+        found = events_of(kept.touch, hand, detector=detector, shear=kept.shear)
         for kind in KINDS:
-            times[way, kind] = [
+            times[f"{way}, slide" if slide else way, kind] = [
                 event.t_s if way == WAYS[0] else event.known_s for event in found if event.kind == kind
             ]
     return JudgedTrial(kept.result, times, kept.speed)
@@ -226,6 +228,7 @@ def _plans(
     stiffness: float,
     friction: float,
     shear: str = "off",
+    *,
     relief: float = 0.0,
 ) -> list[TrialPlan]:
     from tega.sim.world import OBJECTS
@@ -331,7 +334,7 @@ def _keep(file: Path, plans: Iterable[TrialPlan], *, beside: bool) -> None:
     Args:
         file: The file.
         plans: The trials.
-        beside: Whether what fingertips tell that do not look at the slide, and what the true speed tells, stands beside.
+        beside: Whether what is told by the slide as well, and by the true speed, stands beside.
     """
     kept = read_scored(file) if file.exists() else []
     known = {(one.ways[WAYS[0]].person, one.object, one.shear) for one in kept}
@@ -341,7 +344,7 @@ def _keep(file: Path, plans: Iterable[TrialPlan], *, beside: bool) -> None:
                 trial = run(plan)
                 found = judge(trial).found
                 if beside:
-                    found[_NO_SLIDE, "slip"] = judge(without_slide(trial)).found[WAYS[2], "slip"]
+                    found |= judge(trial, slide=True).found
                     for mm_s in _SPEEDS_MM_S:
                         found[f"true speed, {mm_s} mm/s", "slip"] = by_speed(trial, mm_s / 1e3)
                 judged = JudgedTrial(trial.result, found, trial.speed)
@@ -406,14 +409,16 @@ def main() -> None:
     from joblib import Parallel, delayed
 
     if asked.fit is not None:
-        plans = _plans(asked.fit, ["haptic"], asked.stiffness, asked.friction, asked.shear, asked.relief)
+        plans = _plans(
+            asked.fit, ["haptic"], asked.stiffness, asked.friction, asked.shear, relief=asked.relief
+        )
         kept: list[KeptTrial] = Parallel(n_jobs=asked.jobs)(delayed(run)(plan) for plan in plans)
         relief = bool(asked.relief)
         for line in _fitted(kept, products=asked.products, truth=asked.truth, relief=relief):
             sys.stdout.write(line + "\n")
         return
     conditions = asked.conditions.split(",")
-    plans = _plans(asked.seeds, conditions, asked.stiffness, asked.friction, asked.shear, asked.relief)
+    plans = _plans(asked.seeds, conditions, asked.stiffness, asked.friction, asked.shear, relief=asked.relief)
     plans = [plan for plan in plans if not asked.objects or plan.object in asked.objects.split(",")]
     if asked.narrowing:
         trials: list[KeptTrial] = Parallel(n_jobs=asked.jobs)(delayed(run)(plan) for plan in plans)

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 __all__ = ["RELIEF_COUNTS", "SlideCourse", "Step", "fine", "main", "slid", "speeding", "wall"]
 
 RELIEF_COUNTS: Final = 1.0
-"""Contrast of the objects' relief in the trials of ``check_events --relief``: two thirds of a recorded printed disc's."""
+"""Contrast of the relief that ``check_events --relief`` was run with: a third of a recorded printed disc's."""
 
 FRICTION: Final = 0.6
 RADIUS_MM: Final = 40.0
@@ -63,7 +63,9 @@ def wall(step: Step, counts: float, *, y_mm: float | None = None) -> Indenter:
     pose = (
         np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, step.way_mm], [0.0, -1.0, 0.0, RADIUS_MM]])
         if along
-        else np.array([[0.0, 0.0, 1.0, step.way_mm], [1.0, 0.0, 0.0, y_mm or 0.0], [0.0, 1.0, 0.0, RADIUS_MM]])
+        else np.array(
+            [[0.0, 0.0, 1.0, step.way_mm], [1.0, 0.0, 0.0, y_mm or 0.0], [0.0, 1.0, 0.0, RADIUS_MM]]
+        )
     )
     pull_n = step.share * FRICTION * step.load_n
     return Indenter(
@@ -116,7 +118,7 @@ def speeding(load_n: float, mm_s: float, *, frames: int = 24, share: float = 0.3
 
 
 def fine(image: NDArray[Any]) -> NDArray[np.float64]:
-    """Return the fine contrast that the slide's reading looks at, counts of grey: means of 2 x 2 pixels less their neighbours'."""
+    """Return fine contrast as the slide's reading sees it, counts of grey: 2 x 2 pixels less their neighbours."""
     grey: NDArray[np.float64] = image.astype(np.float64) @ np.array([0.114, 0.587, 0.299])
     half = (grey[::2, ::2] + grey[1::2, ::2] + grey[::2, 1::2] + grey[1::2, 1::2]) / 4
     out, s = np.zeros_like(half), _STEP
@@ -152,7 +154,10 @@ def _contrasts(folder: Path) -> Iterable[str]:
     inside = _disc(42.0, (128.0, 145.0))
     for k in (3, 4, 5, 8, 12, 20):
         force_n = abs(np.loadtxt(folder / f"digit_disc_force/forces/force_{files[k - _LAG].stem}.txt")).max()
-        one, two = _shared(pictures[k], pictures[k + 1], inside), _shared(pictures[k], pictures[k + 1], beside)
+        one, two = (
+            _shared(pictures[k], pictures[k + 1], inside),
+            _shared(pictures[k], pictures[k + 1], beside),
+        )
         yield (
             f"| recorded DIGIT: printed disc, {force_n:.1f} N | {files[k].stem} | {_root(one):.2f} | {_root(two):.2f} "
             f"| {_root(one - two):.2f} |"
@@ -166,7 +171,9 @@ def _contrasts(folder: Path) -> Iterable[str]:
             shown = [gel.frame([disc], n) for n in range(20)]
             inner = _disc(35.0, (119.5, 159.5))
             one = float(np.mean([_shared(a, b, inner) for a, b in zip(shown[::2], shown[1::2], strict=True)]))
-            two = float(np.mean([_shared(a, b, beside) for a, b in zip(shown[::2], shown[1::2], strict=True)]))
+            two = float(
+                np.mean([_shared(a, b, beside) for a, b in zip(shown[::2], shown[1::2], strict=True)])
+            )
             yield (
                 f"| simulated: disc, {'smooth' if name == 'off' else f'relief of {RELIEF_COUNTS:g}'}, {force_n} N "
                 f"| mean of 10 pairs | {_root(one):.2f} | {_root(two):.2f} | {_root(one - two):.2f} |"

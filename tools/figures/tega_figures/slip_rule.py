@@ -15,16 +15,10 @@ import numpy as np
 
 from tega.detect import DetectedEvent, Detector
 from tega.detect.detector import Rise
-from tega.detect.settings import (
-    FEATURES,
-    HAND_FEATURES,
-    SETTINGS,
-    SHEAR_FEATURES,
-    SLIDE_FEATURES,
-    Rule,
-)
+from tega.detect.settings import FEATURES, HAND_FEATURES, SETTINGS, SHEAR_FEATURES, Rule
 from tega.study.detecting import events_of
 from tega.study.score import match_events
+from tega_figures.slide_rule import SLIDE_FEATURES, SlideDetector
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -59,6 +53,19 @@ class _Looks(Detector):
         return []
 
 
+class _SlideLooks(SlideDetector):
+    """Keeps what the slide's rule is given where one is seen."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.seen: list[tuple[float, tuple[float, ...], bool]] = []
+
+    def _slip(self, t_s: float) -> list[DetectedEvent]:
+        if (slide := self.slide_features(t_s)) is not None:
+            self.seen.append((t_s, slide, self._settled(t_s) and self.may_slip))
+        return []
+
+
 class SlipTrial(NamedTuple):
     """A trial as the slip's rule sees it.
 
@@ -66,8 +73,8 @@ class SlipTrial(NamedTuple):
         t_s: Times of the looks, seconds; shape ``(n,)``.
         features: What is seen, shape ``(n, features)``.
         asked: Whether the rule is asked, shape ``(n,)``.
-        slips: 1 in the first half second of a slip; of a slide that is seen, from 0.1 s before to 0.2 s into it, so that it
-            is told early. Shape ``(n,)``.
+        slips: 1 in the first half second of a slip; of a slide that is seen, from 0.1 s before to 0.2 s into it, so
+            that it is told early. Shape ``(n,)``.
         used: Which looks are fitted: later ones of a slip are not. Shape ``(n,)``.
         truth_s: When slips began, seconds.
         person: Who.
@@ -85,8 +92,14 @@ class SlipTrial(NamedTuple):
 
 
 def looks_of(kept: KeptTrial, *, hand: bool, slide: bool = False) -> SlipTrial:
-    """Return what the slip's rule sees in a trial: with hand and arm, by the fingertips alone, or where they see a slide."""
-    looks = _Looks()
+    """Return what the slip's rule sees in a trial.
+
+    Args:
+        kept: The trial.
+        hand: Whether hand and arm are measured.
+        slide: Whether the rule is that of the slide, which sees something only where a relief is seen.
+    """
+    looks = _SlideLooks() if slide else _Looks()
     events_of(kept.touch, kept.hand if hand else [], detector=looks, shear=kept.shear)
     alone = SLIDE_FEATURES if slide else SHEAR_FEATURES if kept.shear else FEATURES
     width = len(HAND_FEATURES if hand else alone)

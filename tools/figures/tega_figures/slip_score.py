@@ -38,7 +38,6 @@ __all__ = [
     "score_row",
     "slid_mm",
     "true_shear",
-    "without_slide",
 ]
 
 DRAWS: Final = 1500
@@ -164,12 +163,6 @@ def true_shear(kept: KeptTrial) -> KeptTrial:
     """Return a trial whose fingertips are told their gels' true shear: mean pull, share that has slid, and no doubt."""
     shear = [(t_s, finger, ShearFrame(*true.mean_mm, true.slid, 0.0, 1.0)) for t_s, finger, true in kept.gels]
     return kept._replace(shear=shear)
-
-
-def without_slide(kept: KeptTrial) -> KeptTrial:
-    """Return a trial whose fingertips see no slide of the object."""
-    smooth = {"slide_x_mm_s": 0.0, "slide_y_mm_s": 0.0, "slide_sure": 0.0}
-    return kept._replace(shear=[(t_s, finger, one._replace(**smooth)) for t_s, finger, one in kept.shear])
 
 
 def by_speed(kept: KeptTrial, least_m_s: float) -> list[float]:
