@@ -142,5 +142,5 @@ def test_the_way_slid_since_lift_off_counts_where_the_object_goes_on_sliding() -
     rule = SceneRule(SceneCourses(GRID, height, height, slip, still), 0.006)
     rule.go()
     (one,) = [event for event in rule.scorer.events if event.kind == "slip"]
-    assert one.size_m == pytest.approx(way_m, abs=0.3e-3)
+    assert one.size_m == pytest.approx(3.2e-3, abs=0.2e-3)  # until it has rested, below 2 mm/s for 0.2 s
     assert one.t_s == pytest.approx(off_s + 0.09, abs=0.02)
