@@ -14,6 +14,7 @@ import numpy as np
 
 from tega.errors import InvalidValueError, RecordingError
 from tega.lifecycle import require
+from tega.opencv import load_cv2
 from tega.scene.settings import CRF, VideoFormat
 from tega.threads import restored
 
@@ -114,11 +115,10 @@ def shrunk(image: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
     """Return a picture, uint8 (H, W, 3), no wider than asked for: each pixel is the mean of those that it stands for.
 
     Raises:
-        MissingExtraError: PyAV is not installed.
+        MissingExtraError: OpenCV is not installed.
     """
     if image.shape[1] <= width:
         return image
-    av: Any = require("av", driver="scene", extra="lerobot")
+    cv2 = load_cv2("scene")
     height = max(1, round(image.shape[0] * width / image.shape[1]))
-    frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(image), format="bgr24")
-    return np.asarray(frame.reformat(width=width, height=height, interpolation="AREA").to_ndarray(), np.uint8)
+    return np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
