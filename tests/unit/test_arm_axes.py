@@ -70,7 +70,9 @@ def test_after_calibration_forward_is_forward(frame: Any) -> None:
 @pytest.mark.parametrize("frame", ["openxr", "base"])
 @pytest.mark.parametrize("mirror", [False, True])
 @pytest.mark.parametrize("degrees", [0, 90, 180, -90])
-def test_forward_goes_away_from_the_operator_however_the_base_stands(frame: Any, degrees: int, mirror: bool) -> None:
+def test_forward_goes_away_from_the_operator_however_the_base_stands(
+    frame: Any, degrees: int, mirror: bool
+) -> None:
     """The room's axes are the operator's: forward, left, up. The base is turned about the vertical in them."""
     base_yaw = math.radians(degrees) * 0.9999  # half a turn is the limit of the setting
     c, s = math.cos(base_yaw), math.sin(base_yaw)

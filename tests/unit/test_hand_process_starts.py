@@ -25,9 +25,7 @@ _NOBODY = AllegroOptions(interface="slcan", channel="/dev/null", guard=False)
 
 def test_each_stage_of_the_start_is_told() -> None:
     words = python_command("tega.devices.hand_program")
-    process = subprocess.Popen(
-        words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=python_environment()
-    )
+    process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=python_environment())
     assert isinstance(process.stdin, BufferedWriter)
     assert isinstance(process.stdout, BufferedReader)
     try:

@@ -338,7 +338,7 @@ def test_doctor_films_each_camera_for_a_moment(tmp_path: Path) -> None:
 def test_doctor_names_the_program_that_has_a_camera_open(tmp_path: Path) -> None:
     camera = {"name": "front", "source": "/dev/full", "width": 640, "height": 480}
     config = check_tree(settings(tmp_path, camera), {}, base=tmp_path).config
-    with open("/dev/full", "rb", buffering=0):
+    with Path("/dev/full").open("rb", buffering=0):
         (held,) = check_scene(config)
     (free,) = check_scene(config)
     assert (held.status, free.status, free.why) == ("wrong", "missing", "")

@@ -134,10 +134,10 @@ def test_the_way_slid_since_lift_off_counts_where_the_object_goes_on_sliding() -
     passed_s = np.maximum(GRID - off_s, 0)
     slip = Course(
         way_m * (1 - np.exp(-passed_s / decay_s)),
-        np.where(GRID >= off_s, way_m / decay_s, 0.0) * np.exp(-passed_s / decay_s),
+        np.where(passed_s > 0, way_m / decay_s, 0.0) * np.exp(-passed_s / decay_s),
         np.zeros(len(GRID)),
     )
-    height = Course(0.1 * passed_s, np.where(GRID >= off_s, 0.1, 0.0), np.zeros(len(GRID)))
+    height = Course(0.1 * passed_s, np.where(passed_s > 0, 0.1, 0.0), np.zeros(len(GRID)))
     still = Course(*np.zeros((3, len(GRID))))
     rule = SceneRule(SceneCourses(GRID, height, height, slip, still), 0.006)
     rule.go()

@@ -341,7 +341,9 @@ def with_person(loaded: LoadedConfig, *, given: set[str]) -> LoadedConfig:
     arm = config.arm
     if arm is not None:
         forearm = changes.get("arm.mapping.forearm", arm.mapping.forearm)
-        yaws = {k: changes.get(f"arm.mapping.{k}", getattr(arm.mapping, k)) for k in ("yaw_rad", "base_yaw_rad")}
+        yaws = {
+            k: changes.get(f"arm.mapping.{k}", getattr(arm.mapping, k)) for k in ("yaw_rad", "base_yaw_rad")
+        }
         mapping = msgspec.structs.replace(arm.mapping, forearm=forearm, **yaws)
         arm = msgspec.structs.replace(arm, mapping=mapping)
     return LoadedConfig(msgspec.structs.replace(config, tactile=tactile, vest=vest_section, arm=arm), values)

@@ -222,7 +222,11 @@ class StreamedVest(Opened):
         if not link.present or not link.condition:
             return link.condition
         battery = link.battery_percent
-        said = (link.condition, f"battery {'not told' if battery is None else f'{battery} %'}", "fit not told")
+        said = (
+            link.condition,
+            f"battery {'not told' if battery is None else f'{battery} %'}",
+            "fit not told",
+        )
         return ", ".join(filter(None, said))
 
     @property

@@ -12,7 +12,7 @@ from tega.doctor.findings import Finding
 from tega.errors import MissingExtraError, TegaError
 
 _ASK: Final = (
-    "the vest does not tell how it fits: its wearer does, who is asked where each column is felt, in the first step of\n"
+    "the vest does not tell how it fits: its wearer does, asked where each column is felt, in the first step of\n"
     "tega-teleop calibrate SETTINGS.toml --person ID --only vest"
 )
 

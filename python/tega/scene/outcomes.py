@@ -365,8 +365,8 @@ class SceneRule:
             elif self.aloft and courses.lowest.value[k] < STANDS_M:
                 self.aloft = False
                 self.stands_s.append(t_s)
-            # While the hand takes the load over the object still gives; a slip that goes on then began with the lift-off,
-            # and all of its way counts.
+            # While the hand takes the load over the object still gives; a slip that goes on then began with the
+            # lift-off, and all of its way counts.
             carried = self.aloft and t_s > off_s + _TAKEN_S
             slip_m = float(courses.slip.value[k]) - reference_m if carried else 0.0
             if not np.isfinite(slip_m):

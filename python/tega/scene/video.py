@@ -28,8 +28,8 @@ _TICKS: Final = Fraction(1, 1_000_000)
 def _options(video: VideoFormat, crf: int, rate_hz: float) -> dict[str, str]:
     every = str(max(1, round(rate_hz)))
     if video == "h264":
-        # This preset alone compares whole pixels only: what moves is coded anew in each picture, coarsely. Quarters of a
-        # pixel cost a fifth more time, and halve the error of distance that coding adds (docs/evidence/scene.md).
+        # This preset alone compares whole pixels: what moves is coded anew in each picture, coarsely. Quarters of a
+        # pixel take more time, and halve the error of distance that coding adds (docs/evidence/scene.md).
         return {
             "preset": "ultrafast",
             "x264-params": "subme=2",
