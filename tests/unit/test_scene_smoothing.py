@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tega.scene.layout import example_layout
-from tega.scene.outcomes import SceneCourses, SceneRule, _heights, righted
+from tega.scene.outcomes import SceneCourses, SceneRule, _heights, righted, score_scene
 from tega.scene.resting import placed
 from tega.scene.smoothing import _CHANGE_COST, Course, smoothed, trended
 from tega.scene.track import BodyTrack, SceneTrack
@@ -126,6 +126,15 @@ def test_a_picture_that_is_not_sure_places_nothing() -> None:
     point = np.array([0, 0, 0.13])
     assert placed(_track(np.zeros(len(FRAMES))).object, point).all()
     assert not placed(_track(np.zeros(len(FRAMES)), along_m=4e-3).object, point).any()
+
+
+@pytest.mark.parametrize(("first_s", "n_notes"), [(0.0, 0), (1.0, 1)])
+def test_a_width_that_was_not_seen_untouched_is_noted(first_s: float, n_notes: int) -> None:
+    track = _track(np.zeros(len(FRAMES)))
+    width = np.where(first_s <= FRAMES, 0.4e-3, np.nan)
+    thing = track.object._replace(width_m=width, width_error_m=np.full(len(FRAMES), 1e-4))
+    notes = score_scene(track._replace(object=thing, hand=thing), example_layout()).notes
+    assert sum("width's tags were not seen" in note for note in notes) == n_notes
 
 
 def test_the_way_slid_since_lift_off_counts_where_the_object_goes_on_sliding() -> None:

@@ -302,6 +302,11 @@ def score_scene(
     hand_seen = float(np.isfinite(track.hand.position_m[inside, 0]).mean())
     if hand_seen < 0.5:
         notes.append(f"the hand was seen in {hand_seen:.0%} of the pictures: slips and drops may be missing")
+    width = np.isfinite(track.object.width_m)
+    if widest is not None and not (width & (track.t_s >= begin_s) & (track.t_s <= begin_s + _REST_S)).any():
+        notes.append(
+            "the width's tags were not seen before the touch: every width is off by how they are folded"
+        )
     if rest is None and ruling.stands_s and not ruling.aloft:
         notes.append("the object was not seen where it was put down")
     elif rest is not None and mark_m is not None and rest.let_go is None:
