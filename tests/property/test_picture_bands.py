@@ -19,7 +19,8 @@ def picked(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     n_rows = N_BANDS * ROWS_A_BAND
     rows = ((np.arange(n_rows) + 0.5) * height / n_rows).astype(int)
     columns = ((np.arange(N_COLUMNS) + 0.5) * width / N_COLUMNS).astype(int)
-    return image[rows][:, columns].reshape(N_BANDS, ROWS_A_BAND * N_COLUMNS, 3)
+    pixels: NDArray[np.uint8] = image[rows][:, columns].reshape(N_BANDS, ROWS_A_BAND * N_COLUMNS, 3)
+    return pixels
 
 
 @given(
