@@ -10,12 +10,12 @@ from tega.detect.settings import FEATURES
 from tega.errors import InvalidValueError
 from tega.sim.gel import Gel
 from tega.sim.world import OBJECTS
-from tega_figures.slide import Step, fine, slid, speeding, wall
+from tega_figures.slide import SlideStep, fine, slid, speeding, wall
 from tega_figures.slide_rule import SLIDE_FEATURES, SLIDE_RULE, SlideDetector
 
 COUNTS = 1.5  # some half of the contrast of a recorded printed disc
 AFTER_RISE = 30 + 6  # frames until a course of `speeding` slides evenly
-PRESSED = Step(3.0, 0.0, 0.0)
+PRESSED = SlideStep(3.0, 0.0, 0.0)
 
 
 def test_a_plain_gel_and_a_smooth_object_show_no_relief() -> None:
@@ -29,7 +29,7 @@ def test_a_plain_gel_and_a_smooth_object_show_no_relief() -> None:
 def test_an_imprint_lies_inside_the_contact_and_grows_with_the_pressure() -> None:
     gel, found = Gel(4, shear="texture"), []
     for load_n in (1.0, 3.0):
-        step = Step(load_n, 0.0, 0.0)
+        step = SlideStep(load_n, 0.0, 0.0)
         smooth = fine(gel.frame([wall(step, 0.0)], 70))
         off = fine(gel.frame([wall(step, 4.0)], 70)) - smooth
         inside = gel.contact_mask()[::2, ::2]
@@ -42,7 +42,7 @@ def test_an_imprint_lies_inside_the_contact_and_grows_with_the_pressure() -> Non
 
 
 def test_an_imprint_goes_with_the_object_that_slides_and_with_the_gel_that_is_pulled() -> None:
-    def shown(step: Step) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+    def shown(step: SlideStep) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
         gel = Gel(4, shear="texture", spread=0.0, shape="flat")
         smooth = gel.frame([wall(step, 0.0)], 70)
         gel.forget()
@@ -72,9 +72,11 @@ def test_a_known_slide_is_read_within_40_ms(mm_s: float, y_mm: float | None, bou
 
 
 def test_nothing_slides_where_the_gel_goes_along_or_the_press_changes() -> None:
-    pulled = [Step(3.0 * min((n + 1) / 12, 1.0), 0.0, 0.5 * min(max(n - 30, 0) / 45, 1.0)) for n in range(80)]
-    grows = [Step(0.5 + 5.0 * n / 80, 0.0, 0.0) for n in range(80)]
-    let_go = [Step(4.0 * max(np.sin(np.pi * n / 60), 0.0), 0.0, 0.0) for n in range(70)]
+    pulled = [
+        SlideStep(3.0 * min((n + 1) / 12, 1.0), 0.0, 0.5 * min(max(n - 30, 0) / 45, 1.0)) for n in range(80)
+    ]
+    grows = [SlideStep(0.5 + 5.0 * n / 80, 0.0, 0.0) for n in range(80)]
+    let_go = [SlideStep(4.0 * max(np.sin(np.pi * n / 60), 0.0), 0.0, 0.0) for n in range(70)]
     for steps in (pulled, grows, let_go):
         course = slid(30, steps, COUNTS)
         told = course.sure > 0

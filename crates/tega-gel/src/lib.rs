@@ -26,6 +26,7 @@
 //! ```
 #![deny(unsafe_code)] // allowed in what `dispatched!` writes
 
+mod beside;
 mod error;
 mod form;
 mod gel;

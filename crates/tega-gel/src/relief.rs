@@ -9,9 +9,9 @@ use std::sync::OnceLock;
 
 use tega_error::OutOfRange;
 
+use crate::beside::{ACROSS, BESIDE, place};
 use crate::error::GelError;
 use crate::grid::{CELL_PX, Grid, MARGIN_COLS, MARGIN_ROWS};
-use crate::pattern::{ACROSS, BESIDE, place};
 use crate::picture::nearest;
 use crate::rng::Stream;
 use crate::shape::{Indenter, Shape};

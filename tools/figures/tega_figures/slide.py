@@ -28,7 +28,7 @@ from tega.touch import TouchTracker
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["RELIEF_COUNTS", "SlideCourse", "Step", "fine", "main", "slid", "speeding", "wall"]
+__all__ = ["RELIEF_COUNTS", "SlideCourse", "SlideStep", "fine", "main", "slid", "speeding", "wall"]
 
 RELIEF_COUNTS: Final = 1.0
 """Contrast of the relief that ``check_events --relief`` was run with: a third of a recorded printed disc's."""
@@ -43,7 +43,7 @@ _MINI_MM_PER_PX = 1 / 15.8
 _UNTOUCHED, _UNTOUCHED_LATE = slice(10, 16), slice(390, 440)
 
 
-class Step(NamedTuple):
+class SlideStep(NamedTuple):
     """What a frame has of a wall before the gel.
 
     Attributes:
@@ -57,7 +57,7 @@ class Step(NamedTuple):
     share: float
 
 
-def wall(step: Step, counts: float, *, y_mm: float | None = None) -> Indenter:
+def wall(step: SlideStep, counts: float, *, y_mm: float | None = None) -> Indenter:
     """Return the wall of a bottle along the picture, which slides along itself; or across it, at a height of it."""
     along = y_mm is None
     pose = (
@@ -91,7 +91,7 @@ class SlideCourse(NamedTuple):
     sure: NDArray[np.float64]
 
 
-def slid(seed: int, steps: Sequence[Step], counts: float, *, y_mm: float | None = None) -> SlideCourse:
+def slid(seed: int, steps: Sequence[SlideStep], counts: float, *, y_mm: float | None = None) -> SlideCourse:
     """Read a course frame by frame, sixty a second, on a gel with shear texture."""
     gel = Gel(seed, memory=True, shear="texture")
     baseline = np.rint(np.mean([gel.frame([], n) for n in range(30)], axis=0)).astype(np.uint8)
@@ -106,14 +106,14 @@ def slid(seed: int, steps: Sequence[Step], counts: float, *, y_mm: float | None 
     return SlideCourse(values[:, 0], values[:, 1])
 
 
-def speeding(load_n: float, mm_s: float, *, frames: int = 24, share: float = 0.3) -> list[Step]:
+def speeding(load_n: float, mm_s: float, *, frames: int = 24, share: float = 0.3) -> list[SlideStep]:
     """Return a wall that is pressed on within 0.2 s, rests, and slides: faster and faster for 0.1 s, then evenly."""
-    steps = [Step(load_n * min((n + 1) / 12, 1.0), 0.0, 0.0) for n in range(_PRESSED)]
+    steps = [SlideStep(load_n * min((n + 1) / 12, 1.0), 0.0, 0.0) for n in range(_PRESSED)]
     speed, way = 0.0, 0.0
     for _ in range(frames):
         speed = min(speed + mm_s / 6, mm_s)
         way += speed / 60
-        steps.append(Step(load_n, way, share))
+        steps.append(SlideStep(load_n, way, share))
     return steps
 
 
