@@ -59,7 +59,7 @@ def csv_files(analysis: Analysis, courses: Mapping[str, TouchCourse]) -> dict[st
         ("agreement", analysis.agreements),
         ("ratings", analysis.ratings),
         ("probes", analysis.probes),
-        ("outcomes", analysis.outcomes),
+        ("outcomes", (*analysis.outcomes, *analysis.further)),
         ("directions", analysis.directions),
         ("fig3", analysis.fingers),
     ):
