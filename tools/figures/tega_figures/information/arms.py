@@ -1,7 +1,7 @@
 """Take the arms of a study in silico out of its folder, and test, print and draw what each changes within people.
 
 ``python -m tega_figures.information.arms condense STUDY FILE`` keeps the outcomes of every session that ended, one
-person and arm a line; ``table FILE...``, ``power FILE`` and ``picture FILE PNG`` show them. Everything is simulated.
+person and arm a line; ``table FILE...``, ``power FILE`` and ``picture PNG FILE...`` show them. Everything is simulated.
 """
 
 from __future__ import annotations
@@ -79,14 +79,14 @@ def power(file: Path) -> None:
 
 
 @main.command()
-@click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 @click.argument("png", type=click.Path(dir_okay=False, path_type=Path))
-def picture(file: Path, png: Path) -> None:
-    """Draw what each arm of FILE changes, with 95 % intervals over people, into PNG."""
+@click.argument(
+    "files", nargs=-1, required=True, type=click.Path(exists=True, dir_okay=False, path_type=Path)
+)
+def picture(png: Path, files: tuple[Path, ...]) -> None:
+    """Draw into PNG what each arm of FILES, a study each, changes, with 95 % intervals over people."""
     from matplotlib.figure import Figure
 
-    arms = by_person(read(file))
-    shown = [arm for arm in arms if arm != OFF]
     labels = {
         "lost": "share of lifts lost",
         "slid": "way slid a lift, mm",
@@ -94,18 +94,25 @@ def picture(file: Path, png: Path) -> None:
         "effort": "level held, share of full",
         "cost": "cost, in slips",
     }
-    figure = Figure(figsize=(11, 0.45 * len(shown) + 1.5), layout="constrained")
-    found = {arm: paired(arms[arm], arms[OFF], names=OUTCOMES) for arm in shown}
+    rows = []
+    for file in files:
+        arms = by_person(read(file))
+        rows += [
+            (f"{arm}, {len(arms[OFF])} people", arm, paired(told, arms[OFF], names=OUTCOMES))
+            for arm, told in arms.items()
+            if arm != OFF
+        ]
+    figure = Figure(figsize=(12, 0.42 * len(rows) + 1.5), layout="constrained")
     for axes, (what, label) in zip(figure.subplots(1, len(labels), sharey=True), labels.items(), strict=True):
-        for place, arm in enumerate(reversed(shown)):
-            one, colour = found[arm][what], "#1f5fbf" if arm in TESTED else "#777777"
+        for place, (_, arm, found) in enumerate(reversed(rows)):
+            one, colour = found[what], "#1f5fbf" if arm in TESTED else "#777777"
             axes.plot([one.low, one.high], [place, place], color=colour, lw=2)
             axes.plot([one.mean], [place], "o", color=colour)
         axes.axvline(0, color="0.6", lw=0.8)
         axes.set_xlabel(label)
-        axes.set_yticks(range(len(shown)), list(reversed(shown)))
+        axes.set_yticks(range(len(rows)), [name for name, _, _ in reversed(rows)])
     figure.suptitle(
-        f"Less than without vest and reflex; mean and 95 % over {len(arms[OFF])} people (simulated)",
+        "Each arm less neither vest nor reflex; mean and 95 % interval over people (simulated)",
         x=0.02,
         ha="left",
         fontsize=10,
