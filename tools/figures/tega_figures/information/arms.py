@@ -156,8 +156,11 @@ def condensed(study: Path) -> list[BenchSession]:
 
 def by_person(sessions: Sequence[BenchSession]) -> dict[Condition, NDArray[np.float64]]:
     """Return each arm's outcomes, a row a person, of the people who were under every arm; no vest comes first."""
-    arms: dict[Condition, dict[int, list[float]]] = {one.condition: {} for one in sessions}
-    arms = {OFF: {}} | arms
+    there = {one.condition for one in sessions}
+    known = (OFF, *TESTED, CONTROL)
+    arms: dict[Condition, dict[int, list[float]]] = {
+        arm: {} for arm in (*known, *sorted(there.difference(known))) if arm in there
+    }
     for one in sessions:
         arms[one.condition][one.seed] = outcomes(one)
     people = sorted(set.intersection(*(set(rows) for rows in arms.values())))
