@@ -108,7 +108,7 @@ pictures: ## the drawn pictures of the docs, and the demo's animation; needs lab
 	$(BIN)/python -m tega_figures.page_plots docs/images
 	$(BIN)/python -m tega_figures.terminal_shots docs/images
 	$(BIN)/python -m tega_figures.simulated_person picture docs/images/sim-emg.png
-	$(BIN)/python -m tega_figures.scene.picture docs/images/scene.webp
+	$(BIN)/python -m tega_figures.scene.picture docs/images/scene.webp docs/images/scene-tags.svg
 	$(BIN)/python -m tega_figures.study_console docs/images/study-console.svg
 	$(BIN)/python -m tega_figures.information picture tools/figures/tega_figures/information/fresh.json \
 		docs/images/value-of-information.png

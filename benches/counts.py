@@ -91,7 +91,7 @@ def count_all() -> Counts:
     counts: Counts = {}
     for line in listed.splitlines():
         kernel, dispatched = line.split("\t")
-        if dispatched == "true" and not kernel.endswith(SIZE):
+        if re.search(r"/\d+x\d+$", kernel) and not kernel.endswith(SIZE):
             continue
         for path in SETS if dispatched == "true" else SETS[-1:]:
             if (number := count(driver, kernel, path)) is not None:

@@ -42,13 +42,17 @@ MOST_RERUNS_IN_CI: Final = 2
 # One worker runs a file. The workers begin with those that take longest, so that they end together.
 FIRST: Final = (
     "test_rust.py",
-    "test_soak.py",
-    "test_view_page.py",
-    "test_net_stations.py",
-    "test_study_simulate.py",
-    "test_world_flex.py",
+    "test_replay.py",
+    "test_foreign_files.py",
+    "test_touch_presses.py",
+    "test_drivers.py",
     "test_study_report.py",
-    "test_sim_trial.py",
+    "test_study_clips.py",
+    "test_hostile_names.py",
+    "test_arm.py",
+    "test_play_streams.py",
+    "test_own_stage.py",
+    "test_recording_trim.py",
 )
 
 

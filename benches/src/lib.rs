@@ -57,10 +57,10 @@ pub fn kernels() -> Vec<Kernel> {
     let options =
         Options { difference: Difference::Rectified, spread: Spread::Intensity, ..Options::default() };
     all.push(tactile("contact_metrics", "rectified-intensity", FINGER, move || metrics(FINGER, options)));
-    all.push(plain("lowpass/3-channels/10", || lowpass(10)));
-    all.push(plain("lowpass/3-channels/10000", || lowpass(10_000)));
-    all.push(plain("grasp_intent/3-channels/10", intent));
-    all.push(plain("hand/controller-and-model/16", hand));
+    all.push(plain("lowpass/3-channels/10", true, || lowpass(10)));
+    all.push(plain("lowpass/3-channels/10000", true, || lowpass(10_000)));
+    all.push(plain("grasp_intent/3-channels/10", true, intent));
+    all.push(plain("hand/controller-and-model/16", false, hand));
     for (variant, force_n) in [("untouched", 0.0), ("ball-1-N", 1.0), ("ball-4-N", 4.0), ("ball-12-N", 12.0)]
     {
         let ball = Shape::Sphere { radius: 4.4 };
@@ -83,8 +83,8 @@ fn tactile(
     Kernel { id: format!("{kernel}/{variant}/{height}x{width}"), dispatched: true, make: Box::new(make) }
 }
 
-fn plain(id: &str, make: impl FnOnce() -> Run + 'static) -> Kernel {
-    Kernel { id: id.into(), dispatched: false, make: Box::new(make) }
+fn plain(id: &str, dispatched: bool, make: impl FnOnce() -> Run + 'static) -> Kernel {
+    Kernel { id: id.into(), dispatched, make: Box::new(make) }
 }
 
 fn pair<'a>(frame: &'a Array3<u8>, baseline: &'a Array3<u8>) -> Pair<'a> {

@@ -420,7 +420,7 @@ def test_opening_version_3_says_what_is_wrong_and_never_the_key(fault: str, said
 
 def test_version_3_tells_name_link_and_battery_of_the_vest() -> None:
     with bench("bhaptics-player", **V3) as made, made.vest as vest:
-        assert vest.condition == "TactSuitX40 connected, Player version 3, battery 98 %"
+        assert vest.condition == "TactSuitX40 connected, Player version 3, battery 98 %, fit not told"
         assert not vest.info.notes
         made.peer.say("flat")
         made.feed(lambda: vest.battery_percent == 9)
@@ -451,7 +451,9 @@ def test_auto_asks_for_version_3_first_and_takes_what_answers(fault: str) -> Non
             made.feed(lambda: made.shows(TOUCH))
             newer = fault == "clear"
             assert vest.condition.startswith(
-                "TactSuitX40 connected, Player version 3" if newer else "vest connected, Player version 2"
+                "TactSuitX40 connected, Player version 3, battery 98 %"
+                if newer
+                else "vest connected, Player version 2, battery not told"
             )
             assert [n for n in vest.info.notes if "version 3 did not answer" in n] == (
                 [] if newer else [vest.info.notes[0]]
@@ -665,7 +667,7 @@ def test_a_run_shows_what_the_vest_says_of_itself(tmp_path: Path) -> None:
             "vest": {"driver": "bhaptics-player", "options": options},
         }
         run_session(check_tree(settings, {}, base=tmp_path).config, observer=shown.append)
-    said = "TactSuitX40 connected, Player version 3, battery 98 %"
+    said = "TactSuitX40 connected, Player version 3, battery 98 %, fit not told"
     assert said in {view.vest_condition for view in shown}
     state = ViewState(0, next(view for view in shown if view.vest_condition == said))
     assert f"<b>{said}</b>" in status_html(state)

@@ -88,10 +88,10 @@ def test_the_logarithm_goes_on_past_half_a_turn(axis, total) -> None:
 
 
 @pytest.mark.parametrize("frame", sorted(FRAMES))
-@given(q=quaternions, yaw=st.floats(-3.1, 3.1), mirror=st.booleans(), v=vectors)
+@given(q=quaternions, yaw=st.floats(-3.1, 3.1), base=st.floats(-3.1, 3.1), mirror=st.booleans(), v=vectors)
 @settings(max_examples=30)
-def test_axes_change_as_m_r_mt(frame, q, yaw, mirror, v) -> None:
-    to_base = ToBase(MappingSettings(frame=frame, yaw_rad=yaw, mirror=mirror))
+def test_axes_change_as_m_r_mt(frame, q, yaw, base, mirror, v) -> None:
+    to_base = ToBase(MappingSettings(frame=frame, yaw_rad=yaw, base_yaw_rad=base, mirror=mirror))
     m, r = to_base.matrix, Rotation.from_quat(q).as_matrix()
     place, turn = to_base(StampedPose(0, v, q))
     np.testing.assert_allclose(place, m @ v, atol=1e-12)

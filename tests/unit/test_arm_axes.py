@@ -67,6 +67,29 @@ def test_after_calibration_forward_is_forward(frame: Any) -> None:
     assert bench.away_m[1] == pytest.approx(0, abs=0.002)
 
 
+@pytest.mark.parametrize("frame", ["openxr", "base"])
+@pytest.mark.parametrize("mirror", [False, True])
+@pytest.mark.parametrize("degrees", [0, 90, 180, -90])
+def test_forward_goes_away_from_the_operator_however_the_base_stands(
+    frame: Any, degrees: int, mirror: bool
+) -> None:
+    """The room's axes are the operator's: forward, left, up. The base is turned about the vertical in them."""
+    base_yaw = math.radians(degrees) * 0.9999  # half a turn is the limit of the setting
+    c, s = math.cos(base_yaw), math.sin(base_yaw)
+    base_in_room = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    ways = {"openxr": ((0, 0, -0.1), (-0.1, 0, 0)), "base": ((0.1, 0, 0), (0, 0.1, 0))}[frame]
+    for way, room in zip(ways, ((0.1, 0, 0), (0, -0.1 if mirror else 0.1, 0)), strict=True):
+        bench = Bench(frame=frame, base_yaw_rad=base_yaw, mirror=mirror).take_hold()
+        bench.go(1000, move=way)
+        bench.go(3000)
+        assert (base_in_room @ bench.away_m).tolist() == pytest.approx(room, abs=0.002)
+    # A turn from forward to the left is one in the room as well, and the other way round where it is mirrored.
+    to_base = ToBase(MappingSettings(frame=frame, base_yaw_rad=base_yaw, mirror=mirror))
+    q = so3.exp(np.array([0, 0.4, 0.0] if frame == "openxr" else [0, 0, 0.4]))
+    turn = so3.log(to_base(StampedPose(0, (0, 0, 0), q)).quaternion_xyzw)
+    np.testing.assert_allclose(turn, [0, 0, -0.4 if mirror else 0.4], atol=1e-12)
+
+
 def test_a_wrong_calibration_is_seen() -> None:
     left = check_forward(sweep((0, 0, -1)), frame="openxr", yaw_rad=-math.pi / 2)
     assert left.words == "forward came out 90° to the left; calibrate again"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ from reference.trackers import wrist_goes
 from tega.arm import StampedPose
 from tega.arm.sweep import ForearmSweep
 from tega.calibration.records import ArmRecord, read_record
-from tega.calibration.steps_arm import take_heading
+from tega.calibration.steps_arm import take_base_yaw, take_heading
 from tega.cli.calibrate import calibrate
 from tega.cli.forward import forward
 from tega.cli.guide import LineGuide
@@ -66,9 +66,9 @@ def test_the_operator_sees_how_the_check_goes_and_what_to_set(tmp_path: Path) ->
 
 @pytest.mark.slow
 def test_the_wizard_keeps_forward_for_a_person_and_a_run_follows_it(tmp_path: Path) -> None:
-    words = ["--person", "p01", "--only", "arm", "--yes", "--time-scale", "0.1", "--json"]
+    words = ["--person", "p01", "--only", "arm", "--time-scale", "0.1", "--json"]
     with moving(tmp_path, 0.5) as file:
-        said = CliRunner().invoke(calibrate, [str(file), *words])
+        said = CliRunner().invoke(calibrate, [str(file), *words], input="\n\nt\n")
         assert said.exit_code == 0, said.output
         (kept,) = (tmp_path / "calibrations" / "people" / "p01").glob("arm-*.toml")
         record = read_record(kept, ArmRecord)
@@ -77,6 +77,7 @@ def test_the_wizard_keeps_forward_for_a_person_and_a_run_follows_it(tmp_path: Pa
         loaded = load_config(file, sets=('calibration.person="p01"',))
         assert loaded.config.arm is not None
         assert loaded.config.arm.mapping.yaw_rad == record.yaw_rad
+        assert loaded.config.arm.mapping.base_yaw_rad == record.base_yaw_rad == 3.1415
         assert loaded.values["arm.mapping.yaw_rad"].origin == f"people/p01/{kept.name}"
         # What the settings say themselves wins, and another person has nothing of it.
         given = load_config(file, sets=('calibration.person="p01"', "arm.mapping.yaw_rad=-1.0"))
@@ -114,6 +115,44 @@ def test_a_heading_that_does_not_come_out_forward_is_not_kept() -> None:
     crooked: Any = _Scripted(0.0, 1.2)
     with pytest.raises(CalibrationError, match="forward came out 69° to the left"):
         take_heading(crooked, guide)
+
+
+class _Answering(LineGuide):
+    """A person who goes on at once and gives one answer."""
+
+    def __init__(self, answer: str) -> None:
+        super().__init__(yes=True, get_ready_s=0.0)
+        self.answer = answer
+
+    def ask(self, _question: str, answers: Mapping[str, str]) -> str:
+        assert self.answer in answers
+        return self.answer
+
+
+@pytest.mark.parametrize(
+    ("answer", "headings_rad", "found_rad"),
+    [
+        ("a", (), 0.0),
+        ("l", (), 1.5708),
+        ("t", (), 3.1415),
+        ("r", (), -1.5708),
+        # Shown by a movement, and the tracker's forward is 0.4 rad off the operator's.
+        ("s", (0.4 + 2.5,), 2.5),
+        ("s", (0.4 - 3.0,), -3.0),
+    ],
+)
+def test_which_way_the_base_points_is_asked_or_shown(
+    answer: str, headings_rad: tuple[float, ...], found_rad: float
+) -> None:
+    shown: Any = _Scripted(*headings_rad)
+    found = take_base_yaw(shown, _Answering(answer), yaw_rad=0.4, told_rad=1.0)
+    assert found == pytest.approx(found_rad, abs=1e-3)
+
+
+def test_where_nobody_answers_the_settings_say_which_way_the_base_points() -> None:
+    nobody: Any = _Scripted()
+    guide = LineGuide(yes=True, get_ready_s=0.0)
+    assert take_base_yaw(nobody, guide, yaw_rad=0.4, told_rad=1.0) == 1.0
 
 
 def test_a_tracker_that_sees_nothing_is_told(tmp_path: Path) -> None:

@@ -99,7 +99,9 @@ def test_one_that_is_there_and_fresh_is_fine(lab: Path) -> None:
     keep_all(lab)
     (finding,) = told(lab, "calibration.person=p01")
     assert finding.status == "fine"
-    assert finding.finding == "p01's calibration is there and fresh: thumb, EMG, vest"
+    assert finding.finding == (
+        "p01's calibration is there and fresh: thumb, EMG, vest (8 of 8 places named right)"
+    )
 
 
 def test_what_is_missing_of_a_person_names_whose_there_is_and_the_command(lab: Path) -> None:
@@ -134,7 +136,7 @@ def test_an_old_one_is_told_with_its_age(lab: Path) -> None:
     keep_all(lab, made=NOW - timedelta(days=40))
     found = told(lab, "calibration.person=p01")
     fine, thumb, emg = found
-    assert fine.finding.endswith(": vest")  # that is good for 90 days
+    assert "fresh: vest (8 of 8" in fine.finding  # that is good for 90 days
     assert (thumb.status, emg.status) == ("doubt", "doubt")
     assert thumb.finding == "thumb: maxima: 40 days old, warned of after 720 hours"
     assert emg.finding == "EMG: 40 days old, warned of after 12 hours"

@@ -21,7 +21,7 @@ from tega.scene.outcomes import righted, scene_courses, score_scene
 from tega.scene.pictures import read_pictures, times_path
 from tega.scene.pose import BodyFitter
 from tega.scene.sheets import board_page, page_svg, pages_pdf, tag_pages, write_pages
-from tega.scene.track import SceneTrack, track_scene
+from tega.scene.track import SceneSightings, SceneTrack, follow_bodies, track_scene
 
 pytest.importorskip("cv2")
 pytest.importorskip("tega_figures")
@@ -174,7 +174,8 @@ def test_a_rendered_lift_is_scored(lifted: SceneTrack) -> None:
     assert abs(kinds["slip"].size_m - SLIP_M) < 0.001
     assert outcome.success
     assert outcome.narrowing_m == pytest.approx(0.004, abs=0.0005)
-    assert outcome.notes == ()
+    (note,) = outcome.notes
+    assert "width's tags were not seen before the touch" in note  # this hand hides them from the start
     assert outcome.along_mm > outcome.across_mm > 0
 
 
@@ -202,6 +203,23 @@ def test_an_object_that_falls_is_dropped() -> None:
     assert len(drop) == 1
     assert abs(drop[0].t_s - 1.6 - 0.1) < 0.05  # 30 mm at 0.3 m/s
     assert not outcome.success
+
+
+@pytest.mark.parametrize(
+    ("moving", "seen", "n_moved"),
+    [((0,), (0, 1, 2, 3), 0), ((0,), (0,), 0), ((0, 1, 2, 3), (0, 1, 2, 3), 1), ((0, 1, 2, 3), (1, 2), 1)],
+)
+def test_a_camera_that_is_pushed_moves_all_of_the_table_s_tags(
+    moving: tuple[int, ...], seen: tuple[int, ...], n_moved: int
+) -> None:
+    """One that a hand half hides is found elsewhere by itself."""
+    layout = example_layout()
+    at, turn = np.array([0.0, 0.05, 0.9]), np.diag([1.0, -1.0, -1.0])
+    still = {tag.id: SMALL.pixels(tag.corners_m() @ turn.T + at) for tag in layout.table.all_tags()}
+    assert still.keys() >= set(moving)
+    pushed = {tag: still[tag] + 5.0 * (tag in moving) for tag in seen}
+    sightings = SceneSightings([0.1 * k for k in range(9)], [*[still] * 8, pushed])
+    assert follow_bodies(sightings, SMALL, layout).n_moved == n_moved
 
 
 def test_a_scene_without_its_table_is_refused() -> None:

@@ -23,6 +23,7 @@ from reference.filmed import SIZE, number_of, numbered  # noqa: E402
 from tega.bus import Bus  # noqa: E402
 from tega.config import check_tree, load_config  # noqa: E402
 from tega.doctor import examine  # noqa: E402
+from tega.doctor.scene import check_scene  # noqa: E402
 from tega.errors import ConfigError, DeviceUnavailableError, RecordingError, UnsafeNameError  # noqa: E402
 from tega.recording.mcap_reader import McapReader  # noqa: E402
 from tega.recording.trim import trim_session  # noqa: E402
@@ -331,6 +332,17 @@ def test_doctor_films_each_camera_for_a_moment(tmp_path: Path) -> None:
     ]
     assert found["scene.front"].measured["dropped_pictures"] == 0
     assert "192×128" in found["scene.front"].finding
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="who holds a device is seen on Linux")
+def test_doctor_names_the_program_that_has_a_camera_open(tmp_path: Path) -> None:
+    camera = {"name": "front", "source": "/dev/full", "width": 640, "height": 480}
+    config = check_tree(settings(tmp_path, camera), {}, base=tmp_path).config
+    with Path("/dev/full").open("rb", buffering=0):
+        (held,) = check_scene(config)
+    (free,) = check_scene(config)
+    assert (held.status, free.status, free.why) == ("wrong", "missing", "")
+    assert f"({os.getpid()}) has /dev/full open" in held.why
 
 
 def test_doctor_tells_a_lens_of_another_size(tmp_path: Path) -> None:

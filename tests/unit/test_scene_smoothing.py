@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tega.scene.layout import example_layout
-from tega.scene.outcomes import _heights, righted
+from tega.scene.outcomes import SceneCourses, SceneRule, _heights, righted, score_scene
 from tega.scene.resting import placed
 from tega.scene.smoothing import _CHANGE_COST, Course, smoothed, trended
 from tega.scene.track import BodyTrack, SceneTrack
@@ -126,3 +126,30 @@ def test_a_picture_that_is_not_sure_places_nothing() -> None:
     point = np.array([0, 0, 0.13])
     assert placed(_track(np.zeros(len(FRAMES))).object, point).all()
     assert not placed(_track(np.zeros(len(FRAMES)), along_m=4e-3).object, point).any()
+
+
+@pytest.mark.parametrize(("first_s", "n_notes"), [(0.0, 0), (1.0, 1)])
+def test_a_width_that_was_not_seen_untouched_is_noted(first_s: float, n_notes: int) -> None:
+    track = _track(np.zeros(len(FRAMES)))
+    width = np.where(first_s <= FRAMES, 0.4e-3, np.nan)
+    thing = track.object._replace(width_m=width, width_error_m=np.full(len(FRAMES), 1e-4))
+    notes = score_scene(track._replace(object=thing, hand=thing), example_layout()).notes
+    assert sum("width's tags were not seen" in note for note in notes) == n_notes
+
+
+def test_the_way_slid_since_lift_off_counts_where_the_object_goes_on_sliding() -> None:
+    """The hand takes the load over while the object slides by 3.6 mm, 0.8 mm of it in the first 70 ms."""
+    off_s, way_m, decay_s = 0.5, 3.6e-3, 0.29
+    passed_s = np.maximum(GRID - off_s, 0)
+    slip = Course(
+        way_m * (1 - np.exp(-passed_s / decay_s)),
+        np.where(passed_s > 0, way_m / decay_s, 0.0) * np.exp(-passed_s / decay_s),
+        np.zeros(len(GRID)),
+    )
+    height = Course(0.1 * passed_s, np.where(passed_s > 0, 0.1, 0.0), np.zeros(len(GRID)))
+    still = Course(*np.zeros((3, len(GRID))))
+    rule = SceneRule(SceneCourses(GRID, height, height, slip, still), 0.006)
+    rule.go()
+    (one,) = [event for event in rule.scorer.events if event.kind == "slip"]
+    assert one.size_m == pytest.approx(3.2e-3, abs=0.2e-3)  # until it has rested, below 2 mm/s for 0.2 s
+    assert one.t_s == pytest.approx(off_s + 0.09, abs=0.02)

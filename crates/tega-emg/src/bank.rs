@@ -1,7 +1,8 @@
 //! The recursion: one filter run over many channels, four channels to a vector lane group.
 //!
 //! Transposed direct form II, each channel and sample by the same operations in the same order and without fused
-//! multiply-add, so the result does not depend on how a stream is cut up nor on the processor.
+//! multiply-add, so the result does not depend on how a stream is cut up nor on the processor, and compiled for AVX2 as well,
+//! where four lanes are one vector.
 
 use crate::butterworth::{MAX_SECTIONS, Section, Sos};
 use crate::lanes::{LANES, LaneRows, Lanes};
@@ -47,22 +48,32 @@ impl BiquadBank {
 
     /// Filter whole rows into `out`, which is longer than they are by [`MARGIN`]; what lies there is overwritten.
     pub(crate) fn process(&mut self, rows: &[f64], out: &mut [f64]) {
-        // A last group of fewer channels than lanes spills into the next row, so it goes first and the others write
-        // over what it spilt.
-        for (index, state) in self.groups.iter_mut().enumerate().rev() {
-            let at =
-                Place { channels: self.channels, first: index * LANES, rows_to_sweep: self.rows_to_sweep };
-            match *self.sections {
-                [a] => run([a], state, rows, out, at),
-                [a, b] => run([a, b], state, rows, out, at),
-                [a, b, c] => run([a, b, c], state, rows, out, at),
-                [a, b, c, d] => run([a, b, c, d], state, rows, out, at),
-                _ => {}
-            }
-        }
+        process_rows(self, rows, out);
         let since_sweep = SWEEP_ROWS - self.rows_to_sweep + rows.len() / self.channels;
         self.rows_to_sweep = SWEEP_ROWS - since_sweep % SWEEP_ROWS;
     }
+}
+
+/// The recursion over every group of lanes.
+#[inline(always)]
+fn process_rows_plain(bank: &mut BiquadBank, rows: &[f64], out: &mut [f64]) {
+    // A last group of fewer channels than lanes spills into the next row, so it goes first and the others write
+    // over what it spilt.
+    for (index, state) in bank.groups.iter_mut().enumerate().rev() {
+        let at = Place { channels: bank.channels, first: index * LANES, rows_to_sweep: bank.rows_to_sweep };
+        match *bank.sections {
+            [a] => run([a], state, rows, out, at),
+            [a, b] => run([a, b], state, rows, out, at),
+            [a, b, c] => run([a, b, c], state, rows, out, at),
+            [a, b, c, d] => run([a, b, c, d], state, rows, out, at),
+            _ => {}
+        }
+    }
+}
+
+tega_simd::dispatched! {
+    /// See [`process_rows_plain`].
+    process_rows = process_rows_plain, (bank: &mut BiquadBank, rows: &[f64], out: &mut [f64]) -> ()
 }
 
 /// Where a group's lanes are in a row, and where in the stream the rows begin.

@@ -64,7 +64,9 @@ mod _native {
     #[pymodule_export]
     use crate::sim::{limit_torques, mix_muscles};
     #[pymodule_export]
-    use crate::tactile::{Equations, KnownBaseline, Preset, estimate_baseline, vote_lines};
+    use crate::tactile::{
+        Equations, KnownBaseline, Preset, band_distances, estimate_baseline, picture_bands, vote_lines,
+    };
     #[pymodule_export]
     use crate::touch::{Contact, TouchTracker, nominal_light, sensor_noise, update_fingers};
     #[pymodule_export]

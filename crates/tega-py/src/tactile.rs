@@ -315,3 +315,19 @@ pub(crate) fn vote_lines<'py>(py: Python<'py>, image: &Bound<'py, PyAny>) -> Res
     let taken = tega_tactile::vote_lines(image.as_array());
     Ok((taken.light, taken.lines.map(|line| PyBytes::new(py, &line))))
 }
+
+#[pyfunction]
+#[pyo3(signature = (image, /))]
+pub(crate) fn picture_bands<'py>(
+    py: Python<'py>,
+    image: &Bound<'py, PyAny>,
+) -> Result<Bound<'py, PyBytes>, BindError> {
+    let image = crate::arguments::image("image", image)?;
+    Ok(PyBytes::new(py, &tega_tactile::picture_bands(image.as_array())))
+}
+
+#[pyfunction]
+#[pyo3(signature = (one, other, /))]
+pub(crate) fn band_distances(one: &[u8], other: &[u8]) -> Vec<f64> {
+    tega_tactile::band_distances(one, other)
+}

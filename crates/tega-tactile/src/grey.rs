@@ -9,10 +9,10 @@ use num_traits::Num;
 
 use crate::exact::Sums;
 use crate::frame::Pair;
-use crate::kernel::{Kernel, Row};
+use crate::kernel::{Kernel, Row, STEP};
 
-/// Columns in a cache line of 64 bytes.
-const CACHE_LINE: usize = 16;
+/// Bytes of a cache line.
+const CACHE_LINE: usize = 64;
 
 /// Buffers that are reused from frame to frame.
 #[derive(Debug, Default)]
@@ -41,13 +41,10 @@ impl Kernel {
     pub(crate) fn read<'s>(&self, pair: &Pair<'_>, denominator: i32, scratch: &'s mut Scratch) -> Greys<'s> {
         let width = pair.width();
         let Scratch { columns, totals, rows, kept } = scratch;
-        kept.resize(if self.keeps(width * pair.height()) { width * pair.height() } else { 0 }, 0);
+        let kept = aligned(kept, if self.keeps(width * pair.height()) { width * pair.height() } else { 0 });
         rows.clear();
-        columns.clear();
-        columns.resize(width + CACHE_LINE, 0);
-        // Steps that cross no cache line are faster; an address that cannot be aligned is used as it is.
-        let aligned = columns.as_ptr().align_offset(CACHE_LINE * size_of::<i32>()).min(CACHE_LINE);
-        let columns = &mut columns[aligned..aligned + width];
+        let columns = aligned(columns, width);
+        columns.fill(0);
         totals.clear();
         totals.resize(width, 0);
         let flush_every = self.rows_until_overflow();
@@ -82,6 +79,15 @@ impl Kernel {
     fn rows_until_overflow(&self) -> usize {
         (i32::MAX / (255 * self.reach().max(1))).max(1) as usize
     }
+}
+
+/// So many numbers of a buffer, of any value, from the beginning of a cache line on: steps that cross no line are faster.
+fn aligned<T: Copy + Default>(buffer: &mut Vec<T>, n: usize) -> &mut [T] {
+    let line = CACHE_LINE / size_of::<T>();
+    buffer.resize(n + line, T::default());
+    // An address that cannot be aligned is used as it is.
+    let from = buffer.as_ptr().align_offset(CACHE_LINE).min(line);
+    &mut buffer[from..from + n]
 }
 
 pub(crate) fn flush(columns: &mut [i32], totals: &mut [i64]) {
@@ -144,12 +150,18 @@ impl Greys<'_> {
         for run in self.rows.chunk_by(|a, b| straddles(a) == straddles(b)) {
             if straddles(&run[0]) {
                 let width = pair.width();
-                match (self.kept.get(y * width..(y + run.len()) * width), u16::try_from(first)) {
+                let kept = self.kept.get(y * width..(y + run.len()) * width);
+                match (kept, u16::try_from(first)) {
                     // A kept 65,535 may stand for more, and is not below it either way; 0 says nothing.
                     (Some(kept), Ok(first)) if first > 0 => count += Kernel::count_kept(kept, first),
-                    _ => pair.with_rows(y..y + run.len(), |frame, baseline| {
-                        count += kernel.count(frame, baseline, first);
-                    }),
+                    (kept, _) => {
+                        let mut kept = kept.filter(|_| width.is_multiple_of(STEP)).unwrap_or_default();
+                        pair.with_rows(y..y + run.len(), |frame, baseline| {
+                            let (these, rest) = kept.split_at(kept.len().min(frame.len() / 3));
+                            kept = rest;
+                            count += kernel.count(frame, baseline, these, first);
+                        });
+                    }
                 }
             }
             y += run.len();

@@ -42,6 +42,8 @@ use tega_simd::{Isa, isa};
 
 use crate::frame::Difference;
 
+/// Pixels whose levels are kept in one vector step, in an order of its own.
+pub(crate) const STEP: usize = 32;
 /// Pixels of the largest picture whose levels are kept: more would leave the processor's caches.
 const MOST_KEPT: usize = 1 << 19;
 /// Largest Σ|weight| for which no row sum of grey values overflows an `i32` lane (512 pixels a lane in the widest row).
@@ -56,7 +58,8 @@ pub(crate) struct Row {
     pub sum: i64,
     /// Σ n², where asked for.
     pub squares: i64,
-    /// What no n falls below: the smallest n where differences have a sign, else what the weights alone say.
+    /// What no n falls below: the smallest n where differences have a sign and no levels are kept, else what the
+    /// weights alone say.
     pub min: i32,
     /// Largest n.
     pub max: i32,
@@ -78,9 +81,14 @@ impl Kernel {
         self.weights[0] * d(0) + self.weights[1] * d(1) + self.weights[2] * d(2)
     }
 
-    /// What no grey value of a difference without sign falls below.
+    /// What no grey value falls below.
     pub(crate) fn least(&self) -> i32 {
-        self.weights.iter().map(|weight| 255 * weight.min(&0)).sum()
+        match self.difference {
+            Difference::Signed => -255 * self.reach(),
+            Difference::Rectified | Difference::Absolute => {
+                self.weights.iter().map(|weight| 255 * weight.min(&0)).sum()
+            }
+        }
     }
 
     /// Sums one row and adds it to the columns; the plain form that the vector forms are tested against.
@@ -105,10 +113,11 @@ impl Kernel {
     }
 
     /// Whether the levels of a picture of so many pixels are kept as words, so that they are counted without a second
-    /// reading: where that pays, and no level falls below 0.
+    /// reading: where that pays, and levels below 0 are rare or of no matter, as thresholds seldom are.
     pub(crate) fn keeps(&self, pixels: usize) -> bool {
         let pays = cfg!(target_arch = "x86_64") && isa() != Isa::Baseline;
-        pays && self.difference != Difference::Signed && self.least() == 0 && pixels <= MOST_KEPT
+        let least = self.difference == Difference::Signed || self.least() == 0;
+        pays && least && pixels <= MOST_KEPT
     }
 
     /// Number of kept levels at or above grey value `first`, 1 to 65,535.
@@ -127,7 +136,7 @@ impl Kernel {
     fn keep_plain(&self, frame: &[u8], baseline: &[u8], kept: &mut [u16]) {
         let pixels = frame.as_chunks::<3>().0.iter().zip(baseline.as_chunks::<3>().0);
         for ((f, b), kept) in pixels.zip(kept) {
-            *kept = u16::try_from(self.grey(*f, *b)).unwrap_or(u16::MAX);
+            *kept = self.grey(*f, *b).clamp(0, i32::from(u16::MAX)) as u16;
         }
     }
 
@@ -169,18 +178,20 @@ impl Kernel {
         self.rows_plain(frame, baseline, columns, rows);
     }
 
-    /// [`Kernel::count_plain`] for the instruction set in use.
+    /// [`Kernel::count_plain`] for the instruction set in use. `kept` is empty, or these pixels' kept levels of whole steps:
+    /// a step without a 65,535 has no pixel that is more.
     #[allow(unsafe_code)]
-    pub(crate) fn count(&self, frame: &[u8], baseline: &[u8], first: i32) -> u32 {
+    pub(crate) fn count(&self, frame: &[u8], baseline: &[u8], kept: &[u16], first: i32) -> u32 {
         #[cfg(target_arch = "x86_64")]
         if isa() == Isa::Avx2 {
             // SAFETY: as in `rows`.
-            return unsafe { avx2::count(self, frame, baseline, first) };
+            return unsafe { avx2::count(self, frame, baseline, kept, first) };
         }
         #[cfg(target_arch = "aarch64")]
         if isa() == Isa::Neon {
             return neon::count(self, frame, baseline, first);
         }
+        let _ = kept;
         self.count_plain(frame, baseline, first)
     }
 
@@ -219,7 +230,7 @@ mod tests {
     proptest! {
         #[test]
         fn the_dispatched_kernels_equal_the_plain_ones(
-            (width, pixels) in (1_usize..70, 1_usize..20).prop_flat_map(|(width, height)| {
+            (width, pixels) in (prop_oneof![1_usize..70, Just(STEP), Just(2 * STEP)], 1_usize..20).prop_flat_map(|(width, height)| {
                 (Just(width), prop::collection::vec(any::<([u8; 3], [u8; 3])>(), width * height))
             }),
             weights in weights(),
@@ -237,6 +248,11 @@ mod tests {
             let pixels = frame.len() / 3;
             let mut kept = vec![7; if kernel.keeps(pixels) { pixels } else { 0 }];
             kernel.rows(frame, baseline, &mut fast, &mut rows, &mut kept);
+            if !kept.is_empty() {
+                for row in &mut wanted {
+                    row.min = kernel.least();
+                }
+            }
             prop_assert_eq!(rows, wanted);
             if !kept.is_empty() && (1..=65_535).contains(&first) {
                 let plain = kernel.count_plain(frame, baseline, first);
@@ -244,7 +260,7 @@ mod tests {
             }
             prop_assert_eq!(fast, plain);
             prop_assert_eq!(
-                kernel.count(frame, baseline, first),
+                kernel.count(frame, baseline, if width.is_multiple_of(STEP) { &kept } else { &[] }, first),
                 kernel.count_plain(frame, baseline, first)
             );
         }

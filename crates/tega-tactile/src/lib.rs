@@ -15,6 +15,7 @@
 //! ```
 #![deny(unsafe_code)] // allowed in `kernel` and in what `dispatched!` writes
 
+mod bands;
 mod baseline;
 mod decimal;
 mod error;
@@ -29,6 +30,7 @@ mod paper;
 mod sums;
 mod vote_lines;
 
+pub use bands::{band_distances, picture_bands};
 pub use baseline::{
     BaselineChoice, BaselineSource, BaselineSurvey, EstimatedBaseline, estimate_baseline, median_image,
 };

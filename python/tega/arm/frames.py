@@ -1,4 +1,4 @@
-"""Convert poses from a tracker's axes to the robot's: x forward, y left, z up, for an operator who looks along x."""
+"""Convert poses from a tracker's axes to those of the robot's base: x forward, y left, z up."""
 
 from __future__ import annotations
 
@@ -48,10 +48,11 @@ class ToBase:
     """Changes the axes of poses: p' = M p and R' = M R Mᵀ.
 
     M is the frame's matrix, then the turn that brings the operator's heading to x, then the mirror where it is
-    asked for. As a quaternion R' is (det(M) M v, w): a matrix that mirrors turns the sense of rotation as well.
+    asked for (left and right are the operator's), then the turn from the operator's axes to those of the base. As a
+    quaternion R' is (det(M) M v, w): a matrix that mirrors turns the sense of rotation as well.
 
     Args:
-        settings: Frame, yaw, forearm and robot hand.
+        settings: Frame, both yaws, forearm and robot hand.
 
     Attributes:
         matrix: M, float64 (3, 3).
@@ -61,7 +62,7 @@ class ToBase:
         s = settings
         mirrored = s.forearm != s.robot_hand if s.mirror is None else s.mirror
         matrix = turned(-s.yaw_rad) @ FRAMES[s.frame]
-        self.matrix: NDArray[np.float64] = MIRROR @ matrix if mirrored else matrix
+        self.matrix: NDArray[np.float64] = turned(-s.base_yaw_rad) @ (MIRROR @ matrix if mirrored else matrix)
         self._turn = self.matrix * round(float(np.linalg.det(self.matrix)))
 
     def __call__(self, pose: StampedPose) -> Pose:

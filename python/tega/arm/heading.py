@@ -55,6 +55,16 @@ def yaw_from_sweep(positions: ArrayLike, *, frame: str) -> float:
     return math.atan2(float(away[1]), float(away[0])) + 0.0
 
 
+def kept_yaw(yaw_rad: float) -> float:
+    """Return a heading as files have it: to 0.1 mrad, and never beyond half a turn, which settings refuse.
+
+    Example:
+        >>> kept_yaw(math.pi)
+        3.1415
+    """
+    return max(-3.1415, min(3.1415, round(yaw_rad, 4)))
+
+
 def check_forward(positions: ArrayLike, *, frame: str, yaw_rad: float) -> ForwardCheck:
     """Judge a second forward movement after calibration, while the operator watches the arm's picture go forward.
 

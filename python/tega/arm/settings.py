@@ -49,6 +49,8 @@ class MappingSettings(_ChainStage, frozen=True):
     Attributes:
         frame: Axes of the tracker, a name of :data:`tega.arm.FRAMES`.
         yaw_rad: Heading of the operator's "forward" in the tracker's axes turned into the base's, from calibration.
+        base_yaw_rad: Which way the base's x points as the operator sees it, about the vertical: 0 away from the
+            operator, π/2 to the left, π towards the operator; from calibration.
         scale: Of all displacement.
         gain_xyz: Of displacement along each of the base's axes; 0 locks it.
         gain_turn: Of turning about each of the base's axes; 0 locks it.
@@ -59,6 +61,7 @@ class MappingSettings(_ChainStage, frozen=True):
 
     frame: Literal["base", "openxr", "unity", "ros"] = "openxr"
     yaw_rad: Annotated[float, msgspec.Meta(ge=-math.pi, le=math.pi)] = 0.0
+    base_yaw_rad: Annotated[float, msgspec.Meta(ge=-math.pi, le=math.pi)] = 0.0
     scale: Annotated[float, msgspec.Meta(gt=0, le=1.5)] = 1.0
     gain_xyz: tuple[_Gain, _Gain, _Gain] = (1.0, 1.0, 1.0)
     gain_turn: tuple[_Gain, _Gain, _Gain] = (1.0, 1.0, 1.0)

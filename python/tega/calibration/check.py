@@ -17,7 +17,7 @@ from tega.calibration.person import (
     vest_warnings,
     whose,
 )
-from tega.calibration.records import EmgRecord, TouchRecord
+from tega.calibration.records import EmgRecord, TouchRecord, VestCalibration
 from tega.errors import CalibrationError
 
 if TYPE_CHECKING:
@@ -83,9 +83,11 @@ def look_at(config: SessionConfig, *, settings: str, now: datetime) -> list[Cali
                 )
             else:
                 warned("EMG", emg_warnings(record, config, settings=settings, now=now))
-    if live_vest(config) is not None and config.session.preset == "live":
+    if (info := live_vest(config)) is not None and config.session.preset == "live":
         try:
-            warned("vest", vest_warnings(config, folder, person, settings=settings, now=now))
+            worn = folder.record(person, VestCalibration, device_name(info))
+            fit = "" if worn is None else f" ({worn.named_right} of {worn.named} places named right)"
+            warned(f"vest{fit}", vest_warnings(config, folder, person, settings=settings, now=now))
         except CalibrationError as error:
             command = calibrate_command(settings, person, "vest")
             found.append(CalibrationLook("vest", f"vest: {error.message}", command, "wrong"))

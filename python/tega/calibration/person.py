@@ -341,18 +341,23 @@ def with_person(loaded: LoadedConfig, *, given: set[str]) -> LoadedConfig:
     arm = config.arm
     if arm is not None:
         forearm = changes.get("arm.mapping.forearm", arm.mapping.forearm)
-        yaw_rad = changes.get("arm.mapping.yaw_rad", arm.mapping.yaw_rad)
-        mapping = msgspec.structs.replace(arm.mapping, forearm=forearm, yaw_rad=yaw_rad)
+        yaws = {
+            k: changes.get(f"arm.mapping.{k}", getattr(arm.mapping, k)) for k in ("yaw_rad", "base_yaw_rad")
+        }
+        mapping = msgspec.structs.replace(arm.mapping, forearm=forearm, **yaws)
         arm = msgspec.structs.replace(arm, mapping=mapping)
     return LoadedConfig(msgspec.structs.replace(config, tactile=tactile, vest=vest_section, arm=arm), values)
 
 
 def _of_the_heading(record: ArmRecord | None, folder: CalibrationFolder) -> dict[str, tuple[Any, str]]:
-    """Return which way the person calls forward, where that was found."""
+    """Return which way the person calls forward and sees the robot's base point, where that was found."""
     if record is None:
         return {}
     name = folder.named(folder.file(record.person, "arm", record.device))
-    return {"arm.mapping.yaw_rad": (record.yaw_rad, name)}
+    return {
+        "arm.mapping.yaw_rad": (record.yaw_rad, name),
+        "arm.mapping.base_yaw_rad": (record.base_yaw_rad, name),
+    }
 
 
 def _of_the_hand(config: SessionConfig, folder: CalibrationFolder, person: str) -> dict[str, tuple[Any, str]]:

@@ -185,24 +185,27 @@ class VestCalibration(CalibrationRecord, frozen=True, kw_only=True, tag_field="f
 
 
 class ArmRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format", tag="tega-arm"):
-    """Heading of one person's forward in the axes of a tracker.
+    """Heading of one person's forward in the axes of a tracker, and of the robot's base as that person sees it.
 
     Attributes:
         person: Whose forearm.
         frame: Axes of the tracker, a name of :data:`tega.arm.FRAMES`.
         yaw_rad: As in ``arm.mapping.yaw_rad``.
         off_rad: How far from forward the second movement came out, to the left.
+        base_yaw_rad: As in ``arm.mapping.base_yaw_rad``; earlier versions took 0 for granted.
     """
 
     comments: ClassVar[dict[str, str]] = {
         "yaw_rad": "as in arm.mapping.yaw_rad",
         "off_rad": "how far from forward the second movement came out, to the left",
+        "base_yaw_rad": "as in arm.mapping.base_yaw_rad: 0 away from the person, 1.5708 to the left, 3.1415 towards",
     }
 
     person: str
     frame: str
     yaw_rad: Annotated[float, msgspec.Meta(ge=-math.pi, le=math.pi)]
     off_rad: float
+    base_yaw_rad: Annotated[float, msgspec.Meta(ge=-math.pi, le=math.pi)] = 0.0
 
 
 class PracticeRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format", tag="tega-practice"):

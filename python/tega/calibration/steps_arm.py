@@ -1,4 +1,8 @@
-"""Find which way the operator calls forward by two movements of the forearm, the second of which checks the first."""
+"""Find which way the operator calls forward, and which way the robot's base points as the operator sees it.
+
+Forward comes from two movements of the forearm, the second of which checks the first; the base's way from an answer, or
+from a third movement.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +13,9 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from tega.arm.heading import ForwardCheck, check_forward, yaw_from_sweep
+from tega.arm.heading import ForwardCheck, check_forward, kept_yaw, yaw_from_sweep
 from tega.arm.sweep import ForearmSweep
-from tega.calibration.guide import Bar, Guide
+from tega.calibration.guide import Bar, Guide, Undecided
 from tega.calibration.settling import until_good
 from tega.errors import CalibrationError
 
@@ -23,6 +27,15 @@ WAIT_S: Final = 30.0
 
 _LOOK_S: Final = 0.02
 _FULL_M: Final = 0.2
+
+_BASE_POINTS: Final = {"a": 0.0, "l": math.pi / 2, "t": math.pi, "r": -math.pi / 2}
+_BASE_ANSWERS: Final = {
+    "a": "away from you",
+    "t": "towards you",
+    "l": "to your left",
+    "r": "to your right",
+    "s": "another way, which you show by a movement",
+}
 
 
 class TakenHeading(NamedTuple):
@@ -59,7 +72,7 @@ def take_heading(tracker: Tracker, guide: Guide, *, wait_s: float = WAIT_S) -> T
                 "by 20 cm and stop"
             )
             found = watch_sweep(tracker, wait_s, yaw_rad=None, shown=_shown(guide))
-            yaw_rad = round(yaw_from_sweep(found.places, frame=tracker.frame), 4)
+            yaw_rad = kept_yaw(yaw_from_sweep(found.places, frame=tracker.frame))
             guide.say(f"forward is {math.degrees(yaw_rad):+.0f}° off the tracker's own")
             guide.ready("Go back and hold still; then move it forward once more: this is the check")
             again = watch_sweep(tracker, wait_s, yaw_rad=yaw_rad, shown=_shown(guide))
@@ -75,6 +88,50 @@ def take_heading(tracker: Tracker, guide: Guide, *, wait_s: float = WAIT_S) -> T
     # A heading that its own check says is wrong would lead the arm another way than the person means.
     taken, _ = until_good(guide, "forward", attempt, problems, can_keep=lambda _taken: False)
     return taken
+
+
+def take_base_yaw(
+    tracker: Tracker, guide: Guide, *, yaw_rad: float, told_rad: float, wait_s: float = WAIT_S
+) -> float:
+    """Ask which way the robot's base points as the operator sees it, or measure it by a movement of the forearm.
+
+    Args:
+        tracker: It, open.
+        guide: Shows and asks.
+        yaw_rad: The operator's forward, as :func:`take_heading` found it.
+        told_rad: What the settings say, kept where nobody is there to answer.
+        wait_s: How long the movement is waited for.
+
+    Returns:
+        As in ``arm.mapping.base_yaw_rad``.
+
+    Raises:
+        CalibrationError: The movement says nothing, and nobody is there to try again.
+    """
+    try:
+        said = guide.ask(
+            "Seen from where you work, which way does the robot's base point, from its column to where its hand works?",
+            _BASE_ANSWERS,
+        )
+    except Undecided:
+        return told_rad
+    if said in _BASE_POINTS:
+        return kept_yaw(_BASE_POINTS[said])
+
+    def attempt() -> tuple[float, str]:
+        guide.ready("Hold the forearm still; then move it by 20 cm the way the robot's base points, and stop")
+        try:
+            found = watch_sweep(tracker, wait_s, yaw_rad=yaw_rad, shown=_shown(guide))
+            seen_rad = yaw_from_sweep(found.places, frame=tracker.frame) - yaw_rad
+        except CalibrationError as error:
+            return 0.0, f"{error.message}: {error.hint}" if error.hint else error.message
+        return kept_yaw(math.remainder(seen_rad, 2 * math.pi)), ""
+
+    (base_yaw_rad, _), _ = until_good(
+        guide, "base", attempt, lambda one: (one[1],) if one[1] else (), can_keep=lambda _one: False
+    )
+    guide.say(f"the base points {math.degrees(base_yaw_rad):+.0f}° to the left of your forward")
+    return base_yaw_rad
 
 
 def watch_sweep(

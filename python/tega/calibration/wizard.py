@@ -23,7 +23,7 @@ from tega.calibration.records import (
     read_record,
 )
 from tega.calibration.staircase import LEVEL_PERCENT, TOP_LEVEL, highest_level
-from tega.calibration.steps_arm import take_heading
+from tega.calibration.steps_arm import take_base_yaw, take_heading
 from tega.calibration.steps_emg import (
     Maxima,
     Quiet,
@@ -403,13 +403,16 @@ class Calibrating:
     def _arm(self, section: TrackerConfig) -> ArmRecord:
         self._guide.part(
             f"Forearm{self._place}",
-            "Which way is forward for you: two movements of the forearm, the second of which checks the first. No "
-            "robot is opened, and nothing moves.",
+            "Which way is forward for you: two movements of the forearm, the second of which checks the first; and "
+            "which way the robot's base points. No robot is opened, and nothing moves.",
         )
         with driver_class(section.driver, "tracker")(section.options) as tracker:
             _check_live(tracker)
             taken = take_heading(tracker, self._guide)
             assert taken.check is not None
+            arm = self._config.arm
+            told_rad = 0.0 if arm is None else arm.mapping.base_yaw_rad
+            base_yaw_rad = take_base_yaw(tracker, self._guide, yaw_rad=taken.yaw_rad, told_rad=told_rad)
             return ArmRecord(
                 person=self._person,
                 device=device_name(tracker.info),
@@ -418,6 +421,7 @@ class Calibrating:
                 frame=tracker.frame,
                 yaw_rad=taken.yaw_rad,
                 off_rad=round(taken.check.off_rad, 4),
+                base_yaw_rad=base_yaw_rad,
             )
 
     # Scene cameras.

@@ -39,7 +39,7 @@ def forward(*, config: Path, seconds: float, as_json: bool) -> None:
     import math
     import sys
 
-    from tega.arm.heading import check_forward, yaw_from_sweep
+    from tega.arm.heading import check_forward, kept_yaw, yaw_from_sweep
     from tega.cli.options import echo_json
     from tega.config import load_config
 
@@ -47,7 +47,7 @@ def forward(*, config: Path, seconds: float, as_json: bool) -> None:
         frame = tracker.frame
         _ask("Hold the forearm still where you work, facing the way you will look.", as_json=as_json)
         found = _watch(tracker, seconds, yaw_rad=None)
-        yaw_rad = round(yaw_from_sweep(found.places, frame=frame), 4)
+        yaw_rad = kept_yaw(yaw_from_sweep(found.places, frame=frame))
         if not as_json:
             click.echo(f"forward is {math.degrees(yaw_rad):+.0f}° off the tracker's own")
         _ask("Go back and hold still; now the check.", as_json=as_json)
@@ -60,7 +60,11 @@ def forward(*, config: Path, seconds: float, as_json: bool) -> None:
         if said.ok:
             click.echo("Put this into the settings, in the robot's file where there are two machines:")
             click.echo(f"  [arm.mapping]\n  yaw_rad = {yaw_rad}")
-            click.echo("tega-teleop calibrate keeps it for a person instead, as one of its steps.")
+            click.echo(
+                "base_yaw_rad beside it says which way the robot's base points as you see it: 0 away from you, 1.5708 "
+                "to your left, 3.1415 towards you."
+            )
+            click.echo("tega-teleop calibrate keeps both for a person instead, as one of its steps.")
     if not said.ok:
         sys.exit(1)
 
@@ -75,7 +79,8 @@ def _tracker(config: SessionConfig) -> Tracker:
     if section is None:
         raise ConfigError(
             "no tracker is set, so there is no forward to find",
-            "set [arm.tracker]; a SpaceMouse needs none of this: it is pushed along the robot's axes",
+            "set [arm.tracker]; a SpaceMouse needs none of this but arm.mapping.base_yaw_rad, where the base does not "
+            "point away from the operator",
         )
     tracker: Tracker = driver_class(section.driver, "tracker")(section.options)
     return tracker

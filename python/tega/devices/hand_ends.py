@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from tega.devices.allegro import AllegroOptions
 
 
+MAKES_READY: Final = "makes ready"
+"""What the process says after each stage of its start."""
+
 _START_S: Final = 20.0
 _SILENT_S: Final = 1.0
 _AWAY_S: Final = 0.2
@@ -65,6 +68,18 @@ class HandThread:
     def lost(self) -> str:
         """Why the loop can be asked for nothing any more; ``""`` while it runs."""
         return "" if self._thread is not None and self._thread.is_alive() else "the hand's thread has ended"
+
+
+def _patience(process: subprocess.Popen[bytes], stuck: threading.Event) -> threading.Timer:
+    """End a process that does not say within :data:`_START_S` how far it is, and say that this was done."""
+
+    def end() -> None:
+        stuck.set()
+        process.kill()
+
+    late = threading.Timer(_START_S, end)
+    late.start()
+    return late
 
 
 class HandProcess:
@@ -115,16 +130,18 @@ class HandProcess:
         asked, said = process.stdin, process.stdout
         assert isinstance(asked, BufferedWriter)
         assert isinstance(said, BufferedReader)
-        late = threading.Timer(_START_S, process.kill)
-        late.start()
+        stuck = threading.Event()
+        late = _patience(process, stuck)
         try:
             with contextlib.suppress(OSError):  # it has ended, and may have said why
                 send_object(asked, whole)
-            error = receive_object(said)
+            while (error := receive_object(said)) == MAKES_READY:
+                late.cancel()
+                late = _patience(process, stuck)
         except (EOFError, OSError):
+            why = f"it said nothing for {_START_S:g} s" if stuck.is_set() else "its error output says why"
             error = DeviceUnavailableError(
-                "allegro: the hand's process did not start",
-                "its error output says why; nothing was switched on",
+                "allegro: the hand's process did not start", f"{why}; nothing was switched on"
             )
         except BaseException:
             end_child(process, LEAVE_S)

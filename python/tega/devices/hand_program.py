@@ -17,7 +17,7 @@ from io import BufferedWriter, FileIO
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from tega.devices.hand_ends import read_words
+from tega.devices.hand_ends import MAKES_READY, read_words
 from tega.devices.hand_loop import HandLoop
 from tega.devices.hand_told import WORD_S, HandNews, HandOrders, HandSpoken
 from tega.object_pipe import receive_object, send_object
@@ -41,12 +41,19 @@ def _pass_on(told: SimpleQueue[_Told | None], said: BufferedWriter) -> None:
             send_object(said, what)
 
 
+def _makes_ready(said: BufferedWriter) -> None:
+    with suppress(OSError):  # the run has given up, which is seen where its word is waited for
+        send_object(said, MAKES_READY)
+
+
 def _steer(options: Any, *, asked: FileIO, orders: HandOrders, said: BufferedWriter) -> None:
     """Make ready, wait until the run opens the hand, and steer it."""
     told: SimpleQueue[_Told | None] = SimpleQueue()
     loop = HandLoop(options, orders, lambda spoken, seen: told.put((spoken, seen)))
     try:
+        _makes_ready(said)
         loop.warm_up()
+        _makes_ready(said)
         loop.whole = receive_object(asked)
         loop.open()
     except EOFError:  # the run has given up, or was killed, before it opened the hand

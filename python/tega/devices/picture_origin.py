@@ -5,16 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-import numpy as np
+from tega._native import band_distances, picture_bands
 
 if TYPE_CHECKING:
+    import numpy as np
     from numpy.typing import NDArray
 
 
-# Reports speak of a tenth of a picture: bands of a twenty-fourth, so that one lies wholly within.
-_N_BANDS: Final = 24
-_ROWS_A_BAND: Final = 2
-_N_COLUMNS: Final = 40
 # Levels of 255, medians over a band. Two sensors' untouched pictures differ by 17 to 42 in every band, one sensor's by
 # 4 to 8 where nothing touches it, and a press changes up to 27 (recordings of three sensors).
 _FAR: Final = 12.0
@@ -50,15 +47,9 @@ class PictureOrigin:
     """
 
     def __init__(self, own: NDArray[np.uint8], others: Mapping[str, NDArray[np.uint8]]) -> None:
-        height, width = own.shape[:2]
-        n_rows = _N_BANDS * _ROWS_A_BAND
         self._shape = own.shape
-        rows = ((np.arange(n_rows) + 0.5) * height / n_rows).astype(np.intp)
-        columns = ((np.arange(_N_COLUMNS) + 0.5) * width / _N_COLUMNS).astype(np.intp)
-        pixels = rows[:, np.newaxis] * width + columns
-        self._picked = (3 * pixels.reshape(-1, 1) + np.arange(3)).ravel()
-        self._own = self._bands(own)
-        self._others = {name: self._bands(b) for name, b in others.items() if b.shape == own.shape}
+        self._own = picture_bands(own)
+        self._others = {name: picture_bands(b) for name, b in others.items() if b.shape == own.shape}
 
     def judge(self, image: NDArray[np.uint8]) -> Origin:
         """Tell where a picture comes from.
@@ -68,30 +59,13 @@ class PictureOrigin:
         """
         if image.shape != self._shape:
             return Origin("", 0.0, unlike=False)
-        bands = self._bands(image)
-        # A median above a limit has at least half of the numbers above it, and each pixel is counted once at least:
-        # nearly every picture is through with this.
-        apart = np.maximum(bands, self._own) - np.minimum(bands, self._own) > _FAR
-        if 2 * apart.sum(axis=(1, 2)).max() < apart.shape[1]:
-            return Origin("", 0.0, unlike=False)
-        own = _distance(bands, self._own)
-        far = np.flatnonzero(own > _FAR)
+        bands = picture_bands(image)
+        own = band_distances(bands, self._own)
+        far = [k for k, distance in enumerate(own) if distance > _FAR]
         best, share = "", 0.0
-        for name, other in self._others.items() if len(far) else ():
-            theirs = _distance(bands[far], other[far])
-            n = int(((theirs < _NEAR) & (theirs < _NEARER * own[far])).sum())
-            if n / _N_BANDS > share:
-                best, share = name, n / _N_BANDS
-        return Origin(best, share, unlike=not best and len(far) >= _ALL_SHARE * _N_BANDS)
-
-    def _bands(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Take a few pixels of each band: uint8 (bands, pixels, 3)."""
-        bands: NDArray[np.uint8] = image.ravel().take(self._picked)
-        return bands.reshape(_N_BANDS, _ROWS_A_BAND * _N_COLUMNS, 3)
-
-
-def _distance(one: NDArray[np.uint8], other: NDArray[np.uint8]) -> NDArray[np.float64]:
-    """Return the median over each band's pixels of the largest difference of a colour, levels."""
-    apart = np.maximum(one, other) - np.minimum(one, other)
-    distance: NDArray[np.float64] = np.median(apart.max(axis=2), axis=1)
-    return distance
+        for name, other in self._others.items() if far else ():
+            theirs = band_distances(bands, other)
+            n = sum(theirs[k] < _NEAR and theirs[k] < _NEARER * own[k] for k in far)
+            if n / len(own) > share:
+                best, share = name, n / len(own)
+        return Origin(best, share, unlike=not best and len(far) >= _ALL_SHARE * len(own))

@@ -63,6 +63,7 @@ class SpaceMouse(HidInput):
     Both layouts are read, told apart by the length of the first report. A cap that is deflected repeats itself
     every 16 ms: after 100 ms without, what was not renewed is zero, and if it was all, the state is "no data". At
     rest it says nothing, so a device that freezes at rest cannot be told from one that nobody touches.
+    ``arm.mapping.base_yaw_rad`` turns the axes for an operator who looks another way.
     """
 
     name: ClassVar[str] = "spacemouse"

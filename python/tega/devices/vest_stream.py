@@ -215,12 +215,18 @@ class StreamedVest(Opened):
 
     @property
     def condition(self) -> str:
-        """What the vest says of itself now, one line; ``""`` while there is no link, or where it says nothing."""
+        """What the vest says of itself now, and what it does not tell, one line; ``""`` while there is no link."""
         link = self._link
         if not self._up.is_set() or link is None:
             return ""
+        if not link.present or not link.condition:
+            return link.condition
         battery = link.battery_percent
-        said = (link.condition, "" if battery is None else f"battery {battery} %")
+        said = (
+            link.condition,
+            f"battery {'not told' if battery is None else f'{battery} %'}",
+            "fit not told",
+        )
         return ", ".join(filter(None, said))
 
     @property

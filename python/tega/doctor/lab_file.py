@@ -84,6 +84,7 @@ _ARM = """
 {off}[arm.mapping]
 {off}frame = "base"                  # axes of what leads: base for a SpaceMouse, openxr for a headset
 # yaw_rad = 0.0                   # where forward is in the tracker's axes, from the calibration of the yaw
+# base_yaw_rad = 0.0              # which way the base points for the operator: 0 away, 1.57 left, 3.1415 towards
 
 {off}[arm.limits]
 {off}speed_m_s = 0.25

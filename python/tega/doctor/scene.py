@@ -6,6 +6,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Final
 
+from tega.doctor.case import holders
 from tega.doctor.findings import Finding
 from tega.errors import TegaError
 from tega.scene.filming import Filming
@@ -56,7 +57,16 @@ def _look(camera: SceneConfig) -> Finding:
         film.open()
     except TegaError as error:
         todo = (error.hint,) if error.hint else ()
-        return Finding(check=check, status="missing", finding=error.message, todo=todo, device=camera.source)
+        node = f"/dev/video{camera.source}" if camera.source.isdecimal() else camera.source
+        busy = holders(node) if node.startswith("/dev/") else []
+        return Finding(
+            check=check,
+            status="wrong" if busy else "missing",
+            finding=error.message,
+            why=f"{', '.join(busy)} has {node} open" if busy else "",
+            todo=todo,
+            device=camera.source,
+        )
     film.begin(0)
     film.start()
     begin_s = time.monotonic()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final
 
 from tega.devices import HarmlessDevice, driver_class
 from tega.devices.base import optional
@@ -10,6 +10,11 @@ from tega.devices.bluetooth_state import bluetooth_trouble
 from tega.doctor.case import DriverCase, failed
 from tega.doctor.findings import Finding
 from tega.errors import MissingExtraError, TegaError
+
+_ASK: Final = (
+    "the vest does not tell how it fits: its wearer does, asked where each column is felt, in the first step of\n"
+    "tega-teleop calibrate SETTINGS.toml --person ID --only vest"
+)
 
 
 def try_vest(case: DriverCase) -> list[Finding]:
@@ -37,6 +42,6 @@ def try_vest(case: DriverCase) -> list[Finding]:
     said = f"{case.driver}, {label}: the vest answers{f' ({condition})' if condition else ''}; it was sent zeros only"
     measured = {} if battery is None else {"battery_percent": float(battery)}
     return [
-        case.told(label, "fine", said, measured=measured),
+        case.told(label, "fine", said, measured=measured, todo=(_ASK,) if condition else ()),
         *(case.told(label, "doubt", note) for note in info.notes),
     ]

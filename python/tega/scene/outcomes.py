@@ -24,7 +24,7 @@ from tega.scene.resting import (
     placed,
     resting,
 )
-from tega.scene.smoothing import KERNEL_S, Course, joined, smoothed, trended, where_seen
+from tega.scene.smoothing import Course, joined, smoothed, trended, where_seen
 from tega.scene.track import BodyTrack, SceneTrack
 from tega.sim.score import LIFT_WINDOW_S, STABLE_S, TrialScorer
 from tega.sim.seams import WorldTruth
@@ -39,6 +39,9 @@ _GRID_S: Final = 0.01
 _REST_S: Final = 0.6
 _GAP_S: Final = 0.25
 _SUSTAINED_S: Final = 0.05
+_TAKEN_S: Final = 0.07
+"""How long after its lift-off an object gives in the hand before that counts as a slip."""
+
 OutcomeKind = Literal["lift_off", "lifted", "slip", "deformation", "drop", "put_down", "placed"]
 
 
@@ -299,6 +302,11 @@ def score_scene(
     hand_seen = float(np.isfinite(track.hand.position_m[inside, 0]).mean())
     if hand_seen < 0.5:
         notes.append(f"the hand was seen in {hand_seen:.0%} of the pictures: slips and drops may be missing")
+    width = np.isfinite(track.object.width_m)
+    if widest is not None and not (width & (track.t_s >= begin_s) & (track.t_s <= begin_s + _REST_S)).any():
+        notes.append(
+            "the width's tags were not seen before the touch: every width is off by how they are folded"
+        )
     if rest is None and ruling.stands_s and not ruling.aloft:
         notes.append("the object was not seen where it was put down")
     elif rest is not None and mark_m is not None and rest.let_go is None:
@@ -362,7 +370,10 @@ class SceneRule:
             elif self.aloft and courses.lowest.value[k] < STANDS_M:
                 self.aloft = False
                 self.stands_s.append(t_s)
-            slip_m = float(courses.slip.value[k]) - reference_m if self.aloft else 0.0
+            # While the hand takes the load over the object still gives; a slip that goes on then began with the
+            # lift-off, and all of its way counts.
+            carried = self.aloft and t_s > off_s + _TAKEN_S
+            slip_m = float(courses.slip.value[k]) - reference_m if carried else 0.0
             if not np.isfinite(slip_m):
                 slip_m = self.scorer.slid_m
             dropped = dropped or slip_m > LOST_M
@@ -373,10 +384,7 @@ class SceneRule:
                 lift_off=self.aloft,
                 pad_force_n=(0.0, 0.0, 0.0, 0.0),
                 slip_m=slip_m,
-                # Until then the fitted line still has what moved before the object left the table.
-                slip_m_s=float(np.nan_to_num(courses.slip.slope[k]))
-                if self.aloft and t_s > off_s + 2 * KERNEL_S
-                else 0.0,
+                slip_m_s=float(np.nan_to_num(courses.slip.slope[k])) if carried else 0.0,
                 deformation_m=-narrow if np.isfinite(narrow) else 0.0,
                 damage_m=0.0,
                 dropped=dropped,

@@ -45,7 +45,6 @@ def record_cameras(
     rate_hz: float,
     stop: Callable[[], bool],
     video: VideoFormat = "h264",
-    crf: int = 20,
 ) -> dict[str, CameraTally]:
     """Record until told to stop, or until every camera has stopped.
 
@@ -56,7 +55,6 @@ def record_cameras(
         rate_hz: Pictures a second.
         stop: Asked twenty times a second.
         video: Format of the stream.
-        crf: Quality, smaller is better.
 
     Raises:
         DeviceUnavailableError: A camera does not open; nothing is recorded then.
@@ -70,7 +68,7 @@ def record_cameras(
     for name, source in cameras.items():
         plain_name(name, what="camera", source="--camera")
         settings = SceneConfig(
-            name=name, source=source, width=size[0], height=size[1], rate_hz=rate_hz, video=video, crf=crf
+            name=name, source=source, width=size[0], height=size[1], rate_hz=rate_hz, video=video
         )
         # What writes is made with the file, which is made once every camera is open.
         films[name] = Filming(settings, give=partial(_give, writers, name))

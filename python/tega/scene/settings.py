@@ -19,6 +19,9 @@ ADDRESSES: Final = ("rtsp://", "rtsps://", "http://", "https://", "udp://", "tcp
 MOST_CAMERAS: Final = 16
 """No scene has more; of a recording with more no others are played."""
 
+CRF: Final = 18
+"""Quality of a recorded stream, smaller is better: that of the proof in docs/evidence/scene.md."""
+
 _PASSWORD: Final = re.compile(r"[a-z]+://[^/@]*:([^/@]+)@")
 _VARIABLE: Final = re.compile(r"\$(?:(\w+)|\{(\w+)\})")
 _OURS: Final = "TEGA_"
@@ -37,7 +40,7 @@ class SceneConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
         height: Likewise.
         rate_hz: Pictures a second.
         video: Format of the recorded stream.
-        crf: Quality, smaller is better; 20 loses little.
+        crf: Quality, smaller is better; 18 loses little.
         late_ms: How late its pictures come, by ``scene offset``; taken off their times.
         lens: The camera's intrinsics, as ``scene calibrate`` wrote them; recordings carry them, and ``layout``, so that
             trials can be measured from them alone.
@@ -50,7 +53,7 @@ class SceneConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     height: _Side = 1080
     rate_hz: Annotated[float, msgspec.Meta(ge=1, le=240)] = 30.0
     video: VideoFormat = "h264"
-    crf: Annotated[int, msgspec.Meta(ge=0, le=51)] = 20
+    crf: Annotated[int, msgspec.Meta(ge=0, le=51)] = CRF
     late_ms: Annotated[float, msgspec.Meta(ge=-1000, le=5000)] = 0.0
     lens: Path | None = None
     layout: Path | None = None

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Generator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from tega.devices.video_nodes import camera_place
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.opencv import IMAGE_SUFFIXES, load_cv2, read_image
 from tega.scene.calibrate import LensCalibration
@@ -34,13 +36,16 @@ def open_camera(source: str, size: tuple[int, int], rate_hz: float = 30.0) -> An
         DeviceUnavailableError: It does not open, or gives another size.
         MissingExtraError: OpenCV is not installed.
     """
+    # A camera that says nothing any more blocks a read for so many seconds; read by OpenCV at the first capture.
+    os.environ.setdefault("OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT", str(_READ_MS // 1000))
     cv2 = load_cv2("scene")
     if source.startswith(ADDRESSES):
         limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, _OPEN_MS, cv2.CAP_PROP_READ_TIMEOUT_MSEC, _READ_MS]
         capture = cv2.VideoCapture(full_source(source), cv2.CAP_FFMPEG, [*limits, cv2.CAP_PROP_N_THREADS, 1])
         fix = "is the address right, its sender on, and the network up?"
     else:
-        capture = cv2.VideoCapture(int(source) if source.isdecimal() else source)
+        place, way_in = camera_place(f"camera:{source}" if source.isdecimal() else source)
+        capture = cv2.VideoCapture(place, getattr(cv2, way_in))
         fix = "another program may use it, or your user may not read it; tega-teleop doctor lists cameras"
     if not capture.isOpened():
         capture.release()

@@ -68,7 +68,8 @@ class SceneTrack(NamedTuple):
         view: float64 (3,), direction in which the camera looks, in the table's axes.
         eye_m: float64 (3,), where it stands.
         table_rms_px: Residual of the table's tags.
-        n_moved: Pictures in which the table's tags stood more than two pixels off: the camera was pushed.
+        n_moved: Pictures in which all of the table's tags, two or more, stood more than two pixels off: the camera was
+            pushed.
     """
 
     t_s: NDArray[np.float64]
@@ -173,8 +174,9 @@ def follow_bodies(sightings: SceneSightings, lens: Lens, layout: TagLayout) -> S
             f"are tags {', '.join(map(str, sorted(table_ids)))} in the picture, flat, with their white margin?",
         )
     moved = sum(
-        max(float(np.abs(corners - middle[tag]).max()) for tag, corners in one.items()) > _MOVED_PX
+        min(float(np.abs(corners - middle[tag]).max()) for tag, corners in one.items()) > _MOVED_PX
         for one in lying
+        if len(one) > 1
     )
     found: dict[str, list[FittedPose | None]] = {}
     for name in ("object", "hand"):

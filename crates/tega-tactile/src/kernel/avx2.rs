@@ -10,10 +10,10 @@ mod levels;
 use std::arch::x86_64::{
     __m256i, _mm_cvtsi128_si32, _mm_max_epi32, _mm_max_epu16, _mm_min_epi32, _mm_minpos_epu16,
     _mm_set1_epi32, _mm_shuffle_epi32, _mm_xor_si128, _mm256_add_epi32, _mm256_add_epi64,
-    _mm256_castsi256_si128, _mm256_cmpgt_epi32, _mm256_cvtepi32_epi64, _mm256_extracti128_si256,
-    _mm256_loadu_si256, _mm256_max_epi32, _mm256_max_epu16, _mm256_min_epi32, _mm256_mul_epi32,
-    _mm256_packus_epi32, _mm256_set1_epi32, _mm256_setzero_si256, _mm256_srli_epi64, _mm256_storeu_si256,
-    _mm256_sub_epi32,
+    _mm256_castsi256_si128, _mm256_cmpeq_epi16, _mm256_cmpgt_epi32, _mm256_cvtepi32_epi64,
+    _mm256_extracti128_si256, _mm256_loadu_si256, _mm256_max_epi32, _mm256_max_epu16, _mm256_min_epi32,
+    _mm256_movemask_epi8, _mm256_mul_epi32, _mm256_or_si256, _mm256_packus_epi32, _mm256_set1_epi16,
+    _mm256_set1_epi32, _mm256_setzero_si256, _mm256_srli_epi64, _mm256_storeu_si256, _mm256_sub_epi32,
 };
 use std::array::from_fn;
 
@@ -83,7 +83,7 @@ impl Lanes {
     #[inline]
     fn take<const DIFFERENCE: u8, const SQUARES: bool, const KEPT: bool>(&mut self, n: __m256i) {
         self.sum = _mm256_add_epi32(self.sum, n);
-        if DIFFERENCE == SIGNED {
+        if DIFFERENCE == SIGNED && !KEPT {
             self.min = _mm256_min_epi32(self.min, n);
         }
         if !KEPT {
@@ -98,16 +98,20 @@ impl Lanes {
 
     /// The row, with the pixels that no vector took. Its largest level is that of the words, where levels are kept.
     #[target_feature(enable = "avx2")]
-    fn row<const DIFFERENCE: u8, const SQUARES: bool, const KEPT: bool>(&self, tail: Row) -> Row {
+    fn row<const DIFFERENCE: u8, const SQUARES: bool, const KEPT: bool>(
+        &self,
+        kernel: &Kernel,
+        tail: Row,
+    ) -> Row {
         let squares = if SQUARES { lanes_i64(self.squares).iter().sum::<i64>() } else { 0 };
         // The lanes' total may pass `i32`; the eight lanes themselves do not.
         let [low, high] = [_mm256_castsi256_si128(self.sum), _mm256_extracti128_si256::<1>(self.sum)];
         let wide = _mm256_add_epi64(_mm256_cvtepi32_epi64(low), _mm256_cvtepi32_epi64(high));
-        let signed = DIFFERENCE == SIGNED;
+        let looked_for = DIFFERENCE == SIGNED && !KEPT;
         Row {
             sum: tail.sum + lanes_i64(wide).iter().sum::<i64>(),
             squares: tail.squares + squares,
-            min: if signed { fold_lanes!(self.min, _mm_min_epi32).min(tail.min) } else { tail.min },
+            min: if looked_for { fold_lanes!(self.min, _mm_min_epi32).min(tail.min) } else { kernel.least() },
             max: if KEPT { largest_word(self.max) } else { fold_lanes!(self.max, _mm_max_epi32) }
                 .max(tail.max),
         }
@@ -180,7 +184,7 @@ fn rows_of<const DIFFERENCE: u8, const SQUARES: bool>(
         let (f, b) = (frame.split_at(3 * width), baseline.split_at(3 * width));
         let (f, b) = ([f.0, f.1], [b.0, b.1]);
         rows.extend(match kept.next() {
-            Some(kept) if DIFFERENCE != SIGNED => {
+            Some(kept) => {
                 let (first, second) = kept.split_at_mut(width);
                 together::<DIFFERENCE, SQUARES, true, 2>(kernel, f, b, columns, [first, second])
             }
@@ -203,7 +207,7 @@ fn rows_alone<const DIFFERENCE: u8, const SQUARES: bool>(
     let mut kept = kept.chunks_exact_mut(width);
     for (frame, baseline) in frame.chunks_exact(3 * width).zip(baseline.chunks_exact(3 * width)) {
         rows.extend(match kept.next() {
-            Some(kept) if DIFFERENCE != SIGNED => {
+            Some(kept) => {
                 together::<DIFFERENCE, SQUARES, true, 1>(kernel, [frame], [baseline], columns, [kept])
             }
             _ => together::<DIFFERENCE, SQUARES, false, 1>(kernel, [frame], [baseline], columns, [&mut []]),
@@ -251,7 +255,7 @@ fn together<const DIFFERENCE: u8, const SQUARES: bool, const KEPT: bool, const N
     from_fn(|y| {
         let ((f_eights, f), (b_eights, b)) =
             (frame_steps[y].1.as_chunks::<BYTES>(), baseline_steps[y].1.as_chunks::<BYTES>());
-        let (kept_eights, kept) = kept[y].1.as_chunks_mut::<LANES>();
+        let (kept_eights, kept_last) = kept[y].1.as_chunks_mut::<LANES>();
         for (x, columns) in eights.iter_mut().enumerate() {
             let n = levels_of_eight::<DIFFERENCE>(&f_eights[x], &b_eights[x], weights);
             lanes[y].take::<DIFFERENCE, SQUARES, KEPT>(n);
@@ -263,30 +267,52 @@ fn together<const DIFFERENCE: u8, const SQUARES: bool, const KEPT: bool, const N
                 kept.copy_from_slice([half[0], half[2]].as_flattened());
             }
         }
-        let mut row = lanes[y].row::<DIFFERENCE, SQUARES, KEPT>(kernel.row(f, b, last));
+        let mut row = lanes[y].row::<DIFFERENCE, SQUARES, KEPT>(kernel, kernel.row(f, b, last));
         if KEPT {
-            kernel.keep_plain(f, b, kept);
-            if row.max >= i32::from(u16::MAX) {
-                row.max = largest::<DIFFERENCE>(kernel, frame[y], baseline[y]);
+            kernel.keep_plain(f, b, kept_last);
+            // A word of 0 may stand for less, one of 65,535 for more.
+            let word = row.max.clamp(0, i32::from(u16::MAX)) as u16;
+            if word == u16::MAX || (DIFFERENCE == SIGNED && word == 0) {
+                row.max = largest::<DIFFERENCE>(kernel, frame[y], baseline[y], kept[y].0, word);
             }
         }
         row
     })
 }
 
-/// The largest level of a row.
+/// The largest level of a row, sought where the largest of its words are.
 #[target_feature(enable = "avx2")]
-fn largest<const DIFFERENCE: u8>(kernel: &Kernel, frame: &[u8], baseline: &[u8]) -> i32 {
+fn largest<const DIFFERENCE: u8>(
+    kernel: &Kernel,
+    frame: &[u8],
+    baseline: &[u8],
+    kept: &[[u16; PIXELS]],
+    word: u16,
+) -> i32 {
     let weights = Pairs::of(kernel.weights);
     let (steps, rest) = frame.as_chunks::<STEP>();
     let (baseline_steps, baseline_rest) = baseline.as_chunks::<STEP>();
     let mut max = _mm256_set1_epi32(i32::MIN);
-    for (f, b) in steps.iter().zip(baseline_steps) {
-        max = levels::<DIFFERENCE>(f, b, weights).into_iter().fold(max, |max, n| _mm256_max_epi32(max, n));
+    for ((f, b), kept) in steps.iter().zip(baseline_steps).zip(kept) {
+        if holds(kept, word) {
+            max =
+                levels::<DIFFERENCE>(f, b, weights).into_iter().fold(max, |max, n| _mm256_max_epi32(max, n));
+        }
     }
     let pixels = rest.as_chunks::<3>().0.iter().zip(baseline_rest.as_chunks::<3>().0);
     let last = pixels.map(|(f, b)| kernel.grey(*f, *b)).max().unwrap_or(i32::MIN);
     fold_lanes!(max, _mm_max_epi32).max(last)
+}
+
+/// Whether one of a step's words is `word`.
+#[target_feature(enable = "avx2")]
+#[inline]
+fn holds(kept: &[u16; PIXELS], word: u16) -> bool {
+    let word = _mm256_set1_epi16(word.cast_signed());
+    // SAFETY: both unaligned 32-byte loads lie within the 64 bytes.
+    let equal = [0, 2 * LANES]
+        .map(|at| unsafe { _mm256_cmpeq_epi16(_mm256_loadu_si256(kept.as_ptr().add(at).cast()), word) });
+    _mm256_movemask_epi8(_mm256_or_si256(equal[0], equal[1])) != 0
 }
 
 /// See [`Kernel::count_kept`].
@@ -297,23 +323,36 @@ pub(super) fn count_kept(kept: &[u16], first: u16) -> u32 {
 
 /// See [`Kernel::count`].
 #[target_feature(enable = "avx2")]
-pub(super) fn count(kernel: &Kernel, frame: &[u8], baseline: &[u8], first: i32) -> u32 {
-    count_by_reading!(kernel, count_of(frame, baseline, first))
+pub(super) fn count(kernel: &Kernel, frame: &[u8], baseline: &[u8], kept: &[u16], first: i32) -> u32 {
+    count_by_reading!(kernel, count_of(frame, baseline, kept, first))
 }
 
 #[target_feature(enable = "avx2")]
-fn count_of<const DIFFERENCE: u8>(kernel: &Kernel, frame: &[u8], baseline: &[u8], first: i32) -> u32 {
+fn count_of<const DIFFERENCE: u8>(
+    kernel: &Kernel,
+    frame: &[u8],
+    baseline: &[u8],
+    kept: &[u16],
+    first: i32,
+) -> u32 {
     let weights = Pairs::of(kernel.weights);
     let (steps, rest) = frame.as_chunks::<STEP>();
     let (baseline_steps, baseline_rest) = baseline.as_chunks::<STEP>();
     let border = _mm256_set1_epi32(first);
     let mut below = [_mm256_setzero_si256(); GROUPS];
+    let mut looked_at = 0;
+    let mut kept = kept.as_chunks::<PIXELS>().0.iter();
     for (f, b) in steps.iter().zip(baseline_steps) {
+        // Only a word of 65,535 may stand for as much.
+        if first > i32::from(u16::MAX) && kept.next().is_some_and(|kept| !holds(kept, u16::MAX)) {
+            continue;
+        }
+        looked_at += 1;
         for (below, n) in below.iter_mut().zip(levels::<DIFFERENCE>(f, b, weights)) {
             // A true comparison is −1, so subtracting it counts.
             *below = _mm256_sub_epi32(*below, _mm256_cmpgt_epi32(border, n));
         }
     }
     let below: i32 = below.iter().flat_map(|lanes| lanes_i32(*lanes)).sum();
-    (steps.len() * PIXELS) as u32 - below as u32 + kernel.count_plain(rest, baseline_rest, first)
+    looked_at * PIXELS as u32 - below as u32 + kernel.count_plain(rest, baseline_rest, first)
 }

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
@@ -17,10 +18,13 @@ from scipy.stats import binomtest
 from tega.scene.outcomes import SceneEvent
 from tega_figures.scene.prove import CHOSEN_ON, TOLERANCE_S, ProvenTrial
 
+EventPairs = list[tuple[SceneEvent | None, SceneEvent | None]]
+"""Pairs of a true event and a measured one; ``None`` where the other has no match."""
+
 
 def matched(
     true: tuple[SceneEvent, ...], measured: tuple[SceneEvent, ...], *, tolerance_s: float = TOLERANCE_S
-) -> list[tuple[SceneEvent | None, SceneEvent | None]]:
+) -> EventPairs:
     """Return pairs of events of one kind within the tolerance, nearest first, and those that are left alone."""
     near = sorted(
         (abs(a.t_s - b.t_s), i, j)
@@ -32,25 +36,22 @@ def matched(
     for _, i, j in near:
         if i not in pairs and j not in pairs.values():
             pairs[i] = j
-    found: list[tuple[SceneEvent | None, SceneEvent | None]] = [
-        (one, measured[pairs[i]] if i in pairs else None) for i, one in enumerate(true)
-    ]
+    found: EventPairs = [(one, measured[pairs[i]] if i in pairs else None) for i, one in enumerate(true)]
     return found + [(None, one) for j, one in enumerate(measured) if j not in pairs.values()]
 
 
-def f1(pairs: list[tuple[SceneEvent | None, SceneEvent | None]]) -> float:
+def f1(pairs: EventPairs) -> float:
     """Return F1 of the pairs: twice the matches over all events of both."""
     both = sum(a is not None and b is not None for a, b in pairs)
     events = sum((a is not None) + (b is not None) for a, b in pairs)
     return 2 * both / events if events else float("nan")
 
 
-def interval(trials: list[ProvenTrial], *, draws: int = 2000) -> tuple[float, float]:
+def interval(trials: Sequence[EventPairs], *, draws: int = 2000) -> tuple[float, float]:
     """Return the interval of 95 % of F1, by drawing whole trials anew: events of one trial are not independent."""
     rng = np.random.default_rng(0)
-    pairs = [matched(one.true, one.measured) for one in trials]
     drawn = [
-        f1([pair for k in rng.integers(len(pairs), size=len(pairs)).tolist() for pair in pairs[k]])
+        f1([pair for k in rng.integers(len(trials), size=len(trials)).tolist() for pair in trials[k]])
         for _ in range(draws)
     ]
     low, high = np.quantile(drawn, (0.025, 0.975)).tolist()
@@ -96,7 +97,8 @@ def _sum_up(title: str, trials: list[ProvenTrial]) -> None:
     ):
         square = float(np.sqrt(np.nanmean(np.square(values))))
         sys.stdout.write(f"{name}: {square:.2f} mm over all, {np.nanmax(values):.2f} mm in the worst trial\n")
-    everything = [pair for one in trials for pair in matched(one.true, one.measured)]
+    by_trial = [matched(one.true, one.measured) for one in trials]
+    everything = [pair for pairs in by_trial for pair in pairs]
     both = [(a, b) for a, b in everything if a is not None and b is not None]
     late = np.array([b.t_s - a.t_s for a, b in both])
     # A slip that ends in a fall goes on as long as the video does: half a picture there is centimetres.
@@ -113,7 +115,7 @@ def _sum_up(title: str, trials: list[ProvenTrial]) -> None:
     put = [one.put_down_mm for one in trials if one.put_down_mm is not None]
     n_true = sum(a is not None for a, _ in everything)
     exact = binomtest(len(both), n_true).proportion_ci() if n_true else (np.nan, np.nan)
-    low, high = interval(trials)
+    low, high = interval(by_trial)
     slid_mm = float(np.sqrt(np.mean(sizes**2))) if len(sizes) else np.nan
     sys.stdout.write(
         f"F1 {f1(everything):.3f} ({low:.3f} to {high:.3f}); {len(both)} of {n_true} true events found, exactly "

@@ -1,4 +1,7 @@
-"""Draw what the camera sees of a simulated lift, with the tags that were found: ``scene.webp`` of the docs."""
+"""Draw what the camera sees of a simulated lift, with the tags that were found, and the printed tags.
+
+``python -m tega_figures.scene.picture docs/images/scene.webp docs/images/scene-tags.svg``
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,8 @@ import numpy as np
 
 from tega.opencv import load_cv2
 from tega.scene.corners import TagFinder
+from tega.scene.layout import example_layout
+from tega.scene.sheets import PAGE_MM, page_svg, tag_pages
 from tega.sim.plan import TrialPlan
 from tega_figures.scene.bench import RenderedTrial
 from tega_figures.scene.render import Film
@@ -17,8 +22,27 @@ from tega_figures.scene.trials import true_trial
 _CUT = np.s_[0:1080, 340:1660]
 
 
+def printed_tags() -> str:
+    """Return the pages that ``scene tags`` prints, side by side on grey, as SVG."""
+    pages = [page_svg(page) for page in tag_pages(example_layout())]
+    width, height = PAGE_MM
+    inner = "".join(
+        page.replace(
+            f'width="{width:g}mm" height="{height:g}mm"',
+            f'x="{5 + k * (width + 5):g}" y="5" width="{width:g}" height="{height:g}"',
+        )
+        for k, page in enumerate(pages)
+    )
+    wide, high = 5 + len(pages) * (width + 5), height + 10
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{2 * wide:g}" height="{2 * high:g}" '
+        f'viewBox="0 0 {wide:g} {high:g}"><rect width="100%" height="100%" fill="#adb5bd"/>{inner}</svg>\n'
+    )
+
+
 def main() -> None:
-    """Write the picture that is named."""
+    """Write the pictures that are named."""
+    Path(sys.argv[2]).write_text(printed_tags(), encoding="utf-8")
     cv2 = load_cv2("figures")
     trial = true_trial(TrialPlan(object="container", condition="haptic", seed=1))
     at_s = next(one.t_s for one in trial.events if one.kind == "lifted") - 1.0

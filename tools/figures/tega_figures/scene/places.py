@@ -2,7 +2,9 @@
 
 ``python -m tega_figures.scene.places OUT.jsonl`` goes through the design below, as
 :mod:`tega_figures.scene.prove` does through its own, and adds a line a trial; one that is there is passed over. Films
-and tags are kept beside it. ``python -m tega_figures.scene.places OUT.jsonl table`` prints the page's table instead.
+and tags are kept beside it. A number after ``OUT.jsonl`` is the seed of the people, 40 unless given.
+``python -m tega_figures.scene.places OUT.jsonl table`` prints the page's table instead, and with a file of
+:mod:`tega_figures.scene.prove` behind it the F1 of both together.
 
 The film goes on until the person is done, or what was dropped has fallen. The truth is the camera's own rule, told the
 true poses; what the simulation says of its trial stands beside it.
@@ -12,6 +14,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -26,9 +29,10 @@ from tega.sim.plan import TrialPlan
 from tega.sim.score import ON_MARK_M, REST_M_S, STABLE_S, UPRIGHT
 from tega.sim.trial import run_trial
 from tega.sim.world.world import World
-from tega_figures.scene.accuracy import f1, matched
+from tega_figures.scene.accuracy import f1, interval, matched
 from tega_figures.scene.prove import (
     TOLERANCE_S,
+    ProvenTrial,
     calibrated,
     filmed,
     place_off_mm,
@@ -243,6 +247,21 @@ def table(trials: list[PlacedTrial]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def together(trials: Sequence[PlacedTrial | ProvenTrial]) -> str:
+    """Return F1 of all events of several trials, with its interval."""
+    by_trial = [matched(one.true, one.measured) for one in trials]
+    pairs = [pair for some in by_trial for pair in some]
+    found = [(a, b) for a, b in pairs if a is not None and b is not None]
+    late_ms = 1000 * np.abs([b.t_s - a.t_s for a, b in found])
+    low, high = interval(by_trial)
+    return (
+        f"{len(trials)} trials, {sum(one.n_pictures for one in trials)} pictures: F1 {f1(pairs):.3f} ({low:.3f} to "
+        f"{high:.3f}), {len(found)} of {sum(a is not None for a, _ in pairs)} true events, "
+        f"{sum(a is None for a, _ in pairs)} more; "
+        f"{late_ms.mean():.0f} ms off in the mean, {late_ms.max():.0f} at most\n"
+    )
+
+
 def _way_mm(one: PlacedTrial) -> float:
     """Return how far the measured place is from the true one."""
     assert one.at_mm is not None
@@ -256,6 +275,11 @@ def main() -> None:
     kept = [msgspec.json.decode(line, type=PlacedTrial) for line in lines]
     if what == "table":
         sys.stdout.write(table(kept))
+        if len(sys.argv) > 3:
+            lines = Path(sys.argv[3]).read_bytes().splitlines()
+            sys.stdout.write(
+                together([*kept, *(msgspec.json.decode(line, type=ProvenTrial) for line in lines)])
+            )
         return
     lens = calibrated(out.parent)
     for number, (plan, film, occluded) in enumerate(design(int(what))):

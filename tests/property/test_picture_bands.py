@@ -1,0 +1,50 @@
+"""Check how far pictures are apart, band by band, against NumPy, on pictures of any size and layout."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from tega import _native
+from tega.errors import ShapeError
+
+N_BANDS, ROWS_A_BAND, N_COLUMNS = 24, 2, 40
+
+
+def picked(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    height, width = image.shape[:2]
+    n_rows = N_BANDS * ROWS_A_BAND
+    rows = ((np.arange(n_rows) + 0.5) * height / n_rows).astype(int)
+    columns = ((np.arange(N_COLUMNS) + 0.5) * width / N_COLUMNS).astype(int)
+    pixels: NDArray[np.uint8] = image[rows][:, columns].reshape(N_BANDS, ROWS_A_BAND * N_COLUMNS, 3)
+    return pixels
+
+
+@given(
+    rows=st.integers(1, 200),
+    columns=st.integers(1, 90),
+    turned=st.booleans(),
+    spread=st.integers(1, 256),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_bands_and_their_distances_are_numpy_s(
+    rows: int, columns: int, turned: bool, spread: int, seed: int
+) -> None:
+    draw = np.random.default_rng(seed)
+    one, other = (draw.integers(0, spread, (rows, columns, 3), dtype=np.uint8) for _ in range(2))
+    if turned:  # a view whose pixels do not lie side by side
+        one, other = np.rot90(one), np.rot90(other)
+    bands = [_native.picture_bands(image) for image in (one, other)]
+    assert bands == [picked(image).tobytes() for image in (one, other)]
+    apart = np.abs(picked(one).astype(int) - picked(other).astype(int)).max(axis=2)
+    assert _native.band_distances(*bands) == np.median(apart, axis=1).tolist()
+
+
+def test_what_is_no_picture_has_no_bands() -> None:
+    assert _native.picture_bands(np.zeros((0, 5, 3), np.uint8)) == b""
+    assert _native.band_distances(b"", b"12") == []
+    with pytest.raises(ShapeError, match="image"):
+        _native.picture_bands(np.zeros((4, 5), np.uint8))
