@@ -37,7 +37,7 @@ def test_the_study_s_page_shows_what_is_printed_of_the_kept_studies_of_the_arms(
     printed = CliRunner().invoke(arms, ["table", *map(str, files)])
     assert printed.exit_code == 0
     rows = [line for line in printed.output.splitlines() if line.startswith("| ")]
-    assert len(rows) == 3 + 9 + 10 - 0
+    assert len(rows) == 5 + 9 + 10
     page = STUDY.read_text(encoding="utf-8")
     assert [row for row in rows if row not in page] == []
 
