@@ -9,6 +9,7 @@ from click.testing import CliRunner
 
 import tega_figures.information
 from tega_figures.information.__main__ import main
+from tega_figures.information.arms import main as arms
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "evidence" / "value-of-information.md"
@@ -29,6 +30,16 @@ def test_the_study_s_page_shows_the_table_of_the_kept_trials_of_the_bench() -> N
     printed = CliRunner().invoke(main, ["bench", str(RESULTS.with_name("bench.json"))])
     assert printed.exit_code == 0
     assert printed.output.strip() in STUDY.read_text(encoding="utf-8")
+
+
+def test_the_study_s_page_shows_what_is_printed_of_the_kept_studies_of_the_arms() -> None:
+    files = [RESULTS.with_name(f"arms-{name}.jsonl") for name in ("vest", "four")]
+    printed = CliRunner().invoke(arms, ["table", *map(str, files)])
+    assert printed.exit_code == 0
+    rows = [line for line in printed.output.splitlines() if line.startswith("| ")]
+    assert len(rows) == 5 + 9 + 10
+    page = STUDY.read_text(encoding="utf-8")
+    assert [row for row in rows if row not in page] == []
 
 
 def test_the_picture_is_drawn(tmp_path: Path) -> None:

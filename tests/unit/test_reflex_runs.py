@@ -16,7 +16,7 @@ from tega.config import FINGERS, ReflexSection, SessionConfig, load_config
 from tega.errors import ConfigError
 from tega.inbox.sources import EmgBlock
 from tega.inbox.stream import PulledStream
-from tega.records import Button, HandCommand, Imposed, NamedValue, ReflexGrip
+from tega.records import Button, Contact, HandCommand, Imposed, NamedValue, ReflexGrip
 from tega.replay.reflex import recorded_arc
 from tega.tactile import ContactMetrics
 from tega.teleop.hand import ModelledAllegro
@@ -171,6 +171,31 @@ def test_a_recorded_lift_with_a_reflex_is_computed_again_bit_for_bit(tmp_path: P
     assert reflex.recorded == reflex.replayed > 1000
     off = replay_file(file, sets=["stages.reflex.authority=0"])
     assert "stages.reflex.authority: 1.0 -> 0.0" in off.changed
+
+
+def test_a_reflex_without_authority_acts_at_full_authority_in_the_arms_that_have_one_and_in_no_other() -> (
+    None
+):
+    pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
+    from tega.sim.reflex import trial_reflex
+
+    named = ["stages.reflex.name=grip", "stages.reflex.most_levels=1"]
+
+    def told(tells: Any, authority: float) -> float:
+        config = load_config(None, environ={}, sets=[*named, f"stages.reflex.authority={authority}"]).config
+        arc = trial_reflex(
+            config, tells, Bus(), closure=lambda: 2.0, slip_mm_s=lambda: 10.0, forces_n=lambda: (1.0,) * 4
+        )
+        slips = {
+            "thumb": Contact(finger="thumb", t_ns=0, in_contact=True, more=(NamedValue("incipient", 1.0),))
+        }
+        assert arc is not None
+        return [arc.step(n * 3 * MS, 3.0, lambda: slips) for n in range(200)][-1]
+
+    assert told("none", 0.0) == 3.0
+    assert told("none", 0.5) == pytest.approx(3.5)
+    assert told("touch", 0.0) == told("true slips", 0.0) == pytest.approx(4.0)
+    assert told("touch", 0.5) == told("true slips", 0.5) == pytest.approx(3.5)
 
 
 def test_an_arm_with_a_reflex_has_it_at_full_authority() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import msgspec
 import pytest
 
 pytest.importorskip("mujoco")
@@ -16,7 +17,7 @@ from tega.sim.operator.person import typical_person
 from tega.sim.plan import TrialPlan
 from tega.sim.streams import Streams
 from tega.sim.trial import run_trial
-from tega_figures.information.ladder import RUNGS, LadderSession, steps, table_text
+from tega_figures.information.ladder import RUNGS, STEP_RUNGS, STEPS, LadderSession, steps, table_text
 from tega_figures.information.sessions import BenchSession, LiftOutcome
 
 
@@ -75,3 +76,10 @@ def test_each_rung_is_compared_with_no_vest_on_the_same_way_to_the_hand() -> Non
     text = table_text(sessions)
     assert "| `haptic` | drive |" in text
     assert "| `haptic` | decoder |" not in text
+    # Another mapping is another rung, on which the same people are compared with the same sessions without a vest.
+    told = [session(seed, "haptic", "aim", 3.0 + seed) for seed in (1, 2, 3)]
+    sessions += [msgspec.structs.replace(one, mapping=STEPS) for one in told]
+    found = steps(sessions)
+    assert [rung for rung, _ in found] == [*RUNGS[:4], STEP_RUNGS[1]]
+    assert found[-1][1]["slid"].mean == pytest.approx(-7)
+    assert "| `haptic (equal-steps)` | aim |" in table_text(sessions)

@@ -227,7 +227,14 @@ def test_every_condition_has_a_vest() -> None:
         condition: worn(condition, layout="x40", seed=1, recorded=[(0.0, other)])(0.5, frame)
         for condition in CONDITIONS
     }
-    assert shown["haptic"] == shown["unfelt"] == shown["oracle"] == shown["true-force"] == frame
+    assert (
+        shown["haptic"]
+        == shown["unfelt"]
+        == shown["oracle"]
+        == shown["true-force"]
+        == shown["true-steps"]
+        == frame
+    )
     assert shown["replayed"] == other
     assert shown["non-haptic"] is None
     assert len({None if f is None else f.intensities.tobytes() for f in shown.values()}) >= 7

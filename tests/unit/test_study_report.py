@@ -19,14 +19,14 @@ pytest.importorskip("statsmodels")
 from tega.cli.main import main
 from tega.errors import InvalidValueError, RecordingError
 from tega.study import make_plan, read_plan, write_plan
-from tega.study.analyse import analyse_study
+from tega.study.analyse import analyse, analyse_study
 from tega.study.coupling import TouchCourse, write_course
 from tega.study.figures import _violins, new_figure
 from tega.study.journal import Journal, read_events
 from tega.study.page import number, report_html
 from tega.study.report import Report, write_report
 from tega.study.state import events_path
-from tega.study.tables import PAPER_LABELS
+from tega.study.tables import PAPER_LABELS, csv_files
 from tega.study.trials import course_path
 
 
@@ -326,6 +326,40 @@ def test_the_page_opens_with_what_was_compared_and_what_came_out(report: Report)
     assert "Nothing here says anything about people" in said
     early = msgspec.structs.replace(report.analysis, interim=True, p_shown=False)
     assert "The 95 % interval excludes 0" not in opening(report_html(early, {}))
+
+
+def test_each_further_condition_is_compared_with_the_second_over_people(report: Report) -> None:
+    two, title = report.analysis, "<h2>Further conditions</h2>"
+    assert not two.further
+    assert title not in report.page.read_text()
+    # A third condition in which everybody does as in the first, and one slip more.
+    more = [
+        msgspec.structs.replace(one, id=f"{one.id}-third", condition="event-gated", slips=one.slips + 1)
+        for one in two.trials
+        if one.condition == "haptic"
+    ]
+    three = analyse(
+        [*two.trials, *more],
+        {},
+        source="study",
+        objects=two.objects,
+        conditions=(*two.conditions, "event-gated"),
+        family=two.family,
+        flow=two.flow,
+        per_cell=3,
+        simulated=True,
+    )
+    assert three.outcomes == two.outcomes
+    assert [one.condition for one in three.further] == ["event-gated"] * len(two.outcomes)
+    for first, third in zip(two.outcomes, three.further, strict=True):
+        assert (first.metric, first.object) == (third.metric, third.object)
+        assert first.difference is not None
+        assert third.difference == pytest.approx(first.difference + (first.metric == "slips"))
+    page = report_html(three, {})
+    assert title in page
+    assert page.count("<tr><td>event-gated</td><td>bag</td><td>6</td>") == 1
+    rows = list(csv.DictReader(csv_files(three, {})["outcomes.csv"].splitlines()))
+    assert [row["condition"] for row in rows] == ["haptic"] * 8 + ["event-gated"] * 8
 
 
 @pytest.mark.slow

@@ -14,6 +14,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -23,6 +24,7 @@ pytest.importorskip("mujoco")
 from tega.cli.main import cli
 from tega.errors import ConfigError, DeviceUnavailableError, InvalidValueError, RecordingError
 from tega.sim.operator import draw_person, load_parameters
+from tega.sim.plan import TrialResult
 from tega.study.silico import ensure_plan, read_assumptions, simulate, unfinished
 from tega.study.silico.assumptions import PARAMETERS
 from tega.study.silico.sensitivity import read_sensitivity, run_sensitivity
@@ -102,6 +104,7 @@ def test_a_session_that_was_cut_short_is_run_again_to_the_same_bytes(small: Path
         "pictures/p01/p01-t01.npz",
         "plan.csv",
         "sessions/p01/events.jsonl",
+        "sessions/p01/results.jsonl",
         "simulation.toml",
         "study.toml",
     ]
@@ -349,3 +352,25 @@ def test_a_study_killed_ten_times_is_the_one_that_was_not(tmp_path: Path) -> Non
     whole, left = content(tmp_path / "whole"), content(cut)
     assert {name: left[name] for name in whole} == whole
     assert not any(name.startswith(".running") for name in left)
+
+
+@pytest.mark.slow
+def test_who_meets_each_condition_afresh_lifts_as_if_there_were_no_other(tmp_path: Path) -> None:
+    # Of these two orders one begins without a vest and the other ends so.
+    lifts = {}
+    for first, second in (("oracle", "non-haptic"), ("non-haptic", "true-force")):
+        folder = tmp_path / first
+        simulate(
+            folder, operators=1, objects=["bag"], conditions=[first, second], trials=2, fresh=True, jobs=1
+        )
+        results = (folder / "sessions" / "p01" / "results.jsonl").read_bytes().splitlines()
+        found = [msgspec.json.decode(line, type=TrialResult) for line in results]
+        assert [one.condition for one in found] == [t.condition for t in study_trials(folder)[1]]
+        assert not (folder / "courses").exists()
+        lifts[first] = [one for one in found if one.condition == "non-haptic"]
+    assert len(lifts["oracle"]) == 2
+    assert lifts["oracle"] == lifts["non-haptic"]
+    stated = read_assumptions(tmp_path / "oracle")
+    assert stated is not None
+    assert stated.fresh
+    assert msgspec.structs.replace(stated, fresh=False).digest != stated.digest

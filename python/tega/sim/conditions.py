@@ -9,12 +9,14 @@ in everything else: a benefit that they show too does not come from what the ves
 
 The positive controls tell what is so, which no sensor has to find out: a person who gains nothing from these could not
 have gained from a vest. ``oracle`` pulses at true slips, ``true-force`` shows the pads' true forces by the law of the
-real vest, ``ideal-vest`` shows them in proportion, on a skin that misses nothing. From one to the next, ``ideal-vest``,
-``true-force``, ``haptic`` add the real vest with its wearer's skin, and the real reading of pictures. The sham of
+real vest, ``true-steps`` in equal steps of sensation (:mod:`tega.stages.equal_steps`), ``ideal-vest`` in proportion, on
+a skin that misses nothing. From one to the next, ``ideal-vest``, ``true-force`` or ``true-steps``, and ``haptic`` with
+the same mapping add the real vest with its wearer's skin, and the real reading of pictures. The sham of
 ``oracle`` is ``mistimed``: the pulses of another trial.
 
 ``reflex`` has no vest and a reflex that firms the grip (:mod:`tega.teleop.reflex`), ``haptic-reflex`` both, at the
-settings' reflex or, where they name none, ``grip`` with full authority. ``true-reflex`` is their positive control: the
+settings' reflex or, where they name none, ``grip``; its authority is that of the settings or, where that is 0, full:
+so a reflex of the settings without authority acts in these arms alone. ``true-reflex`` is their positive control: the
 same reflex is told the true speed of the slide.
 """
 
@@ -42,6 +44,7 @@ Condition = Literal[
     "event-gated",
     "oracle",
     "true-force",
+    "true-steps",
     "ideal-vest",
     "mistimed",
     "reflex",
@@ -52,7 +55,9 @@ Condition = Literal[
 CONDITIONS: tuple[Condition, ...] = get_args(Condition)
 """Haptic, non-haptic, the sham arms, event-gated, the positive controls, and the arms with a reflex."""
 
-Tells: TypeAlias = Literal["touch", "events", "true slips", "true force", "true force, linear"]
+Tells: TypeAlias = Literal[
+    "touch", "events", "true slips", "true force", "true force, equal steps", "true force, linear"
+]
 """What the vest's frames are made of: what the loop measured, or what is true in the simulated world."""
 
 WornOn: TypeAlias = Literal["own", "clear", "none"]
@@ -106,6 +111,7 @@ ARMS: Final[dict[Condition, Arm]] = {
     "event-gated": Arm("events"),
     "oracle": Arm("true slips"),
     "true-force": Arm("true force"),
+    "true-steps": Arm("true force, equal steps"),
     "ideal-vest": Arm("true force, linear", skin="clear"),
     "mistimed": Arm("true slips", sham="replayed"),
     "reflex": Arm(sham="off", reflex="touch"),

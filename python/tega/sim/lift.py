@@ -121,7 +121,8 @@ class Lift:
         self._bus = self._telling()
         stages = lab.config.stages
         kept = streams is not None or recorder is not None or bool(stages.beside)
-        felt = self._arm.hangs_on_pictures or (stages.reflex.name is not None and self._arm.reflex == "none")
+        everywhere = stages.reflex.name is not None and stages.reflex.authority > 0
+        felt = self._arm.hangs_on_pictures or (everywhere and self._arm.reflex == "none")
         self.rig = TrialRig(
             world=World(spec, seed=plan.seed + number, shear=plan.shear != "off"),
             poses_rad=GRASP_POSES_RAD,

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 FULL_REFLEX: Final = ReflexSection(name="grip", authority=1.0)
-"""Reflex of the arms that have one, where the settings name none."""
+"""Reflex of the arms that have one, where the settings name none; authority of it, where they give none."""
 
 
 class TrueSlipArc(ReflexArc):
@@ -82,6 +82,9 @@ def trial_reflex(
     stages = config.stages
     if tells != "none" and stages.reflex.name is None:
         stages = msgspec.structs.replace(stages, reflex=FULL_REFLEX)
+    elif tells != "none" and stages.reflex.authority == 0:
+        full = msgspec.structs.replace(stages.reflex, authority=FULL_REFLEX.authority)
+        stages = msgspec.structs.replace(stages, reflex=full)
     settings = stages.reflex
     reflex = grip_reflex(stages, config.session.preset, FINGERS)
     if reflex is None:

@@ -37,6 +37,7 @@ _FORCE: Final = {"front": "force_n", "back": "force_n", "front_max": FULL_N, "ba
 _SHOWN: Final[dict[Tells, StageConfig]] = {
     "true slips": StageConfig("pulses", {"contact": 0.0, "release": 0.0}),
     "true force": StageConfig("columns", _FORCE),
+    "true force, equal steps": StageConfig("equal-steps", _FORCE),
     "true force, linear": StageConfig("columns", {**_FORCE, "law": "linear"}),
 }
 

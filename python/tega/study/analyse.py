@@ -112,6 +112,7 @@ class Analysis(msgspec.Struct, frozen=True, kw_only=True):
         sensitivity: Which directions hold when that is changed.
         fingers: The contacts that Fig 3 shows.
         outcomes: Each outcome's difference between the first two conditions, over people.
+        further: The same of each further condition, less the second.
         object_facts: What is known of the objects.
         rehearsed: In a plan of people, those whose session did not run in the lab.
         format: Always ``tega-study-analysis``.
@@ -145,6 +146,7 @@ class Analysis(msgspec.Struct, frozen=True, kw_only=True):
     sensitivity: tuple[SensitivityRow, ...] = ()
     fingers: tuple[FingerRow, ...] = ()
     outcomes: tuple[OutcomeDifference, ...] = ()
+    further: tuple[OutcomeDifference, ...] = ()
     object_facts: dict[str, ObjectFacts] = {}
     rehearsed: tuple[str, ...] = ()
     format: str = FORMAT
@@ -342,6 +344,9 @@ def analyse(
         pose_use=tuple(uses),
         planner=tuple(_planner(cells, family, pair, per_cell)),
         outcomes=outcomes(trials, objects, pair),
+        further=tuple(
+            one for other in conditions[2:] for one in outcomes(trials, objects, (other, conditions[1]))
+        ),
         directions=tuple(one for one in directions(trials, pair) if one.object in objects)
         if simulated and pair == ("haptic", "non-haptic")
         else (),

@@ -19,6 +19,7 @@ class OutcomeDifference(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         metric: ``duration_s``, ``slips``, ``deformations`` or ``success``.
         object: What was lifted.
+        condition: The first condition.
         people: Who did both conditions.
         first: Mean of people's means under the first condition; successes as a share.
         second: Under the second.
@@ -29,6 +30,7 @@ class OutcomeDifference(msgspec.Struct, frozen=True, kw_only=True):
 
     metric: str
     object: str
+    condition: str = ""
     people: int = 0
     first: float | None = None
     second: float | None = None
@@ -63,7 +65,7 @@ def outcome(
             side.setdefault(trial.participant, []).append(float(value))
     both = [person for person in sides[0] if person in sides[1]]
     if not both:
-        return OutcomeDifference(metric=metric, object=name)
+        return OutcomeDifference(metric=metric, object=name, condition=conditions[0])
     first, second = (np.array([np.mean(side[person]) for person in both]) for side in sides)
     off = first - second
     low = high = None
@@ -73,6 +75,7 @@ def outcome(
     return OutcomeDifference(
         metric=metric,
         object=name,
+        condition=conditions[0],
         people=len(both),
         first=float(first.mean()),
         second=float(second.mean()),

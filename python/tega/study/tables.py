@@ -59,7 +59,7 @@ def csv_files(analysis: Analysis, courses: Mapping[str, TouchCourse]) -> dict[st
         ("agreement", analysis.agreements),
         ("ratings", analysis.ratings),
         ("probes", analysis.probes),
-        ("outcomes", analysis.outcomes),
+        ("outcomes", (*analysis.outcomes, *analysis.further)),
         ("directions", analysis.directions),
         ("fig3", analysis.fingers),
     ):
@@ -107,6 +107,7 @@ def _provenance(analysis: Analysis, files: Mapping[str, str]) -> list[list[str]]
             ["people_sha256", stated.people_sha256],
             ["preset", stated.preset],
             ["view", stated.view],
+            ["fresh", _cell(stated.fresh)],
             ["code_sha256", stated.code_sha256],
             ["assumptions_sha256", stated.digest],
             ["version", stated.version],

@@ -125,6 +125,10 @@ SHARD = _Shard()
     "--rules", type=click.IntRange(1, 3), default=1, show_default=True,
     help="Version of the rules that the people follow; with 2 and 3 they practise first.",
 )  # fmt: skip
+@click.option(
+    "--fresh", is_flag=True,
+    help="Each condition is met as if there were no other, with the same chance under each; only simulated people can.",
+)  # fmt: skip
 @object_options
 @loop_options
 @json_option
@@ -140,7 +144,8 @@ def simulate(
     shard: tuple[int, int],
     dask: str,
     parameters: Path | None,
-    rules: Literal[1, 2],
+    rules: Literal[1, 2, 3],
+    fresh: bool,
     view: ViewName,
     objects_file: Path | None,
     mass_kg: list[float] | None,
@@ -186,6 +191,7 @@ def simulate(
             settings=loop_sets(config, sets),
             rules=rules,
             view=view,
+            fresh=fresh,
             progress=progress,
         )
     left = unfinished(out, plan)

@@ -46,6 +46,9 @@ class Assumptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
         objects: What was lifted, attributes by name, as in :class:`tega.sim.world.ObjectSpec`.
         view: Sight of the hand while it held, see :data:`tega.sim.operator.VIEWS`.
         shear: Of the gels, see :class:`tega.sim.gel.Gel`.
+        fresh: Whether each person meets each condition as if there were no other: knowing nothing yet, rested, and with
+            the same chance in the n-th trial under each. Then outcomes are kept, and no course of touch and no picture,
+            which the arms that need no pictures would have to render.
         code_sha256: Of the program's files: people's rules, world, gel and readings; empty in older studies.
     """
 
@@ -60,6 +63,7 @@ class Assumptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     objects: dict[str, dict[str, Any]] = {}
     view: ViewName = "direct"
     shear: Shear = "off"
+    fresh: bool = False
     code_sha256: str = ""
 
     @property
@@ -93,6 +97,7 @@ def assume(
     rules: RulesVersion = 1,
     view: ViewName = "direct",
     shear: Shear = "off",
+    fresh: bool = False,
 ) -> tuple[Assumptions, bytes]:
     """State what a study takes for granted.
 
@@ -105,6 +110,7 @@ def assume(
         rules: Likewise.
         view: Likewise.
         shear: Likewise.
+        fresh: Likewise.
 
     Returns:
         The statement, and the parameter file.
@@ -138,6 +144,7 @@ def assume(
         objects={name: msgspec.to_builtins(spec) for name, spec in objects.items()},
         view=view,
         shear=shear,
+        fresh=fresh,
         code_sha256=code_sha256(),
     )
     return stated, content

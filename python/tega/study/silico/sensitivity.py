@@ -130,6 +130,7 @@ def run_sensitivity(
             rules=stated.rules,
             view=stated.view,
             shear=stated.shear,
+            fresh=stated.fresh,
         )
         made.append((change, where, plan))
         if (len(made) - 1) % parts == part - 1:

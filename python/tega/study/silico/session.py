@@ -1,7 +1,8 @@
 """Simulate one person's session: a function of plan, assumptions and the study's seed, whoever runs it.
 
-A person remembers and tires from trial to trial, so a session is the unit of work. It is made in a folder of its own
-and handed over as files, so that whoever runs it need not share a disk with whoever asked for it.
+A person remembers and tires from trial to trial, so a session is the unit of work; where the assumptions say ``fresh``,
+from trial to trial of one condition. It is made in a folder of its own and handed over as files, so that whoever runs
+it need not share a disk with whoever asked for it.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+import msgspec
 import numpy as np
 
 from tega.study.coupling import TouchCourse, write_course
@@ -35,6 +37,9 @@ if TYPE_CHECKING:
 COURSE_HZ = 30.0
 PEOPLE_APART = 1000
 """Between the seeds of two people: worlds are seeded by person and trial, and must not meet."""
+
+RESULTS = "results.jsonl"
+"""File beside a simulated session's events: a :class:`tega.sim.plan.TrialResult` a line, in the session's order."""
 
 RUNNING = ".running"
 """Folder in a study's folder where sessions are before they are over."""
@@ -104,15 +109,18 @@ def _go(job: SessionJob, folder: Path) -> None:
     lab = Lab(seed, stated.preset, job.parameters, settings=stated.settings, shear=stated.shear)
     specs = {name: stated.spec(name) for name in stated.objects}
     first = job.settings.objects[0]
-    mind = lab.person(TrialPlan.checked({"object": first, "spec": specs[first], "seed": seed, **same}))
+    asked = TrialPlan.checked({"object": first, "spec": specs[first], "seed": seed, **same})
+    minds = {"": lab.person(asked)} if not stated.fresh else {}
     practised: set[tuple[str, str]] = set()
-    fatigue, t_ns = 0.0, 0
+    fatigue: dict[str, float] = {}
+    t_ns = 0
     pictured: set[str] = set()
-    with Journal(events_path(folder, job.person)) as journal:
+    events = events_path(folder, job.person)
+    with Journal(events) as journal, events.with_name(RESULTS).open("wb") as results:
         journal.add("session_start", t_ns=0, source="auto", text=job.settings.plan_sha256)
         for trial in job.trials:
             t_ns += round(trial.rest_s * 1e9)
-            streams = Streams()
+            streams = None if stated.fresh else Streams()
             asked = TrialPlan.checked(
                 {
                     "object": trial.object,
@@ -122,18 +130,24 @@ def _go(job: SessionJob, folder: Path) -> None:
                     **same,
                 }
             )
+            # Who meets each condition afresh is another one under each, with the same chance in the n-th trial of each.
+            who, number = (trial.condition, trial.repeat) if stated.fresh else ("", trial.trial)
+            mind = minds.get(who) or minds.setdefault(who, lab.person(asked))
             if (trial.object, trial.condition) not in practised:
                 practised.add((trial.object, trial.condition))
-                practise(lab, asked, mind, trial.trial)
-            lift = Lift(lab, asked, mind, trial.trial, fatigue=fatigue, streams=streams)
+                practise(lab, asked, mind, number)
+            lift = Lift(lab, asked, mind, number, fatigue=fatigue.get(who, 0.0), streams=streams)
             lift.go(real_time=False, observer=None, stop=lambda: False, paused=lambda: False)
-            fatigue = lift.fatigue
+            fatigue[who] = lift.fatigue
             result = lift.result(lift.end_s)
-            write_course(course_path(folder, trial), _course(streams))
+            results.write(msgspec.json.encode(result) + b"\n")
+            if streams is not None:
+                write_course(course_path(folder, trial), _course(streams))
             _keep(journal, trial, t_ns, result)
             t_ns += round(result.duration_s * 1e9)
             if (
-                job.pictures
+                streams is not None
+                and job.pictures
                 and trial.condition == job.settings.conditions[0]
                 and trial.object not in pictured
             ):

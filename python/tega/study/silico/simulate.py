@@ -73,6 +73,7 @@ def simulate(
     rules: RulesVersion = 1,
     view: ViewName = "direct",
     shear: Shear = "off",
+    fresh: bool = False,
     jobs: int = 0,
     shard: tuple[int, int] = (1, 1),
     dask: str = "",
@@ -94,6 +95,8 @@ def simulate(
         rules: Version of the rules that the people follow.
         view: Sight of the hand while the object is held.
         shear: Of the gels, see :class:`tega.sim.gel.Gel`.
+        fresh: Whether each person meets each condition as if there were no other, see
+            :class:`tega.study.silico.assumptions.Assumptions`.
         jobs: Worker processes; 0 for as many as there are cores.
         shard: ``(i, n)``: only the i-th of n parts of the people, from 1.
         dask: Address of a dask scheduler, whose workers are used instead of this machine's cores.
@@ -123,6 +126,7 @@ def simulate(
         rules=rules,
         view=view,
         shear=shear,
+        fresh=fresh,
     )
     mine = plan.participants[part - 1 :: parts]
     run_sessions(jobs_of(folder, plan, stated, mine), workers=jobs, dask=dask, progress=progress)
@@ -146,10 +150,11 @@ def made_study(
     rules: RulesVersion = 1,
     view: ViewName = "direct",
     shear: Shear = "off",
+    fresh: bool = False,
 ) -> tuple[StudyPlan, Assumptions]:
     """Plan a study in silico and write plan and assumptions, or find the same ones; see :func:`simulate`.
 
-    ``everyone``, ``preset``, ``settings``, ``rules``, ``view`` and ``shear`` are those of
+    ``everyone``, ``preset``, ``settings``, ``rules``, ``view``, ``shear`` and ``fresh`` are those of
     :class:`tega.study.silico.assumptions.Assumptions`.
     """
     from tega.sim.conditions import SESSION_CONDITIONS
@@ -181,6 +186,7 @@ def made_study(
         rules=rules,
         view=view,
         shear=shear,
+        fresh=fresh,
     )
     ensure_plan(plan, folder, assumption_files(stated, content))
     return plan, stated

@@ -9,11 +9,12 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from tega.sim.conditions import Condition
 from tega.sim.operator import RulesVersion, draw_person
 from tega.sim.plan import TrialResult
 from tega_figures.information.compare import OUTCOMES, null, paired
 
-OFF: Final = "non-haptic"
+OFF: Final[Condition] = "non-haptic"
 
 
 class ArmOutcomes(NamedTuple):

@@ -33,11 +33,18 @@ class Rung(NamedTuple):
         condition: The arm of the vest.
         hand: What the hand's level comes from.
         added: What is real from this rung on.
+        mapping: Of the vest, where it is not the preset's.
     """
 
     condition: Condition
     hand: HandWay
     added: str
+    mapping: str = ""
+
+    @property
+    def vest(self) -> str:
+        """The arm, and the mapping where the condition's name does not say it."""
+        return f"{self.condition} ({self.mapping})" if self.mapping else self.condition
 
 
 RUNGS: Final = (
@@ -49,6 +56,15 @@ RUNGS: Final = (
 )
 """From all that is ideal to all that is real; each is compared with no vest on the same way to the hand."""
 
+STEPS: Final = "equal-steps"
+STEP_RUNGS: Final = (
+    Rung("true-steps", "aim", "the vest's motors, by equal steps of sensation, and the person's own skin"),
+    Rung("haptic", "aim", "the reading of pictures", STEPS),
+    Rung("haptic", "drive", "the muscles: errors of aim, lags, slackening", STEPS),
+    Rung("haptic", "decoder", "the EMG's noise and its decoder", STEPS),
+)
+"""The same from the second rung on, with equal steps of sensation in the place of the printed law."""
+
 
 class LadderSession(msgspec.Struct, frozen=True):
     """A session on a rung, or without a vest beside it.
@@ -56,10 +72,12 @@ class LadderSession(msgspec.Struct, frozen=True):
     Attributes:
         hand: What the hand's level came from.
         session: The session.
+        mapping: Of the vest, where it was not the preset's.
     """
 
     hand: HandWay
     session: BenchSession
+    mapping: str = ""
 
 
 @click.group(help=__doc__)
@@ -75,16 +93,18 @@ def main() -> None:
 def run(file: Path, *, people: int, first: int, name: str) -> None:
     """Run the sessions that FILE does not hold yet, person by person: rules 3, out of sight, the softest wall."""
     known = (
-        {(one.hand, one.session.seed, one.session.condition) for one in read(file)}
+        {(one.hand, one.session.seed, one.session.condition, one.mapping) for one in read(file)}
         if file.exists()
         else set()
     )
-    off: list[tuple[Condition, HandWay]] = [("non-haptic", hand) for hand in ("aim", "drive", "decoder")]
-    cells = off + [(rung.condition, rung.hand) for rung in RUNGS]
+    off: list[tuple[Condition, HandWay, str]] = [
+        ("non-haptic", hand, "") for hand in ("aim", "drive", "decoder")
+    ]
+    cells = off + [(rung.condition, rung.hand, rung.mapping) for rung in (*RUNGS, *STEP_RUNGS)]
     with file.open("ab") as out:
         for seed in range(first, first + people):
-            for condition, hand in cells:
-                if (hand, seed, condition) in known:
+            for condition, hand, mapping in cells:
+                if (hand, seed, condition, mapping) in known:
                     continue
                 one = bench_session(
                     seed,
@@ -94,8 +114,9 @@ def run(file: Path, *, people: int, first: int, name: str) -> None:
                     n_lifts=N_LIFTS,
                     rules=3,
                     hand=hand,
+                    settings=(f"stages.mapping.name={mapping}",) if mapping else (),
                 )
-                out.write(msgspec.json.encode(LadderSession(hand, one)) + b"\n")
+                out.write(msgspec.json.encode(LadderSession(hand, one, mapping)) + b"\n")
                 out.flush()
 
 
@@ -110,9 +131,7 @@ def table(file: Path) -> None:
 @click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 def power(file: Path) -> None:
     """Print what FILE could have seen, and how many people its differences ask for; the rungs as five tests."""
-    rows = {
-        f"`{rung.condition}`, {rung.hand}": outcomes_of(read(file), rung) for rung, _ in steps(read(file))
-    }
+    rows = {f"`{rung.vest}`, {rung.hand}": outcomes_of(read(file), rung) for rung, _ in steps(read(file))}
     click.echo(power_text(rows, OUTCOMES, confidence=1 - 0.05 / len(RUNGS)))
 
 
@@ -132,7 +151,7 @@ def picture(file: Path, png: Path) -> None:
             axes.plot([off[what].mean], [place], "o", color="#1f5fbf")
         axes.axvline(0, color="0.6", lw=0.8)
         axes.set_xlabel(label)
-        axes.set_yticks(range(len(found)), [f"{r.condition}, {r.hand}" for r, _ in reversed(found)])
+        axes.set_yticks(range(len(found)), [f"{r.vest}, {r.hand}" for r, _ in reversed(found)])
     figure.suptitle(
         "With the vest less without, on each rung; mean and 95 % over people (simulated)",
         x=0.02,
@@ -152,7 +171,7 @@ def read(file: Path) -> list[LadderSession]:
 def steps(sessions: Sequence[LadderSession]) -> list[tuple[Rung, dict[str, Paired]]]:
     """Return what the vest changes on each rung that two people or more were on, within people."""
     found = []
-    for rung in RUNGS:
+    for rung in (*RUNGS, *STEP_RUNGS):
         told, off = outcomes_of(sessions, rung)
         if len(told) > 1:
             found.append((rung, paired(told, off, names=OUTCOMES)))
@@ -163,14 +182,15 @@ def outcomes_of(
     sessions: Sequence[LadderSession], rung: Rung
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return outcomes on a rung, and without a vest on the same way to the hand, of those who were on both."""
-    by = {(one.hand, one.session.condition, one.session.seed): outcomes(one.session) for one in sessions}
-    people = [
-        seed
-        for hand, condition, seed in by
-        if (hand, condition) == (rung.hand, rung.condition) and (hand, OFF, seed) in by
-    ]
+    by = {
+        (one.hand, one.session.condition, one.mapping, one.session.seed): outcomes(one.session)
+        for one in sessions
+    }
+    which = (rung.hand, rung.condition, rung.mapping)
+    people = [seed for *cell, seed in by if tuple(cell) == which and (rung.hand, OFF, "", seed) in by]
     told, off = (
-        np.array([by[rung.hand, condition, seed] for seed in people]) for condition in (rung.condition, OFF)
+        np.array([by[rung.hand, condition, mapping, seed] for seed in people])
+        for condition, mapping in ((rung.condition, rung.mapping), (OFF, ""))
     )
     return told, off
 
@@ -185,9 +205,9 @@ def table_text(sessions: Sequence[LadderSession]) -> str:
             cells = " | ".join(f"{mean:.2f}" for mean in np.mean(rows, axis=0))
             lines.append(f"| `{OFF}` | {hand} | – | {len(rows)} | {cells} |")
     for rung, off in steps(sessions):
-        n = sum((one.hand, one.session.condition) == (rung.hand, rung.condition) for one in sessions)
+        n = len(outcomes_of(sessions, rung)[0])
         cells = " | ".join(f"{d.mean:+.2f} ({d.low:+.2f} to {d.high:+.2f})" for d in off.values())
-        lines.append(f"| `{rung.condition}` | {rung.hand} | {rung.added} | {n} | {cells} |")
+        lines.append(f"| `{rung.vest}` | {rung.hand} | {rung.added} | {n} | {cells} |")
     return "\n".join(lines)
 
 

@@ -17,7 +17,7 @@ from tega.sim.conditions import Condition
 from tega.sim.lab import lab_of
 from tega.sim.lift import Lift
 from tega.sim.operator import RulesVersion, ViewName, draw_person
-from tega.sim.plan import TrialPlan
+from tega.sim.plan import TrialPlan, TrialResult
 from tega.sim.practice import practise
 from tega.sim.world import ObjectSpec
 from tega_figures.information.bench import OFF
@@ -108,19 +108,8 @@ def bench_session(
     for number in range(n_lifts):
         run = Lift(lab, plan, mind, number, fatigue=fatigue)
         run.go(real_time=False, observer=None, stop=lambda: False, paused=lambda: False)
-        fatigue, found = run.fatigue, run.result(run.end_s)
-        gone = found.drops > 0 or found.lift_off_s is None
-        lifts.append(
-            LiftOutcome(
-                round(LOST_MM if gone else min(1e3 * found.slid_m, LOST_MM), 3),
-                found.success,
-                found.drops > 0,
-                found.slips,
-                found.deformations,
-                round(found.mean_level, 4),
-                round(found.duration_s, 2),
-            )
-        )
+        fatigue = run.fatigue
+        lifts.append(lift_outcome(run.result(run.end_s)))
     return BenchSession(
         seed=seed,
         object=spec.name,
@@ -129,6 +118,20 @@ def bench_session(
         rules=rules,
         people=lab.digest(rules),
         lifts=lifts,
+    )
+
+
+def lift_outcome(found: TrialResult) -> LiftOutcome:
+    """Return what is kept of a lift."""
+    gone = found.drops > 0 or found.lift_off_s is None
+    return LiftOutcome(
+        round(LOST_MM if gone else min(1e3 * found.slid_m, LOST_MM), 3),
+        found.success,
+        found.drops > 0,
+        found.slips,
+        found.deformations,
+        round(found.mean_level, 4),
+        round(found.duration_s, 2),
     )
 
 

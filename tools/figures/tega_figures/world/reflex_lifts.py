@@ -2,7 +2,8 @@
 
 The reflex goes by the true speed of the slide, by the share that the fingertips' pictures show to have slid or by its
 rise, or by the rise of the share that has truly slid. A constant addition is the control: what it prevents at the same
-closure no reflex has to.
+closure no reflex has to. An arm that acts at once moves the joints' targets in the tick in which something is added,
+in the place of the hand's moves of 0.6 s from level to level: an experiment, which no driver of a hand can do.
 
 ``python -m tega_figures.world.reflex_lifts`` prints the tables of docs/evidence/reflex.md.
 """
@@ -15,25 +16,33 @@ from typing import Final, NamedTuple
 
 import click
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.config import FINGERS, ReflexSection
+from tega.hand import HandController
 from tega.records import Contact, Event, NamedValue
 from tega.sim.conditions import Condition
 from tega.sim.lab import Lab, lab_of
 from tega.sim.lift import Lift
 from tega.sim.operator.scripted import ScriptedOperator, Step
-from tega.sim.plan import TrialPlan
+from tega.sim.plan import TrialPlan, loop_settings
 from tega.sim.seams import Act, Percept
+from tega.sim.world import OBJECTS
+from tega.sim.world.poses import GRASP_POSES_RAD
 from tega.stages.base import Reflex, ReflexSetup
-from tega.stages.grip_reflex import GripReflex, GripReflexOptions
+from tega.stages.grip_reflex import GripReflex
 from tega.teleop.reflex import ReflexArc, ReflexMoment
+from tega_figures.information.controls import SOFTEST
 
-LIFTS: Final = (("bottle", 3), ("container", 2), ("bag", 2), ("bottle", 4), ("container", 3), ("bag", 3))
-"""Objects, each at the level at which it slips and is held, and at one that holds, by the feasibility map."""
+LIFTS: Final = (
+    ("bottle", 3), ("container", 2), ("bag", 2), ("bottle", 4), ("container", 3), ("bag", 3),
+    ("soft-bag", 2), ("soft-bag", 3), ("soft-bag", 4),
+)  # fmt: skip
+"""Objects, each at the level at which it slips and is held, and at one that holds, by the feasibility map; and the bag
+with the softest wall of its range, which the first level leaves on the table and the last deforms."""
 
 RISE_FROM: Final = 0.15
 """Of the share that has slid; chosen on the lifts of seed 3."""
-
 
 FELT_LEVELS: Final = 0.02
 """An addition counts as begun when it is larger than this, levels."""
@@ -48,6 +57,8 @@ class Firming(NamedTuple):
         most_levels: The largest addition; 0 for none.
         options: Of ``grip``.
         imposed: Whether the reflex is told something else than the condition says: ``constant`` or ``share``.
+        rates: Of the addition, levels a second: up, down.
+        at_once: Whether the joints' targets move in the tick in which something is added.
     """
 
     told: str
@@ -55,15 +66,26 @@ class Firming(NamedTuple):
     most_levels: float = 0.0
     options: tuple[str, ...] = ()
     imposed: str = ""
+    rates: tuple[float, float] = (5.0, 0.5)
+    at_once: bool = False
 
 
 _RISE: Final = (f"rise_from={RISE_FROM}", "full_slip_mm_s=1000")
+# As fast up as the settings allow, kept for 0.2 s and soon down again.
+_SHORT: Final = (10.0, 2.0)
+_KEPT: Final = ("keep_s=0.2",)
 ARMS: Final = (
     Firming("none"),
     Firming("true slide", "true-reflex", 1.0),
     Firming("shear, share that has slid", "reflex", 1.0, ("full_slip_mm_s=1000",)),
     Firming("shear, rise of that share", "reflex", 1.0, _RISE),
     Firming("rise of the true share", "reflex", 1.0, _RISE, "share"),
+    Firming("short: true slide, at once", "true-reflex", 1.0, _KEPT, "", _SHORT, at_once=True),
+    *(
+        Firming(f"short: {told}{when}", "reflex", 1.0, (*_RISE, *_KEPT), imposed, _SHORT, at_once=bool(when))
+        for told, imposed in (("shear, rise of that share", ""), ("rise of the true share", "share"))
+        for when in ("", ", at once")
+    ),
     *(
         Firming(f"constant, {most:g} levels", "true-reflex", most, (), "constant")
         for most in (0.1, 0.2, 0.35, 0.5, 0.75)
@@ -105,6 +127,36 @@ class TrueArc(ReflexArc):
         return super().step(t_ns, own, lambda: true)
 
 
+class AtOnce:
+    """A hand's controller that is asked for the person's own level, and whose targets lie further by what is added.
+
+    Targets that lie further are angles that are less: the torque goes by the difference of the two.
+
+    Args:
+        controller: The hand's own.
+        added: Tells what is added now, levels.
+    """
+
+    def __init__(self, controller: HandController, added: Callable[[], float]) -> None:
+        self._controller, self._added = controller, added
+
+    @property
+    def target_rad(self) -> NDArray[np.float64] | None:
+        """Joint targets of the last tick without what is added, float64 (16,), radians."""
+        return self._controller.target_rad
+
+    def step_encoded(
+        self, angles_rad: NDArray[np.float64], level: float, *, device_id: int
+    ) -> list[tuple[int, bytes, bool]]:
+        """Run one cycle, see :meth:`tega.hand.HandController.step_encoded`."""
+        added = self._added()
+        own = level - added
+        steps = np.diff(GRASP_POSES_RAD, axis=0, append=GRASP_POSES_RAD[-1:])
+        below = min(int(own), 4) - 1
+        step = steps[below] + (own - 1 - below) * (steps[below + 1] - steps[below])
+        return self._controller.step_encoded(angles_rad - added * step, own, device_id=device_id)
+
+
 class _WatchedScript(ScriptedOperator):
     """Keeps, while the object is lifted and held, how far the hand is closed, what is added, and where it slides."""
 
@@ -129,6 +181,9 @@ class _WatchedScript(ScriptedOperator):
         return act
 
 
+_SPECS: Final = {**OBJECTS, **{spec.name: spec for spec in SOFTEST.values()}}
+
+
 def lift_row(name: str, level: int, arm: Firming, seed: int) -> str:
     """Lift an object once and return its line of the table."""
     shear = "texture" if arm.condition == "reflex" else "off"
@@ -138,11 +193,14 @@ def lift_row(name: str, level: int, arm: Firming, seed: int) -> str:
             "stages.reflex.name=grip",
             "stages.reflex.authority=1",
             f"stages.reflex.most_levels={arm.most_levels}",
+            f"stages.reflex.rise_levels_per_s={arm.rates[0]}",
+            f"stages.reflex.fall_levels_per_s={arm.rates[1]}",
         )
         sets += tuple(f"stages.reflex.options.{one}" for one in arm.options)
     plan = TrialPlan.checked(
         {
             "object": name,
+            "spec": _SPECS[name],
             "condition": arm.condition,
             "seed": seed,
             "operator": "scripted",
@@ -163,10 +221,13 @@ def lift_row(name: str, level: int, arm: Firming, seed: int) -> str:
     script = _WatchedScript(course, full_effort=lab.calibrated.full_effort)
     script.run = run = Lift(lab, plan, script, 0)
     if arm.imposed:
-        setup, options = ReflexSetup(FINGERS), GripReflexOptions(rise_from=RISE_FROM)
-        reflex = Always() if arm.imposed == "constant" else GripReflex(setup, options)
-        settings = ReflexSection(name="grip", authority=1.0, most_levels=arm.most_levels)
+        settings = loop_settings("live", sets).stages.reflex
+        reflex = Always() if arm.imposed == "constant" else GripReflex(ReflexSetup(FINGERS), settings.options)
         run._reflex = TrueArc(reflex, settings, run, lab)  # noqa: SLF001
+    if arm.at_once:
+        arc = run._reflex  # noqa: SLF001
+        assert arc is not None
+        run._controller = AtOnce(run._controller, lambda: arc.added)  # type: ignore[assignment]  # noqa: SLF001
     run.go(real_time=False, observer=None, stop=lambda: False, paused=lambda: False)
     found = run.result(run.end_s)
     added = script.added
@@ -183,7 +244,8 @@ def lift_row(name: str, level: int, arm: Firming, seed: int) -> str:
 @click.command(help=__doc__)
 @click.option("--seeds", default="4,5", show_default=True, help="Of world and gels, with commas.")
 @click.option("--told", default="", help="Only arms whose name has this in it.")
-def main(*, seeds: str, told: str) -> None:
+@click.option("--object", "of", default="", help="Only objects whose name has this in it.")
+def main(*, seeds: str, told: str, of: str) -> None:
     """Print the table."""
     click.echo(
         "| seed | object | level | reflex by | slid mm | slips | drops | closed, levels | slides from, s "
@@ -192,7 +254,7 @@ def main(*, seeds: str, told: str) -> None:
     for seed in map(int, seeds.split(",")):
         for name, level in LIFTS:
             for arm in ARMS:
-                if told in arm.told:
+                if told in arm.told and of in name:
                     click.echo(lift_row(name, level, arm, seed))
 
 
