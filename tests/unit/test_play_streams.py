@@ -252,7 +252,7 @@ def test_at_its_own_speed_a_thread_reads_and_is_gone_after_the_run(lossless: Pat
 # Scene video.
 
 
-@pytest.mark.parametrize("video", ["h264", "av1"])
+@pytest.mark.parametrize("video", ["h264", pytest.param("av1", marks=pytest.mark.slow)])
 def test_scene_pictures_are_those_of_the_playhead_also_after_jumps(
     moved: Path, tmp_path: Path, video: VideoFormat
 ) -> None:
@@ -366,7 +366,7 @@ def test_video_inside_the_recording_itself_is_shown(lossless: Path, tmp_path: Pa
     assert replay_file(both).same
 
 
-@pytest.mark.parametrize("video", ["h264", "av1"])
+@pytest.mark.parametrize("video", ["h264", pytest.param("av1", marks=pytest.mark.slow)])
 def test_a_picture_that_stands_alone_is_known_by_its_packet(video: VideoFormat) -> None:
     film = packets([k * 100 * MS for k in range(25)], video)
     assert [k for k, (_, packet) in enumerate(film) if stands_alone(video, packet)] == [0, 10, 20]

@@ -42,7 +42,7 @@ def _film(path: Path, n: int = 12) -> Path:
     return path
 
 
-@pytest.mark.parametrize("video", ["h264", "av1"])
+@pytest.mark.parametrize("video", ["h264", pytest.param("av1", marks=pytest.mark.slow)])
 def test_every_packet_is_one_picture_and_none_waits(video: VideoFormat) -> None:
     encoder, decoder = SceneEncoder(*SIZE, rate_hz=30, video=video), SceneDecoder(video)
     seen = []
@@ -63,7 +63,7 @@ def test_an_odd_size_is_refused() -> None:
         SceneEncoder(161, 120, rate_hz=30)
 
 
-@pytest.mark.parametrize("video", ["h264", "av1"])
+@pytest.mark.parametrize("video", ["h264", pytest.param("av1", marks=pytest.mark.slow)])
 def test_two_cameras_are_recorded_and_exported(tmp_path: Path, video: VideoFormat) -> None:
     source = str(_film(tmp_path / "film.avi"))
     out = tmp_path / "scene.mcap"
