@@ -35,7 +35,7 @@ def printed_tags() -> str:
     )
     wide, high = 5 + len(pages) * (width + 5), height + 10
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{2 * wide:g}" height="{2 * high:g}" '
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{4 * wide:g}" height="{4 * high:g}" '
         f'viewBox="0 0 {wide:g} {high:g}"><rect width="100%" height="100%" fill="#adb5bd"/>{inner}</svg>\n'
     )
 
