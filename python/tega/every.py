@@ -66,9 +66,8 @@ def _failed(call: _Call) -> bool:
     """Make a call; one that raises is told of as a thread that dies, and is the last of its function."""
     try:
         call.action()
-    except (
-        BaseException
-    ):  # a panic of native code, too: whoever ends a block would wait for this call for ever
+    # A panic of native code, too: whoever ends a block would wait for this call for ever.
+    except BaseException:
         threading.excepthook(threading.ExceptHookArgs((*sys.exc_info(), threading.current_thread())))
         return True
     return False

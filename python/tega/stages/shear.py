@@ -34,8 +34,7 @@ class ShearMetric(LiveMetric):
     ``shear_mm`` and ``shear_direction_rad`` say how far and where the gel is pulled, ``incipient`` which share of the
     contact has slid against the rest, ``slip_mm_s`` how fast it does, ``shear_sure`` how well the grain was found
     again. ``slide_mm_s`` and ``slide_direction_rad`` say how fast and where the object slides over the gel, and
-    ``slide_sure`` how sure that is: 0 where the
-    object has no relief of its own. All are 0 without contact.
+    ``slide_sure`` how sure that is: 0 where the object has no relief of its own. All are 0 without contact.
     """
 
     summary: ClassVar[str] = "as live, and how far the gel is pulled sideways and how much of it has slid"

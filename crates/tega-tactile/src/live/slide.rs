@@ -25,8 +25,8 @@ const PARTS: i32 = 16;
 const NEAR: [i32; 3] = [-1, 0, 1];
 const WIDE: [i32; 5] = [-4, -2, 0, 2, 4];
 const FARTHEST: i32 = 3;
-/// Room for all of that, points: so much around the picture there is nothing.
-const ROOM: usize = 10;
+/// Room for all of that and a neighbour, points: so much around the picture there is nothing.
+const ROOM: usize = FARTHEST as usize + 1 + 1 + 4 + 1 + 1;
 /// The mean is kept in eighths, and a frame has a share of 1, 1/2, 1/4 and then 1/8 of it.
 const EIGHTHS: u32 = 3;
 /// A speed is told over so many frames.
@@ -237,19 +237,20 @@ impl SlideReader {
 
     /// Seeks the newest frame in the mean; returns the deviation of where it is found, points; `None` where it does not stand out.
     fn seek(&mut self, dt_s: f64) -> Option<f32> {
+        let size = [self.cells.side / self.pixels, self.stride];
         let with = |[x, y]: [i32; 2]| {
             let shift = y as isize * self.stride as isize + x as isize;
-            correlate(&self.mean, &self.now, &self.runs, [PER_CELL, self.stride], shift) as f32
+            correlate(&self.mean, &self.now, &self.runs, size, shift) as f32
         };
         let mut at = [0, 1].map(|k| {
             let expected = self.off[k] + self.velocity[k] * dt_s as f32;
             (expected.round() as i32).clamp(-FARTHEST, FARTHEST)
         });
-        let squares = [&self.mean, &self.now]
-            .map(|plane| correlate(plane, plane, &self.runs, [PER_CELL, self.stride], 0) as f32);
-        let points = (self.runs.iter().map(|[_, length]| length).sum::<usize>() * PER_CELL) as f32;
+        let squares =
+            [&self.mean, &self.now].map(|plane| correlate(plane, plane, &self.runs, size, 0) as f32);
+        let points = (self.runs.iter().map(|[_, length]| length).sum::<usize>() * size[0]) as f32;
         let noise = ALIKE * (squares[0] * squares[1] / points).sqrt();
-        let own = correlate(&self.untouched, &self.untouched, &self.runs, [PER_CELL, self.stride], 0) as f32;
+        let own = correlate(&self.untouched, &self.untouched, &self.runs, size, 0) as f32;
         let least = LEFT * own + noise * STANDS_OUT[usize::from(!self.places.is_empty())];
         let mut top = f32::MIN;
         for (n, around) in [&NEAR[..], &NEAR, &WIDE, &NEAR].into_iter().enumerate() {
@@ -407,4 +408,44 @@ tega_simd::dispatched! {
 tega_simd::dispatched! {
     /// See [`average_plain`].
     average = average_plain, (mean: &mut [i16], now: &[i16], halvings: u32) -> ()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn pictures_of_any_size_that_jump_at_a_border_are_read(
+            (height, width) in (1usize..70, 1usize..90),
+            scale in 1usize..5,
+            frames in prop::collection::vec((any::<u64>(), -60i32..60, -60i32..60, 0.0f64..0.5), 6..14),
+        ) {
+            let cells = Grid::of(height * scale, width * scale);
+            let noise = |seed: u64, k: usize| {
+                let drawn = (k as u64 + 1).wrapping_mul(seed | 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+                (drawn >> 54) as i16
+            };
+            let picture = |seed: u64, right: i32, down: i32| -> Vec<i16> {
+                (0..cells.height * cells.width)
+                    .map(|k| {
+                        let (y, x) = ((k / cells.width) as i32 - down, (k % cells.width) as i32 - right);
+                        noise(seed, (y.rem_euclid(97) * 89 + x.rem_euclid(89)) as usize)
+                    })
+                    .collect()
+            };
+            let mut reader = SlideReader::new(cells, &picture(1, 0, 0), 0.05);
+            let all: Vec<usize> = (0..cells.cells()).collect();
+            let pattern = frames[0].0;
+            for (seed, right, down, dt_s) in frames {
+                // Seen at first, then gone or somewhere else, so that it is sought as far as it can be.
+                let seed = if seed % 4 == 0 { seed } else { pattern };
+                let gel = [right as f32, down as f32];
+                let slid = reader.update(&picture(seed, right / 16, down / 16), &all, (gel, true), dt_s);
+                prop_assert!((0.0..=1.0).contains(&slid.sure));
+                prop_assert!(slid.velocity_mm_s.iter().all(|v| v.is_finite()));
+            }
+        }
+    }
 }
