@@ -29,7 +29,16 @@ from tega.touch import TouchTracker
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["PulledBall", "cost", "follow", "grain_counts", "main", "picture", "stuck_radius"]
+__all__ = [
+    "PulledBall",
+    "cost",
+    "follow",
+    "grain_counts",
+    "main",
+    "picture",
+    "recorded_grips",
+    "stuck_radius",
+]
 
 FRICTION, RADIUS_MM = 0.6, 12.0
 _CELL_MM = 8 / PX_PER_MM
@@ -212,6 +221,16 @@ def _recorded(folder: Path) -> Iterable[str]:
     yield ""
     yield "| grip | frames in contact | shear, mm: median, 95 % | incipient: median | correlation: median |"
     yield "|---|---|---|---|---|"
+    for name, read in recorded_grips(folder):
+        yield _grip(f"recorded: {name}", read)
+    for seed, top in ((20, 0.3), (21, 0.6), (22, 0.95)):
+        yield _grip(f"simulated: dots, pulled to {top} of the limit", follow("dots", seed, top=top).read[30:])
+
+
+def recorded_grips(folder: Path) -> Iterable[tuple[str, list[ShearReading]]]:
+    """Read the recorded grips of GelSight Minis: the name of each, and what was read while something touched."""
+    import cv2
+
     for path in sorted([*folder.glob("gsmini_seq/*.avi"), *folder.glob("gsmini_grips/*.avi")]):
         film = cv2.VideoCapture(str(path))
         frames = []
@@ -228,9 +247,7 @@ def _recorded(folder: Path) -> Iterable[str]:
             one = reader.update(frame, tracker, dt_s=0.04)
             if touches:
                 read.append(one)
-        yield _grip(f"recorded: {path.stem}", read)
-    for seed, top in ((20, 0.3), (21, 0.6), (22, 0.95)):
-        yield _grip(f"simulated: dots, pulled to {top} of the limit", follow("dots", seed, top=top).read[30:])
+        yield path.stem, read
 
 
 def _grip(name: str, read: list[ShearReading]) -> str:

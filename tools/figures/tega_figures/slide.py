@@ -24,6 +24,7 @@ from tega.shear import ShearReader
 from tega.sim.gel import Gel
 from tega.sim.seams import Indenter
 from tega.touch import TouchTracker
+from tega_figures.shear import recorded_grips
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -39,8 +40,6 @@ _PRESSED: Final = 30
 _STEP = 3
 # The recorded disc's pictures trail its force by about two frames (its folder's README).
 _LAG = 2
-_MINI_MM_PER_PX = 1 / 15.8
-_UNTOUCHED, _UNTOUCHED_LATE = slice(10, 16), slice(390, 440)
 
 
 class SlideStep(NamedTuple):
@@ -197,33 +196,17 @@ def _contrasts(folder: Path) -> Iterable[str]:
 
 
 def _grips(folder: Path) -> Iterable[str]:
-    import cv2
-
     yield "| grip | frames in contact | slide told in | speed told, mm/s: median, 95 % | sure: median |"
     yield "|---|---|---|---|---|"
-    for path in sorted([*folder.glob("gsmini_seq/*.avi"), *folder.glob("gsmini_grips/*.avi")]):
-        film = cv2.VideoCapture(str(path))
-        frames = []
-        while (got := film.read())[0]:
-            frames.append(np.asarray(got[1], np.uint8))
-        late = path.name.startswith("avocado")
-        untouched = frames[_UNTOUCHED_LATE if late else _UNTOUCHED]
-        baseline = np.rint(np.mean(untouched, axis=0)).astype(np.uint8)
-        tracker = TouchTracker(baseline, rate_hz=25.0)
-        reader = ShearReader(baseline, mm_per_px=_MINI_MM_PER_PX)
-        read = []
-        for frame in frames if late else frames[10:]:
-            touches = tracker.update(frame).in_contact
-            one = reader.update(frame, tracker, dt_s=0.04)
-            if touches:
-                read.append((one.slide_mm_s, one.slide_sure))
-        told = np.array([row for row in read if row[1] > 0]).reshape(-1, 2)
+    for name, read in recorded_grips(folder):
+        speeds = [(one.slide_mm_s, one.slide_sure) for one in read]
+        told = np.array([row for row in speeds if row[1] > 0]).reshape(-1, 2)
         if not len(told):
-            yield f"| recorded: {path.stem} | {len(read)} | 0.00 | – | – |"
+            yield f"| recorded: {name} | {len(read)} | 0.00 | – | – |"
             continue
         speed = np.quantile(told[:, 0], [0.5, 0.95])
         yield (
-            f"| recorded: {path.stem} | {len(read)} | {len(told) / len(read):.2f} | {speed[0]:.1f}, {speed[1]:.1f} "
+            f"| recorded: {name} | {len(read)} | {len(told) / len(read):.2f} | {speed[0]:.1f}, {speed[1]:.1f} "
             f"| {np.median(told[:, 1]):.2f} |"
         )
 
