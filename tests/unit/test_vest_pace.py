@@ -13,6 +13,7 @@ import pytest
 
 from reference.scripted import MS, Sink, touching
 from reference.vests import KeptVest
+from reference.waiting import until
 from tega.bus import Bus
 from tega.calibration import TouchMaxima
 from tega.clock import ManualClock, SystemClock
@@ -34,6 +35,7 @@ from tega.teleop.session import run_session
 from tega.teleop.touch import TouchLoop
 from tega.worn_vest import worn_vest
 from tega_emulators.lab import PRESSED, emulated_lab, pressing
+from tega_emulators.vest_bench import vest_bench
 
 LONG_S = 60.0
 
@@ -282,3 +284,20 @@ def test_the_wait_for_the_greatest_rate_is_counted_from_when_each_picture_was_of
     assert trace.n_replaced == 1  # the ring's first
     in_hand = {way.source: way.stages_ns()["in-hand"] // MS for way in told}
     assert in_hand == {"thumb": 20, "ring": 17, "index": 16}
+
+
+def test_a_frame_for_the_player_leaves_in_the_call_that_hands_it_over_unless_the_link_is_in_use() -> None:
+    with vest_bench("bhaptics-player") as made, made.vest as vest:
+        at_once = 0
+        for k in range(1, 21):
+            time.sleep(0.025)  # longer than the greatest rate asks for
+            vest.handed_over()
+            vest.write(k, vest_frame([4 * k, 0, 0, 0], [0, 0, 0, 0], layout="x40"))
+            at_once += [t_ns for t_ns, _, _ in vest.handed_over()] == [k]
+        assert at_once >= 10  # the driver's own thread hears the Player between them
+        with vest._turn:
+            time.sleep(0.025)
+            vest.handed_over()
+            vest.write(21, vest_frame([0, 90, 0, 0], [0, 0, 0, 0], layout="x40"))  # returns all the same
+            assert not vest.handed_over()
+        until(lambda: [t_ns for t_ns, _, _ in vest.handed_over()] == [21])

@@ -32,7 +32,7 @@ CONFIRM_S = 3.0
 """For so long the hand is asked whether its motors are off."""
 
 _STATE_S: Final = 0.02
-_TELL_S: Final = 0.05
+_TELL_S: Final = 0.008
 
 
 class HandLoop:
@@ -153,7 +153,7 @@ class HandLoop:
                     # It hears of the run, not of this loop alone.
                     self._n_guarded = n_words
                     self._guard.beat()
-                if answers or link.phase != before or t_ns * 1e-9 - self._told_s > _TELL_S:
+                if link.phase != before or t_ns * 1e-9 - self._told_s > _TELL_S:
                     self._flush(t_ns)
         except (
             BaseException

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import ctypes
+import socket
+import sys
 import time
 from collections import deque
 from typing import TYPE_CHECKING, Any, Final
@@ -30,6 +33,20 @@ _CALL_S: Final = 1.5  # no frame may take longer to leave
 _PROBE_S = 4.0  # its status is not sent regularly
 
 
+def _system_send() -> Any:
+    """Return the C library's ``send``, called with the interpreter lock held; ``None`` where there is none."""
+    if sys.platform == "win32":
+        return None
+    send = ctypes.PyDLL(None).send
+    send.argtypes = (ctypes.c_int, ctypes.c_char_p, ctypes.c_size_t, ctypes.c_int)
+    send.restype = ctypes.c_ssize_t
+    return send
+
+
+_SEND: Final = _system_send()
+_NO_SIGNAL: Final = getattr(socket, "MSG_NOSIGNAL", 0)
+
+
 class PlayerLink:
     """Connects to the Player; one thread reads and writes in turns.
 
@@ -46,7 +63,7 @@ class PlayerLink:
         self._broken: tuple[type[Exception], ...] = (OSError,)
         self._pongs: deque[tuple[asyncio.Future[float], float]] = deque()
         self._acknowledges = True
-        self._unasked = False
+        self._n_unasked = 0
         self._garbage = 0
         self._probed_s = self._said_s = 0.0
         self._passed_over = ""
@@ -168,8 +185,11 @@ class PlayerLink:
     def ready(self, timeout_s: float) -> bool:
         """Wait until the Player has read the frames before, so that none queues up."""
         if not self._acknowledges:
-            time.sleep(min(timeout_s, max(0.0, self._said_s + _BLIND_S - time.monotonic())))
-            return True
+            rest_s = max(0.0, self._said_s + _BLIND_S - time.monotonic())
+            time.sleep(min(timeout_s, rest_s))
+            return rest_s <= timeout_s
+        if timeout_s == 0 and self._n_unasked >= _ON_THE_WAY:  # asking takes a while
+            return False
         pongs = self._pongs
         if len(pongs) < _ON_THE_WAY:  # a frame has not to wait for a look at what has come
             return True
@@ -193,12 +213,12 @@ class PlayerLink:
         for message in self._version.frame(intensities):
             self._say(message)
         self._said_s = time.monotonic()
-        self._unasked = self._acknowledges
+        self._n_unasked += self._acknowledges
 
     def poll(self) -> None:
         """Ask whether the last frame was read, and hear what the Player says."""
-        if self._unasked:
-            self._unasked = False
+        if self._n_unasked:
+            self._n_unasked = 0
             self._pongs.append((self._ping(), time.monotonic()))
         if time.monotonic() - self._probed_s > _PROBE_S and (probe := self._version.probe()):
             self._probed_s = time.monotonic()
@@ -254,9 +274,22 @@ class PlayerLink:
         if ws.protocol.state.name == "OPEN" and not ws.transport.get_write_buffer_size():
             # Past the loop, each turn of which gives the interpreter lock away; what is lost now is seen at the next.
             ws.protocol.send_text(message.encode())
-            ws.send_data()
+            for part in ws.protocol.data_to_send():
+                ws.transport.write(part[self._written(part) :])
         else:
             self._call(ws.send(message))
+
+    def _written(self, part: bytes) -> int:
+        """Give bytes to the system without giving the interpreter lock away; return how many it took.
+
+        The socket does not wait. Whoever gives the lock away for the call, as Python's sockets do, may get it back half
+        a millisecond later.
+        """
+        if _SEND is None or not part or self._version.tls is not None:
+            return 0
+        socket_fd = self._ws.transport.get_extra_info("socket").fileno()
+        taken: int = _SEND(socket_fd, part, len(part), _NO_SIGNAL)
+        return max(taken, 0)  # what it did not take, or why, the transport finds out
 
     def _ping(self) -> asyncio.Future[float]:
         pong: asyncio.Future[float] = self._call(self._ws.ping())

@@ -30,6 +30,7 @@ class PlayerVest(StreamedVest):
     extra: ClassVar[str] = "lab"
     requires: ClassVar[tuple[str, ...]] = ("websockets",)
     options_type: ClassVar[type[Options]] = PlayerOptions
+    sends_at_once: ClassVar[bool] = True
 
     def __init__(self, options: PlayerOptions) -> None:
         super().__init__(options)

@@ -1,7 +1,8 @@
 """Drive any live vest: the newest frame only, keep-alive, watchdog, and silence on every way out.
 
 A driver makes *links*; a thread of its own connects one, feeds it, and replaces it when it breaks. The loop hands
-its frame over through one slot and never waits for a radio or a socket.
+its frame over through one slot and never waits for a radio or a socket. Where sending does not wait, as to a local
+socket, and the thread is not using the link, the loop sends the frame itself.
 
 ==================  ==================================================================================
 a frame written     replaces one that was not sent yet; goes out at once, or when the greatest rate lets it
@@ -77,7 +78,8 @@ class VestOptions(Options, frozen=True):
 class VestLink(Protocol):
     """One connection to a vest.
 
-    All but ``abort`` is called on the writer's thread; failures are raised as DeviceUnavailableError.
+    All but ``abort`` is called by one thread at a time: the writer's, or one that sends at once. Failures are raised as
+    DeviceUnavailableError.
     """
 
     @property
@@ -156,6 +158,8 @@ class StreamedVest(Opened):
     name: ClassVar[str]
     in_steps: ClassVar[bool] = True
     """Whether the vest shows 16 steps and nothing between; a bHaptics vest takes four bits a motor."""
+    sends_at_once: ClassVar[bool] = False
+    """Whether a link's ``send`` never waits for a device, so that a thread with a deadline may call it."""
 
     def __init__(self, options: VestOptions) -> None:
         self.budget = MotorBudget(limit=options.limit, heat_share=options.heat_share, dose_s=options.dose_s)
@@ -169,6 +173,8 @@ class StreamedVest(Opened):
         self._thread: threading.Thread | None = None
         self._last: threading.Thread | None = None
         self._changed = threading.Condition()
+        self._turn = threading.Lock()  # of whoever uses the link
+        self._shown, self._shown_s = _ZEROS, 0.0
         self._stopping = False
         self._slot = _ZEROS
         self._slot_is_new = False
@@ -300,10 +306,31 @@ class StreamedVest(Opened):
             else:
                 self.counters.superseded += self._slot_is_new
                 self._slot_is_new, self._slot_t_ns = True, t_ns
-                self._changed.notify()
             self._slot, self._written_s = allowed, time.monotonic()
+            is_new = self._slot_is_new
+        if is_new and not (self.sends_at_once and self._sent_here()):
+            with self._changed:
+                self._changed.notify()
         shown = allowed if self.reached else _ZEROS
         return MotorLevels(frame.layout, shown[frame.motors])
+
+    def _sent_here(self) -> bool:
+        """Send the newest frame in the calling thread; ``False`` leaves it to the writer's."""
+        if not self._turn.acquire(blocking=False):
+            return False
+        try:
+            link = self._link
+            if link is None or not self._up.is_set() or time.monotonic() - self._shown_s < self._gap_s:
+                return False
+            if not link.ready(0.0):
+                return False
+            self._put(link, 0)
+        except Exception:  # the link broke: the writer's thread finds that out, and opens another
+            self._slot_is_new = True
+            return False
+        finally:
+            self._turn.release()
+        return True
 
     def shows_alike(self, one: NDArray[np.uint8], other: NDArray[np.uint8]) -> bool:
         """Tell whether the vest looks the same with two frames, uint8 (40,), percent, by what it can show."""
@@ -332,6 +359,7 @@ class StreamedVest(Opened):
             try:
                 link.connect()
                 link.send(_ZEROS)
+                self._shown, self._shown_s = _ZEROS, time.monotonic()
                 self._up.set()
                 connected.set()
                 again.works()
@@ -346,8 +374,9 @@ class StreamedVest(Opened):
                     self.counters.lost += 1
                     self.counters.problem = _said(error).message
             finally:
-                self._up.clear()
-                _leave(link)
+                with self._turn:
+                    self._up.clear()
+                    _leave(link)
             connected.set()
             again.wait(self._over)
 
@@ -358,40 +387,42 @@ class StreamedVest(Opened):
 
     def _serve(self, link: VestLink) -> None:
         """Feed a link until the driver is closed or the link breaks."""
-        shown, shown_s = _ZEROS, time.monotonic()
         while True:
             free_ns = 0
             with self._changed:
-                rest_s = shown_s + self._renew_s(self._slot) - time.monotonic()
+                rest_s = self._shown_s + self._renew_s(self._slot) - time.monotonic()
                 self._changed.wait_for(
                     lambda: self._slot_is_new or self._stopping, min(_POLL_S, max(0.0, rest_s))
                 )
-                if self._slot_is_new and (held_s := shown_s + self._gap_s - time.monotonic()) > 0:
+                if self._slot_is_new and (held_s := self._shown_s + self._gap_s - time.monotonic()) > 0:
                     self.counters.held += 1
                     self._changed.wait_for(lambda: self._stopping, held_s)
                     free_ns = time.monotonic_ns()
                 if self._stopping:
                     return
-            if not link.ready(_POLL_S):
-                link.poll()
-                if time.monotonic() - shown_s > _STALLED_S:
+            with self._turn:
+                if link.ready(_POLL_S):
+                    self._put(link, free_ns)
+                elif time.monotonic() - self._shown_s > _STALLED_S:
                     raise DeviceUnavailableError(f"{self.name}: takes no frames, for {_STALLED_S:g} s now")
-                continue
-            with self._changed:
-                wanted, is_new, t_ns = self._slot, self._slot_is_new, self._slot_t_ns
-                self._slot_is_new = False
-                now = time.monotonic()
-                if now - self._written_s > WATCHDOG_S:
-                    self.counters.silenced += bool(wanted.any())
-                    wanted = self._slot = _ZEROS
-            every = is_new and not self.keep_alive_s
-            if every or now - shown_s >= self._renew_s(wanted) or not self.shows_alike(wanted, shown):
-                link.send(wanted)
-                shown, shown_s = wanted, now
-                self.counters.sent += 1
-            if is_new:
-                self._handed.append((t_ns, free_ns, time.monotonic_ns()))
-            link.poll()  # last, since it may take a while and nobody waits for it
+                link.poll()  # last, since it may take a while and nobody waits for it
+
+    def _put(self, link: VestLink, free_ns: int) -> None:
+        """Send the newest frame where the vest does not show it, and renew it where it is old."""
+        with self._changed:
+            wanted, is_new, t_ns = self._slot, self._slot_is_new, self._slot_t_ns
+            self._slot_is_new = False
+            now = time.monotonic()
+            if now - self._written_s > WATCHDOG_S:
+                self.counters.silenced += bool(wanted.any())
+                wanted = self._slot = _ZEROS
+        every = is_new and not self.keep_alive_s
+        if every or now - self._shown_s >= self._renew_s(wanted) or not self.shows_alike(wanted, self._shown):
+            link.send(wanted)
+            self._shown, self._shown_s = wanted, now
+            self.counters.sent += 1
+        if is_new:
+            self._handed.append((t_ns, free_ns, time.monotonic_ns()))
 
     def _renew_s(self, frame: NDArray[np.uint8]) -> float:
         """Return after how long a frame is sent again, unless the link is told a newer one."""

@@ -2,7 +2,7 @@
 
 ``python -m tega_emulators.allegro_port`` prints the options of the ``allegro`` driver that reach it and then
 obeys lines on its standard input: the name of a fault, ``clear``, ``limit SLEW`` and 16 torques (what to count as too
-much), ``answers`` (how long after each set of positions since the last such question its torques were here), or
+much), ``answers`` (how long after each set of positions since the last such question its torques came in), or
 ``look``; it answers each with the hand's state (``servo_on``, ``duties`` and ``angles_rad`` of the 16 joints,
 ``torques``: frames heard, ``over``: those beyond a limit, ``reports``: whether it sends positions).
 
@@ -17,6 +17,7 @@ import argparse
 import os
 import select
 import socket
+import struct
 import sys
 import time
 from functools import partial
@@ -30,6 +31,8 @@ from tega_emulators.pipe import obey, tell
 __all__ = ["BusPort", "SlcanNetworkPort", "SlcanPort", "main"]
 
 _IDLE_S = 0.05
+_SO_TIMESTAMPNS = 35  # Linux's, which Python does not name
+_TIMESPEC = struct.Struct("qq")
 
 
 class SlcanPort:
@@ -62,12 +65,17 @@ class SlcanPort:
     def take(self, t_s: float) -> None:
         """Obey what has come in."""
         try:
-            self._pending += os.read(self._master, 65536)
+            piece, t_s = self._read(t_s)
         except (BlockingIOError, OSError):
             return
+        self._pending += piece
         *lines, self._pending = self._pending.split(b"\r")
         for line in lines:
             self._obey(line, t_s)
+
+    def _read(self, t_s: float) -> tuple[bytes, float]:
+        """Return what has come in, and when."""
+        return os.read(self._master, 65536), t_s
 
     def _obey(self, line: bytes, t_s: float) -> None:
         kind = line[:1]
@@ -103,7 +111,8 @@ class SlcanNetworkPort(SlcanPort):
     """The same adapter behind a network connection to this machine, as a serial server gives it.
 
     What a terminal carries waits for a thread of the kernel that has no real time, up to milliseconds on a busy
-    machine; what a connection carries is there at once.
+    machine; what a connection carries is there at once. On Linux the system stamps what comes in, so that the hand's
+    clock does not count how long this program waited for a processor.
     """
 
     def __init__(self, node: AllegroNode) -> None:
@@ -131,12 +140,23 @@ class SlcanNetworkPort(SlcanPort):
                 self._peer, _ = self._listener.accept()
                 self._peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 self._peer.settimeout(0)
+                if sys.platform == "linux":
+                    self._peer.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
                 self._waiting.register(self._peer, select.EPOLLIN)
                 self._master = self._peer.fileno()
             elif self._peer is not None and not self._peer.recv(1, socket.MSG_PEEK):
                 self._hang_up()
             elif self._peer is not None:
                 super().take(t_s)
+
+    def _read(self, t_s: float) -> tuple[bytes, float]:
+        assert self._peer is not None
+        piece, notes, _, _ = self._peer.recvmsg(65536, socket.CMSG_SPACE(_TIMESPEC.size))
+        for level, kind, value in notes:
+            if (level, kind) == (socket.SOL_SOCKET, _SO_TIMESTAMPNS):
+                seconds, nanoseconds = _TIMESPEC.unpack(value)
+                t_s = time.monotonic() - 1e-9 * (time.time_ns() - seconds * 10**9 - nanoseconds)
+        return piece, t_s
 
     def _hang_up(self) -> None:
         if self._peer is not None:
