@@ -13,7 +13,7 @@ import pytest
 from tega.detect import DetectedEvent, Detector, TouchFrame
 from tega.detect.detector import share_of
 from tega.detect.settings import FEATURES, SETTINGS, Rule
-from tega.detect.tracks import Low, TwoMeans
+from tega.detect.tracks import Low, SinkTrack, TwoMeans
 from tega_figures.slip_rule import SlipTrial, fit, left_out
 from tega_figures.slip_score import SlipsTold, score_row
 
@@ -138,6 +138,38 @@ def test_a_record_and_the_run_agree_on_a_slip_and_steady_holds_have_none() -> No
     assert live.known_s - live.t_s < 0.3 < later.known_s - later.t_s
     assert 0.5 <= live.confidence <= later.confidence <= 1
     assert slips(0.0, [NOTHING] * 6 + [FIRM] * 600) == []
+
+
+@pytest.mark.parametrize("rate_hz", [30.0, 100.0, 333.0])
+def test_a_fingertip_sinks_by_its_mean_over_a_time_whatever_the_rate(rate_hz: float) -> None:
+    track = SinkTrack(0.2)
+    for n in range(round(rate_hz) + 1):
+        track.add(n / rate_hz, 50.0 - max(8.0 * (n / rate_hz - 0.9), 0.0))
+    assert track.speed_mm_s(0.04) == pytest.approx(8.0)
+    assert 3.0 < track.speed_mm_s(0.2) < 4.5
+
+
+def sunk(*, speed_mm_s: float, lowered_m_s: float = 0.0, tips: bool = True) -> list[DetectedEvent]:
+    """Give a detector a lift whose fingertips sink for half a second from 3 s on."""
+    detector, found = Detector(), list[DetectedEvent]()
+    for n in range(400):
+        t_s = n / 100
+        height_m = min(0.1 * max(t_s - 1.0, 0.0), 0.1) - lowered_m_s * max(t_s - 2.8, 0.0)
+        way_mm = speed_mm_s * min(max(t_s - 3.0, 0.0), 0.5)
+        heights = dict.fromkeys(("thumb", "index", "ring"), 40.0 - way_mm)
+        for finger in ("thumb", "index"):
+            found += detector.touch(t_s, finger, FIRM if t_s > 0.5 else NOTHING)
+        tips_mm = heights if tips else None
+        found += detector.hand(t_s, level=3, closure=2.5, height_m=height_m, tips_mm=tips_mm)
+    return [one for one in found if one.kind == "slip"]
+
+
+def test_fingertips_that_sink_tell_a_slip_within_60_ms_and_what_is_put_down_is_none() -> None:
+    [one] = sunk(speed_mm_s=10.0)
+    assert 3.0 < one.known_s < 3.06
+    assert sunk(speed_mm_s=1.5) == []
+    assert sunk(speed_mm_s=10.0, lowered_m_s=0.1) == []
+    assert sunk(speed_mm_s=10.0, tips=False) == []
 
 
 @pytest.mark.slow
