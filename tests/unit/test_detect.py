@@ -12,7 +12,7 @@ import pytest
 
 from tega.detect import DetectedEvent, Detector, TouchFrame
 from tega.detect.detector import share_of
-from tega.detect.settings import FEATURES, SETTINGS, Rule
+from tega.detect.settings import FEATURES, HAND_FEATURES, SETTINGS, SINK_FEATURES, Rule
 from tega.detect.tracks import Low, SinkTrack, TwoMeans
 from tega_figures.slip_rule import SlipTrial, fit, left_out
 from tega_figures.slip_score import SlipsTold, score_row
@@ -170,6 +170,16 @@ def test_fingertips_that_sink_tell_a_slip_within_60_ms_and_what_is_put_down_is_n
     assert sunk(speed_mm_s=1.5) == []
     assert sunk(speed_mm_s=10.0, lowered_m_s=0.1) == []
     assert sunk(speed_mm_s=10.0, tips=False) == []
+
+
+def test_where_the_joints_are_no_longer_told_the_other_rules_take_over() -> None:
+    detector, seen = Detector(), []
+    for n, tips_mm in enumerate([{"thumb": 40.0}, {"thumb": 39.0}, None]):
+        detector.hand(n / 100, level=3, closure=2.5, height_m=0.0, tips_mm=tips_mm)
+        detector.touch(n / 100, "thumb", FIRM)
+        seen.append(len(detector.features(n / 100)))
+    assert seen == [len(SINK_FEATURES), len(SINK_FEATURES), len(HAND_FEATURES)]
+    assert len(SETTINGS.sink.weights) == len(SINK_FEATURES)
 
 
 @pytest.mark.slow

@@ -181,6 +181,8 @@ class Detector:
         if height_m is not None:
             self._height.add(t_s, height_m)
             found += self._lift(t_s, height_m)
+        if not tips_mm:  # the other rules take over
+            self._sinking.clear()
         for finger, tip_mm in (tips_mm or {}).items():
             self._sinking.setdefault(finger, SinkTrack(self._s.sink_s[-1])).add(t_s, tip_mm)
         # The joints are told more often than pictures, and without a camera's delay.
