@@ -272,7 +272,7 @@ class DetectorSettings(NamedTuple):
         ),
     )
     sink: Rule = Rule(
-        -8.4036,
+        -9.0967,
         (
             2.0397,  # eased
             -1.4701,  # weakest

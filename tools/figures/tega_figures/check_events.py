@@ -45,7 +45,16 @@ from tega_figures.pad_slides import (
     told_by,
     told_by_truth,
 )
-from tega_figures.slip_rule import N_PRODUCTS, TOLERANCE_S, fit, left_out, looks_of, told_of
+from tega_figures.slip_rule import (
+    N_PRODUCTS,
+    SINK_ENTER,
+    SINK_LEAST_S,
+    TOLERANCE_S,
+    fit,
+    left_out,
+    looks_of,
+    told_of,
+)
 from tega_figures.slip_score import (
     HEAD,
     ScoredTrial,
@@ -334,7 +343,11 @@ def _fitted(kept: Sequence[KeptTrial], *, products: int, truth: bool) -> Iterabl
         seen = [looks_of(one, hand=hand, sink=sink) for one in shown]
         products = 0 if sink else products
         best, found_left_out = left_out(seen, products=products)
-        rule = fit(seen, products=products, at=best if sink else None)
+        rule = fit(
+            seen,
+            products=products,
+            at=best._replace(enter=SINK_ENTER, least_s=SINK_LEAST_S) if sink else None,
+        )
         yield f"{name}: {rule}"
         ways = {f"{name}, left out": found_left_out}
         ways[f"{name}, **in-sample**"] = [told_of(rule, one) for one in seen]

@@ -32,6 +32,9 @@ TOLERANCE_S = 0.5
 N_PRODUCTS = 12
 """Of a rule that looks at shear."""
 
+SINK_ENTER, SINK_LEAST_S = 0.75, 0.01
+"""Of the rule of sinking fingertips: with people left out the fewest false ones at an F1 of 0.9 or more."""
+
 _ONSET_S = 0.5
 _ENTER = (0.05, 0.075, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.7)
 _LEAST_S = (0.05, 0.1, 0.15, 0.2)
