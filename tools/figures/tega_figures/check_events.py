@@ -411,9 +411,9 @@ def _number(value: float | None) -> str:
     return "–" if value is None else f"{value:.2f}"
 
 
-def _seeds(text: str) -> range:
-    first, _, end = text.partition(":")
-    return range(int(first), int(end))
+def _seeds(text: str) -> list[int]:
+    parts = (part.partition(":") for part in text.split(","))
+    return [seed for first, _, end in parts for seed in range(int(first), int(end))]
 
 
 def main() -> None:
@@ -421,7 +421,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description="Events found in the signals against the truth; all simulated."
     )
-    parser.add_argument("--fit", type=_seeds, metavar="A:B", help="fit the slip's rules on these people")
+    parser.add_argument("--fit", type=_seeds, metavar="A:B,...", help="fit the slip's rules on these people")
     parser.add_argument("--seeds", type=_seeds, default=range(2000, 2010), metavar="A:B")
     parser.add_argument("--conditions", default="haptic,non-haptic,event-gated")
     parser.add_argument("--stiffness", type=float, default=1.0, help="of the objects, times their own")
