@@ -7,10 +7,15 @@ order of :data:`tega.hand.JOINT_NAMES`.
 
 from __future__ import annotations
 
-from typing import Final
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
 
 from tega.hand import JOINT_LIMITS_RAD, TORQUE_LIMITS
 from tega.wire import HAND_FINGERS
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 FULL_DUTY_NM: Final = 1.0
 """Torque of a joint at full motor duty, N·m. Nominal: what the vendor's drivers call it. The older hand's data sheet
@@ -47,11 +52,43 @@ _FINGER_LINKS: Final = ((0.0164, 0.0119), (0.0540, 0.0650), (0.0384, 0.0355), (0
 _THUMB_LINKS: Final = ((0.0455, 0.0176), (0.0177, 0.0119), (0.0514, 0.0380), (0.0423, 0.0388 + 0.0168))
 _FINGER_AXES: Final = ("0 0 1", "0 1 0", "0 1 0", "0 1 0")
 _THUMB_AXES: Final = ("-1 0 0", "0 0 1", "0 1 0", "0 1 0")
+_THUMB_SECOND: Final = "-0.027 0.005 0.0399"
 
 
 def joint_names() -> list[str]:
     """Return the 16 joints' names in the model, in the hand's order."""
     return [f"{finger}{joint}" for finger in HAND_FINGERS for joint in range(4)]
+
+
+def joint_places() -> tuple[
+    NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]
+]:
+    """Return where the joints are in the palm's frame with all angles 0, by finger in the hand's order.
+
+    Returns:
+        Place (4, 3), metres, and rotation (4, 3, 3) of each finger's first joint; the joints' axes (4, 4, 3); and from
+        each joint to the next, from the last one to the middle of the pad (4, 4, 3), metres. All float64.
+    """
+    bases_m, turns, axes, offsets_m = [], [], [], []
+    for name in HAND_FINGERS:
+        thumb = name == "thumb"
+        links, around = (_THUMB_LINKS, _THUMB_AXES) if thumb else (_FINGER_LINKS, _FINGER_AXES)
+        ways = [np.array([0.0, 0.0, length]) for length, _mass in links]
+        if thumb:
+            ways[0] = _numbers(_THUMB_SECOND)
+        ways[3] += [PAD_RADIUS_M, 0.0, -PAD_HALF_LENGTH_M]
+        place, turn = (_numbers(text) for text in _BASES[name])
+        w, *axis = turn.tolist()
+        cross = np.cross(np.eye(3), axis)
+        bases_m.append(place)
+        turns.append(np.eye(3) + 2 * w * cross + 2 * cross @ cross)
+        axes.append([_numbers(text) for text in around])
+        offsets_m.append(ways)
+    return np.array(bases_m), np.array(turns), np.array(axes), np.array(offsets_m)
+
+
+def _numbers(text: str) -> NDArray[np.float64]:
+    return np.array([float(word) for word in text.split()])
 
 
 def _finger(number: int, name: str) -> str:
@@ -62,7 +99,7 @@ def _finger(number: int, name: str) -> str:
         if joint == 0:
             pos, quat = _BASES[name]
         elif thumb and joint == 1:
-            pos, quat = "-0.027 0.005 0.0399", "1 0 0 0"
+            pos, quat = _THUMB_SECOND, "1 0 0 0"
         else:
             pos, quat = f"0 0 {links[joint - 1][0]}", "1 0 0 0"
         low, high = JOINT_LIMITS_RAD[4 * number + joint]

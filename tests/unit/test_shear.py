@@ -11,7 +11,7 @@ from tega.contract import check_stage
 from tega.detect import Detector, ShearFrame, TouchFrame
 from tega.errors import InvalidValueError, ShapeError
 from tega.shear import ShearReader, ShearReading
-from tega.sim.gel import Gel, ball
+from tega.sim.gel import PX_PER_MM, Gel, ball
 from tega.sim.seams import Indenter, Shear
 from tega.stages import FingerSetup
 from tega.stages.metrics import LiveOptions
@@ -131,7 +131,7 @@ def follow(kind: Shear, seed: int, top: float) -> tuple[list[ShearReading], list
     """Press a ball, pull it to a share of the limit, hold it: what is read, and the true displacement of its middle."""
     gel = Gel(seed, memory=True, shear=kind)
     baseline = np.rint(np.mean([gel.frame([], n) for n in range(30)], axis=0)).astype(np.uint8)
-    tracker, reader = TouchTracker(baseline), ShearReader(baseline)
+    tracker, reader = TouchTracker(baseline), ShearReader(baseline, mm_per_px=1 / PX_PER_MM)
     read, true_mm = [], []
     for n in range(100):
         share = top * min(max(n - 20, 0) / 60, 1.0)

@@ -62,6 +62,18 @@ def test_the_third_condition_takes_place_and_is_counted(folder: Path) -> None:
     assert all(not trial.rater for trial in trials)
 
 
+def test_places_of_fingertips_are_kept_and_older_tables_have_none(tmp_path: Path) -> None:
+    path = tmp_path / "hand.csv"
+    rows = [HandRow(0.1, 3, 2.5, 0.2, (10.0, 45.5, 0.25, -31.125)), HandRow(0.2, None, None, None)]
+    write_hand(path, rows)
+    assert read_hand(path) == rows
+    path.write_text("t_s,level,closure,height_m\n0.1,3,2.5,0.2\n")
+    assert read_hand(path) == [rows[0]._replace(tips_mm=None)]
+    path.write_text("t_s,level,closure,height_m,thumb_mm,index_mm,middle_mm,ring_mm\n0.1,3,2.5,0.2,1.0,2.0\n")
+    with pytest.raises(RecordingError, match=r"hand\.csv"):
+        read_hand(path)
+
+
 @pytest.mark.slow
 def test_events_are_written_beside_the_session_and_compared(folder: Path, tmp_path: Path) -> None:
     before = study_trials(folder)[1]

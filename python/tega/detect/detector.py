@@ -7,11 +7,11 @@ next half second as well, which takes back what turns out to be a release and ra
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Literal, NamedTuple
 
 from tega.detect.settings import SETTINGS, DetectorSettings, Rule
-from tega.detect.tracks import FingerTrack, Low, ShearFrame, ShearTrack, TouchFrame, TwoMeans
+from tega.detect.tracks import FingerTrack, Low, ShearFrame, ShearTrack, SinkTrack, TouchFrame, TwoMeans
 
 _SHORT_MM, _FAINT = 0.05, 3.0
 """A pull that is no more than noise, millimetres, and a peak likewise, grey values."""
@@ -92,6 +92,7 @@ class Detector:
         self._quick: dict[str, FingerTrack] = {}
         self._trend: dict[str, FingerTrack] = {}
         self._shear: dict[str, ShearTrack] = {}
+        self._sinking: dict[str, SinkTrack] = {}
         self._told: dict[str, bool] = {}
         self._grasp_s: float | None = None
         self._lost_s = self._gained_s = -math.inf
@@ -106,7 +107,7 @@ class Detector:
         self._squeezed_s: float | None = None
         self._rises = {
             rule: Rise("slip", rule, settings.rest_s, look_ahead_s)
-            for rule in (settings.touch, settings.shear, settings.hand)
+            for rule in (settings.touch, settings.shear, settings.hand, settings.sink)
         }
 
     def touch(self, t_s: float, finger: str, touch: TouchFrame) -> list[DetectedEvent]:
@@ -136,7 +137,7 @@ class Detector:
                 self._grasp_s = t_s
         elif self._grasp_s is not None and not self._holds and t_s - self._lost_s > s.rest_s:
             self._let_go()
-        if t_s >= self._next_s:
+        if t_s >= self._next_s and self._rule() is not s.sink:
             self._next_s = t_s + s.step_s
             found += self._slip(t_s)
         return found
@@ -160,6 +161,7 @@ class Detector:
         level: int | None = None,
         closure: float | None = None,
         height_m: float | None = None,
+        tips_mm: Mapping[str, float] | None = None,
     ) -> list[DetectedEvent]:
         """Take in a look at hand and arm, and return what it tells; ``None`` for what is not measured.
 
@@ -168,6 +170,8 @@ class Detector:
             level: Closure level asked for.
             closure: Closure measured, levels.
             height_m: Height of the arm's end, metres.
+            tips_mm: Height of each fingertip over the palm by the hand's joint angles, millimetres, as of
+                :func:`tega.hand_tips.fingertips_m`.
         """
         found: list[DetectedEvent] = []
         self._level = level
@@ -177,7 +181,12 @@ class Detector:
         if height_m is not None:
             self._height.add(t_s, height_m)
             found += self._lift(t_s, height_m)
-        return found
+        if not tips_mm:  # the other rules take over
+            self._sinking.clear()
+        for finger, tip_mm in (tips_mm or {}).items():
+            self._sinking.setdefault(finger, SinkTrack(self._s.sink_s[-1])).add(t_s, tip_mm)
+        # The joints are told more often than pictures, and without a camera's delay.
+        return found + self._slip(t_s) if tips_mm and self._rule() is self._s.sink else found
 
     def close(self, t_s: float) -> list[DetectedEvent]:
         """End the record; return what was waiting for what comes after it."""
@@ -187,8 +196,11 @@ class Detector:
     def features(self, t_s: float) -> tuple[float, ...]:
         """Return the features that a slip is seen by.
 
-        :data:`HAND_FEATURES` where they are measured, else :data:`SHEAR_FEATURES`, else :data:`FEATURES`.
+        :data:`SINK_FEATURES` where hand, arm and fingertips' places are measured, :data:`HAND_FEATURES` where hand and
+        arm are, else :data:`SHEAR_FEATURES`, else :data:`FEATURES`.
         """
+        if self._rule() is self._s.sink:
+            return (*self._held_features(t_s), *self._sink_features())
         on = [(one, self._trend[finger]) for finger, one in self._quick.items() if one.touching]
         sums = [math.exp(one.mass.quick) for one, _ in on]
         mass = sum(sums)
@@ -211,20 +223,35 @@ class Detector:
             math.exp((self._gained_s - t_s) / self._s.fade_s),
         )
         if self._level is not None and self._measured:
-            return (
-                *touch,
-                self._pressed.fallen,
-                self._pressed.below,
-                self._closure.change,
-                self._level - self._closure.quick,
-                10 * self._height.change,
-                self._grip.fallen,
-                self._grip.below,
-                0.0 if self._since_s is None else math.exp(self._since_s - t_s),
-            )
+            return (*touch, *self._held_features(t_s))
         if not self._shear:
             return touch
         return (*touch, *self._shear_features(mass_change=touch[2]))
+
+    def _held_features(self, t_s: float) -> tuple[float, ...]:
+        return (
+            self._pressed.fallen,
+            self._pressed.below,
+            self._closure.change,
+            (self._level or 0) - self._closure.quick,
+            10 * self._height.change,
+            self._grip.fallen,
+            self._grip.below,
+            0.0 if self._since_s is None else math.exp(self._since_s - t_s),
+        )
+
+    def _sink_features(self) -> tuple[float, ...]:
+        on = [
+            (self._sinking[finger], math.exp(one.mass.quick))
+            for finger, one in self._quick.items()
+            if one.touching and finger in self._sinking
+        ]
+        if not on:
+            return (0.0,) * (len(self._s.sink_s) + 2)
+        mass = sum(part for _, part in on)
+        means = [sum(part * sink.speed_mm_s(over_s) for sink, part in on) / mass for over_s in self._s.sink_s]
+        each = [sink.speed_mm_s(self._s.sink_s[1]) for sink, _ in on]
+        return (*means, max(each), min(each))
 
     def _shear_features(self, *, mass_change: float) -> tuple[float, ...]:
         pairs = [
@@ -259,7 +286,7 @@ class Detector:
     def _rule(self) -> Rule:
         """Return the rule of a slip for what is measured."""
         if self._level is not None and self._measured:
-            return self._s.hand
+            return self._s.sink if self._sinking else self._s.hand
         return self._s.shear if self._shear else self._s.touch
 
     @property
@@ -281,6 +308,11 @@ class Detector:
             return True
         opened = self._level is not None and self._level <= 1
         return self._lifted and not opened and self._height.quick > self._base_m + self._s.down_m
+
+    @property
+    def _lowered(self) -> bool:
+        """Whether the rule of sinking fingertips waits: what is being put down may slide and is no slip."""
+        return self._rule() is self._s.sink and self._height.change < -self._s.lowered_m
 
     def _contact(self, t_s: float, finger: str, track: FingerTrack) -> list[DetectedEvent]:
         least_s = self._s.touch_s if track.touching else self._s.release_s
@@ -307,8 +339,9 @@ class Detector:
         self._remember(t_s)
         seen = self.features(t_s)
         rule = self._rule()
-        share = share_of(rule, seen) if self._settled(t_s) and self.may_slip else 0.0
-        found = self._rises[rule].add(t_s, share, void=not self.may_slip)
+        may = self.may_slip and not self._lowered
+        share = share_of(rule, seen) if self._settled(t_s) and may else 0.0
+        found = self._rises[rule].add(t_s, share, void=not may)
         return [] if found is None else [found]
 
     def _lift(self, t_s: float, height_m: float) -> list[DetectedEvent]:

@@ -1,8 +1,8 @@
 """Define the detector's numbers, all of them, and say why they are what they are.
 
 They were fixed before they were compared with anything. The slip's rules were fitted on simulated people 1000 to 1022
-(``python -m tega_figures.check_events --fit 1000:1023``, the one by shear with ``--shear texture``) and are reported on
-others.
+(``python -m tega_figures.check_events --fit 1000:1023``, the one by shear with ``--shear texture``), the one by joints
+on 5000 to 5074 as well, and are reported on others.
 """
 
 from __future__ import annotations
@@ -31,17 +31,8 @@ FEATURES: Final = (
 - how lately a finger has lost contact, or gained it: exp(-age / 0.4 s).
 """
 
-HAND_FEATURES: Final = (
-    *FEATURES,
-    "eased",
-    "weakest",
-    "closing",
-    "stall",
-    "rising",
-    "opened",
-    "widest",
-    "fresh",
-)
+_HELD: Final = ("eased", "weakest", "closing", "stall", "rising", "opened", "widest", "fresh")
+HAND_FEATURES: Final = (*FEATURES, *_HELD)
 """What a slip is seen by where hand and arm are measured, since then lift-off is known: those of :data:`FEATURES` and,
 as an object that hangs in a grip slides where the grip gets weaker than it ever was since:
 
@@ -53,6 +44,14 @@ as an object that hangs in a grip slides where the grip gets weaker than it ever
 - exp(-time since lift-off / 1 s).
 """
 
+SINK_FEATURES: Final = (*_HELD, "over_20_ms", "over_40_ms", "over_80_ms", "over_200_ms", "fastest", "slowest")
+"""What a slip is seen by where the hand's joints tell the fingertips' places as well, since fingers that give way let
+the object down: how the object is held, the last eight of :data:`HAND_FEATURES`; and how fast the fingertips in contact
+sink against the palm, millimetres a second,
+
+- in the mean by their summed maps, over 20, 40, 80 and 200 ms;
+- the one that sinks fastest, and the one that sinks least, over 40 ms.
+"""
 
 SHEAR_FEATURES: Final = (
     *FEATURES,
@@ -124,10 +123,13 @@ class DetectorSettings(NamedTuple):
             before 1.1; a soft one gives on, and the simulation's bag is harmed at 1.4.
         squeeze_sd: How sure that is, levels.
         eased: A deformation is over when less than this share of it is left.
+        lowered_m: A height that has lately fallen by so much (quick mean less slow one) puts down what is held.
+        sink_s: Times over which fingertips sink, seconds; the joints are known to 0.3 mm/s over 33 ms.
         look_ahead_s: How far the detector looks ahead in a record.
         touch: The slip by fingertips alone.
         shear: The slip by fingertips alone where shear is read.
         hand: The slip where closure and height are measured as well. All three look at products of two features, too.
+        sink: The slip where the fingertips' places are, besides.
     """
 
     quick_s: float = 0.08
@@ -150,6 +152,8 @@ class DetectorSettings(NamedTuple):
     squeeze_levels: float = 1.4
     squeeze_sd: float = 0.05
     eased: float = 0.8
+    lowered_m: float = 0.003
+    sink_s: tuple[float, ...] = (0.02, 0.04, 0.08, 0.2)
     look_ahead_s: float = 0.5
     touch: Rule = Rule(
         -5.8946,
@@ -266,6 +270,27 @@ class DetectorSettings(NamedTuple):
             (1, 9, -1.798),  # mass, edge_change
             (6, 19, 2.4992),  # mean_flow, fresh
         ),
+    )
+    sink: Rule = Rule(
+        -9.0967,
+        (
+            2.0397,  # eased
+            -1.4701,  # weakest
+            -6.7659,  # closing
+            -1.7636,  # stall
+            1.2527,  # rising
+            -1.8966,  # opened
+            2.5943,  # widest
+            -0.097,  # fresh
+            0.916,  # over_20_ms
+            0.6497,  # over_40_ms
+            -0.559,  # over_80_ms
+            -0.4519,  # over_200_ms
+            0.4686,  # fastest
+            -0.2729,  # slowest
+        ),
+        0.5,
+        0.01,
     )
 
 

@@ -149,6 +149,33 @@ class Low:
         return 0.0 if math.isnan(self._first) else max(self._lowest - self._now, 0.0)
 
 
+class SinkTrack:
+    """One fingertip's way down against the palm, by the hand's joints.
+
+    Args:
+        longest_s: The longest time that it is asked about, seconds.
+    """
+
+    def __init__(self, longest_s: float) -> None:
+        self._longest_s = longest_s
+        self._heights: deque[tuple[float, float]] = deque()
+
+    def add(self, t_s: float, height_mm: float) -> None:
+        """Take in its height over the palm, millimetres."""
+        self._heights.append((t_s, height_mm))
+        while len(self._heights) > 2 and self._heights[1][0] <= t_s - self._longest_s:
+            self._heights.popleft()
+
+    def speed_mm_s(self, over_s: float) -> float:
+        """Return how fast it has sunk in the mean over so long, millimetres a second; 0 before that."""
+        now_s, now_mm = self._heights[-1]
+        for t_s, height_mm in reversed(self._heights):
+            # A step that ends a rounding error short of the time has reached it.
+            if now_s - t_s >= over_s - 1e-6:
+                return (height_mm - now_mm) / (now_s - t_s)
+        return 0.0
+
+
 class FingerTrack:
     """One fingertip's contact.
 

@@ -81,6 +81,9 @@ class Gel:
             recorded DIGIT, ``dots`` that and dark dots as on a GelSight Mini. ``off`` has neither shear nor grain; the
             pictures of the others are those of ``off`` with the grain added.
 
+    Attributes:
+        pressed: When the latest picture was taken, seconds, and the shapes that pressed then.
+
     Raises:
         InvalidValueError: ``spread`` is out of range, or ``shape`` or ``shear`` not known.
 
@@ -101,6 +104,7 @@ class Gel:
         shear: Shear = "off",
     ) -> None:
         self._gel = _native.Gel(seed, spread=spread, shape=shape, memory=memory, shear=shear)
+        self.pressed: tuple[float, Sequence[Indenter]] = (0.0, ())
 
     def frame(
         self,
@@ -134,6 +138,7 @@ class Gel:
         if out is None:
             out = np.empty((HEIGHT, WIDTH, 3), np.uint8)
         t_s = index / CAMERA_HZ if t_s is None else t_s
+        self.pressed = t_s, indenters
         self._gel.frame(
             _poses(indenters), index, t_s=t_s, pull=_pull(indenters), relief=_relief(indenters), out=out
         )

@@ -29,6 +29,12 @@ _FINGER, _WORD, _SET_BYTES = Struct("<4h"), np.dtype("<i2"), 32
 _tuple = tuple.__new__
 
 
+def encoded(angles_rad: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return joint angles as the hand's encoders show them, in whole counts, radians."""
+    angles: NDArray[np.float64] = np.rint(angles_rad / ALLEGRO_RAD_PER_COUNT) * ALLEGRO_RAD_PER_COUNT
+    return angles
+
+
 class SimulatedAllegro:
     """The real controller on the angles that the simulated hand's encoders show: steps of 0.0888 mrad.
 
@@ -54,8 +60,7 @@ class SimulatedAllegro:
     @property
     def angles_rad(self) -> NDArray[np.float64]:
         """The joint angles as the encoders show them now, float64 (16,), in radians."""
-        angles: NDArray[np.float64] = np.rint(self._read() / ALLEGRO_RAD_PER_COUNT) * ALLEGRO_RAD_PER_COUNT
-        return angles
+        return encoded(self._read())
 
     @property
     def target_rad(self) -> NDArray[np.float64] | None:

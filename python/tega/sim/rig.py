@@ -24,6 +24,7 @@ from tega.inbox.sources import Contact, EmgBlock, picture_of, samples_of
 from tega.inbox.stream import NEVER_NS, LiveStream
 from tega.records import EmgSamples, Picture
 from tega.sim.gel import CAMERA_HZ
+from tega.sim.hand import encoded
 from tega.sim.seams import Act, Indenter, Percept
 from tega.stages.base import MeasuredPicture
 from tega.tactile import ContactMetrics
@@ -247,7 +248,7 @@ class TrialRig:
                 self.levels.put(block, next_ns=t_ns + self._block_ns)
         truth = self.truth = self.world.truth()
         t_s = t_ns / 1e9
-        percept = Percept(t_s, truth, self.vest, self.closure())
+        percept = Percept(t_s, truth, self.vest, self.closure(), encoded(self.world.angles_rad))
         act = self.act = self._person.act(percept)
         self.world.set_forearm(act.forearm_m)
         self._scorer.take(t_s, truth, placing=act.phase in _PLACING)

@@ -86,12 +86,14 @@ class Percept(NamedTuple):
         scene: What is before the eyes.
         vest: What the vest's motors are told now; ``None`` where it is off or not worn.
         closure: The hand's closure as it can be seen, levels 1 to 5 with fractions; ``None`` where it is not shown.
+        angles_rad: Its 16 joint angles, which no person sees but who keeps what the sensors say; ``None`` likewise.
     """
 
     t_s: float
     scene: WorldTruth
     vest: MotorLevels | None
     closure: float | None = None
+    angles_rad: NDArray[np.float64] | None = None
 
 
 class Act(NamedTuple):

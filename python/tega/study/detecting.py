@@ -15,6 +15,7 @@ import msgspec
 from tega.detect import DetectedEvent, Detector, ShearFrame, TouchFrame
 from tega.detect.settings import SETTINGS
 from tega.errors import RecordingError
+from tega.haptics import FINGERS
 from tega.study.hand_rows import HandRow, hand_path, read_hand
 from tega.study.journal import Journal, JournalEvent, Kind, read_events
 from tega.study.plan import read_plan
@@ -94,7 +95,10 @@ def events_of(
         elif not isinstance(row, HandRow):
             detector.shear(*row)
         else:
-            found += detector.hand(t_s, level=row.level, closure=row.closure, height_m=row.height_m)
+            tips_mm = None if row.tips_mm is None else dict(zip(FINGERS, row.tips_mm, strict=True))
+            found += detector.hand(
+                t_s, level=row.level, closure=row.closure, height_m=row.height_m, tips_mm=tips_mm
+            )
     found += detector.close(last_s)
     return sorted(found, key=lambda event: event.t_s)
 

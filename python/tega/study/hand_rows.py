@@ -10,8 +10,11 @@ from typing import NamedTuple
 
 from tega.errors import RecordingError
 from tega.foreign_file import read_words
+from tega.haptics import FINGERS
 from tega.study.touch_rows import touch_path
 from tega.whole_file import write_whole
+
+_TIPS = tuple(f"{finger}_mm" for finger in FINGERS)
 
 
 class HandRow(NamedTuple):
@@ -22,12 +25,15 @@ class HandRow(NamedTuple):
         level: Closure level asked for, 1 to 5; ``None`` before the first.
         closure: Closure measured at the joints, levels with fractions; ``None`` where no hand is read.
         height_m: Of the arm's end, metres; ``None`` where no arm is measured.
+        tips_mm: Height of each fingertip over the palm by the joints, thumb first, millimetres; ``None`` where no hand
+            is read.
     """
 
     t_s: float
     level: int | None
     closure: float | None
     height_m: float | None
+    tips_mm: tuple[float, ...] | None = None
 
 
 def hand_path(folder: Path, participant: str, trial_id: str, attempt: int) -> Path:
@@ -37,9 +43,10 @@ def hand_path(folder: Path, participant: str, trial_id: str, attempt: int) -> Pa
 
 def write_hand(path: Path, rows: Sequence[HandRow]) -> None:
     """Write rows, whole or not at all."""
-    text = ",".join(HandRow._fields) + "\n"
+    text = ",".join((*HandRow._fields[:-1], *_TIPS)) + "\n"
     for row in rows:
-        cells = (_cell(row.level, "d"), _cell(row.closure, ".4f"), _cell(row.height_m, ".5f"))
+        cells = [_cell(row.level, "d"), _cell(row.closure, ".4f"), _cell(row.height_m, ".5f")]
+        cells += [_cell(tip_mm, ".3f") for tip_mm in row.tips_mm or (None,) * len(_TIPS)]
         text += f"{row.t_s:.4f},{','.join(cells)}\n"
     write_whole(path, text)
 
@@ -60,6 +67,7 @@ def read_hand(path: Path) -> list[HandRow]:
                 int(row["level"]) if row["level"] else None,
                 float(row["closure"]) if row["closure"] else None,
                 float(row["height_m"]) if row["height_m"] else None,
+                tuple(float(row[tip]) for tip in _TIPS) if row.get(_TIPS[0]) else None,
             )
             for row in rows
         ]

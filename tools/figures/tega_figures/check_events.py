@@ -25,14 +25,36 @@ import numpy as np
 
 from tega.detect import Detector, ShearFrame
 from tega.detect.settings import SETTINGS
+from tega.hand_tips import tip_heights_mm
+from tega.sim.gel import PX_PER_MM
 from tega.sim.plan import TrialPlan, TrialResult
 from tega.sim.streams import Streams
 from tega.study.detecting import events_of
 from tega.study.hand_rows import HandRow
 from tega.study.score import Agreement, agreement
 from tega.study.touch_rows import TouchRow
-from tega_figures.slide_rule import SlideDetector
-from tega_figures.slip_rule import N_PRODUCTS, TOLERANCE_S, fit, left_out, looks_of, told_of
+from tega_figures.pad_slides import (
+    INCIPIENT,
+    INCIPIENT_FOR_S,
+    READ_FOR_S,
+    READ_MM_S,
+    TRUE_MM_S,
+    PadStep,
+    pad_step,
+    slides_told,
+    told_by,
+    told_by_truth,
+)
+from tega_figures.slip_rule import (
+    N_PRODUCTS,
+    SINK_ENTER,
+    SINK_LEAST_S,
+    TOLERANCE_S,
+    fit,
+    left_out,
+    looks_of,
+    told_of,
+)
 from tega_figures.slip_score import (
     HEAD,
     ScoredTrial,
@@ -52,8 +74,9 @@ if TYPE_CHECKING:
 __all__ = ["JudgedTrial", "KeptTrial", "compare", "judge", "main", "run"]
 
 KINDS = ("lift_off", "slip", "deformation")
-WAYS = ("record", "live", "live, touch only")
+WAYS = ("record", "live", "live, touch only", "live, without joints")
 _SPEEDS_MM_S = (5, 6, 8)
+_SHEAR = ("stages.metric.name=shear", f"stages.metric.options.mm_per_px={1 / PX_PER_MM:.6g}")
 _PLACING = frozenset({"place", "release", "done"})
 _HOLDS_LEVEL = 1.5
 
@@ -70,6 +93,7 @@ class KeptTrial(NamedTuple):
         shear: Time, finger and shear of every frame; empty where the gels have none.
         speed: How fast the object slides, by time: seconds, metres a second.
         gels: Time, finger and true shear of its gel at every frame; nothing slides in gels without.
+        pads: Where the object truly lies on the fingertips, every frame of each.
     """
 
     result: TrialResult
@@ -80,6 +104,7 @@ class KeptTrial(NamedTuple):
     shear: Sequence[tuple[float, str, ShearFrame]] = ()
     speed: Sequence[tuple[float, float]] = ()
     gels: Sequence[tuple[float, str, ShearTruth]] = ()
+    pads: Sequence[PadStep] = ()
 
 
 class _Keeper(Streams):
@@ -92,17 +117,22 @@ class _Keeper(Streams):
         self.narrowing: list[tuple[float, float]] = []
         self.shear: list[tuple[float, str, ShearFrame]] = []
         self.true_shear: list[tuple[float, str, ShearTruth]] = []
+        self.pads: list[PadStep] = []
         self._level: int | None = None
 
     def act(self, percept: Percept, act: Act) -> None:
-        self.hand.append(HandRow(percept.t_s, self._level, percept.closure, act.forearm_m[0]))
+        tips_mm = None if percept.angles_rad is None else tip_heights_mm(percept.angles_rad)
+        self.hand.append(HandRow(percept.t_s, self._level, percept.closure, act.forearm_m[0], tips_mm))
         self.speed.append((percept.t_s, percept.scene.slip_m_s))
         self.narrowing.append((percept.t_s, 1e3 * percept.scene.deformation_m))
 
     def contact(self, contact: Contact) -> None:
+        gel = self._gels[contact.finger]
+        t_s, shapes = gel.pressed
+        self.pads.append(pad_step(t_s, contact.finger, shapes, gel.in_view if shapes else math.nan))
         if (shear := ShearFrame.of({value.name: value.value for value in contact.more})) is not None:
             self.shear.append((contact.t_ns / 1e9, contact.finger, shear))
-            self.true_shear.append((contact.t_ns / 1e9, contact.finger, self._gels[contact.finger].sheared))
+            self.true_shear.append((contact.t_ns / 1e9, contact.finger, gel.sheared))
         self.touch.append(
             TouchRow(
                 contact.t_ns / 1e9,
@@ -141,6 +171,7 @@ def run(plan: TrialPlan) -> KeptTrial:
         keeper.shear,
         keeper.speed,
         keeper.true_shear,
+        keeper.pads,
     )
 
 
@@ -158,16 +189,17 @@ class JudgedTrial(NamedTuple):
     speed: Sequence[tuple[float, float]] = ()
 
 
-def judge(kept: KeptTrial, *, slide: bool = False) -> JudgedTrial:
-    """Find a trial's events in each of :data:`WAYS`, by the rules in use or by that of the slide as well."""
+def judge(kept: KeptTrial) -> JudgedTrial:
+    """Find a trial's events in each of :data:`WAYS`."""
     times: dict[tuple[str, str], list[float]] = {}
     for way in WAYS:
         hand = [] if way == WAYS[2] else kept.hand
+        if way == WAYS[3]:
+            hand = [row._replace(tips_mm=None) for row in hand]
         ahead_s = SETTINGS.look_ahead_s if way == WAYS[0] else 0.0
-        detector = SlideDetector(look_ahead_s=ahead_s) if slide else Detector(look_ahead_s=ahead_s)
-        found = events_of(kept.touch, hand, detector=detector, shear=kept.shear)
+        found = events_of(kept.touch, hand, detector=Detector(look_ahead_s=ahead_s), shear=kept.shear)
         for kind in KINDS:
-            times[f"{way}, slide" if slide else way, kind] = [
+            times[way, kind] = [
                 event.t_s if way == WAYS[0] else event.known_s for event in found if event.kind == kind
             ]
     return JudgedTrial(kept.result, times, kept.speed)
@@ -243,7 +275,7 @@ def _plans(
                 "friction": OBJECTS[name].friction * friction,
                 "shear": shear,
                 "spec": OBJECTS[name].with_(relief_counts=relief) if relief else None,
-                "settings": () if shear == "off" else ("stages.metric.name=shear",),
+                "settings": () if shear == "off" else _SHEAR,
             }
         )
         for seed in seeds
@@ -264,8 +296,8 @@ def _table(trials: Sequence[JudgedTrial]) -> Iterable[str]:
     groups += [("all", v) for v in vests if len(vests) > 1]
     for kind in KINDS:
         for way in WAYS:
-            if kind != "slip" and way == WAYS[2]:
-                continue  # needs hand and arm
+            if kind != "slip" and way in WAYS[2:]:
+                continue  # needs hand and arm, and no joints
             for name, vest in groups:
                 some = [
                     t
@@ -302,20 +334,22 @@ def told(trials: Sequence[JudgedTrial], way: str) -> list[SlipsTold]:
     ]
 
 
-def _fitted(kept: Sequence[KeptTrial], *, products: int, truth: bool, relief: bool) -> Iterable[str]:
-    """Fit the rules of fingertips and of hand on trials, and say how they do with a quarter of the people left out.
-
-    Objects with a relief: the rule of the slide, on what is seen of one, and no other.
-    """
+def _fitted(kept: Sequence[KeptTrial], *, products: int, truth: bool) -> Iterable[str]:
+    """Fit the slip's rules on trials, and say how they do with a fifth of the people left out in turn."""
     shown = [true_shear(one) for one in kept] if truth else kept
     rows = [HEAD]
-    for name in ("slide",) if relief else ("touch",) if truth else ("touch", "hand"):
-        hand = name == "hand"
-        seen = [looks_of(one, hand=hand, slide=relief) for one in shown]
-        products = 0 if relief else products
-        rule = fit(seen, products=products)
+    for name in ("touch",) if truth else ("touch", "hand", "sink"):
+        hand, sink = name != "touch", name == "sink"
+        seen = [looks_of(one, hand=hand, sink=sink) for one in shown]
+        products = 0 if sink else products
+        best, found_left_out = left_out(seen, products=products)
+        rule = fit(
+            seen,
+            products=products,
+            at=best._replace(enter=SINK_ENTER, least_s=SINK_LEAST_S) if sink else None,
+        )
         yield f"{name}: {rule}"
-        ways = {f"{name}, left out": left_out(seen, products=products)[1]}
+        ways = {f"{name}, left out": found_left_out}
         ways[f"{name}, **in-sample**"] = [told_of(rule, one) for one in seen]
         if not hand:
             for mm_s in _SPEEDS_MM_S:
@@ -328,13 +362,34 @@ def _fitted(kept: Sequence[KeptTrial], *, products: int, truth: bool, relief: bo
     yield from rows
 
 
-def _keep(file: Path, plans: Iterable[TrialPlan], *, beside: bool) -> None:
-    """Add to a file the slips that are told in trials which it does not hold yet.
+def _over_pads(trial: KeptTrial, found: Mapping[tuple[str, str], list[float]]) -> dict[str, SlipsTold]:
+    """Return what each way told beside the slides over the fingertips: all of them, and those in the picture."""
+    by = {
+        f"{way}, against the palm": times
+        for (way, kind), times in found.items()
+        if kind == "slip" and way in WAYS[1:3]
+    }
+    by[f"slide read, {READ_MM_S:g} mm/s"] = told_by(
+        trial.shear, lambda one: math.hypot(one.slide_x_mm_s, one.slide_y_mm_s), READ_MM_S, READ_FOR_S
+    )
+    by[f"incipient, {INCIPIENT:g}"] = told_by(
+        trial.shear, lambda one: one.incipient, INCIPIENT, INCIPIENT_FOR_S
+    )
+    by[f"true slide, {TRUE_MM_S:g} mm/s"] = told_by_truth(trial.pads)
+    who = trial.result.seed, trial.result.duration_s / 60, trial.pads
+    return {
+        f"over the pads; {way}{', in the picture' if seen else ''}": slides_told(*who, times, seen=seen)
+        for way, times in by.items()
+        for seen in (False, True)
+    }
+
+
+def _keep(file: Path, plans: Iterable[TrialPlan]) -> None:
+    """Add to a file the slips that are told in trials which it does not hold yet, by both truths.
 
     Args:
         file: The file.
         plans: The trials.
-        beside: Whether what is told by the slide as well, and by the true speed, stands beside.
     """
     kept = read_scored(file) if file.exists() else []
     known = {(one.ways[WAYS[0]].person, one.object, one.shear) for one in kept}
@@ -343,12 +398,11 @@ def _keep(file: Path, plans: Iterable[TrialPlan], *, beside: bool) -> None:
             if (plan.seed, plan.object, plan.shear) not in known:
                 trial = run(plan)
                 found = judge(trial).found
-                if beside:
-                    found |= judge(trial, slide=True).found
-                    for mm_s in _SPEEDS_MM_S:
-                        found[f"true speed, {mm_s} mm/s", "slip"] = by_speed(trial, mm_s / 1e3)
+                for mm_s in _SPEEDS_MM_S:
+                    found[f"true speed, {mm_s} mm/s", "slip"] = by_speed(trial, mm_s / 1e3)
                 judged = JudgedTrial(trial.result, found, trial.speed)
                 ways = {way: told([judged], way)[0] for way, kind in found if kind == "slip"}
+                ways |= _over_pads(trial, found)
                 out.write(msgspec.json.encode(ScoredTrial(plan.object, plan.shear, ways)) + b"\n")
                 out.flush()
 
@@ -357,9 +411,9 @@ def _number(value: float | None) -> str:
     return "–" if value is None else f"{value:.2f}"
 
 
-def _seeds(text: str) -> range:
-    first, _, end = text.partition(":")
-    return range(int(first), int(end))
+def _seeds(text: str) -> list[int]:
+    parts = (part.partition(":") for part in text.split(","))
+    return [seed for first, _, end in parts for seed in range(int(first), int(end))]
 
 
 def main() -> None:
@@ -367,7 +421,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description="Events found in the signals against the truth; all simulated."
     )
-    parser.add_argument("--fit", type=_seeds, metavar="A:B", help="fit the slip's rules on these people")
+    parser.add_argument("--fit", type=_seeds, metavar="A:B,...", help="fit the slip's rules on these people")
     parser.add_argument("--seeds", type=_seeds, default=range(2000, 2010), metavar="A:B")
     parser.add_argument("--conditions", default="haptic,non-haptic,event-gated")
     parser.add_argument("--stiffness", type=float, default=1.0, help="of the objects, times their own")
@@ -383,7 +437,7 @@ def main() -> None:
         type=float,
         default=0.0,
         metavar="COUNTS",
-        help="contrast of the objects' relief; 0 is smooth. --fit fits the rule of the slide, --keep keeps more ways",
+        help="contrast of the objects' relief; 0 is smooth",
     )
     parser.add_argument("--objects", default="", help="some of them, by name; all unless given")
     parser.add_argument(
@@ -413,8 +467,7 @@ def main() -> None:
             asked.fit, ["haptic"], asked.stiffness, asked.friction, asked.shear, relief=asked.relief
         )
         kept: list[KeptTrial] = Parallel(n_jobs=asked.jobs)(delayed(run)(plan) for plan in plans)
-        relief = bool(asked.relief)
-        for line in _fitted(kept, products=asked.products, truth=asked.truth, relief=relief):
+        for line in _fitted(kept, products=asked.products, truth=asked.truth):
             sys.stdout.write(line + "\n")
         return
     conditions = asked.conditions.split(",")
@@ -425,7 +478,7 @@ def main() -> None:
         sys.stdout.writelines(line + "\n" for line in narrowing(trials))
         return
     if asked.keep is not None:
-        _keep(asked.keep, plans, beside=bool(asked.relief))
+        _keep(asked.keep, plans)
         return
     judged: list[JudgedTrial] = Parallel(n_jobs=asked.jobs)(delayed(_judged)(plan) for plan in plans)
     for line in _table(judged):

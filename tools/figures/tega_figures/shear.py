@@ -101,7 +101,7 @@ def follow(
     """Press a ball, pull it within a second, and read every frame."""
     gel = Gel(seed, memory=True, shear=kind)
     baseline = np.rint(np.mean([gel.frame([], n) for n in range(30)], axis=0)).astype(np.uint8)
-    tracker, reader = TouchTracker(baseline), ShearReader(baseline)
+    tracker, reader = TouchTracker(baseline), ShearReader(baseline, mm_per_px=1 / PX_PER_MM)
     shares, true_mm, slid, read = [], [], [], []
     for n in range(110):
         share, pressed_n = top * min(max(n - 30, 0) / 60, 1.0), load_n * min((n + 1) / 20, 1.0)

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from tega.shear import ShearReader
-from tega.sim.gel import Gel
+from tega.sim.gel import PX_PER_MM, Gel
 from tega.sim.seams import Indenter
 from tega.touch import TouchTracker
 from tega_figures.shear import recorded_grips
@@ -94,7 +94,7 @@ def slid(seed: int, steps: Sequence[SlideStep], counts: float, *, y_mm: float | 
     """Read a course frame by frame, sixty a second, on a gel with shear texture."""
     gel = Gel(seed, memory=True, shear="texture")
     baseline = np.rint(np.mean([gel.frame([], n) for n in range(30)], axis=0)).astype(np.uint8)
-    tracker, reader = TouchTracker(baseline), ShearReader(baseline)
+    tracker, reader = TouchTracker(baseline), ShearReader(baseline, mm_per_px=1 / PX_PER_MM)
     read = []
     for n, step in enumerate(steps):
         image = gel.frame([wall(step, counts, y_mm=y_mm)] if step.load_n else [], 30 + n)

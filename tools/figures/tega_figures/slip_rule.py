@@ -15,10 +15,9 @@ import numpy as np
 
 from tega.detect import DetectedEvent, Detector
 from tega.detect.detector import Rise
-from tega.detect.settings import FEATURES, HAND_FEATURES, SETTINGS, SHEAR_FEATURES, Rule
+from tega.detect.settings import FEATURES, HAND_FEATURES, SETTINGS, SHEAR_FEATURES, SINK_FEATURES, Rule
 from tega.study.detecting import events_of
 from tega.study.score import match_events
-from tega_figures.slide_rule import SLIDE_FEATURES, SlideDetector
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -33,11 +32,14 @@ TOLERANCE_S = 0.5
 N_PRODUCTS = 12
 """Of a rule that looks at shear."""
 
+SINK_ENTER, SINK_LEAST_S = 0.75, 0.01
+"""Of the rule of sinking fingertips: with people left out the fewest false ones at an F1 of 0.9 or more."""
+
 _ONSET_S = 0.5
 _ENTER = (0.05, 0.075, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.7)
 _LEAST_S = (0.05, 0.1, 0.15, 0.2)
-_SLIDE_S = (-0.1, 0.2)
-_SLIDE_LEAST_S = (0.0, 0.025, 0.05)
+_SINK_S = (0.0, 0.2)
+_SOON_S = (0.0, 0.01, 0.02, 0.03, 0.05)
 
 
 class _Looks(Detector):
@@ -49,20 +51,9 @@ class _Looks(Detector):
 
     def _slip(self, t_s: float) -> list[DetectedEvent]:
         self._remember(t_s)
-        self.seen.append((t_s, self.features(t_s), self._settled(t_s) and self.may_slip))
-        return []
-
-
-class _SlideLooks(SlideDetector):
-    """Keeps what the slide's rule is given where one is seen."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.seen: list[tuple[float, tuple[float, ...], bool]] = []
-
-    def _slip(self, t_s: float) -> list[DetectedEvent]:
-        if (slide := self.slide_features(t_s)) is not None:
-            self.seen.append((t_s, slide, self._settled(t_s) and self.may_slip))
+        self.seen.append(
+            (t_s, self.features(t_s), self._settled(t_s) and self.may_slip and not self._lowered)
+        )
         return []
 
 
@@ -73,8 +64,8 @@ class SlipTrial(NamedTuple):
         t_s: Times of the looks, seconds; shape ``(n,)``.
         features: What is seen, shape ``(n, features)``.
         asked: Whether the rule is asked, shape ``(n,)``.
-        slips: 1 in the first half second of a slip; of a slide that is seen, from 0.1 s before to 0.2 s into it, so
-            that it is told early. Shape ``(n,)``.
+        slips: 1 in the first half second of a slip; where fingertips sink in its first 0.2 s, so that it is told early.
+            Shape ``(n,)``.
         used: Which looks are fitted: later ones of a slip are not. Shape ``(n,)``.
         truth_s: When slips began, seconds.
         person: Who.
@@ -91,48 +82,55 @@ class SlipTrial(NamedTuple):
     least_s: tuple[float, ...] = _LEAST_S
 
 
-def looks_of(kept: KeptTrial, *, hand: bool, slide: bool = False) -> SlipTrial:
+def looks_of(kept: KeptTrial, *, hand: bool, sink: bool = False) -> SlipTrial:
     """Return what the slip's rule sees in a trial.
 
     Args:
         kept: The trial.
         hand: Whether hand and arm are measured.
-        slide: Whether the rule is that of the slide, which sees something only where a relief is seen.
+        sink: Whether the hand's joints tell where the fingertips are, besides.
     """
-    looks = _SlideLooks() if slide else _Looks()
-    events_of(kept.touch, kept.hand if hand else [], detector=looks, shear=kept.shear)
-    alone = SLIDE_FEATURES if slide else SHEAR_FEATURES if kept.shear else FEATURES
-    width = len(HAND_FEATURES if hand else alone)
-    rows = [row for row in looks.seen if len(row[1]) == width]
-    t_s = np.array([row[0] for row in rows])
-    slips, near = np.zeros(len(rows)), np.zeros(len(rows), dtype=bool)
+    looks = _Looks()
+    rows = [row if sink else row._replace(tips_mm=None) for row in kept.hand] if hand else []
+    events_of(kept.touch, rows, detector=looks, shear=kept.shear)
+    alone = SHEAR_FEATURES if kept.shear else FEATURES
+    width = len((SINK_FEATURES if sink else HAND_FEATURES) if hand else alone)
+    seen = [one for one in looks.seen if len(one[1]) == width]
+    t_s = np.array([one[0] for one in seen])
+    slips, near = np.zeros(len(seen)), np.zeros(len(seen), dtype=bool)
     for begin, end in kept.slipping:
         near |= (t_s >= begin - 0.1) & (t_s <= end + 0.3)
-        before_s, after_s = _SLIDE_S if slide else (0.0, _ONSET_S)
+        before_s, after_s = _SINK_S if sink else (0.0, _ONSET_S)
         slips[(t_s >= begin + before_s) & (t_s <= min(end, begin + after_s))] = 1
-    asked = np.array([row[2] for row in rows], dtype=bool)
+    asked = np.array([one[2] for one in seen], dtype=bool)
     return SlipTrial(
         t_s,
-        np.array([row[1] for row in rows]).reshape(-1, width),
+        np.array([one[1] for one in seen]).reshape(-1, width),
         asked,
         slips,
         asked & (~near | (slips > 0)),
         tuple(begin for begin, _end in kept.slipping),
         kept.result.seed,
-        _SLIDE_LEAST_S if slide else _LEAST_S,
+        _SOON_S if sink else _LEAST_S,
     )
 
 
-def fit(trials: Sequence[SlipTrial], *, products: int = 0, penalty: float = 30.0) -> Rule:
+def fit(
+    trials: Sequence[SlipTrial], *, products: int = 0, penalty: float = 30.0, at: Rule | None = None
+) -> Rule:
     """Fit the slip's rule: ridge-penalised logistic weights, then the threshold with the best F1 over these trials.
 
     Args:
         trials: What is seen of them.
         products: So many products of two features are looked at besides.
         penalty: On half the squared weights of standardised features.
+        at: A rule whose threshold and time are taken instead, such as that of :func:`left_out`.
     """
     rule = _weighed(trials, products, penalty)
-    return _with_threshold(rule, trials, [_shares(rule, one) for one in trials])
+    if at is not None:
+        return _shifted(rule._replace(enter=at.enter, least_s=at.least_s))
+    shares = [_shares(rule, one) for one in trials]
+    return _shifted(max(_tried(rule, trials), key=lambda one: _f1(trials, shares, one)))
 
 
 def left_out(
@@ -140,7 +138,7 @@ def left_out(
     *,
     products: int = 0,
     penalty: float = 30.0,
-    parts: int = 4,
+    parts: int = 5,
 ) -> tuple[Rule, list[list[float]]]:
     """Fit without a part of the people and see what is told of those, for each part; live.
 
@@ -225,11 +223,10 @@ def _shares(rule: Rule, one: SlipTrial) -> NDArray[np.float64]:
     return share
 
 
-def _with_threshold(rule: Rule, trials: Sequence[SlipTrial], shares: Sequence[NDArray[np.float64]]) -> Rule:
-    best = max(_tried(rule, trials), key=lambda one: _f1(trials, shares, one))
+def _shifted(rule: Rule) -> Rule:
     # The share is of looks; shifted so that an event that is just one has a confidence of a half.
-    shift = math.log(best.enter / (1 - best.enter))
-    return best._replace(bias=round(best.bias - shift, 4), enter=0.5)
+    shift = math.log(rule.enter / (1 - rule.enter))
+    return rule._replace(bias=round(rule.bias - shift, 4), enter=0.5)
 
 
 def _tried(rule: Rule, trials: Sequence[SlipTrial]) -> list[Rule]:

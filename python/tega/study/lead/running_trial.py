@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
+from tega.hand_tips import tip_heights_mm
 from tega.haptics import FINGERS
 from tega.study.coupling import TouchCourse
 from tega.study.hand_rows import HandRow
@@ -140,10 +141,12 @@ class Going:
             self._rows.append((t_s, cci, eda, view.block[2] - 1.0))
 
     def _hand_row(self, t_s: float, view: LoopView) -> HandRow:
-        closure = None
+        closure = tips_mm = None
         if self._closure is not None and view.angles_rad is not None:
-            closure = self._closure(np.asarray(view.angles_rad))
-        return HandRow(t_s, None if view.block is None else view.block[2], closure, view.arm_height_m)
+            angles_rad = np.asarray(view.angles_rad)
+            closure, tips_mm = self._closure(angles_rad), tip_heights_mm(angles_rad)
+        level = None if view.block is None else view.block[2]
+        return HandRow(t_s, level, closure, view.arm_height_m, tips_mm)
 
     def see(self, kind: SeenKind, t_ns: int, value: float = 0.0) -> None:
         """Take in something seen at a moment in the bench's own count of time, such as a height in metres."""
