@@ -190,7 +190,7 @@ def test_a_reflex_without_authority_acts_at_full_authority_in_the_arms_that_have
             "thumb": Contact(finger="thumb", t_ns=0, in_contact=True, more=(NamedValue("incipient", 1.0),))
         }
         assert arc is not None
-        return [arc.step(n * 3 * MS, 3.0, lambda: slips) for n in range(200)][-1]
+        return sum([arc.step(n * 3 * MS, 3.0, lambda: slips) for n in range(200)][-1])
 
     assert told("none", 0.0) == 3.0
     assert told("none", 0.5) == pytest.approx(3.5)
@@ -222,8 +222,8 @@ def test_an_arm_with_a_reflex_has_it_at_full_authority() -> None:
         nonlocal n
         for _ in range(200):
             n += 1
-            level = true.step(n * 3 * MS, 3.0, dict)
-            assert touch.step(n * 3 * MS, 3.0, dict) == 3.0, "nothing touches"
+            level = sum(true.step(n * 3 * MS, 3.0, dict))
+            assert touch.step(n * 3 * MS, 3.0, dict) == (3.0, 0.0), "nothing touches"
         return float(level)
 
     slip_mm_s = 10.0

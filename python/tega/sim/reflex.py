@@ -50,8 +50,10 @@ class TrueSlipArc(ReflexArc):
     def heard(self, events: Sequence[Event]) -> None:
         """Hear nothing of what was found in the pictures."""
 
-    def step(self, t_ns: int, own: float, contacts: Callable[[], Mapping[str, Contact]]) -> float:  # noqa: ARG002
-        """Return what the hand is to be told at a tick."""
+    def step(
+        self, t_ns: int, own: float, contacts: Callable[[], Mapping[str, Contact]]
+    ) -> tuple[float, float]:  # noqa: ARG002
+        """Return what the hand is to be told at a tick: own level and addition."""
         told = (NamedValue("slip_mm_s", self._slip_mm_s(), "mm/s"),)
         true = {
             name: Contact(finger=name, t_ns=t_ns, in_contact=force_n > 0, more=told)

@@ -2,8 +2,7 @@
 
 The reflex goes by the true speed of the slide, by the share that the fingertips' pictures show to have slid or by its
 rise, or by the rise of the share that has truly slid. A constant addition is the control: what it prevents at the same
-closure no reflex has to. An arm that acts at once moves the joints' targets in the tick in which something is added,
-in the place of the hand's moves of 0.6 s from level to level: an experiment, which no driver of a hand can do.
+closure no reflex has to.
 
 ``python -m tega_figures.world.reflex_lifts`` prints the tables of docs/evidence/reflex.md.
 """
@@ -16,10 +15,8 @@ from typing import Final, NamedTuple
 
 import click
 import numpy as np
-from numpy.typing import NDArray
 
 from tega.config import FINGERS, ReflexSection
-from tega.hand import HandController
 from tega.records import Contact, Event, NamedValue
 from tega.sim.conditions import Condition
 from tega.sim.lab import Lab, lab_of
@@ -28,7 +25,6 @@ from tega.sim.operator.scripted import ScriptedOperator, Step
 from tega.sim.plan import TrialPlan, loop_settings
 from tega.sim.seams import Act, Percept
 from tega.sim.world import OBJECTS
-from tega.sim.world.poses import GRASP_POSES_RAD
 from tega.stages.base import Reflex, ReflexSetup
 from tega.stages.grip_reflex import GripReflex
 from tega.teleop.reflex import ReflexArc, ReflexMoment
@@ -58,7 +54,6 @@ class Firming(NamedTuple):
         options: Of ``grip``.
         imposed: Whether the reflex is told something else than the condition says: ``constant`` or ``share``.
         rates: Of the addition, levels a second: up, down.
-        at_once: Whether the joints' targets move in the tick in which something is added.
     """
 
     told: str
@@ -67,7 +62,6 @@ class Firming(NamedTuple):
     options: tuple[str, ...] = ()
     imposed: str = ""
     rates: tuple[float, float] = (5.0, 0.5)
-    at_once: bool = False
 
 
 _RISE: Final = (f"rise_from={RISE_FROM}", "full_slip_mm_s=1000")
@@ -80,12 +74,9 @@ ARMS: Final = (
     Firming("shear, share that has slid", "reflex", 1.0, ("full_slip_mm_s=1000",)),
     Firming("shear, rise of that share", "reflex", 1.0, _RISE),
     Firming("rise of the true share", "reflex", 1.0, _RISE, "share"),
-    Firming("short: true slide, at once", "true-reflex", 1.0, _KEPT, "", _SHORT, at_once=True),
-    *(
-        Firming(f"short: {told}{when}", "reflex", 1.0, (*_RISE, *_KEPT), imposed, _SHORT, at_once=bool(when))
-        for told, imposed in (("shear, rise of that share", ""), ("rise of the true share", "share"))
-        for when in ("", ", at once")
-    ),
+    Firming("short: true slide", "true-reflex", 1.0, _KEPT, "", _SHORT),
+    Firming("short: shear, rise of that share", "reflex", 1.0, (*_RISE, *_KEPT), "", _SHORT),
+    Firming("short: rise of the true share", "reflex", 1.0, (*_RISE, *_KEPT), "share", _SHORT),
     *(
         Firming(f"constant, {most:g} levels", "true-reflex", most, (), "constant")
         for most in (0.1, 0.2, 0.35, 0.5, 0.75)
@@ -118,43 +109,15 @@ class TrueArc(ReflexArc):
         super().__init__(reflex, settings, moment=moment)
         self._run, self._lab = run, lab
 
-    def step(self, t_ns: int, own: float, contacts: Callable[[], Mapping[str, Contact]]) -> float:  # noqa: ARG002
+    def step(
+        self, t_ns: int, own: float, contacts: Callable[[], Mapping[str, Contact]]
+    ) -> tuple[float, float]:  # noqa: ARG002
         """Return what the hand is to be told at a tick."""
         true = {}
         for name, force_n in zip(FINGERS, self._run.rig.truth.pad_force_n, strict=True):
             slid = NamedValue("incipient", self._lab.gels[name].sheared.slid)
             true[name] = Contact(finger=name, t_ns=t_ns, in_contact=force_n > 0, more=(slid,))
         return super().step(t_ns, own, lambda: true)
-
-
-class AtOnce:
-    """A hand's controller that is asked for the person's own level, and whose targets lie further by what is added.
-
-    Targets that lie further are angles that are less: the torque goes by the difference of the two.
-
-    Args:
-        controller: The hand's own.
-        added: Tells what is added now, levels.
-    """
-
-    def __init__(self, controller: HandController, added: Callable[[], float]) -> None:
-        self._controller, self._added = controller, added
-
-    @property
-    def target_rad(self) -> NDArray[np.float64] | None:
-        """Joint targets of the last tick without what is added, float64 (16,), radians."""
-        return self._controller.target_rad
-
-    def step_encoded(
-        self, angles_rad: NDArray[np.float64], level: float, *, device_id: int
-    ) -> list[tuple[int, bytes, bool]]:
-        """Run one cycle, see :meth:`tega.hand.HandController.step_encoded`."""
-        added = self._added()
-        own = level - added
-        steps = np.diff(GRASP_POSES_RAD, axis=0, append=GRASP_POSES_RAD[-1:])
-        below = min(int(own), 4) - 1
-        step = steps[below] + (own - 1 - below) * (steps[below + 1] - steps[below])
-        return self._controller.step_encoded(angles_rad - added * step, own, device_id=device_id)
 
 
 class _WatchedScript(ScriptedOperator):
@@ -224,10 +187,6 @@ def lift_row(name: str, level: int, arm: Firming, seed: int) -> str:
         settings = loop_settings("live", sets).stages.reflex
         reflex = Always() if arm.imposed == "constant" else GripReflex(ReflexSetup(FINGERS), settings.options)
         run._reflex = TrueArc(reflex, settings, run, lab)  # noqa: SLF001
-    if arm.at_once:
-        arc = run._reflex  # noqa: SLF001
-        assert arc is not None
-        run._controller = AtOnce(run._controller, lambda: arc.added)  # type: ignore[assignment]  # noqa: SLF001
     run.go(real_time=False, observer=None, stop=lambda: False, paused=lambda: False)
     found = run.result(run.end_s)
     added = script.added
