@@ -51,8 +51,11 @@ class TrueSlipArc(ReflexArc):
         """Hear nothing of what was found in the pictures."""
 
     def step(
-        self, t_ns: int, own: float, contacts: Callable[[], Mapping[str, Contact]]
-    ) -> tuple[float, float]:  # noqa: ARG002
+        self,
+        t_ns: int,
+        own: float,
+        contacts: Callable[[], Mapping[str, Contact]],  # noqa: ARG002
+    ) -> tuple[float, float]:
         """Return what the hand is to be told at a tick: own level and addition."""
         told = (NamedValue("slip_mm_s", self._slip_mm_s(), "mm/s"),)
         true = {

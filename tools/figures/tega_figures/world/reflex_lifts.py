@@ -110,8 +110,11 @@ class TrueArc(ReflexArc):
         self._run, self._lab = run, lab
 
     def step(
-        self, t_ns: int, own: float, contacts: Callable[[], Mapping[str, Contact]]
-    ) -> tuple[float, float]:  # noqa: ARG002
+        self,
+        t_ns: int,
+        own: float,
+        contacts: Callable[[], Mapping[str, Contact]],  # noqa: ARG002
+    ) -> tuple[float, float]:
         """Return what the hand is to be told at a tick."""
         true = {}
         for name, force_n in zip(FINGERS, self._run.rig.truth.pad_force_n, strict=True):
