@@ -108,9 +108,9 @@ class Allegro(Opened):
         self.on_exchange: (
             Callable[[int, tuple[float, float], Sequence[Received], Sequence[CanFrame], str], None] | None
         ) = None
-        """Told, in a thread of the driver's, of every exchange: time, level and addition, frames received and to be sent, and
-        ``exchange``, ``release`` or ``abandon``. From these the same conversation can be held again. Set it before the
-        hand is opened."""
+        """Told, in a thread of the driver's, of every exchange: time, level and addition, frames received and to be
+        sent, and ``exchange``, ``release`` or ``abandon``. From these the same conversation can be held again. Set it
+        before the hand is opened."""
 
     @classmethod
     def discover(cls, timeout_s: float) -> list[Found]:  # noqa: ARG003  # the kernel knows at once

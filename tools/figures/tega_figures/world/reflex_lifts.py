@@ -10,24 +10,21 @@ closure no reflex has to.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
 import click
 import numpy as np
 
-from tega.config import FINGERS, ReflexSection
-from tega.records import Contact, Event, NamedValue
+from tega.records import Contact, Event
 from tega.sim.conditions import Condition
-from tega.sim.lab import Lab, lab_of
+from tega.sim.lab import lab_of
 from tega.sim.lift import Lift
 from tega.sim.operator.scripted import ScriptedOperator, Step
-from tega.sim.plan import TrialPlan, loop_settings
+from tega.sim.plan import TrialPlan
 from tega.sim.seams import Act, Percept
 from tega.sim.world import OBJECTS
-from tega.stages.base import Reflex, ReflexSetup
-from tega.stages.grip_reflex import GripReflex
-from tega.teleop.reflex import ReflexArc, ReflexMoment
+from tega.stages.base import Reflex
 from tega_figures.information.controls import SOFTEST
 
 LIFTS: Final = (
@@ -52,16 +49,18 @@ class Firming(NamedTuple):
         condition: Of the trial.
         most_levels: The largest addition; 0 for none.
         options: Of ``grip``.
-        imposed: Whether the reflex is told something else than the condition says: ``constant`` or ``share``.
         rates: Of the addition, levels a second: up, down.
+        shear: Whether the gels give way sideways, and the metric reads by how much.
+        constant: Whether all that may be added is wished for as long as a finger touches.
     """
 
     told: str
     condition: Condition = "non-haptic"
     most_levels: float = 0.0
     options: tuple[str, ...] = ()
-    imposed: str = ""
     rates: tuple[float, float] = (5.0, 0.5)
+    shear: bool = False
+    constant: bool = False
 
 
 _RISE: Final = (f"rise_from={RISE_FROM}", "full_slip_mm_s=1000")
@@ -71,14 +70,14 @@ _KEPT: Final = ("keep_s=0.2",)
 ARMS: Final = (
     Firming("none"),
     Firming("true slide", "true-reflex", 1.0),
-    Firming("shear, share that has slid", "reflex", 1.0, ("full_slip_mm_s=1000",)),
-    Firming("shear, rise of that share", "reflex", 1.0, _RISE),
-    Firming("rise of the true share", "reflex", 1.0, _RISE, "share"),
-    Firming("short: true slide", "true-reflex", 1.0, _KEPT, "", _SHORT),
-    Firming("short: shear, rise of that share", "reflex", 1.0, (*_RISE, *_KEPT), "", _SHORT),
-    Firming("short: rise of the true share", "reflex", 1.0, (*_RISE, *_KEPT), "share", _SHORT),
+    Firming("shear, share that has slid", "reflex", 1.0, ("full_slip_mm_s=1000",), shear=True),
+    Firming("shear, rise of that share", "reflex", 1.0, _RISE, shear=True),
+    Firming("rise of the true share", "true-reflex", 1.0, _RISE, shear=True),
+    Firming("short: true slide", "true-reflex", 1.0, _KEPT, _SHORT),
+    Firming("short: shear, rise of that share", "reflex", 1.0, (*_RISE, *_KEPT), _SHORT, shear=True),
+    Firming("short: rise of the true share", "true-reflex", 1.0, (*_RISE, *_KEPT), _SHORT, shear=True),
     *(
-        Firming(f"constant, {most:g} levels", "true-reflex", most, (), "constant")
+        Firming(f"constant, {most:g} levels", "true-reflex", most, constant=True)
         for most in (0.1, 0.2, 0.35, 0.5, 0.75)
     ),
 )
@@ -97,30 +96,6 @@ class Always(Reflex):
     ) -> float:
         """Return the wish, see :meth:`tega.stages.Reflex.wish`."""
         return float(any(one.in_contact for one in contacts.values()))
-
-
-class TrueArc(ReflexArc):
-    """An arc whose reflex is told the pads' true forces and the share of each gel that has truly slid."""
-
-    def __init__(self, reflex: Reflex, settings: ReflexSection, run: Lift, lab: Lab) -> None:
-        def moment(_t_ns: int) -> ReflexMoment:
-            return ReflexMoment(1.0, allowed=True, measured=run.rig.closure())
-
-        super().__init__(reflex, settings, moment=moment)
-        self._run, self._lab = run, lab
-
-    def step(
-        self,
-        t_ns: int,
-        own: float,
-        contacts: Callable[[], Mapping[str, Contact]],  # noqa: ARG002
-    ) -> tuple[float, float]:
-        """Return what the hand is to be told at a tick."""
-        true = {}
-        for name, force_n in zip(FINGERS, self._run.rig.truth.pad_force_n, strict=True):
-            slid = NamedValue("incipient", self._lab.gels[name].sheared.slid)
-            true[name] = Contact(finger=name, t_ns=t_ns, in_contact=force_n > 0, more=(slid,))
-        return super().step(t_ns, own, lambda: true)
 
 
 class _WatchedScript(ScriptedOperator):
@@ -152,8 +127,7 @@ _SPECS: Final = {**OBJECTS, **{spec.name: spec for spec in SOFTEST.values()}}
 
 def lift_row(name: str, level: int, arm: Firming, seed: int) -> str:
     """Lift an object once and return its line of the table."""
-    shear = "texture" if arm.condition == "reflex" else "off"
-    sets: tuple[str, ...] = ("stages.metric.name=shear",) if shear == "texture" else ()
+    sets: tuple[str, ...] = ("stages.metric.name=shear",) if arm.shear else ()
     if arm.most_levels > 0:
         sets += (
             "stages.reflex.name=grip",
@@ -171,7 +145,7 @@ def lift_row(name: str, level: int, arm: Firming, seed: int) -> str:
             "seed": seed,
             "operator": "scripted",
             "settings": sets,
-            "shear": shear,
+            "shear": "texture" if arm.shear else "off",
         }
     )
     lab = lab_of(seed, "live", sets, plan.shear)
@@ -186,10 +160,8 @@ def lift_row(name: str, level: int, arm: Firming, seed: int) -> str:
     )
     script = _WatchedScript(course, full_effort=lab.calibrated.full_effort)
     script.run = run = Lift(lab, plan, script, 0)
-    if arm.imposed:
-        settings = loop_settings("live", sets).stages.reflex
-        reflex = Always() if arm.imposed == "constant" else GripReflex(ReflexSetup(FINGERS), settings.options)
-        run._reflex = TrueArc(reflex, settings, run, lab)  # noqa: SLF001
+    if arm.constant:
+        run._reflex.reflex = Always()  # type: ignore[union-attr]  # noqa: SLF001
     run.go(real_time=False, observer=None, stop=lambda: False, paused=lambda: False)
     found = run.result(run.end_s)
     added = script.added
