@@ -62,7 +62,7 @@ class TrueSlipArc(ReflexArc):
     ) -> tuple[float, float]:
         """Return what the hand is to be told at a tick: own level and addition."""
         speed = NamedValue("slip_mm_s", self._slip_mm_s(), "mm/s")
-        told = [(speed,)] * len(FINGERS)
+        told: list[tuple[NamedValue, ...]] = [(speed,)] * len(FINGERS)
         if self._slid is not None:
             told = [(speed, NamedValue("incipient", share)) for share in self._slid()]
         true = {
