@@ -117,7 +117,7 @@ pictures: ## the drawn pictures of the docs, and the demo's animation; needs lab
 	$(BIN)/python -m tega_figures.information.ladder picture tools/figures/tega_figures/information/ladder.jsonl \
 		docs/images/ladder.png
 	$(BIN)/python -m tega_figures.information.arms picture docs/images/arms.png \
-		$(addprefix tools/figures/tega_figures/information/,arms-vest.jsonl arms-four.jsonl)
+		$(addprefix tools/figures/tega_figures/information/,arms-vest.jsonl arms-four.jsonl arms-path.jsonl)
 	$(BIN)/tega-teleop demo --fast --out target/demo
 	cp target/demo/demo.png docs/images/demo.png
 

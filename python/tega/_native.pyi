@@ -326,6 +326,7 @@ DEFAULT_LEVEL_FACTORS: Final[NDArray[np.float64]]
 DEFAULT_SLEW_PER_TICK: Final[float]
 FULL_DUTY_SPEED_RAD_S: Final[float]
 TIME_CONSTANT_S: Final[float]
+MOST_ADDED_LEVELS: Final[float]
 TICK_S: Final[float]
 
 @final
@@ -345,13 +346,14 @@ class HandController:
         self,
         angles_rad: NDArray[np.float64],
         level: float,
+        added: float,
         /,
         *,
         velocities_rad_s: NDArray[np.float64] | None,
         out: NDArray[np.float64] | None,
     ) -> NDArray[np.float64]: ...
     def step_encoded(
-        self, angles_rad: NDArray[np.float64], level: float, /, *, device_id: int
+        self, angles_rad: NDArray[np.float64], level: float, added: float, /, *, device_id: int
     ) -> list[tuple[int, bytes, bool]]: ...
     def reset(self, angles_rad: NDArray[np.float64], /) -> None: ...
     @property
@@ -390,7 +392,12 @@ class HandLink:
         reconnects: int,
     ) -> Self: ...
     def exchange(
-        self, frames: list[tuple[int, bytes | bytearray, bool, bool, bool]], t_ns: int, level: float, /
+        self,
+        frames: list[tuple[int, bytes | bytearray, bool, bool, bool]],
+        t_ns: int,
+        level: float,
+        added: float,
+        /,
     ) -> list[tuple[int, bytes, bool]]: ...
     def release(self, t_ns: int, /) -> None: ...
     def abandon(self) -> list[tuple[int, bytes, bool]]: ...
@@ -418,7 +425,7 @@ class HandLink:
 
 def bare_clock(period_ns: int, n_ticks: int, /) -> list[int]: ...
 def step_modelled(
-    controller: HandController, model: JointModel, level: float, /
+    controller: HandController, model: JointModel, level: float, added: float, /
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
 
 # --- serial ---

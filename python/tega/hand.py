@@ -31,6 +31,7 @@ __all__ = [
     "JOINT_LIMITS_RAD",
     "JOINT_NAMES",
     "LEVEL_TORQUE_FACTORS",
+    "MOST_ADDED_LEVELS",
     "TICK_S",
     "TORQUE_LIMITS",
     "HandController",
@@ -62,6 +63,9 @@ CLOSURE_POSES_RAD: Final = _constant(_native.CLOSURE_POSES_RAD)
 
 LEVEL_TORQUE_FACTORS: Final = _constant(_native.DEFAULT_LEVEL_FACTORS)
 """Share of the torque limit allowed in each level, float64 (5,)."""
+
+MOST_ADDED_LEVELS: Final[float] = _native.MOST_ADDED_LEVELS
+"""The most that a reflex may add to the level that a person asks for."""
 
 TICK_S: Final[float] = _native.TICK_S
 """One control cycle, 3 ms: 333 1/3 a second."""
@@ -119,7 +123,8 @@ class HandController:
     longer way starts after a third of it, so 1 to 5 takes 1.2 s. A new level may come at any time: position,
     velocity and acceleration of the target have no jump, its speed stays under 3 rad/s and it never leaves
     the joint limits. The first cycle (or :meth:`reset`) adopts the measured pose and leaves it slowly, in 1.5
-    to 4 s.
+    to 4 s. What a reflex adds to the level comes beside these moves, at what they leave of the 3 rad/s: half a
+    level within a tenth of a second.
 
     The torque is ``kp · (target - angle) - kd · velocity``, limited per joint, per level and in its change.
     Gravity is not compensated.
@@ -173,6 +178,7 @@ class HandController:
         angles_rad: ArrayLike,
         level: float,
         *,
+        added: float = 0.0,
         velocities_rad_s: ArrayLike | None = None,
         out: NDArray[np.float64] | None = None,
     ) -> NDArray[np.float64]:
@@ -181,6 +187,7 @@ class HandController:
         Args:
             angles_rad: Measured joint angles, (16,).
             level: Closure level asked for, 1 to 5 with fractions between two poses.
+            added: What a reflex adds to it, 0 to :data:`MOST_ADDED_LEVELS`: that share of a step to the next level.
             velocities_rad_s: Measured joint velocities, (16,); None: estimated from the angles.
             out: Where to write the torques, float64 (16,); may be the array of the angles.
 
@@ -188,7 +195,7 @@ class HandController:
             Torques, float64 (16,), in torque units; ``out`` where it is given.
 
         Raises:
-            InvalidValueError: The level is not from 1 to 5, a number is not finite, or no encoder can report
+            InvalidValueError: Level or addition is out of range, a number is not finite, or no encoder can report
                 it. There is no torque then (``out`` holds zeros): send zero. The next torque starts from
                 zero.
             ShapeError: An array is not (16,).
@@ -200,14 +207,14 @@ class HandController:
             if velocities_rad_s is not None:
                 velocities_rad_s = _array("velocities_rad_s", velocities_rad_s, (16,))
             angles_rad = _array("angles_rad", angles_rad, (16,))
-            return self._native.step(angles_rad, level, velocities_rad_s=velocities_rad_s, out=out)
+            return self._native.step(angles_rad, level, added, velocities_rad_s=velocities_rad_s, out=out)
         except BaseException:  # Ctrl-C and a panic of native code are no Exception
             if out is not None:
                 out.fill(0.0)
             raise
 
     def step_encoded(
-        self, angles_rad: NDArray[np.float64], level: float, *, device_id: int = 0
+        self, angles_rad: NDArray[np.float64], level: float, *, added: float = 0.0, device_id: int = 0
     ) -> list[tuple[int, bytes, bool]]:
         """Run one cycle of 3 ms between both ends of a version 4 hand's cable, in one call.
 
@@ -217,6 +224,7 @@ class HandController:
         Args:
             angles_rad: True joint angles, float64 (16,).
             level: Closure level asked for, 1 to 5 with fractions between two poses.
+            added: As of :meth:`step`.
             device_id: The hand's number on its bus, 0 to 3.
 
         Returns:
@@ -227,7 +235,7 @@ class HandController:
             ShapeError: The array is not (16,).
             WireError: An angle is not finite or beyond what an encoder can report, or the number is above 3.
         """
-        return self._native.step_encoded(angles_rad, level, device_id=device_id)
+        return self._native.step_encoded(angles_rad, level, added, device_id=device_id)
 
     def reset(self, angles_rad: ArrayLike) -> None:
         """Adopt a measured pose: the target is there and at rest, the torque starts from zero.
@@ -250,7 +258,7 @@ class HandController:
 
     @property
     def level(self) -> float | None:
-        """The level asked for last; None before the first cycle and after :meth:`reset`."""
+        """The level asked for last, without what was added; None before the first cycle and after :meth:`reset`."""
         return self._native.level
 
 
@@ -330,22 +338,23 @@ class ModelledHand:
         self.controller = HandController() if controller is None else controller
         self.model = JointModel() if model is None else model
 
-    def step(self, level: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def step(self, level: float, added: float = 0.0) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Run one cycle of 3 ms: torques from the angles before it, and the angles they lead to.
 
-        The same as ``torques = controller.step(model.angles_rad, level)`` and ``angles =
+        The same as ``torques = controller.step(model.angles_rad, level, added=added)`` and ``angles =
         model.step(torques)``.
 
         Args:
             level: Closure level asked for, 1 to 5 with fractions between two poses.
+            added: As of :meth:`HandController.step`.
 
         Returns:
             Joint angles after the cycle (rad) and the torques applied in it, float64 (16,) each.
 
         Raises:
-            InvalidValueError: The level is not from 1 to 5.
+            InvalidValueError: Level or addition is out of range.
         """
-        return _native.step_modelled(self.controller._native, self.model._native, level)  # noqa: SLF001
+        return _native.step_modelled(self.controller._native, self.model._native, level, added)  # noqa: SLF001
 
 
 def _array(

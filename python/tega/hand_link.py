@@ -149,18 +149,23 @@ class HandLink:
             reconnects=reconnects,
         )
 
-    def exchange(self, frames: Sequence[Received], t_ns: int, level: float) -> list[CanFrame]:
+    def exchange(
+        self, frames: Sequence[Received], t_ns: int, level: float, added: float = 0.0
+    ) -> list[CanFrame]:
         """Take what was received and return what is to be sent, in order.
 
         Args:
             frames: Since the last call; may be none.
             t_ns: Time of a clock that never goes back, ns.
             level: Closure level asked for, 1 to 5 with fractions between two poses.
+            added: What a reflex adds to it, 0 to :data:`tega.hand.MOST_ADDED_LEVELS`; nothing while the hand is let go.
 
         Raises:
-            InvalidValueError: The level is not from 1 to 5; nothing has changed then.
+            InvalidValueError: Level or addition is out of range; nothing has changed then.
         """
-        return [CanFrame(*sent) for sent in self._link.exchange(list(frames), t_ns, float(level))]
+        return [
+            CanFrame(*sent) for sent in self._link.exchange(list(frames), t_ns, float(level), float(added))
+        ]
 
     def release(self, t_ns: int) -> None:
         """Let go: the torque limits go to zero within 0.2 s, then motors and reports go off. Go on exchanging."""

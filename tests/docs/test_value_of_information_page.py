@@ -32,12 +32,15 @@ def test_the_study_s_page_shows_the_table_of_the_kept_trials_of_the_bench() -> N
     assert printed.output.strip() in STUDY.read_text(encoding="utf-8")
 
 
-def test_the_study_s_page_shows_what_is_printed_of_the_kept_studies_of_the_arms() -> None:
-    files = [RESULTS.with_name(f"arms-{name}.jsonl") for name in ("vest", "four")]
+@pytest.mark.parametrize(("names", "n_rows"), [(("vest", "four"), 5 + 9 + 10), (("path",), 10 + 9)])
+def test_the_study_s_page_shows_what_is_printed_of_the_kept_studies_of_the_arms(
+    names: tuple[str, ...], n_rows: int
+) -> None:
+    files = [RESULTS.with_name(f"arms-{name}.jsonl") for name in names]
     printed = CliRunner().invoke(arms, ["table", *map(str, files)])
     assert printed.exit_code == 0
     rows = [line for line in printed.output.splitlines() if line.startswith("| ")]
-    assert len(rows) == 5 + 9 + 10
+    assert len(rows) == n_rows
     page = STUDY.read_text(encoding="utf-8")
     assert [row for row in rows if row not in page] == []
 

@@ -140,14 +140,14 @@ GUARDS: Final = (
     ),
     Guard(
         "the loop does not ask how the hand is",
-        "        self._check().say(level)",
-        "        (self._end or self._check()).say(level)",
+        "        self._check().say(level, added)",
+        "        (self._end or self._check()).say(level, added)",
         f"{_LOST}a_silent_hand_ends_the_run",
     ),
     Guard(
         "the loop does not ask how the hand is",
-        "        self._check().say(level)",
-        "        (self._end or self._check()).say(level)",
+        "        self._check().say(level, added)",
+        "        (self._end or self._check()).say(level, added)",
         f"{_LOST}a_hand_in_trouble_is_let_go_and_the_vest_rests",
     ),
     Guard(

@@ -134,13 +134,15 @@ def test_the_model_is_the_stated_difference_equation(
 
 
 @settings(max_examples=20, deadline=None)
-@given(asked=levels, start=angles)
-def test_one_call_a_cycle_is_the_same_as_two(asked: list[int], start: NDArray[np.float64]) -> None:
+@given(asked=levels, start=angles, added=st.floats(0, 1))
+def test_one_call_a_cycle_is_the_same_as_two(
+    asked: list[int], start: NDArray[np.float64], added: float
+) -> None:
     together = ModelledHand(model=JointModel(start))
     controller, model = HandController(), JointModel(start)
     for level in asked:
-        angle, torque = together.step(level)
-        np.testing.assert_array_equal(torque, controller.step(model.angles_rad, level))
+        angle, torque = together.step(level, added)
+        np.testing.assert_array_equal(torque, controller.step(model.angles_rad, level, added=added))
         np.testing.assert_array_equal(angle, model.step(torque))
 
 

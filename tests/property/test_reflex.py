@@ -43,7 +43,10 @@ class Bench:
     def tick(self, own: float, contacts: Mapping[str, Contact], events: Sequence[Event] = ()) -> float:
         self.t_ns += TICK_NS
         self.arc.heard(events)
-        return self.arc.step(self.t_ns, own, lambda: contacts)
+        told, added = self.arc.step(self.t_ns, own, lambda: contacts)
+        assert told is own
+        assert added == self.arc.added
+        return own + added
 
     def ticks(
         self, n: int, own: float, contacts: Mapping[str, Contact], events: Sequence[Event] = ()
@@ -117,7 +120,8 @@ def test_no_authority_is_the_person_s_own_closure_bit_for_bit_and_tells_nothing(
     for own, wish, _, active, touching in ticks:
         reflex.now = wish
         bench.moment = ReflexMoment(0.0, active, None)
-        assert bench.tick(own, touch() if touching else {}) is own
+        assert bench.tick(own, touch() if touching else {}) == own
+        assert bench.arc.added == 0.0
     assert bench.told == []
 
 

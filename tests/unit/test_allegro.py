@@ -6,6 +6,7 @@ is only noticed after a second.
 
 from __future__ import annotations
 
+import math
 import signal
 import subprocess
 import sys
@@ -116,6 +117,46 @@ def test_another_hand_is_refused_before_any_torque(arguments: tuple[str, ...], w
             _driver(hand).open()
         assert _limp(hand)
         assert not hand.say("look")["reports"]
+
+
+def _firmed(driver: Allegro, level: int, added: float) -> bool:
+    """Whether the targets of a hand come to lie where a level and what is added are, whichever way they came."""
+    below, above = CLOSURE_POSES_RAD[level - 1], CLOSURE_POSES_RAD[level]
+    wanted = below + added * (above - below)
+
+    def there() -> bool:
+        driver.step(level, added)
+        target = driver.target_rad
+        return target is not None and float(np.abs(target - wanted).max()) < 1e-6
+
+    return _until(there)
+
+
+def test_what_is_added_reaches_the_hand_through_its_process_and_is_taken_back() -> None:
+    told: set[tuple[float, float]] = set()
+    with Emulator("allegro_port") as hand:
+        driver = _driver(hand)
+        driver.on_exchange = lambda _t_ns, asked, *_more: told.add(asked)
+        with driver:
+            assert _reaches(driver, 3)
+            for added in (0.5, 0.25, 0.0):
+                assert _firmed(driver, 3, added)
+    assert {(3.0, 0.5), (3.0, 0.25), (3.0, 0.0)} <= told
+
+
+@pytest.mark.parametrize("word", [(3.0, math.nan), (math.nan, 0.0), (3.0, -0.5), (3.0, 2.0), (7.0, 0.5)])
+def test_a_hostile_word_to_the_hand_s_process_has_it_let_go(word: tuple[float, float]) -> None:
+    with Emulator("allegro_port") as hand:
+        driver = _driver(hand)
+        driver.open()
+        try:
+            assert _reaches(driver, 3)
+            driver._check().say(*word)
+            assert _until(lambda: _limp(hand))
+            with pytest.raises(DeviceUnavailableError, match=r"(level|added) = "):
+                driver.step(3)
+        finally:
+            driver.close()
 
 
 def test_nobody_there_and_no_adapter() -> None:
@@ -242,6 +283,7 @@ def test_a_virtual_bus_does_as_well() -> None:
     with _on_a_virtual_bus("test-allegro") as node:
         with Allegro(make(interface="virtual", channel="test-allegro", **PATIENT)) as driver:
             assert _reaches(driver, 3)
+            assert _firmed(driver, 3, 0.5)
         # The node hears the last frames in a thread of its own.
         assert _until(lambda: not node.servo_on and not node.duties.any())
 
@@ -285,6 +327,9 @@ def test_bad_levels_and_bad_settings() -> None:
         for level in (0, 6):
             with pytest.raises(InvalidValueError, match="level"):
                 driver.step(level)
+        for added in (-0.1, 1.1, float("nan"), float("inf")):
+            with pytest.raises(InvalidValueError, match="added"):
+                driver.step(3, added)
     make: Any = driver_class("allegro", "hand").options_type
     with pytest.raises(ConfigError, match=r"none\.toml"):
         Allegro(make(interface="virtual", channel="x", poses=Path("none.toml"))).open()

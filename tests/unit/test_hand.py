@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,8 @@ from tega.hand import (
     JOINT_LIMITS_RAD,
     JOINT_NAMES,
     LEVEL_TORQUE_FACTORS,
+    MOST_ADDED_LEVELS,
+    TICK_S,
     TORQUE_LIMITS,
     HandController,
     JointModel,
@@ -52,6 +55,44 @@ def test_the_modelled_hand_settles_without_swinging(start: int, goal: int) -> No
 
 def test_two_runs_are_equal_bit_for_bit() -> None:
     assert run(1, 5, 600).tobytes() == run(1, 5, 600).tobytes()
+
+
+def _seconds_to_half_a_level(rise_levels_per_s: float, told: Callable[[float], tuple[float, float]]) -> float:
+    """Return after how long a hand on level 3 that is told a growing addition has half a level in its targets."""
+    controller, n = HandController(), 0
+    controller.step(CLOSURE_POSES_RAD[2], 3)
+    half = (CLOSURE_POSES_RAD[2] + CLOSURE_POSES_RAD[3])[1] / 2
+    while n < 1000:
+        n += 1
+        level, added = told(min(rise_levels_per_s * n * TICK_S, 1.0))
+        controller.step(CLOSURE_POSES_RAD[2], level, added=added)
+        target = controller.target_rad
+        assert target is not None
+        if target[1] >= half - 1e-9:
+            break
+    return n * TICK_S
+
+
+def test_half_a_level_of_an_addition_is_in_the_targets_within_120_ms_where_a_move_takes_half_a_second() -> (
+    None
+):
+    fastest = 10.0
+    assert _seconds_to_half_a_level(fastest, lambda added: (3.0, added)) == pytest.approx(0.081)
+    assert _seconds_to_half_a_level(5.0, lambda added: (3.0, added)) == pytest.approx(0.111)
+    for rise in (5.0, fastest):
+        assert _seconds_to_half_a_level(rise, lambda added: (3.0 + added, 0.0)) == pytest.approx(
+            0.5, abs=0.02
+        )
+
+
+def test_an_addition_that_is_out_of_range_gives_no_torque() -> None:
+    controller, out = HandController(), np.full(16, 9.0)
+    for added in (math.nan, math.inf, -0.01, MOST_ADDED_LEVELS + 0.01):
+        with pytest.raises(InvalidValueError, match="added"):
+            controller.step(OPEN, 3, added=added, out=out)
+        assert not out.any()
+        with pytest.raises(InvalidValueError, match="added"):
+            ModelledHand().step(3, added)
 
 
 def test_a_neighbour_takes_600_ms_and_the_whole_way_1200() -> None:

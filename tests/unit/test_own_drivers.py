@@ -90,7 +90,7 @@ class OwnHand(Own):
     def info(self) -> DeviceInfo:
         return DeviceInfo(driver="own-hand", kind="hand", label="own", live=True)
 
-    def step(self, _level: int) -> tuple[()]:
+    def step(self, _level: float, _added: float) -> tuple[()]:
         return ()
 
     def limp(self) -> tuple[()]:

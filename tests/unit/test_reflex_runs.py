@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import msgspec
 import pytest
 
 from reference.scripted import MS, Sink, touching
@@ -14,9 +16,21 @@ from tega.calibration import TouchMaxima
 from tega.clock import ManualClock
 from tega.config import FINGERS, ReflexSection, SessionConfig, load_config
 from tega.errors import ConfigError
+from tega.hand import HandController
+from tega.hand_link import HandLink, Received
 from tega.inbox.sources import EmgBlock
 from tega.inbox.stream import PulledStream
-from tega.records import Button, Contact, HandCommand, Imposed, NamedValue, ReflexGrip
+from tega.records import (
+    Button,
+    Contact,
+    HandCommand,
+    HandExchange,
+    Imposed,
+    NamedValue,
+    ReflexGrip,
+    bus_frames,
+)
+from tega.replay.exchanges import compare_exchanges
 from tega.replay.reflex import recorded_arc
 from tega.tactile import ContactMetrics
 from tega.teleop.hand import ModelledAllegro
@@ -136,6 +150,44 @@ def test_a_recorded_run_is_computed_again_with_what_was_imposed() -> None:
     assert Imposed.topic != ReflexGrip.topic
 
 
+def test_what_was_said_with_a_real_hand_is_computed_again_with_what_was_added() -> None:
+    link = HandLink(HandController())
+    hello = Received(0x200, struct.pack("<HHBBB", 0x0402, 0x0406, 0, 45, 1))
+
+    def stuck(k: int) -> list[Received]:
+        # Half open, with something in its way and the noise of its encoders.
+        firsts = (0, 0, 0, 9000)
+        return [
+            Received(0x80 + 4 * finger, struct.pack("<4h", first + k % 3, 2000, 2000, 2000))
+            for finger, first in enumerate(firsts)
+        ]
+
+    def exchange(k: int) -> HandExchange:
+        frames = [hello] if k == 20 else stuck(k) if k > 20 else []
+        added = 0.5 if 200 <= k < 300 else 0.0
+        sent = link.exchange(frames, k * 3 * MS, 3.0, added)
+        return HandExchange(
+            t_ns=k * 3 * MS,
+            level=3,
+            received=bus_frames(frames),
+            sent=bus_frames(sent),
+            action="exchange",
+            added=added,
+        )
+
+    exchanges = [exchange(k) for k in range(400)]
+    assert sum(len(one.sent) >= 4 for one in exchanges[200:]) > 150
+    tree = {"hand": {"options": {"interface": "virtual", "channel": "x", "silent_after_ms": 30.0}}}
+
+    def differ(said: list[HandExchange]) -> int:
+        recorded: Any = SimpleNamespace(head=SimpleNamespace(tree=tree, files={}), exchanges=said, n_early={})
+        (found,) = compare_exchanges(recorded)
+        return found.differ
+
+    assert differ(exchanges) == 0
+    assert differ([msgspec.structs.replace(one, added=0.0) for one in exchanges]) > 50
+
+
 @pytest.mark.parametrize(
     ("sets", "said"),
     [
@@ -190,7 +242,7 @@ def test_a_reflex_without_authority_acts_at_full_authority_in_the_arms_that_have
             "thumb": Contact(finger="thumb", t_ns=0, in_contact=True, more=(NamedValue("incipient", 1.0),))
         }
         assert arc is not None
-        return [arc.step(n * 3 * MS, 3.0, lambda: slips) for n in range(200)][-1]
+        return sum([arc.step(n * 3 * MS, 3.0, lambda: slips) for n in range(200)][-1])
 
     assert told("none", 0.0) == 3.0
     assert told("none", 0.5) == pytest.approx(3.5)
@@ -222,8 +274,8 @@ def test_an_arm_with_a_reflex_has_it_at_full_authority() -> None:
         nonlocal n
         for _ in range(200):
             n += 1
-            level = true.step(n * 3 * MS, 3.0, dict)
-            assert touch.step(n * 3 * MS, 3.0, dict) == 3.0, "nothing touches"
+            level = sum(true.step(n * 3 * MS, 3.0, dict))
+            assert touch.step(n * 3 * MS, 3.0, dict) == (3.0, 0.0), "nothing touches"
         return float(level)
 
     slip_mm_s = 10.0

@@ -21,6 +21,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod addition;
 mod bare_clock;
 mod controller;
 mod error;
@@ -34,8 +35,9 @@ mod poses;
 mod sets;
 mod trajectory;
 
+pub use addition::{ADDED_ACCELERATION_RAD_S2, MOST_ADDED_LEVELS};
 pub use bare_clock::bare_clock;
-pub use controller::HandController;
+pub use controller::{Asked, HandController};
 pub use error::HandError;
 pub use fault::Fault;
 pub use joints::{

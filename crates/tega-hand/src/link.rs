@@ -10,12 +10,11 @@ mod send;
 
 use tega_wire::allegro::{CanFrame, DeviceId, Info, Received, Scale, torque_frames};
 
-use crate::controller::check_level;
 use crate::fault::Fault;
 use crate::heat::Heat;
 use crate::joints::{JOINTS, Joints};
 use crate::sets::PositionSets;
-use crate::{HandController, HandError};
+use crate::{Asked, HandController, HandError};
 
 /// A millisecond.
 const MS: i64 = 1_000_000;
@@ -171,21 +170,21 @@ impl HandLink {
     /// the controller, and only the last one's torques are sent.
     ///
     /// # Errors
-    /// A level outside 1 to 5; nothing has changed then.
+    /// A level outside 1 to 5, or an addition that is out of range; nothing has changed then.
     pub fn exchange(
         &mut self,
         frames: &[Received<'_>],
         t_ns: i64,
-        level: f64,
+        asked: impl Into<Asked>,
     ) -> Result<Vec<CanFrame>, HandError> {
-        check_level(level)?;
+        let asked = asked.into().check()?;
         self.since_ns.get_or_insert(t_ns);
         let mut out = Vec::new();
         let mut torques = None;
         let (stood_ns, sets) = (t_ns - self.exchanged_ns, self.counts.sets);
         self.exchanged_ns = t_ns;
         for frame in frames {
-            if let Some(computed) = self.take(frame, t_ns, level) {
+            if let Some(computed) = self.take(frame, t_ns, asked) {
                 torques = Some(computed);
             }
         }

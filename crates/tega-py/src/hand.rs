@@ -4,7 +4,7 @@
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
-use tega_hand::{Gains, HandError, Joints, LEVELS, PoseSet};
+use tega_hand::{Asked, Gains, HandError, Joints, LEVELS, PoseSet};
 use tega_wire::allegro::{self, Scale};
 
 use crate::errors::{BindError, InvalidValueError};
@@ -40,18 +40,19 @@ impl HandController {
         Ok(Self(Shared::new(tega_hand::HandController::new(PoseSet::new(poses(poses_rad)?)?, gains)?)))
     }
 
-    #[pyo3(signature = (angles_rad, level, /, *, velocities_rad_s, out))]
+    #[pyo3(signature = (angles_rad, level, added, /, *, velocities_rad_s, out))]
     fn step<'py>(
         &self,
         py: Python<'py>,
         angles_rad: PyReadonlyArray1<'py, f64>,
         level: f64,
+        added: f64,
         velocities_rad_s: Option<PyReadonlyArray1<'py, f64>>,
         out: Option<Vector<'py>>,
     ) -> Result<Vector<'py>, BindError> {
         let angles_rad = numbers("angles_rad", angles_rad)?;
         let velocities = velocities_rad_s.map(|v| numbers("velocities_rad_s", v)).transpose()?;
-        let step = || self.0.with(|core| core.step(&angles_rad, level, velocities.as_ref()));
+        let step = || self.0.with(|core| core.step(&angles_rad, Asked { level, added }, velocities.as_ref()));
         let Some(out) = out else {
             return Ok(PyArray1::from_slice(py, &step()?));
         };
@@ -63,19 +64,20 @@ impl HandController {
     }
 
     /// Angles as a version 4 hand's encoders show them, torques as its messages carry them.
-    #[pyo3(signature = (angles_rad, level, /, *, device_id))]
+    #[pyo3(signature = (angles_rad, level, added, /, *, device_id))]
     fn step_encoded<'py>(
         &self,
         py: Python<'py>,
         angles_rad: PyReadonlyArray1<'py, f64>,
         level: f64,
+        added: f64,
         device_id: i64,
     ) -> Result<Vec<(u16, Bound<'py, PyBytes>, bool)>, BindError> {
         let mut shown: Joints = numbers("angles_rad", angles_rad)?;
         for angle in &mut shown {
             *angle = allegro::angle_rad(allegro::angle_counts(*angle, Scale::V4)?, Scale::V4);
         }
-        let torques = self.0.with(|core| core.step(&shown, level, None))?;
+        let torques = self.0.with(|core| core.step(&shown, Asked { level, added }, None))?;
         let frames = allegro::torque_frames(&torques, device(device_id)?, Scale::V4)?;
         Ok(frames
             .iter()
@@ -140,15 +142,17 @@ impl JointModel {
 }
 
 #[pyfunction]
-#[pyo3(signature = (controller, model, level, /))]
+#[pyo3(signature = (controller, model, level, added, /))]
 pub(crate) fn step_modelled<'py>(
     py: Python<'py>,
     controller: PyRef<'py, HandController>,
     model: PyRef<'py, JointModel>,
     level: f64,
+    added: f64,
 ) -> Result<(Vector<'py>, Vector<'py>), BindError> {
     let (angles, torques) = model.0.with(|model| {
-        let torques = controller.0.with(|core| core.step(model.angles_rad(), level, None))?;
+        let torques =
+            controller.0.with(|core| core.step(model.angles_rad(), Asked { level, added }, None))?;
         Ok::<_, HandError>((model.step(&torques)?, torques))
     })?;
     Ok((PyArray1::from_slice(py, &angles), PyArray1::from_slice(py, &torques)))

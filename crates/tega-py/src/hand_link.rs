@@ -5,7 +5,7 @@ use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::pybacked::PyBackedBytes;
 use pyo3::types::{PyBytes, PyDict};
-use tega_hand::{LinkSettings, Phase};
+use tega_hand::{Asked, LinkSettings, Phase};
 use tega_wire::allegro::{CanFrame, DeviceId, Received};
 
 use crate::errors::{BindError, InvalidValueError};
@@ -47,13 +47,14 @@ impl HandLink {
         Ok(Self(Shared::new(tega_hand::HandLink::new(settings, controller))))
     }
 
-    #[pyo3(signature = (frames, t_ns, level, /))]
+    #[pyo3(signature = (frames, t_ns, level, added, /))]
     fn exchange<'py>(
         &self,
         py: Python<'py>,
         frames: Vec<Given>,
         t_ns: i64,
         level: f64,
+        added: f64,
     ) -> Result<Sent<'py>, BindError> {
         let frames: Vec<Received<'_>> = frames
             .iter()
@@ -65,7 +66,7 @@ impl HandLink {
                 error: *error,
             })
             .collect();
-        Ok(sent(py, &self.0.with(|link| link.exchange(&frames, t_ns, level))?))
+        Ok(sent(py, &self.0.with(|link| link.exchange(&frames, t_ns, Asked { level, added }))?))
     }
 
     #[pyo3(signature = (t_ns, /))]

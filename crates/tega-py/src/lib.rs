@@ -105,6 +105,8 @@ mod _native {
     #[pymodule_export]
     const TIME_CONSTANT_S: f64 = tega_hand::TIME_CONSTANT_S;
     #[pymodule_export]
+    const MOST_ADDED_LEVELS: f64 = tega_hand::MOST_ADDED_LEVELS;
+    #[pymodule_export]
     const TICK_S: f64 = tega_hand::TICK_S;
     #[pymodule_export]
     const JOINT_NAMES: [&str; tega_hand::JOINTS] = tega_hand::JOINT_NAMES;

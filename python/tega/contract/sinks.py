@@ -32,6 +32,13 @@ def check_hand(hand: SteeredHand) -> None:
                 InvalidValueError,
                 "a level outside 1 to 5 raises InvalidValueError",
             )
+        hand.step(2, 0.5)
+        for added in (-0.1, 1.1, float("nan")):
+            refuses(
+                partial(hand.step, 2, added),
+                InvalidValueError,
+                "an addition outside 0 to 1 raises InvalidValueError",
+            )
         rule(all(0 <= f.id <= 0x7FF for f in hand.limp()), "limp gives the frames that were sent")
 
 

@@ -17,6 +17,7 @@ from tega.devices.can_links import can_links, link_trouble
 from tega.devices.hand_bus import bus_label
 from tega.devices.hand_told import LET_GO
 from tega.errors import DeviceUnavailableError, InvalidValueError, WrongDeviceError
+from tega.hand import MOST_ADDED_LEVELS
 from tega.lifecycle import Opened
 from tega.safety.hand_alert import HandAlert
 
@@ -104,12 +105,12 @@ class Allegro(Opened):
         self._alert = HandAlert(self)
         self._sent: deque[CanFrame] = deque(maxlen=_KEPT)
         self._cycles: deque[tuple[int, int]] = deque(maxlen=_KEPT)
-        self.on_exchange: Callable[[int, float, Sequence[Received], Sequence[CanFrame], str], None] | None = (
-            None
-        )
-        """Told, in a thread of the driver's, of every exchange: time, level, frames received and to be sent, and
-        ``exchange``, ``release`` or ``abandon``. From these the same conversation can be held again. Set it before the
-        hand is opened."""
+        self.on_exchange: (
+            Callable[[int, tuple[float, float], Sequence[Received], Sequence[CanFrame], str], None] | None
+        ) = None
+        """Told, in a thread of the driver's, of every exchange: time, level and addition, frames received and to be
+        sent, and ``exchange``, ``release`` or ``abandon``. From these the same conversation can be held again. Set it
+        before the hand is opened."""
 
     @classmethod
     def discover(cls, timeout_s: float) -> list[Found]:  # noqa: ARG003  # the kernel knows at once
@@ -242,23 +243,26 @@ class Allegro(Opened):
         seen = self._seen
         return "" if seen is None or not seen.guard_problem else f"hand: {seen.guard_problem}"
 
-    def step(self, level: float) -> list[CanFrame]:
+    def step(self, level: float, added: float = 0.0) -> list[CanFrame]:
         """Ask for a closure level; the hand's own process moves there.
 
         Args:
             level: Closure level, 1 to 5 with fractions between two poses.
+            added: What a reflex adds to it, 0 to 1 level.
 
         Returns:
             The frames sent to the hand since the last call.
 
         Raises:
-            InvalidValueError: The level is not from 1 to 5.
+            InvalidValueError: The level is not from 1 to 5, or the addition not from 0 to 1.
             WrongDeviceError: Another hand has answered after a silence.
             DeviceUnavailableError: Not open, or the hand was let go because of a fault; the message says which.
         """
         if not 1 <= level <= 5:
             raise InvalidValueError(f"level = {level} is out of range: 1 (open) to 5 (tight)")
-        self._check().say(level)
+        if not 0 <= added <= MOST_ADDED_LEVELS:
+            raise InvalidValueError(f"added = {added} levels is out of range: 0 to {MOST_ADDED_LEVELS:g}")
+        self._check().say(level, added)
         return self._taken()
 
     def limp(self) -> list[CanFrame]:
@@ -355,6 +359,6 @@ class Allegro(Opened):
             if said.left_ns:
                 self._cycles.append((said.left_ns, said.left_ns - said.t_ns))
             if self.on_exchange is not None:
-                self.on_exchange(said.t_ns, said.level, said.received, said.out, said.action)
+                self.on_exchange(said.t_ns, (said.level, said.added), said.received, said.out, said.action)
         if seen.ready:
             self._ready.set()

@@ -239,7 +239,9 @@ class StampingVest(Protocol):
 class TellingHand(Protocol):
     """A hand that tells of every exchange with it, so that a recording holds it and a replay computes it again."""
 
-    on_exchange: Callable[[int, float, Sequence[Received], Sequence[CanFrame], str], None] | None
+    on_exchange: (
+        Callable[[int, tuple[float, float], Sequence[Received], Sequence[CanFrame], str], None] | None
+    )
 
 
 OPTIONAL: Final[Mapping[str, Any]] = MappingProxyType(
@@ -316,7 +318,7 @@ class HandDriver(Device, Protocol):
 
 @runtime_checkable
 class SteeredHand(Device, Protocol):
-    """A robot hand that closes its own loop: it is told a level and steers on the angles it reads.
+    """A robot hand that closes its own loop: it is told a level and what is added, and steers on the angles it reads.
 
     It may have ``problem`` (:data:`OPTIONAL`).
     """
@@ -328,8 +330,13 @@ class SteeredHand(Device, Protocol):
         """The joint angles as last reported, float64 (16,), rad; NaN before the first report."""
         ...
 
-    def step(self, level: float) -> Sequence[CanFrame]:
-        """Ask for a closure level, 1 to 5 and fractions between; return the frames sent since the last call."""
+    def step(self, level: float, added: float = 0.0) -> Sequence[CanFrame]:
+        """Ask for a closure level and return the frames sent since the last call.
+
+        Args:
+            level: 1 to 5 and fractions between.
+            added: What a reflex adds to it, levels, 0 to 1: as fast as the hand may move, and taken back with 0.
+        """
         ...
 
     def limp(self) -> Sequence[CanFrame]:

@@ -29,7 +29,8 @@ MAKES_READY: Final = "makes ready"
 _START_S: Final = 20.0
 _SILENT_S: Final = 1.0
 _AWAY_S: Final = 0.2
-_WORD: Final = struct.Struct("<d")
+# Level and addition. What is so short a pipe takes as a whole or not at all.
+_WORD: Final = struct.Struct("<2d")
 
 
 class HandThread:
@@ -52,9 +53,9 @@ class HandThread:
         self._thread = threading.Thread(target=self._loop.run, name="allegro", daemon=True)
         self._thread.start()
 
-    def say(self, level: float) -> None:
-        """Ask for a level, or with ``LET_GO`` to let go; returns at once."""
-        self._orders.take(level)
+    def say(self, level: float, added: float = 0.0) -> None:
+        """Ask for a level and what is added to it, or with ``LET_GO`` to let go; returns at once."""
+        self._orders.take(level, added)
 
     def join(self, timeout_s: float) -> None:
         """Wait for the loop's end."""
@@ -94,7 +95,7 @@ class HandProcess:
         self._options, self._tell = options, tell
         self._process: subprocess.Popen[bytes] | None = None
         self._thread: threading.Thread | None = None
-        self._word: float = 1
+        self._word: tuple[float, float] = (1, 0.0)
         self._said_s = self._heard_s = self._looked_s = self._since_s = 0.0
         self._broke = ""
 
@@ -160,10 +161,10 @@ class HandProcess:
         self._thread = threading.Thread(target=self._hear, args=(said,), name="allegro", daemon=True)
         self._thread.start()
 
-    def say(self, level: float) -> None:
-        """Ask for a level, or with ``LET_GO`` to let go; returns at once."""
-        if level != self._word or time.monotonic() - self._said_s >= WORD_S:
-            self._word = level
+    def say(self, level: float, added: float = 0.0) -> None:
+        """Ask for a level and what is added to it, or with ``LET_GO`` to let go; returns at once."""
+        if (level, added) != self._word or time.monotonic() - self._said_s >= WORD_S:
+            self._word = level, added
             self._write()
 
     def join(self, timeout_s: float) -> None:
@@ -197,7 +198,7 @@ class HandProcess:
         process = self._process
         if process is not None and process.stdin is not None:
             with contextlib.suppress(OSError, ValueError):  # it is gone, or full of words: both are told of
-                os.write(process.stdin.fileno(), _WORD.pack(self._word))
+                os.write(process.stdin.fileno(), _WORD.pack(*self._word))
 
     @run_realtime("act")
     def _hear(self, said: BufferedReader) -> None:
@@ -233,7 +234,7 @@ def read_words(fd: int, orders: HandOrders) -> None:
     while piece := os.read(fd, 4096):
         rest += piece
         whole = len(rest) - len(rest) % _WORD.size
-        for (word,) in _WORD.iter_unpack(rest[:whole]):
-            orders.take(word)
+        for word in _WORD.iter_unpack(rest[:whole]):
+            orders.take(*word)
         rest = rest[whole:]
     orders.lose()

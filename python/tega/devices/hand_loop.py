@@ -134,9 +134,9 @@ class HandLoop:
                     link.release(t_ns)
                     self._note(HandSpoken(t_ns, 0, [], [], "release"))
                     leave_ns = t_ns + round(LEAVE_S * 1e9)
-                level = orders.level
+                level, added = orders.asked
                 before = link.phase
-                out = link.exchange(frames, t_ns, level)
+                out = link.exchange(frames, t_ns, level, added)
                 taken = self._bus.send(out) if out else []
                 answers = len(out) >= 4 and link.phase == "running"
                 left_ns = time.monotonic_ns() if answers else 0
@@ -144,7 +144,7 @@ class HandLoop:
                     # Whoever else let go of the hand, as the guard does, has closed the adapter behind itself.
                     self._bus.drop()
                 if out or self.whole:
-                    self._note(HandSpoken(t_ns, level, frames, out, "exchange", taken, left_ns))
+                    self._note(HandSpoken(t_ns, level, frames, out, "exchange", taken, left_ns, added))
                 if link.phase == "running" and self._options.torque:
                     self._pushed, self._let_go = True, False
                 self._ready = self._ready or link.phase in {"running", "faulted"}

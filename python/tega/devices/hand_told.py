@@ -26,6 +26,7 @@ class HandSpoken(NamedTuple):
         action: ``exchange``, ``release`` or ``abandon``.
         taken: What of it the adapter took.
         left_ns: When torques that answer a set of positions had left; 0 where none did.
+        added: What was added to the level.
     """
 
     t_ns: int
@@ -35,6 +36,7 @@ class HandSpoken(NamedTuple):
     action: str
     taken: Sequence[CanFrame] = ()
     left_ns: int = 0
+    added: float = 0.0
 
 
 class HandNews(NamedTuple):
@@ -88,26 +90,26 @@ class HandOrders:
         heard: Whether the run has to be heard again and again, since it may stand still by itself.
 
     Attributes:
-        level: Closure level asked for.
+        asked: Closure level asked for, and what is added to it.
         leaving: Set once the hand is to be let go.
         gone: Whether the run has ended without a word.
     """
 
     def __init__(self, *, heard: bool) -> None:
         self._heard = heard
-        self.level: float = 1
+        self.asked: tuple[float, float] = (1, 0.0)
         self.leaving = threading.Event()
         self.gone = False
         self._n_words = 0
         self._last_s = time.monotonic()
         self._word = threading.Event()
 
-    def take(self, word: float) -> None:
-        """Take a level, or :data:`LET_GO`."""
+    def take(self, word: float, added: float) -> None:
+        """Take a level, or :data:`LET_GO`, and what is added; the loop sees both or neither."""
         if word == LET_GO:
             self.leaving.set()
         else:
-            self.level = word
+            self.asked = word, added
         self._last_s = time.monotonic()
         self._n_words += 1
         self._word.set()

@@ -163,9 +163,12 @@ class FarHand(Opened):
     def close(self) -> None:
         """Do nothing: the robot's station closes the hand."""
 
-    def step(self, level: float) -> Sequence[CanFrame]:
-        """Ask for a closure level, or a closure between two; the frames are made at the other station."""
-        self.asked = split_level(level)
+    def step(self, level: float, added: float = 0.0) -> Sequence[CanFrame]:
+        """Ask for a closure level, or a closure between two; the frames are made at the other station.
+
+        What a reflex adds here goes with the level, as one move: the other station has the reflex that is fast.
+        """
+        self.asked = split_level(level + added)
         return ()
 
     def limp(self) -> Sequence[CanFrame]:

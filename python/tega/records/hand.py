@@ -48,7 +48,7 @@ class HandCommand(Record, frozen=True, kw_only=True):
 
     Attributes:
         t_ns: The tick, since the start of the session.
-        level: Closure level, 1 to 5; 0 when it is let go.
+        level: Closure level with what a reflex adds, 1 to 5; 0 when it is let go.
         frames: CAN frames of this tick; none where a hand closes its own loop.
         closure: From 0 (open) to 1 (closed), where it lies between two levels.
     """
@@ -74,10 +74,11 @@ class HandExchange(Record, frozen=True, kw_only=True):
         sent: What went to it.
         action: ``exchange``, ``release`` or ``abandon``.
         closure: From 0 (open) to 1 (closed), where it lies between two levels.
+        added: What a reflex added to the level.
     """
 
     topic: ClassVar[str] = "/hand/bus"
-    version: ClassVar[int] = 2
+    version: ClassVar[int] = 3
 
     t_ns: Ns
     level: Step
@@ -85,6 +86,7 @@ class HandExchange(Record, frozen=True, kw_only=True):
     sent: tuple[BusFrame, ...]
     action: str
     closure: Share | None = None
+    added: Levels = 0.0
 
 
 class Imposed(Record, frozen=True, kw_only=True):

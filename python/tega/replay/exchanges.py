@@ -32,7 +32,8 @@ def compare_exchanges(recorded: Recorded) -> list[Comparison]:
         elif exchange.action == "abandon":
             sent = link.abandon()
         else:
-            sent = link.exchange(frames, exchange.t_ns, joined_level(exchange.level, exchange.closure))
+            level = joined_level(exchange.level, exchange.closure)
+            sent = link.exchange(frames, exchange.t_ns, level, exchange.added)
         ours.append((exchange.t_ns, {"sent": _text(exchange.sent)}))
         theirs.append((exchange.t_ns, {"sent": _text(sent)}))
     n = recorded.n_early.get("hand", 0)

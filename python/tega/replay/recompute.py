@@ -280,10 +280,11 @@ class _ModelledHand:
     def angles_rad(self) -> np.ndarray[Any, np.dtype[np.float64]]:
         return self._model.angles_rad
 
-    def step(self, level: float) -> Sequence[CanFrame]:
+    def step(self, level: float, added: float = 0.0) -> Sequence[CanFrame]:
         self._level = self._imposed.get(self._pacer.tick_ns, self._level)
-        self.level = self._level or level
-        return [] if self._steered else self._model.step(self.level)
+        own = self._level or level
+        self.level = own + added
+        return [] if self._steered else self._model.step(own, added)
 
     def limp(self) -> Sequence[CanFrame]:
         self.level = 0

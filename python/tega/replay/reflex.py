@@ -40,8 +40,10 @@ class RecordedArc(ReflexArc):
         super().__init__(reflex, settings, moment=moment, tell=tell)
         self._imposed, self._tick_ns, self._set = imposed, tick_ns, 0.0
 
-    def step(self, t_ns: int, own: float, contacts: Callable[[], Mapping[str, Contact]]) -> float:
-        """Return what the hand was told at a tick."""
+    def step(
+        self, t_ns: int, own: float, contacts: Callable[[], Mapping[str, Contact]]
+    ) -> tuple[float, float]:
+        """Return what the hand was told at a tick: own level and addition."""
         self._set = self._imposed.get(self._tick_ns(), self._set)
         return super().step(t_ns, self._set or own, contacts)
 

@@ -67,16 +67,17 @@ class SimulatedAllegro:
         """Joint targets of the last tick, float64 (16,), in radians; ``None`` before the first."""
         return self._controller.target_rad
 
-    def step(self, level: float) -> list[CanFrame]:
+    def step(self, level: float, added: float = 0.0) -> list[CanFrame]:
         """Go on by one tick of 3 ms.
 
         Args:
             level: Closure level, 1 to 5.
+            added: What a reflex adds to it, levels.
 
         Returns:
             The four SET TORQUE frames of this tick.
         """
-        frames = self._controller.step_encoded(self._read(), level, device_id=self._device_id)
+        frames = self._controller.step_encoded(self._read(), level, added=added, device_id=self._device_id)
         return [_tuple(CanFrame, frame) for frame in frames]
 
     def limp(self) -> list[CanFrame]:

@@ -25,7 +25,9 @@ FULL_REFLEX: Final = ReflexSection(name="grip", authority=1.0)
 
 
 class TrueSlipArc(ReflexArc):
-    """An arc whose reflex is told the true speed of the slide, on every finger that bears a force, and no event.
+    """An arc whose reflex is told what is true, on every finger that bears a force, and no event.
+
+    It is told the speed of the slide and, where the gels give way sideways, the share of each that has slid.
 
     Args:
         reflex: The stage.
@@ -33,6 +35,7 @@ class TrueSlipArc(ReflexArc):
         moment: As of :class:`tega.teleop.reflex.ReflexArc`.
         slip_mm_s: Tells how fast the object slides through the grasp now, mm/s.
         forces_n: Tells the true force on each pad, newtons, thumb first.
+        slid: Tells the share of each gel that has slid, likewise; ``None`` of gels without.
     """
 
     def __init__(
@@ -43,19 +46,28 @@ class TrueSlipArc(ReflexArc):
         moment: Callable[[int], ReflexMoment],
         slip_mm_s: Callable[[], float],
         forces_n: Callable[[], Sequence[float]],
+        slid: Callable[[], Sequence[float]] | None,
     ) -> None:
         super().__init__(reflex, settings, moment=moment)
-        self._slip_mm_s, self._forces_n = slip_mm_s, forces_n
+        self._slip_mm_s, self._forces_n, self._slid = slip_mm_s, forces_n, slid
 
     def heard(self, events: Sequence[Event]) -> None:
         """Hear nothing of what was found in the pictures."""
 
-    def step(self, t_ns: int, own: float, contacts: Callable[[], Mapping[str, Contact]]) -> float:  # noqa: ARG002
-        """Return what the hand is to be told at a tick."""
-        told = (NamedValue("slip_mm_s", self._slip_mm_s(), "mm/s"),)
+    def step(
+        self,
+        t_ns: int,
+        own: float,
+        contacts: Callable[[], Mapping[str, Contact]],  # noqa: ARG002
+    ) -> tuple[float, float]:
+        """Return what the hand is to be told at a tick: own level and addition."""
+        speed = NamedValue("slip_mm_s", self._slip_mm_s(), "mm/s")
+        told: list[tuple[NamedValue, ...]] = [(speed,)] * len(FINGERS)
+        if self._slid is not None:
+            told = [(speed, NamedValue("incipient", share)) for share in self._slid()]
         true = {
-            name: Contact(finger=name, t_ns=t_ns, in_contact=force_n > 0, more=told)
-            for name, force_n in zip(FINGERS, self._forces_n(), strict=True)
+            name: Contact(finger=name, t_ns=t_ns, in_contact=force_n > 0, more=values)
+            for name, force_n, values in zip(FINGERS, self._forces_n(), told, strict=True)
         }
         return super().step(t_ns, own, lambda: true)
 
@@ -68,6 +80,7 @@ def trial_reflex(
     closure: Callable[[], float],
     slip_mm_s: Callable[[], float],
     forces_n: Callable[[], Sequence[float]],
+    slid: Callable[[], Sequence[float]] | None = None,
 ) -> ReflexArc | None:
     """Make the reflex of a trial; ``None`` where neither its condition nor the settings have one.
 
@@ -78,6 +91,7 @@ def trial_reflex(
         closure: Tells the hand's closure by its joints, levels.
         slip_mm_s: Tells how fast the object slides, mm/s.
         forces_n: Tells the true force on each pad, newtons, thumb first.
+        slid: Tells the share of each gel that has slid, likewise; ``None`` of gels without.
     """
     stages = config.stages
     if tells != "none" and stages.reflex.name is None:
@@ -95,5 +109,5 @@ def trial_reflex(
         return ReflexMoment(settings.authority, allowed=True, measured=measured)
 
     if tells == "true slips":
-        return TrueSlipArc(reflex, settings, moment=moment, slip_mm_s=slip_mm_s, forces_n=forces_n)
+        return TrueSlipArc(reflex, settings, moment=moment, slip_mm_s=slip_mm_s, forces_n=forces_n, slid=slid)
     return ReflexArc(reflex, settings, moment=moment, tell=bus.publish)

@@ -27,8 +27,13 @@ class Hand(Protocol):
         """The hand's joint angles as last known, float64 (16,), in radians."""
         ...
 
-    def step(self, level: float) -> Sequence[CanFrame]:
-        """Go on by one tick of 3 ms at a closure level, 1 to 5 with fractions, and return what is to be sent."""
+    def step(self, level: float, added: float = 0.0) -> Sequence[CanFrame]:
+        """Go on by one tick of 3 ms and return what is to be sent.
+
+        Args:
+            level: Closure level, 1 to 5 with fractions.
+            added: What a reflex adds to it, levels, 0 to 1: taken back as soon as it is 0 again.
+        """
         ...
 
     def limp(self) -> Sequence[CanFrame]:
@@ -73,16 +78,17 @@ class ModelledAllegro:
         """Joint targets of the last tick, float64 (16,), in radians; ``None`` before the first."""
         return self._hand.controller.target_rad
 
-    def step(self, level: float) -> list[CanFrame]:
+    def step(self, level: float, added: float = 0.0) -> list[CanFrame]:
         """Go on by one tick of 3 ms.
 
         Args:
             level: Closure level, 1 to 5 with fractions between two poses.
+            added: What a reflex adds to it, levels.
 
         Returns:
             The four SET TORQUE frames of this tick.
         """
-        self._angles, torques = self._hand.step(level)
+        self._angles, torques = self._hand.step(level, added)
         return allegro_torque_frames(torques, device_id=self._device_id)
 
     def limp(self) -> list[CanFrame]:

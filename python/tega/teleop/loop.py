@@ -89,7 +89,7 @@ class DualLoop:
         endless: Whether a loop without any source goes on all the same, since something else does.
         tried: Given each vest frame; returns it with the motor that somebody tries.
         sent: Told what a real vest was sent of a frame; ``None`` where there is none.
-        reflex: Adds to the closure that the person asks for; ``None`` without a reflex.
+        reflex: What it adds the hand is told beside the level that the person asks for; ``None`` without a reflex.
     """
 
     def __init__(
@@ -349,17 +349,18 @@ class DualLoop:
             self._imposed = imposed
             whole, closure = split_level(imposed)
             self._bus.publish(Imposed(t_ns=self._pacer.tick_ns, level=whole, closure=closure))
+        added = 0.0
         if self.reflex is not None:
-            level = self.reflex.step(t_ns, level, partial(self._touch.fresh_contacts, t_ns))
-        self._asked = level
-        frames = self._hand.step(level)
+            level, added = self.reflex.step(t_ns, level, partial(self._touch.fresh_contacts, t_ns))
+        self._asked = level + added
+        frames = self._hand.step(level, added)
         for sink in self._hands:
             sink.write(t_ns, frames)
         self._tell_hand(t_ns, frames)
         if self._trace is not None:
             self._trace.commanded(level if level == wanted else None)
         self.report.n_hand_ticks += 1
-        self.report.level_ticks[split_level(level)[0]] += 1
+        self.report.level_ticks[split_level(self._asked)[0]] += 1
 
     def _tell_hand(self, t_ns: int, frames: Sequence[CanFrame]) -> None:
         if self._bus.wants(HandCommand):

@@ -1,6 +1,7 @@
-"""Add what the reflex wishes to the closure that the person asks for, within bounds that no reflex can leave.
+"""Say what the reflex adds to the closure that the person asks for, within bounds that no reflex can leave.
 
-The addition stands between decoder and limits: the hand's own limits of torque and speed come after it. It is 0 or
+The hand is told both, and takes the addition beside its moves from level to level (:class:`tega.hand.HandController`);
+its own limits of torque and speed come after it. The addition is 0 or
 more, so that it never opens a hand that holds; it is 0 as soon as the person opens the hand, and is taken back where
 the person loosens the grip, so that it never keeps hold of what the person lets go of.
 """
@@ -95,7 +96,7 @@ class ReflexArc:
 
     With authority A, bound B (levels) and wish w the addition a goes toward A · B · max(w, 0), up by
     ``rise_levels_per_s`` and down by ``fall_levels_per_s`` at most, or by 5 levels a second where w < 0, authority was
-    lowered, the run is not active or the person loosens the own grip. The hand is told min(own + a, 5). It is asked
+    lowered, the run is not active or the person loosens the own grip; own + a is 5 at most. It is asked
     for nothing and adds nothing with A = 0 and a = 0; a = 0 at once where the person opens the hand (own closure 1.25
     or less). The target is 0 without a finger that touches, and for up to a second after the own closure has fallen by
     a quarter of a level or more.
@@ -135,8 +136,10 @@ class ReflexArc:
         if self.reflex.wants_events:
             self._events.extend(events)
 
-    def step(self, t_ns: int, own: float, contacts: Callable[[], Mapping[str, Contact]]) -> float:
-        """Return what the hand is to be told at a tick.
+    def step(
+        self, t_ns: int, own: float, contacts: Callable[[], Mapping[str, Contact]]
+    ) -> tuple[float, float]:
+        """Return what the hand is to be told at a tick: the person's own level, and the addition.
 
         Args:
             t_ns: The tick.
@@ -148,7 +151,7 @@ class ReflexArc:
         if authority <= 0 and self.added <= 0:
             self._events.clear()
             self._authority, self._t_ns, self._firmest = 0.0, t_ns, own
-            return own
+            return own, 0.0
         dt_s = 0.0 if self._t_ns is None else min(max((t_ns - self._t_ns) / 1e9, 0.0), _LONGEST_STEP_S)
         fresh = contacts()
         events, self._events = tuple(self._events), []
@@ -179,7 +182,7 @@ class ReflexArc:
                 cause=self.reflex.cause,
             )
         )
-        return own + self.added
+        return own, self.added
 
     def shown(self, view: LoopView) -> LoopView:
         """Add to a view of the loop what the hand is told beyond the person's own closure, and why."""

@@ -104,14 +104,20 @@ def _listen(hand: Any, bus: Bus) -> None:
         return
 
     def exchanged(
-        t_ns: int, level: float, received: Sequence[Received], sent: Sequence[CanFrame], action: str
+        t_ns: int,
+        asked: tuple[float, float],
+        received: Sequence[Received],
+        sent: Sequence[CanFrame],
+        action: str,
     ) -> None:
+        level, added = asked
         whole, closure = split_level(level)
         bus.publish(
             HandExchange(
                 t_ns=t_ns,
                 level=whole,
                 closure=closure,
+                added=added,
                 received=bus_frames(received),
                 sent=bus_frames(sent),
                 action=action,

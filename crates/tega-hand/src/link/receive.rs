@@ -3,6 +3,7 @@
 use tega_wire::allegro::{Command, Finger, Info, Message, Received, Rejection, Report, decode};
 
 use super::{HandLink, MS, Phase, RELEASE_NS, Still};
+use crate::Asked;
 use crate::fault::Fault;
 use crate::joints::{JOINT_LIMITS_RAD, JOINT_NAMES, JOINTS, Joints};
 use crate::sets::{HELD_NS, Taken};
@@ -18,9 +19,9 @@ const STILL_NS: i64 = 300 * MS;
 const MOVED_RAD: f64 = 0.15;
 
 impl HandLink {
-    pub(super) fn take(&mut self, frame: &Received<'_>, t_ns: i64, level: f64) -> Option<Joints> {
+    pub(super) fn take(&mut self, frame: &Received<'_>, t_ns: i64, asked: Asked) -> Option<Joints> {
         match decode(frame, self.settings.device) {
-            Ok(Message::Report(report)) => return self.report(report, t_ns, level),
+            Ok(Message::Report(report)) => return self.report(report, t_ns, asked),
             Ok(Message::Command(Command::SetTorque { .. } | Command::ServoOn)) => {
                 self.fail(Fault::ForeignHost { id: frame.id }, t_ns);
             }
@@ -31,9 +32,9 @@ impl HandLink {
         None
     }
 
-    fn report(&mut self, report: Report, t_ns: i64, level: f64) -> Option<Joints> {
+    fn report(&mut self, report: Report, t_ns: i64, asked: Asked) -> Option<Joints> {
         match report {
-            Report::Position { finger, counts } => return self.position(finger, counts, t_ns, level),
+            Report::Position { finger, counts } => return self.position(finger, counts, t_ns, asked),
             Report::Temperature { finger, bytes } => {
                 self.heat.take(finger, bytes, t_ns);
                 if let Some((joint, temperature_c)) = self.heat.too_hot().filter(|_| self.steers()) {
@@ -77,7 +78,7 @@ impl HandLink {
         }
     }
 
-    fn position(&mut self, finger: Finger, counts: [i16; 4], t_ns: i64, level: f64) -> Option<Joints> {
+    fn position(&mut self, finger: Finger, counts: [i16; 4], t_ns: i64, asked: Asked) -> Option<Joints> {
         if !matches!(self.phase, Phase::Checking | Phase::Running | Phase::Releasing) {
             return None;
         }
@@ -108,9 +109,11 @@ impl HandLink {
             (Phase::Releasing, Some(since)) => (1.0 - (t_ns - since) as f64 / RELEASE_NS as f64).max(0.0),
             _ => 1.0,
         };
+        // Who lets go adds nothing.
+        let asked = if self.phase == Phase::Releasing { asked.level.into() } else { asked };
         let share = share * self.heat.share(t_ns);
-        // The level was checked, and no sixteen bits make an angle that is refused.
-        self.torques = self.controller.step_within(share, &angles, level, None).unwrap_or([0.0; JOINTS]);
+        // What is asked was checked, and no sixteen bits make an angle that is refused.
+        self.torques = self.controller.step_within(share, &angles, asked, None).unwrap_or([0.0; JOINTS]);
         Some(self.torques)
     }
 

@@ -9,7 +9,7 @@
 mod hand;
 
 use hand::{Hand, Owned};
-use tega_hand::{CLOSURE_POSES_RAD, HandController, HandLink, LinkSettings, Phase};
+use tega_hand::{Asked, CLOSURE_POSES_RAD, HandController, HandLink, LinkSettings, Phase};
 use tega_wire::allegro::{CanFrame, Received};
 
 const MS: i64 = 1_000_000;
@@ -19,6 +19,7 @@ struct Bench {
     hand: Hand,
     t_ms: i64,
     level: f64,
+    added: f64,
     sent: Vec<(i64, CanFrame)>,
 }
 
@@ -29,7 +30,7 @@ impl Bench {
 
     fn with(hand: Hand, settings: LinkSettings) -> Self {
         let link = HandLink::new(settings, HandController::default());
-        Self { link, hand, t_ms: 0, level: 1.0, sent: Vec::new() }
+        Self { link, hand, t_ms: 0, level: 1.0, added: 0.0, sent: Vec::new() }
     }
 
     fn give(&mut self, frames: &[Owned]) -> Vec<CanFrame> {
@@ -37,7 +38,8 @@ impl Bench {
             .iter()
             .map(|(id, data)| Received { id: *id, data, remote: false, extended: false, error: false })
             .collect();
-        let out = self.link.exchange(&frames, self.t_ms * MS, self.level).unwrap();
+        let asked = Asked { level: self.level, added: self.added };
+        let out = self.link.exchange(&frames, self.t_ms * MS, asked).unwrap();
         self.sent.extend(out.iter().map(|frame| (self.t_ms, *frame)));
         out
     }
@@ -354,4 +356,33 @@ fn any_frame_is_survived() {
     }
     bench.level = 6.0;
     assert!(bench.link.exchange(&[], bench.t_ms * MS, 6.0).is_err());
+    for added in [f64::NAN, f64::INFINITY, -0.1, 1.1] {
+        let before = bench.link.clone();
+        assert!(bench.link.exchange(&[], bench.t_ms * MS, Asked { level: 3.0, added }).is_err());
+        assert_eq!(bench.link, before);
+    }
+}
+
+#[test]
+fn what_is_added_is_in_the_targets_within_120_ms_and_goes_when_the_hand_is_let_go() {
+    let mut bench = Bench::new(Hand::default());
+    bench.level = 3.0;
+    bench.run(5000);
+    let place = |bench: &Bench| {
+        let (below, above) = (CLOSURE_POSES_RAD[2][1], CLOSURE_POSES_RAD[3][1]);
+        3.0 + (bench.link.target_rad().unwrap()[1] - below) / (above - below)
+    };
+    assert!((place(&bench) - 3.0).abs() < 1e-9);
+    bench.added = 0.5;
+    bench.run(120);
+    assert!((place(&bench) - 3.5).abs() < 1e-9, "{}", place(&bench));
+    // By the person's own level it takes half a second and more.
+    (bench.level, bench.added) = (3.5, 0.0);
+    bench.run(120);
+    assert!(place(&bench) < 3.2, "{}", place(&bench));
+    (bench.level, bench.added) = (3.0, 0.5);
+    bench.run(1500);
+    bench.link.release(bench.t_ms * MS);
+    bench.run(150);
+    assert!((place(&bench) - 3.0).abs() < 1e-9, "{}", place(&bench));
 }

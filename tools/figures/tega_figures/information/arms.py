@@ -26,7 +26,7 @@ from tega_figures.information.compare import Paired, paired, power_text
 from tega_figures.information.controls import read
 from tega_figures.information.sessions import OUTCOMES, BenchSession, lift_outcome, outcomes
 
-__all__ = ["CONTROL", "N_TESTS", "TESTED", "by_person", "condensed", "holm", "main", "table_text"]
+__all__ = ["CONTROLS", "N_TESTS", "TESTED", "by_person", "condensed", "holm", "main", "table_text"]
 
 TESTED: Final[tuple[Condition, ...]] = ("haptic", "true-steps", "reflex", "haptic-reflex")
 """Arms that are tested, each in the first study that has it; the four arms are :data:`OFF`, vest, reflex, both."""
@@ -36,8 +36,8 @@ TESTED_OUTCOMES: Final = ("lost", "cost")
 N_TESTS: Final = len(TESTED) * len(TESTED_OUTCOMES)
 """Tests that are corrected together, by Holm's method."""
 
-CONTROL: Final[Condition] = "oracle"
-"""The arm that has to say yes: it loses fewer lifts, one test of its own."""
+CONTROLS: Final[tuple[Condition, ...]] = ("oracle", "true-reflex")
+"""Arms that have to say yes: each loses fewer lifts, one test of its own."""
 
 _EFFECTS: Final[dict[str, dict[Condition, float]]] = {
     "the vest": {"haptic": 0.5, "haptic-reflex": 0.5, OFF: -0.5, "reflex": -0.5},
@@ -157,7 +157,7 @@ def condensed(study: Path) -> list[BenchSession]:
 def by_person(sessions: Sequence[BenchSession]) -> dict[Condition, NDArray[np.float64]]:
     """Return each arm's outcomes, a row a person, of the people who were under every arm; no vest comes first."""
     there = {one.condition for one in sessions}
-    known = (OFF, *TESTED, CONTROL)
+    known = (OFF, *TESTED, *CONTROLS)
     arms: dict[Condition, dict[int, list[float]]] = {
         arm: {} for arm in (*known, *sorted(there.difference(known))) if arm in there
     }
@@ -198,18 +198,18 @@ def table_text(studies: Sequence[Sequence[BenchSession]]) -> str:
                 cells = _cells(paired(effect, 0 * off, names=OUTCOMES))
                 lines.append(f"| {name} | {len(off)} | {cells} |")
         lines.append("")
-        new = [arm for arm in (*TESTED, CONTROL) if arm in arms and arm not in tested]
+        new = [arm for arm in (*TESTED, *CONTROLS) if arm in arms and arm not in tested]
         tested.update(new)
         for arm in new:
-            for what in TESTED_OUTCOMES if arm != CONTROL else ("lost",):
+            for what in TESTED_OUTCOMES if arm not in CONTROLS else ("lost",):
                 difference = (arms[arm] - off)[:, OUTCOMES.index(what)]
                 tests.append((arm, what, float(difference.mean()), _p(difference)))
-    planned = [test for test in tests if test[0] != CONTROL]
+    planned = [test for test in tests if test[0] not in CONTROLS]
     lines += ["| test | difference | p | p by Holm |", "|---|---|---|---|"]
     for (arm, what, mean, p), corrected in zip(planned, holm([test[3] for test in planned]), strict=True):
         lines.append(f"| `{arm}`, {what} | {mean:+.3f} | {p:.3f} | {corrected:.3f} |")
     for arm, what, mean, p in tests:
-        if arm == CONTROL:
+        if arm in CONTROLS:
             lines.append(f"| control: `{arm}`, {what} | {mean:+.3f} | {p:.3f} | |")
     return "\n".join(lines)
 

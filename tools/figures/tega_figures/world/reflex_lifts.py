@@ -2,8 +2,7 @@
 
 The reflex goes by the true speed of the slide, by the share that the fingertips' pictures show to have slid or by its
 rise, or by the rise of the share that has truly slid. A constant addition is the control: what it prevents at the same
-closure no reflex has to. An arm that acts at once moves the joints' targets in the tick in which something is added,
-in the place of the hand's moves of 0.6 s from level to level: an experiment, which no driver of a hand can do.
+closure no reflex has to.
 
 ``python -m tega_figures.world.reflex_lifts`` prints the tables of docs/evidence/reflex.md.
 """
@@ -11,27 +10,21 @@ in the place of the hand's moves of 0.6 s from level to level: an experiment, wh
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
 import click
 import numpy as np
-from numpy.typing import NDArray
 
-from tega.config import FINGERS, ReflexSection
-from tega.hand import HandController
-from tega.records import Contact, Event, NamedValue
+from tega.records import Contact, Event
 from tega.sim.conditions import Condition
-from tega.sim.lab import Lab, lab_of
+from tega.sim.lab import lab_of
 from tega.sim.lift import Lift
 from tega.sim.operator.scripted import ScriptedOperator, Step
-from tega.sim.plan import TrialPlan, loop_settings
+from tega.sim.plan import TrialPlan
 from tega.sim.seams import Act, Percept
 from tega.sim.world import OBJECTS
-from tega.sim.world.poses import GRASP_POSES_RAD
-from tega.stages.base import Reflex, ReflexSetup
-from tega.stages.grip_reflex import GripReflex
-from tega.teleop.reflex import ReflexArc, ReflexMoment
+from tega.stages.base import Reflex
 from tega_figures.information.controls import SOFTEST
 
 LIFTS: Final = (
@@ -56,18 +49,18 @@ class Firming(NamedTuple):
         condition: Of the trial.
         most_levels: The largest addition; 0 for none.
         options: Of ``grip``.
-        imposed: Whether the reflex is told something else than the condition says: ``constant`` or ``share``.
         rates: Of the addition, levels a second: up, down.
-        at_once: Whether the joints' targets move in the tick in which something is added.
+        shear: Whether the gels give way sideways, and the metric reads by how much.
+        constant: Whether all that may be added is wished for as long as a finger touches.
     """
 
     told: str
     condition: Condition = "non-haptic"
     most_levels: float = 0.0
     options: tuple[str, ...] = ()
-    imposed: str = ""
     rates: tuple[float, float] = (5.0, 0.5)
-    at_once: bool = False
+    shear: bool = False
+    constant: bool = False
 
 
 _RISE: Final = (f"rise_from={RISE_FROM}", "full_slip_mm_s=1000")
@@ -77,17 +70,14 @@ _KEPT: Final = ("keep_s=0.2",)
 ARMS: Final = (
     Firming("none"),
     Firming("true slide", "true-reflex", 1.0),
-    Firming("shear, share that has slid", "reflex", 1.0, ("full_slip_mm_s=1000",)),
-    Firming("shear, rise of that share", "reflex", 1.0, _RISE),
-    Firming("rise of the true share", "reflex", 1.0, _RISE, "share"),
-    Firming("short: true slide, at once", "true-reflex", 1.0, _KEPT, "", _SHORT, at_once=True),
+    Firming("shear, share that has slid", "reflex", 1.0, ("full_slip_mm_s=1000",), shear=True),
+    Firming("shear, rise of that share", "reflex", 1.0, _RISE, shear=True),
+    Firming("rise of the true share", "true-reflex", 1.0, _RISE, shear=True),
+    Firming("short: true slide", "true-reflex", 1.0, _KEPT, _SHORT),
+    Firming("short: shear, rise of that share", "reflex", 1.0, (*_RISE, *_KEPT), _SHORT, shear=True),
+    Firming("short: rise of the true share", "true-reflex", 1.0, (*_RISE, *_KEPT), _SHORT, shear=True),
     *(
-        Firming(f"short: {told}{when}", "reflex", 1.0, (*_RISE, *_KEPT), imposed, _SHORT, at_once=bool(when))
-        for told, imposed in (("shear, rise of that share", ""), ("rise of the true share", "share"))
-        for when in ("", ", at once")
-    ),
-    *(
-        Firming(f"constant, {most:g} levels", "true-reflex", most, (), "constant")
+        Firming(f"constant, {most:g} levels", "true-reflex", most, constant=True)
         for most in (0.1, 0.2, 0.35, 0.5, 0.75)
     ),
 )
@@ -106,55 +96,6 @@ class Always(Reflex):
     ) -> float:
         """Return the wish, see :meth:`tega.stages.Reflex.wish`."""
         return float(any(one.in_contact for one in contacts.values()))
-
-
-class TrueArc(ReflexArc):
-    """An arc whose reflex is told the pads' true forces and the share of each gel that has truly slid."""
-
-    def __init__(self, reflex: Reflex, settings: ReflexSection, run: Lift, lab: Lab) -> None:
-        def moment(_t_ns: int) -> ReflexMoment:
-            return ReflexMoment(1.0, allowed=True, measured=run.rig.closure())
-
-        super().__init__(reflex, settings, moment=moment)
-        self._run, self._lab = run, lab
-
-    def step(self, t_ns: int, own: float, contacts: Callable[[], Mapping[str, Contact]]) -> float:  # noqa: ARG002
-        """Return what the hand is to be told at a tick."""
-        true = {}
-        for name, force_n in zip(FINGERS, self._run.rig.truth.pad_force_n, strict=True):
-            slid = NamedValue("incipient", self._lab.gels[name].sheared.slid)
-            true[name] = Contact(finger=name, t_ns=t_ns, in_contact=force_n > 0, more=(slid,))
-        return super().step(t_ns, own, lambda: true)
-
-
-class AtOnce:
-    """A hand's controller that is asked for the person's own level, and whose targets lie further by what is added.
-
-    Targets that lie further are angles that are less: the torque goes by the difference of the two.
-
-    Args:
-        controller: The hand's own.
-        added: Tells what is added now, levels.
-    """
-
-    def __init__(self, controller: HandController, added: Callable[[], float]) -> None:
-        self._controller, self._added = controller, added
-
-    @property
-    def target_rad(self) -> NDArray[np.float64] | None:
-        """Joint targets of the last tick without what is added, float64 (16,), radians."""
-        return self._controller.target_rad
-
-    def step_encoded(
-        self, angles_rad: NDArray[np.float64], level: float, *, device_id: int
-    ) -> list[tuple[int, bytes, bool]]:
-        """Run one cycle, see :meth:`tega.hand.HandController.step_encoded`."""
-        added = self._added()
-        own = level - added
-        steps = np.diff(GRASP_POSES_RAD, axis=0, append=GRASP_POSES_RAD[-1:])
-        below = min(int(own), 4) - 1
-        step = steps[below] + (own - 1 - below) * (steps[below + 1] - steps[below])
-        return self._controller.step_encoded(angles_rad - added * step, own, device_id=device_id)
 
 
 class _WatchedScript(ScriptedOperator):
@@ -186,8 +127,7 @@ _SPECS: Final = {**OBJECTS, **{spec.name: spec for spec in SOFTEST.values()}}
 
 def lift_row(name: str, level: int, arm: Firming, seed: int) -> str:
     """Lift an object once and return its line of the table."""
-    shear = "texture" if arm.condition == "reflex" else "off"
-    sets: tuple[str, ...] = ("stages.metric.name=shear",) if shear == "texture" else ()
+    sets: tuple[str, ...] = ("stages.metric.name=shear",) if arm.shear else ()
     if arm.most_levels > 0:
         sets += (
             "stages.reflex.name=grip",
@@ -205,7 +145,7 @@ def lift_row(name: str, level: int, arm: Firming, seed: int) -> str:
             "seed": seed,
             "operator": "scripted",
             "settings": sets,
-            "shear": shear,
+            "shear": "texture" if arm.shear else "off",
         }
     )
     lab = lab_of(seed, "live", sets, plan.shear)
@@ -220,14 +160,8 @@ def lift_row(name: str, level: int, arm: Firming, seed: int) -> str:
     )
     script = _WatchedScript(course, full_effort=lab.calibrated.full_effort)
     script.run = run = Lift(lab, plan, script, 0)
-    if arm.imposed:
-        settings = loop_settings("live", sets).stages.reflex
-        reflex = Always() if arm.imposed == "constant" else GripReflex(ReflexSetup(FINGERS), settings.options)
-        run._reflex = TrueArc(reflex, settings, run, lab)  # noqa: SLF001
-    if arm.at_once:
-        arc = run._reflex  # noqa: SLF001
-        assert arc is not None
-        run._controller = AtOnce(run._controller, lambda: arc.added)  # type: ignore[assignment]  # noqa: SLF001
+    if arm.constant:
+        run._reflex.reflex = Always()  # type: ignore[union-attr]  # noqa: SLF001
     run.go(real_time=False, observer=None, stop=lambda: False, paused=lambda: False)
     found = run.result(run.end_s)
     added = script.added
