@@ -326,7 +326,8 @@ class StreamedVest(Opened):
                 return False
             self._put(link, 0)
         except Exception:  # the link broke: the writer's thread finds that out, and opens another
-            self._slot_is_new = True
+            with self._changed:
+                self._slot_is_new = True
             return False
         finally:
             self._turn.release()
