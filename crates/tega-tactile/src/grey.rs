@@ -8,7 +8,7 @@ use std::ops::AddAssign;
 use num_traits::Num;
 
 use crate::exact::Sums;
-use crate::frame::Pair;
+use crate::frame::{Difference, Pair};
 use crate::kernel::{Kernel, Row, STEP};
 
 /// Bytes of a cache line.
@@ -25,6 +25,20 @@ pub struct Scratch {
     rows: Vec<Row>,
     /// The grey values as words, where the kernel keeps them.
     kept: Vec<u16>,
+    /// The kernel of the last frame, whose weights' factors need not be sought again.
+    kernel: Option<Kernel>,
+}
+
+impl Scratch {
+    /// The kernel for these weights, difference and squares.
+    pub(crate) fn kernel(&mut self, weights: [i32; 3], difference: Difference, squares: bool) -> Kernel {
+        let kernel = match self.kernel {
+            Some(kernel) if kernel.weights == weights => kernel.reading(difference, squares),
+            _ => Kernel::new(weights, difference, squares),
+        };
+        self.kernel = Some(kernel);
+        kernel
+    }
 }
 
 /// Greys of one pair of images, summed up.
@@ -40,7 +54,7 @@ impl Kernel {
     /// Reads both images once.
     pub(crate) fn read<'s>(&self, pair: &Pair<'_>, denominator: i32, scratch: &'s mut Scratch) -> Greys<'s> {
         let width = pair.width();
-        let Scratch { columns, totals, rows, kept } = scratch;
+        let Scratch { columns, totals, rows, kept, .. } = scratch;
         let kept = aligned(kept, if self.keeps(width * pair.height()) { width * pair.height() } else { 0 });
         rows.clear();
         let columns = aligned(columns, width);
@@ -125,19 +139,18 @@ pub(crate) fn moments(
     }
 }
 
-/// Σ s, Σ p·s and Σ p²·s over sums s at positions p.
-fn weighed<I: Num + From<i64> + Copy + AddAssign>(sums: impl Iterator<Item = i64>) -> [I; 3] {
-    let mut total = [I::zero(); 3];
-    let mut position = I::zero();
-    for sum in sums {
-        let sum = I::from(sum);
-        let moment = position * sum;
-        total[0] += sum;
-        total[1] += moment;
-        total[2] += position * moment;
-        position += I::one();
+/// Σ s, Σ p·s and Σ p²·s over sums s at positions p, by additions alone: from the last position on, what has been summed
+/// is summed again at every position but the first, and that once more.
+fn weighed<I: Num + From<i64> + Copy + AddAssign>(sums: impl DoubleEndedIterator<Item = i64>) -> [I; 3] {
+    let [mut once, mut twice, mut thrice] = [I::zero(); 3];
+    let mut before = [I::zero(); 2];
+    for sum in sums.rev() {
+        [twice, thrice] = before;
+        once += I::from(sum);
+        // Σ p·s and Σ p(p + 1)/2·s, unless this was the first position.
+        before = [twice + once, thrice + twice + once];
     }
-    total
+    [once, twice, thrice + thrice - twice]
 }
 
 impl Greys<'_> {
@@ -173,7 +186,6 @@ impl Greys<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::Difference;
     use ndarray::{Array3, Axis};
 
     #[test]
@@ -183,7 +195,7 @@ mod tests {
         frame.index_axis_mut(Axis(0), 0).fill(200);
         frame[[2, 5, 0]] = 9;
         let pair = Pair::new(frame.view(), baseline.view()).unwrap();
-        let kernel = Kernel { weights: [1, 1, 1], difference: Difference::Signed, squares: false };
+        let kernel = Kernel::new([1, 1, 1], Difference::Signed, false);
         let mut scratch = Scratch::default();
         let greys = kernel.read(&pair, 3, &mut scratch);
         assert_eq!(greys.count_from(&pair, &kernel, 0), 120);

@@ -8,33 +8,35 @@ const SIGNED: u8 = 0;
 const RECTIFIED: u8 = 1;
 const ABSOLUTE: u8 = 2;
 
-/// Calls the row kernel made for a kernel's difference and squares.
+/// Calls the row kernel made for a kernel's difference and squares, and for what more it is made for.
 macro_rules! rows_by_reading {
-    ($kernel:ident, $rows_of:ident($($arg:ident),*)) => {
+    ($kernel:ident, $rows_of:ident $(::<$($more:literal),*>)? ($($arg:ident),*)) => {
         match ($kernel.difference, $kernel.squares) {
-            (Difference::Signed, false) => $rows_of::<SIGNED, false>($kernel, $($arg),*),
-            (Difference::Signed, true) => $rows_of::<SIGNED, true>($kernel, $($arg),*),
-            (Difference::Rectified, false) => $rows_of::<RECTIFIED, false>($kernel, $($arg),*),
-            (Difference::Rectified, true) => $rows_of::<RECTIFIED, true>($kernel, $($arg),*),
-            (Difference::Absolute, false) => $rows_of::<ABSOLUTE, false>($kernel, $($arg),*),
-            (Difference::Absolute, true) => $rows_of::<ABSOLUTE, true>($kernel, $($arg),*),
+            (Difference::Signed, false) => $rows_of::<SIGNED, false $($(, $more)*)?>($kernel, $($arg),*),
+            (Difference::Signed, true) => $rows_of::<SIGNED, true $($(, $more)*)?>($kernel, $($arg),*),
+            (Difference::Rectified, false) => $rows_of::<RECTIFIED, false $($(, $more)*)?>($kernel, $($arg),*),
+            (Difference::Rectified, true) => $rows_of::<RECTIFIED, true $($(, $more)*)?>($kernel, $($arg),*),
+            (Difference::Absolute, false) => $rows_of::<ABSOLUTE, false $($(, $more)*)?>($kernel, $($arg),*),
+            (Difference::Absolute, true) => $rows_of::<ABSOLUTE, true $($(, $more)*)?>($kernel, $($arg),*),
         }
     };
 }
 
-/// Calls the counting kernel made for a kernel's difference.
+/// Calls the counting kernel made for a kernel's difference, and for what more it is made for.
 macro_rules! count_by_reading {
-    ($kernel:ident, $count_of:ident($($arg:ident),*)) => {
+    ($kernel:ident, $count_of:ident $(::<$($more:literal),*>)? ($($arg:ident),*)) => {
         match $kernel.difference {
-            Difference::Signed => $count_of::<SIGNED>($kernel, $($arg),*),
-            Difference::Rectified => $count_of::<RECTIFIED>($kernel, $($arg),*),
-            Difference::Absolute => $count_of::<ABSOLUTE>($kernel, $($arg),*),
+            Difference::Signed => $count_of::<SIGNED $($(, $more)*)?>($kernel, $($arg),*),
+            Difference::Rectified => $count_of::<RECTIFIED $($(, $more)*)?>($kernel, $($arg),*),
+            Difference::Absolute => $count_of::<ABSOLUTE $($(, $more)*)?>($kernel, $($arg),*),
         }
     };
 }
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
+#[cfg(target_arch = "x86_64")]
+mod factors;
 #[cfg(target_arch = "aarch64")]
 mod neon;
 
@@ -71,9 +73,28 @@ pub(crate) struct Kernel {
     pub weights: [i32; 3],
     pub difference: Difference,
     pub squares: bool,
+    /// One set of factors of the weights, where there is one.
+    #[cfg(target_arch = "x86_64")]
+    factors: Option<factors::Factors>,
 }
 
 impl Kernel {
+    /// A kernel; factors are sought for its weights, which takes up to some hundred microseconds.
+    pub(crate) fn new(weights: [i32; 3], difference: Difference, squares: bool) -> Self {
+        Self {
+            weights,
+            difference,
+            squares,
+            #[cfg(target_arch = "x86_64")]
+            factors: factors::Factors::of(weights),
+        }
+    }
+
+    /// The kernel of the same weights for another difference, with squares or without.
+    pub(crate) fn reading(self, difference: Difference, squares: bool) -> Self {
+        Self { difference, squares, ..self }
+    }
+
     /// The grey value of one pixel, in parts of the weights.
     #[inline(always)]
     pub(crate) fn grey(&self, frame: [u8; 3], baseline: [u8; 3]) -> i32 {
@@ -115,7 +136,10 @@ impl Kernel {
     /// Whether the levels of a picture of so many pixels are kept as words, so that they are counted without a second
     /// reading: where that pays, and levels below 0 are rare or of no matter, as thresholds seldom are.
     pub(crate) fn keeps(&self, pixels: usize) -> bool {
-        let pays = cfg!(target_arch = "x86_64") && isa() != Isa::Baseline;
+        #[cfg(target_arch = "x86_64")]
+        let pays = isa() != Isa::Baseline && self.factors.is_some();
+        #[cfg(not(target_arch = "x86_64"))]
+        let pays = false;
         let least = self.difference == Difference::Signed || self.least() == 0;
         pays && least && pixels <= MOST_KEPT
     }
@@ -240,7 +264,7 @@ mod tests {
         ) {
             let (frame, baseline): (Vec<_>, Vec<_>) = pixels.into_iter().unzip();
             let (frame, baseline) = (frame.as_flattened(), baseline.as_flattened());
-            let kernel = Kernel { weights, difference, squares };
+            let kernel = Kernel::new(weights, difference, squares);
             let mut plain = vec![7; width];
             let mut fast = plain.clone();
             let (mut wanted, mut rows) = (Vec::new(), Vec::new());
@@ -269,7 +293,7 @@ mod tests {
     #[test]
     fn extreme_rows_do_not_overflow() {
         let (frame, baseline) = (vec![255; 3 * 4096], vec![0; 3 * 4096]);
-        let kernel = Kernel { weights: [5334, 5333, 5333], difference: Difference::Signed, squares: true };
+        let kernel = Kernel::new([5334, 5333, 5333], Difference::Signed, true);
         let mut rows = Vec::new();
         kernel.rows(&frame, &baseline, &mut vec![0; 4096], &mut rows, &mut []);
         assert_eq!(rows, [kernel.row(&frame, &baseline, &mut vec![0; 4096])]);

@@ -9,7 +9,6 @@ use crate::error::TactileError;
 use crate::exact::{Exact, Sums, Threshold};
 use crate::frame::{Difference, Order, Pair};
 use crate::grey::Scratch;
-use crate::kernel::Kernel;
 use crate::sums;
 
 /// What σ in Eq 4 is (readings A1).
@@ -147,7 +146,7 @@ pub fn contact_metrics(pair: &Pair<'_>, options: &Options, scratch: &mut Scratch
     let squares = options.spread == Spread::Intensity;
     let metrics = match options.weights.arranged(options.order) {
         Form::Narrow(weights, denominator) => {
-            let kernel = Kernel { weights, difference: options.difference, squares };
+            let kernel = scratch.kernel(weights, options.difference, squares);
             let greys = kernel.read(pair, denominator, scratch);
             let map = Map {
                 pair,

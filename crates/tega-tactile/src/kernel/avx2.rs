@@ -7,18 +7,18 @@
 
 mod levels;
 
+use levels::{BYTES, GROUPS, LANES, PIXELS, Products, STEP, levels, levels_of_eight};
 use std::arch::x86_64::{
-    __m256i, _mm_cvtsi128_si32, _mm_max_epi32, _mm_max_epu16, _mm_min_epi32, _mm_minpos_epu16,
-    _mm_set1_epi32, _mm_shuffle_epi32, _mm_xor_si128, _mm256_add_epi32, _mm256_add_epi64,
-    _mm256_castsi256_si128, _mm256_cmpeq_epi16, _mm256_cmpgt_epi32, _mm256_cvtepi32_epi64,
-    _mm256_extracti128_si256, _mm256_loadu_si256, _mm256_max_epi32, _mm256_max_epu16, _mm256_min_epi32,
-    _mm256_movemask_epi8, _mm256_mul_epi32, _mm256_or_si256, _mm256_packus_epi32, _mm256_set1_epi16,
-    _mm256_set1_epi32, _mm256_setzero_si256, _mm256_srli_epi64, _mm256_storeu_si256, _mm256_sub_epi32,
+    __m256i, _mm_add_epi64, _mm_cvtsi128_si32, _mm_cvtsi128_si64, _mm_max_epi32, _mm_max_epu16,
+    _mm_min_epi32, _mm_minpos_epu16, _mm_set1_epi32, _mm_shuffle_epi32, _mm_unpackhi_epi64, _mm_xor_si128,
+    _mm256_add_epi32, _mm256_add_epi64, _mm256_castsi256_si128, _mm256_cmpeq_epi16, _mm256_cmpgt_epi32,
+    _mm256_cvtepi32_epi64, _mm256_extracti128_si256, _mm256_loadu_si256, _mm256_max_epi32, _mm256_max_epu16,
+    _mm256_min_epi32, _mm256_movemask_epi8, _mm256_mul_epi32, _mm256_or_si256, _mm256_packus_epi32,
+    _mm256_set1_epi16, _mm256_set1_epi32, _mm256_setzero_si256, _mm256_srli_epi64, _mm256_storeu_si256,
+    _mm256_sub_epi32,
 };
-use std::array::from_fn;
 
-use levels::{BYTES, GROUPS, LANES, PIXELS, Pairs, STEP, levels, levels_of_eight};
-
+use super::factors::Factors;
 use super::{ABSOLUTE, Kernel, RECTIFIED, Row, SIGNED};
 use crate::frame::Difference;
 
@@ -38,15 +38,6 @@ fn order(columns: &mut [[i32; PIXELS]], grouped: bool) {
 #[inline]
 fn lanes_i32(v: __m256i) -> [i32; LANES] {
     let mut out = [0; LANES];
-    // SAFETY: `out` is exactly 32 bytes.
-    unsafe { _mm256_storeu_si256(out.as_mut_ptr().cast(), v) };
-    out
-}
-
-#[target_feature(enable = "avx2")]
-#[inline]
-fn lanes_i64(v: __m256i) -> [i64; LANES / 2] {
-    let mut out = [0; LANES / 2];
     // SAFETY: `out` is exactly 32 bytes.
     unsafe { _mm256_storeu_si256(out.as_mut_ptr().cast(), v) };
     out
@@ -96,30 +87,33 @@ impl Lanes {
         }
     }
 
-    /// The row, with the pixels that no vector took. Its largest level is that of the words, where levels are kept.
+    /// The row. Its largest level is that of the words, where levels are kept.
     #[target_feature(enable = "avx2")]
-    fn row<const DIFFERENCE: u8, const SQUARES: bool, const KEPT: bool>(
-        &self,
-        kernel: &Kernel,
-        tail: Row,
-    ) -> Row {
-        let squares = if SQUARES { lanes_i64(self.squares).iter().sum::<i64>() } else { 0 };
+    #[inline]
+    fn row<const DIFFERENCE: u8, const SQUARES: bool, const KEPT: bool>(&self, least: i32) -> Row {
         // The lanes' total may pass `i32`; the eight lanes themselves do not.
         let [low, high] = [_mm256_castsi256_si128(self.sum), _mm256_extracti128_si256::<1>(self.sum)];
-        let wide = _mm256_add_epi64(_mm256_cvtepi32_epi64(low), _mm256_cvtepi32_epi64(high));
         let looked_for = DIFFERENCE == SIGNED && !KEPT;
         Row {
-            sum: tail.sum + lanes_i64(wide).iter().sum::<i64>(),
-            squares: tail.squares + squares,
-            min: if looked_for { fold_lanes!(self.min, _mm_min_epi32).min(tail.min) } else { kernel.least() },
-            max: if KEPT { largest_word(self.max) } else { fold_lanes!(self.max, _mm_max_epi32) }
-                .max(tail.max),
+            sum: total(_mm256_add_epi64(_mm256_cvtepi32_epi64(low), _mm256_cvtepi32_epi64(high))),
+            squares: if SQUARES { total(self.squares) } else { 0 },
+            min: if looked_for { fold_lanes!(self.min, _mm_min_epi32) } else { least },
+            max: if KEPT { largest_word(self.max) } else { fold_lanes!(self.max, _mm_max_epi32) },
         }
     }
 }
 
+/// Sum of four lanes of 64 bits.
+#[target_feature(enable = "avx2")]
+#[inline]
+fn total(v: __m256i) -> i64 {
+    let half = _mm_add_epi64(_mm256_castsi256_si128(v), _mm256_extracti128_si256::<1>(v));
+    _mm_cvtsi128_si64(_mm_add_epi64(half, _mm_unpackhi_epi64(half, half)))
+}
+
 /// The largest of sixteen words without sign.
 #[target_feature(enable = "avx2")]
+#[inline]
 fn largest_word(v: __m256i) -> i32 {
     let half = _mm_max_epu16(_mm256_castsi256_si128(v), _mm256_extracti128_si256::<1>(v));
     // The processor finds the smallest: that of the complements is the largest of these.
@@ -156,152 +150,137 @@ pub(super) fn rows(
     rows: &mut Vec<Row>,
     kept: &mut [u16],
 ) {
-    let bytes = 3 * columns.len();
-    // With squares the sums of two rows do not fit into the registers.
-    let pairs = if kernel.squares { 0 } else { frame.len() / (2 * bytes) * 2 * bytes };
-    let (frame, last) = frame.split_at(pairs);
-    let (baseline, baseline_last) = baseline.split_at(pairs);
-    let (kept, kept_last) = kept.split_at_mut((pairs / 3).min(kept.len()));
     order(columns.as_chunks_mut::<PIXELS>().0, true);
-    rows_by_reading!(kernel, rows_of(frame, baseline, columns, rows, kept));
-    rows_by_reading!(kernel, rows_alone(last, baseline_last, columns, rows, kept_last));
+    if let Some(factors) = kernel.factors {
+        let products = &Products::of([factors]);
+        if kept.is_empty() {
+            rows_by_reading!(kernel, rows_of::<false, 1>(products, frame, baseline, columns, rows, kept));
+        } else {
+            rows_by_reading!(kernel, rows_of::<true, 1>(products, frame, baseline, columns, rows, kept));
+        }
+    } else {
+        let products = &Products::of(Factors::both(kernel.weights));
+        rows_by_reading!(kernel, rows_of::<false, 2>(products, frame, baseline, columns, rows, kept));
+    }
     order(columns.as_chunks_mut::<PIXELS>().0, false);
 }
 
-/// Whole pairs of rows.
+/// Rows whose levels are kept as words where asked for.
 #[target_feature(enable = "avx2")]
-fn rows_of<const DIFFERENCE: u8, const SQUARES: bool>(
+fn rows_of<const DIFFERENCE: u8, const SQUARES: bool, const KEPT: bool, const SETS: usize>(
     kernel: &Kernel,
+    products: &Products<SETS>,
     frame: &[u8],
     baseline: &[u8],
     columns: &mut [i32],
     rows: &mut Vec<Row>,
     kept: &mut [u16],
 ) {
-    let width = columns.len();
-    let mut kept = kept.chunks_exact_mut(2 * width);
-    for (frame, baseline) in frame.chunks_exact(6 * width).zip(baseline.chunks_exact(6 * width)) {
-        let (f, b) = (frame.split_at(3 * width), baseline.split_at(3 * width));
-        let (f, b) = ([f.0, f.1], [b.0, b.1]);
-        rows.extend(match kept.next() {
-            Some(kept) => {
-                let (first, second) = kept.split_at_mut(width);
-                together::<DIFFERENCE, SQUARES, true, 2>(kernel, f, b, columns, [first, second])
-            }
-            _ => together::<DIFFERENCE, SQUARES, false, 2>(kernel, f, b, columns, [&mut [], &mut []]),
-        });
-    }
-}
-
-/// Rows one by one.
-#[target_feature(enable = "avx2")]
-fn rows_alone<const DIFFERENCE: u8, const SQUARES: bool>(
-    kernel: &Kernel,
-    frame: &[u8],
-    baseline: &[u8],
-    columns: &mut [i32],
-    rows: &mut Vec<Row>,
-    kept: &mut [u16],
-) {
-    let width = columns.len();
+    let (width, least) = (columns.len(), kernel.least());
     let mut kept = kept.chunks_exact_mut(width);
     for (frame, baseline) in frame.chunks_exact(3 * width).zip(baseline.chunks_exact(3 * width)) {
-        rows.extend(match kept.next() {
-            Some(kept) => {
-                together::<DIFFERENCE, SQUARES, true, 1>(kernel, [frame], [baseline], columns, [kept])
-            }
-            _ => together::<DIFFERENCE, SQUARES, false, 1>(kernel, [frame], [baseline], columns, [&mut []]),
-        });
+        let kept = kept.next().unwrap_or_default();
+        let lanes = steps::<DIFFERENCE, SQUARES, KEPT, SETS>(products, frame, baseline, columns, kept);
+        let mut row = lanes.row::<DIFFERENCE, SQUARES, KEPT>(least);
+        // A word of 0 may stand for less, one of 65,535 for more.
+        if KEPT && (row.max == i32::from(u16::MAX) || (DIFFERENCE == SIGNED && row.max == 0)) {
+            row.max = largest::<DIFFERENCE, SETS>(products, frame, baseline, kept, row.max as u16);
+        }
+        if !width.is_multiple_of(PIXELS) {
+            rest::<DIFFERENCE, SQUARES, KEPT, SETS>(
+                kernel, products, frame, baseline, columns, kept, &mut row,
+            );
+        }
+        rows.push(row);
     }
 }
 
-/// Rows whose levels are added up before they go to the columns, and kept as words where asked for.
+/// The whole steps of a row.
 #[target_feature(enable = "avx2")]
 #[inline]
-fn together<const DIFFERENCE: u8, const SQUARES: bool, const KEPT: bool, const N: usize>(
-    kernel: &Kernel,
-    frame: [&[u8]; N],
-    baseline: [&[u8]; N],
-    columns: &mut [i32],
-    kept: [&mut [u16]; N],
-) -> [Row; N] {
-    let weights = Pairs::of(kernel.weights);
-    let mut lanes = [Lanes::none::<KEPT>(); N];
-    let (steps, rest) = columns.as_chunks_mut::<PIXELS>();
-    let frame_steps = frame.map(|row| row.as_chunks::<STEP>());
-    let baseline_steps = baseline.map(|row| row.as_chunks::<STEP>());
-    let mut kept = kept.map(|row| row.as_chunks_mut::<PIXELS>());
-    for (x, columns) in steps.iter_mut().enumerate() {
-        let mut total = [_mm256_setzero_si256(); GROUPS];
-        for y in 0..N {
-            // Rows are as long as the columns are many.
-            let (Some(f), Some(b)) = (frame_steps[y].0.get(x), baseline_steps[y].0.get(x)) else { continue };
-            let n = levels::<DIFFERENCE>(f, b, weights);
-            for k in 0..GROUPS {
-                lanes[y].take::<DIFFERENCE, SQUARES, KEPT>(n[k]);
-                total[k] = _mm256_add_epi32(total[k], n[k]);
-            }
-            if KEPT && let Some(kept) = kept[y].0.get_mut(x) {
-                let (kept, _) = kept.as_chunks_mut::<{ 2 * LANES }>();
-                keep(&mut kept[0], &mut lanes[y].max, [n[0], n[1]]);
-                keep(&mut kept[1], &mut lanes[y].max, [n[2], n[3]]);
-            }
-        }
-        for (columns, n) in columns.as_chunks_mut::<LANES>().0.iter_mut().zip(total) {
-            add(columns, n);
-        }
-    }
-    let (eights, last) = rest.as_chunks_mut::<LANES>();
-    from_fn(|y| {
-        let ((f_eights, f), (b_eights, b)) =
-            (frame_steps[y].1.as_chunks::<BYTES>(), baseline_steps[y].1.as_chunks::<BYTES>());
-        let (kept_eights, kept_last) = kept[y].1.as_chunks_mut::<LANES>();
-        for (x, columns) in eights.iter_mut().enumerate() {
-            let n = levels_of_eight::<DIFFERENCE>(&f_eights[x], &b_eights[x], weights);
-            lanes[y].take::<DIFFERENCE, SQUARES, KEPT>(n);
-            add(columns, n);
-            if KEPT && let Some(kept) = kept_eights.get_mut(x) {
-                let mut words = [0; 2 * LANES];
-                keep(&mut words, &mut lanes[y].max, [n, n]);
-                let (half, _) = words.as_chunks::<4>();
-                kept.copy_from_slice([half[0], half[2]].as_flattened());
-            }
-        }
-        let mut row = lanes[y].row::<DIFFERENCE, SQUARES, KEPT>(kernel, kernel.row(f, b, last));
-        if KEPT {
-            kernel.keep_plain(f, b, kept_last);
-            // A word of 0 may stand for less, one of 65,535 for more.
-            let word = row.max.clamp(0, i32::from(u16::MAX)) as u16;
-            if word == u16::MAX || (DIFFERENCE == SIGNED && word == 0) {
-                row.max = largest::<DIFFERENCE>(kernel, frame[y], baseline[y], kept[y].0, word);
-            }
-        }
-        row
-    })
-}
-
-/// The largest level of a row, sought where the largest of its words are.
-#[target_feature(enable = "avx2")]
-fn largest<const DIFFERENCE: u8>(
-    kernel: &Kernel,
+fn steps<const DIFFERENCE: u8, const SQUARES: bool, const KEPT: bool, const SETS: usize>(
+    products: &Products<SETS>,
     frame: &[u8],
     baseline: &[u8],
-    kept: &[[u16; PIXELS]],
-    word: u16,
-) -> i32 {
-    let weights = Pairs::of(kernel.weights);
-    let (steps, rest) = frame.as_chunks::<STEP>();
-    let (baseline_steps, baseline_rest) = baseline.as_chunks::<STEP>();
-    let mut max = _mm256_set1_epi32(i32::MIN);
-    for ((f, b), kept) in steps.iter().zip(baseline_steps).zip(kept) {
-        if holds(kept, word) {
-            max =
-                levels::<DIFFERENCE>(f, b, weights).into_iter().fold(max, |max, n| _mm256_max_epi32(max, n));
+    columns: &mut [i32],
+    kept: &mut [u16],
+) -> Lanes {
+    let mut lanes = Lanes::none::<KEPT>();
+    let mut kept = kept.as_chunks_mut::<{ 2 * LANES }>().0.iter_mut();
+    let pixels = frame.as_chunks::<STEP>().0.iter().zip(baseline.as_chunks::<STEP>().0);
+    for ((f, b), columns) in pixels.zip(columns.as_chunks_mut::<PIXELS>().0) {
+        let n = levels::<DIFFERENCE, SETS>(f, b, products);
+        for (n, columns) in n.iter().zip(columns.as_chunks_mut::<LANES>().0) {
+            lanes.take::<DIFFERENCE, SQUARES, KEPT>(*n);
+            add(columns, *n);
+        }
+        if KEPT {
+            for n in n.as_chunks::<2>().0 {
+                if let Some(kept) = kept.next() {
+                    keep(kept, &mut lanes.max, *n);
+                }
+            }
         }
     }
-    let pixels = rest.as_chunks::<3>().0.iter().zip(baseline_rest.as_chunks::<3>().0);
-    let last = pixels.map(|(f, b)| kernel.grey(*f, *b)).max().unwrap_or(i32::MIN);
-    fold_lanes!(max, _mm_max_epi32).max(last)
+    lanes
+}
+
+/// What a row has beyond its whole steps.
+#[target_feature(enable = "avx2")]
+#[inline(never)]
+fn rest<const DIFFERENCE: u8, const SQUARES: bool, const KEPT: bool, const SETS: usize>(
+    kernel: &Kernel,
+    products: &Products<SETS>,
+    frame: &[u8],
+    baseline: &[u8],
+    columns: &mut [i32],
+    kept: &mut [u16],
+    row: &mut Row,
+) {
+    let whole = columns.len() / PIXELS * PIXELS;
+    let (frame, baseline, columns) = (&frame[3 * whole..], &baseline[3 * whole..], &mut columns[whole..]);
+    let (f_eights, f) = frame.as_chunks::<BYTES>();
+    let (b_eights, b) = baseline.as_chunks::<BYTES>();
+    let (eights, last) = columns.as_chunks_mut::<LANES>();
+    let mut lanes = Lanes::none::<false>();
+    for ((f, b), columns) in f_eights.iter().zip(b_eights).zip(eights) {
+        let n = levels_of_eight::<DIFFERENCE, SETS>(f, b, products);
+        lanes.take::<DIFFERENCE, SQUARES, false>(n);
+        add(columns, n);
+    }
+    let begun = if whole == 0 { i32::MIN } else { row.max };
+    let others = [lanes.row::<DIFFERENCE, SQUARES, false>(row.min), kernel.row(f, b, last)];
+    row.max = others.iter().map(|other| other.max).fold(begun, i32::max);
+    for other in others {
+        row.sum += other.sum;
+        row.squares += other.squares;
+        row.min = row.min.min(other.min);
+    }
+    if KEPT {
+        kernel.keep_plain(frame, baseline, &mut kept[whole..]);
+    }
+}
+
+/// The largest level of a row's whole steps, sought where the largest of their words are.
+#[target_feature(enable = "avx2")]
+#[inline(never)]
+fn largest<const DIFFERENCE: u8, const SETS: usize>(
+    products: &Products<SETS>,
+    frame: &[u8],
+    baseline: &[u8],
+    kept: &[u16],
+    word: u16,
+) -> i32 {
+    let pixels = frame.as_chunks::<STEP>().0.iter().zip(baseline.as_chunks::<STEP>().0);
+    let mut max = _mm256_set1_epi32(i32::MIN);
+    for ((f, b), kept) in pixels.zip(kept.as_chunks().0) {
+        if holds(kept, word) {
+            for n in levels::<DIFFERENCE, SETS>(f, b, products) {
+                max = _mm256_max_epi32(max, n);
+            }
+        }
+    }
+    fold_lanes!(max, _mm_max_epi32)
 }
 
 /// Whether one of a step's words is `word`.
@@ -324,18 +303,27 @@ pub(super) fn count_kept(kept: &[u16], first: u16) -> u32 {
 /// See [`Kernel::count`].
 #[target_feature(enable = "avx2")]
 pub(super) fn count(kernel: &Kernel, frame: &[u8], baseline: &[u8], kept: &[u16], first: i32) -> u32 {
-    count_by_reading!(kernel, count_of(frame, baseline, kept, first))
+    match kernel.factors {
+        Some(factors) => {
+            let products = &Products::of([factors]);
+            count_by_reading!(kernel, count_of::<1>(products, frame, baseline, kept, first))
+        }
+        None => {
+            let products = &Products::of(Factors::both(kernel.weights));
+            count_by_reading!(kernel, count_of::<2>(products, frame, baseline, kept, first))
+        }
+    }
 }
 
 #[target_feature(enable = "avx2")]
-fn count_of<const DIFFERENCE: u8>(
+fn count_of<const DIFFERENCE: u8, const SETS: usize>(
     kernel: &Kernel,
+    products: &Products<SETS>,
     frame: &[u8],
     baseline: &[u8],
     kept: &[u16],
     first: i32,
 ) -> u32 {
-    let weights = Pairs::of(kernel.weights);
     let (steps, rest) = frame.as_chunks::<STEP>();
     let (baseline_steps, baseline_rest) = baseline.as_chunks::<STEP>();
     let border = _mm256_set1_epi32(first);
@@ -348,7 +336,7 @@ fn count_of<const DIFFERENCE: u8>(
             continue;
         }
         looked_at += 1;
-        for (below, n) in below.iter_mut().zip(levels::<DIFFERENCE>(f, b, weights)) {
+        for (below, n) in below.iter_mut().zip(levels::<DIFFERENCE, SETS>(f, b, products)) {
             // A true comparison is −1, so subtracting it counts.
             *below = _mm256_sub_epi32(*below, _mm256_cmpgt_epi32(border, n));
         }

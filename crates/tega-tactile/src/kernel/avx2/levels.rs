@@ -1,17 +1,18 @@
 //! Weigh the differences of 32 pixels: the levels of equation 1 on 256-bit vectors.
 //!
-//! Three vectors hold 32 pixels of three bytes. Each is subtracted as it lies; the differences are then put in groups of
-//! four pixels, and two multiplications of 16-bit pairs, blue with green and red alone, give the exact level.
+//! Three vectors hold 32 pixels of three bytes. Each is subtracted as it lies, where differences have no sign; the bytes
+//! are then put in groups of four pixels, and [`Factors`] weigh them: a multiplication of bytes, one of words.
 
 #![allow(unsafe_code)]
 
 use std::arch::x86_64::{
-    __m256i, _mm_loadu_si128, _mm256_add_epi32, _mm256_alignr_epi8, _mm256_blend_epi32, _mm256_loadu_si256,
-    _mm256_madd_epi16, _mm256_or_si256, _mm256_permute2x128_si256, _mm256_set_m128i, _mm256_set1_epi32,
-    _mm256_setr_epi8, _mm256_shuffle_epi8, _mm256_srli_si256, _mm256_sub_epi16, _mm256_subs_epu8,
+    __m256i, _mm_loadu_si128, _mm256_add_epi32, _mm256_blend_epi32, _mm256_loadu_si256, _mm256_madd_epi16,
+    _mm256_maddubs_epi16, _mm256_or_si256, _mm256_permute2x128_si256, _mm256_set_m128i, _mm256_set1_epi32,
+    _mm256_shuffle_epi8, _mm256_srli_si256, _mm256_sub_epi16, _mm256_subs_epu8,
 };
 use std::array::from_fn;
 
+use crate::kernel::factors::Factors;
 use crate::kernel::{ABSOLUTE, SIGNED};
 
 /// Pixels a vector of levels.
@@ -23,49 +24,59 @@ pub(super) const GROUPS: usize = PIXELS / LANES;
 pub(super) const STEP: usize = 3 * PIXELS;
 pub(super) const BYTES: usize = 3 * LANES;
 
-/// The weights as 16-bit pairs, one a pixel.
+/// [`Factors`] as vectors: one set, or two of the same channels whose products are added.
 #[derive(Clone, Copy)]
-pub(super) struct Pairs {
-    blue_green: __m256i,
-    red: __m256i,
+pub(super) struct Products<const SETS: usize> {
+    /// Where the four bytes of each pixel of group k are, in a half of what [`grouped`] makes of it.
+    at: [__m256i; GROUPS],
+    bytes: [__m256i; SETS],
+    words: [__m256i; SETS],
 }
 
-impl Pairs {
+impl<const SETS: usize> Products<SETS> {
     #[target_feature(enable = "avx2")]
-    pub(super) fn of(weights: [i32; 3]) -> Self {
-        // `MAX_WEIGHT` keeps each in 16 bits.
-        let pair = |low: i32, high: i32| _mm256_set1_epi32((low & 0xffff) | (high << 16));
-        Self { blue_green: pair(weights[0], weights[1]), red: pair(weights[2], 0) }
+    pub(super) fn of(sets: [Factors; SETS]) -> Self {
+        let at = from_fn(|group| {
+            let at: [u8; 16] =
+                from_fn(|k| (12 * group as u8 + 3 * (k as u8 / 4) + sets[0].channels[k % 4]) % 16);
+            // SAFETY: an unaligned 16-byte load of 16 bytes.
+            let at = unsafe { _mm_loadu_si128(at.as_ptr().cast()) };
+            _mm256_set_m128i(at, at)
+        });
+        let words = |[low, high]: [i16; 2]| (i32::from(low) & 0xffff) | (i32::from(high) << 16);
+        Self {
+            at,
+            bytes: sets.map(|set| _mm256_set1_epi32(i32::from_le_bytes(set.bytes.map(i8::cast_unsigned)))),
+            words: sets.map(|set| _mm256_set1_epi32(words(set.words))),
+        }
     }
-}
 
-/// Blue and green, and red, of the four pixels at the beginning of each half, in 16 bits.
-#[target_feature(enable = "avx2")]
-#[inline]
-fn spread(pixels: __m256i) -> (__m256i, __m256i) {
-    let blue_green = _mm256_setr_epi8(
-        0, -1, 1, -1, 3, -1, 4, -1, 6, -1, 7, -1, 9, -1, 10, -1, //
-        0, -1, 1, -1, 3, -1, 4, -1, 6, -1, 7, -1, 9, -1, 10, -1,
-    );
-    let red = _mm256_setr_epi8(
-        2, -1, -1, -1, 5, -1, -1, -1, 8, -1, -1, -1, 11, -1, -1, -1, //
-        2, -1, -1, -1, 5, -1, -1, -1, 8, -1, -1, -1, 11, -1, -1, -1,
-    );
-    (_mm256_shuffle_epi8(pixels, blue_green), _mm256_shuffle_epi8(pixels, red))
-}
+    /// Sum over the sets of what `pairs` says of a set's byte factors, times its word factors.
+    #[target_feature(enable = "avx2")]
+    #[inline]
+    fn weigh(&self, pairs: impl Fn(__m256i) -> __m256i) -> __m256i {
+        let mut level = _mm256_madd_epi16(pairs(self.bytes[0]), self.words[0]);
+        for set in 1..SETS {
+            level = _mm256_add_epi32(level, _mm256_madd_epi16(pairs(self.bytes[set]), self.words[set]));
+        }
+        level
+    }
 
-#[target_feature(enable = "avx2")]
-#[inline]
-fn weigh((blue_green, red): (__m256i, __m256i), weights: Pairs) -> __m256i {
-    _mm256_add_epi32(_mm256_madd_epi16(blue_green, weights.blue_green), _mm256_madd_epi16(red, weights.red))
-}
+    /// The levels of group `k`'s differences.
+    #[target_feature(enable = "avx2")]
+    #[inline]
+    fn of_differences(&self, k: usize, differences: __m256i) -> __m256i {
+        let pixels = _mm256_shuffle_epi8(differences, self.at[k]);
+        self.weigh(|bytes| _mm256_maddubs_epi16(pixels, bytes))
+    }
 
-/// The levels of pixels whose bytes lie at the beginning of each half.
-#[target_feature(enable = "avx2")]
-#[inline]
-fn signed(frame: __m256i, baseline: __m256i, weights: Pairs) -> __m256i {
-    let ((f, f_red), (b, b_red)) = (spread(frame), spread(baseline));
-    weigh((_mm256_sub_epi16(f, b), _mm256_sub_epi16(f_red, b_red)), weights)
+    /// The signed levels of group `k`. No sum of a pair leaves 16 bits, nor does that of the pair's differences.
+    #[target_feature(enable = "avx2")]
+    #[inline]
+    fn of_both(&self, k: usize, frame: __m256i, baseline: __m256i) -> __m256i {
+        let (f, b) = (_mm256_shuffle_epi8(frame, self.at[k]), _mm256_shuffle_epi8(baseline, self.at[k]));
+        self.weigh(|bytes| _mm256_sub_epi16(_mm256_maddubs_epi16(f, bytes), _mm256_maddubs_epi16(b, bytes)))
+    }
 }
 
 /// |f − b|, or what f rises above b.
@@ -80,11 +91,13 @@ fn unsigned<const DIFFERENCE: u8>(f: __m256i, b: __m256i) -> __m256i {
 #[target_feature(enable = "avx2")]
 #[inline]
 fn load(bytes: &[u8; STEP]) -> [__m256i; 3] {
+    let [first, second, third] = [0, 32, 64].map(|at| bytes[at..].as_ptr().cast());
     // SAFETY: the three unaligned 32-byte loads are the 96 bytes.
-    from_fn(|k| unsafe { _mm256_loadu_si256(bytes.as_ptr().add(32 * k).cast()) })
+    unsafe { [_mm256_loadu_si256(first), _mm256_loadu_si256(second), _mm256_loadu_si256(third)] }
 }
 
-/// 32 pixels in groups of four: group k of the first half and group k + 4 begin the halves of vector k.
+/// 32 pixels in groups of four: group k of the first half is somewhere in the low half of vector k, and group k + 4 in
+/// the high one. Its twelve bytes begin at byte 12 k, counted round the half's sixteen.
 #[target_feature(enable = "avx2")]
 #[inline]
 fn grouped([first, second, third]: [__m256i; 3]) -> [__m256i; GROUPS] {
@@ -93,37 +106,40 @@ fn grouped([first, second, third]: [__m256i; 3]) -> [__m256i; GROUPS] {
     let end = _mm256_blend_epi32::<0b1111_0000>(second, third);
     [
         begin,
-        _mm256_alignr_epi8::<12>(middle, begin),
-        _mm256_alignr_epi8::<8>(end, middle),
-        _mm256_srli_si256::<4>(end),
+        _mm256_blend_epi32::<0b1000_1000>(middle, begin),
+        _mm256_blend_epi32::<0b1100_1100>(end, middle),
+        end,
     ]
 }
 
 /// The levels of 32 pixels, as [`grouped`] orders them.
 #[target_feature(enable = "avx2")]
 #[inline]
-pub(super) fn levels<const DIFFERENCE: u8>(
+pub(super) fn levels<const DIFFERENCE: u8, const SETS: usize>(
     frame: &[u8; STEP],
     baseline: &[u8; STEP],
-    weights: Pairs,
+    products: &Products<SETS>,
 ) -> [__m256i; GROUPS] {
     let (f, b) = (load(frame), load(baseline));
     if DIFFERENCE == SIGNED {
         let (f, b) = (grouped(f), grouped(b));
-        from_fn(|k| signed(f[k], b[k], weights))
+        let n = |k: usize| products.of_both(k, f[k], b[k]);
+        [n(0), n(1), n(2), n(3)]
     } else {
-        let d = grouped(from_fn(|k| unsigned::<DIFFERENCE>(f[k], b[k])));
-        from_fn(|k| weigh(spread(d[k]), weights))
+        let d = |k: usize| unsigned::<DIFFERENCE>(f[k], b[k]);
+        let d = grouped([d(0), d(1), d(2)]);
+        let n = |k: usize| products.of_differences(k, d[k]);
+        [n(0), n(1), n(2), n(3)]
     }
 }
 
 /// The levels of eight pixels as they lie: what is left of a row.
 #[target_feature(enable = "avx2")]
 #[inline]
-pub(super) fn levels_of_eight<const DIFFERENCE: u8>(
+pub(super) fn levels_of_eight<const DIFFERENCE: u8, const SETS: usize>(
     frame: &[u8; BYTES],
     baseline: &[u8; BYTES],
-    weights: Pairs,
+    products: &Products<SETS>,
 ) -> __m256i {
     // Bytes 0 to 15, and 8 to 23 moved down by 4.
     let load = |bytes: &[u8; BYTES]| {
@@ -135,8 +151,8 @@ pub(super) fn levels_of_eight<const DIFFERENCE: u8>(
     };
     let (f, b) = (load(frame), load(baseline));
     if DIFFERENCE == SIGNED {
-        signed(f, b, weights)
+        products.of_both(0, f, b)
     } else {
-        weigh(spread(unsigned::<DIFFERENCE>(f, b)), weights)
+        products.of_differences(0, unsigned::<DIFFERENCE>(f, b))
     }
 }
