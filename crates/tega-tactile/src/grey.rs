@@ -83,11 +83,27 @@ impl Kernel {
         let peak = rows.iter().map(|row| row.max).max().unwrap_or_default();
         let peak_y = rows.iter().position(|row| row.max == peak).unwrap_or_default();
         let mut peak_x = 0;
+        let words = kept.get(peak_y * width..(peak_y + 1) * width).unwrap_or_default();
         pair.with_rows(peak_y..peak_y + 1, |frame, baseline| {
-            let mut pixels = frame.as_chunks::<3>().0.iter().zip(baseline.as_chunks::<3>().0);
-            peak_x = pixels.position(|(f, b)| self.grey(*f, *b) == peak).unwrap_or_default();
+            peak_x = self.first_place(frame, baseline, words, peak).unwrap_or_default();
         });
         Greys { sums, peak, peak_xy: (peak_x, peak_y), rows, kept }
+    }
+
+    /// Where a row first has a grey value; steps whose kept words say that they do not have it are passed over.
+    fn first_place(&self, frame: &[u8], baseline: &[u8], kept: &[u16], level: i32) -> Option<usize> {
+        let word = level.clamp(0, i32::from(u16::MAX)) as u16;
+        let mut kept = kept.chunks(STEP);
+        let steps = frame.chunks(3 * STEP).zip(baseline.chunks(3 * STEP));
+        steps.enumerate().find_map(|(step, (frame, baseline))| {
+            // Every word is looked at, so that many are at once.
+            let has = |words: &[u16]| words.iter().filter(|other| **other == word).count() > 0;
+            if kept.next().is_some_and(|words| !has(words)) {
+                return None;
+            }
+            let mut pixels = frame.as_chunks::<3>().0.iter().zip(baseline.as_chunks::<3>().0);
+            pixels.position(|(f, b)| self.grey(*f, *b) == level).map(|x| STEP * step + x)
+        })
     }
 
     fn rows_until_overflow(&self) -> usize {

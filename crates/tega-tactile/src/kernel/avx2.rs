@@ -1,13 +1,12 @@
-//! Row kernels on 256-bit vectors: 32 pixels of two rows a step.
+//! Row kernels on 256-bit vectors: 32 pixels a step.
 //!
-//! Both rows' levels are added up before they go to the columns. Where levels are kept, sixteen of them are a vector of
-//! words, whose largest says which rows have to be looked at again for the exact one.
+//! Where levels are kept, sixteen of them are a vector of words, whose largest says which rows have to be looked at again
+//! for the exact one.
 
 #![allow(unsafe_code)]
 
 mod levels;
 
-use levels::{BYTES, GROUPS, LANES, PIXELS, Products, STEP, levels, levels_of_eight};
 use std::arch::x86_64::{
     __m256i, _mm_add_epi64, _mm_cvtsi128_si32, _mm_cvtsi128_si64, _mm_max_epi32, _mm_max_epu16,
     _mm_min_epi32, _mm_minpos_epu16, _mm_set1_epi32, _mm_shuffle_epi32, _mm_unpackhi_epi64, _mm_xor_si128,
@@ -17,6 +16,8 @@ use std::arch::x86_64::{
     _mm256_set1_epi16, _mm256_set1_epi32, _mm256_setzero_si256, _mm256_srli_epi64, _mm256_storeu_si256,
     _mm256_sub_epi32,
 };
+
+use levels::{BYTES, GROUPS, LANES, PIXELS, Products, STEP, levels, levels_of_eight};
 
 use super::factors::Factors;
 use super::{ABSOLUTE, Kernel, RECTIFIED, Row, SIGNED};
@@ -303,15 +304,12 @@ pub(super) fn count_kept(kept: &[u16], first: u16) -> u32 {
 /// See [`Kernel::count`].
 #[target_feature(enable = "avx2")]
 pub(super) fn count(kernel: &Kernel, frame: &[u8], baseline: &[u8], kept: &[u16], first: i32) -> u32 {
-    match kernel.factors {
-        Some(factors) => {
-            let products = &Products::of([factors]);
-            count_by_reading!(kernel, count_of::<1>(products, frame, baseline, kept, first))
-        }
-        None => {
-            let products = &Products::of(Factors::both(kernel.weights));
-            count_by_reading!(kernel, count_of::<2>(products, frame, baseline, kept, first))
-        }
+    if let Some(factors) = kernel.factors {
+        let products = &Products::of([factors]);
+        count_by_reading!(kernel, count_of::<1>(products, frame, baseline, kept, first))
+    } else {
+        let products = &Products::of(Factors::both(kernel.weights));
+        count_by_reading!(kernel, count_of::<2>(products, frame, baseline, kept, first))
     }
 }
 
