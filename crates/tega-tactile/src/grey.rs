@@ -17,10 +17,8 @@ const CACHE_LINE: usize = 64;
 /// Buffers that are reused from frame to frame.
 #[derive(Debug, Default)]
 pub struct Scratch {
-    /// Sums of the columns since the last flush.
+    /// Sums of the columns since they were last taken.
     columns: Vec<i32>,
-    /// Sums of the columns.
-    totals: Vec<i64>,
     /// One entry a row.
     rows: Vec<Row>,
     /// The grey values as words, where the kernel keeps them.
@@ -54,32 +52,31 @@ impl Kernel {
     /// Reads both images once.
     pub(crate) fn read<'s>(&self, pair: &Pair<'_>, denominator: i32, scratch: &'s mut Scratch) -> Greys<'s> {
         let width = pair.width();
-        let Scratch { columns, totals, rows, kept, .. } = scratch;
+        let Scratch { columns, rows, kept, .. } = scratch;
         let kept = aligned(kept, if self.keeps(width * pair.height()) { width * pair.height() } else { 0 });
         rows.clear();
         let columns = aligned(columns, width);
         columns.fill(0);
-        totals.clear();
-        totals.resize(width, 0);
+        let mut sums = ColumnSums::default();
         let flush_every = self.rows_until_overflow();
         if let Some((frame, baseline)) = pair.contiguous() {
             let bytes = 3 * width * flush_every;
             let mut kept = kept.chunks_mut(width * flush_every);
             for (frame, baseline) in frame.chunks(bytes).zip(baseline.chunks(bytes)) {
                 self.rows(frame, baseline, columns, rows, kept.next().unwrap_or_default());
-                flush(columns, totals);
+                sums.take(columns);
             }
         } else {
             let mut kept = kept.chunks_exact_mut(width);
             pair.for_each_row(|y, frame, baseline| {
                 self.rows(frame, baseline, columns, rows, kept.next().unwrap_or_default());
                 if (y + 1) % flush_every == 0 {
-                    flush(columns, totals);
+                    sums.take(columns);
                 }
             });
-            flush(columns, totals);
+            sums.take(columns);
         }
-        let sums = moments(rows, totals, self.squares, 255 * self.reach(), denominator);
+        let sums = moments(rows, sums, width, self.squares, 255 * self.reach(), denominator);
         let peak = rows.iter().map(|row| row.max).max().unwrap_or_default();
         let peak_y = rows.iter().position(|row| row.max == peak).unwrap_or_default();
         let mut peak_x = 0;
@@ -120,9 +117,22 @@ fn aligned<T: Copy + Default>(buffer: &mut Vec<T>, n: usize) -> &mut [T] {
     &mut buffer[from..from + n]
 }
 
-pub(crate) fn flush(columns: &mut [i32], totals: &mut [i64]) {
-    for (total, column) in totals.iter_mut().zip(columns) {
-        *total += i64::from(std::mem::take(column));
+/// Σ s, Σ x·s and Σ x²·s over the sums s of the columns x.
+#[derive(Default)]
+pub(crate) struct ColumnSums([i128; 3]);
+
+impl ColumnSums {
+    /// Takes what the columns hold, and leaves 0 there.
+    pub(crate) fn take(&mut self, columns: &mut [i32]) {
+        /// Columns whose Σ x²·s stays in 64 bits, whatever they hold.
+        const NARROW: usize = 1 << 10;
+        let sums = columns.iter().map(|column| i64::from(*column));
+        let taken =
+            if columns.len() <= NARROW { weighed::<i64>(sums).map(i128::from) } else { weighed(sums) };
+        for (total, taken) in self.0.iter_mut().zip(taken) {
+            *total += taken;
+        }
+        columns.fill(0);
     }
 }
 
@@ -131,21 +141,17 @@ pub(crate) fn flush(columns: &mut [i32], totals: &mut [i64]) {
 /// `largest` is what no |n| passes.
 pub(crate) fn moments(
     rows: &[Row],
-    columns: &[i64],
+    ColumnSums([mass, first_x, second_x]): ColumnSums,
+    width: usize,
     squares: bool,
     largest: i32,
     denominator: i32,
 ) -> Sums<i128> {
-    let side = rows.len().max(columns.len()) as i128;
-    // Σ |n|·side² bounds every sum below.
-    let bound = (rows.len() * columns.len()) as i128 * i128::from(largest) * side * side;
-    let narrow = bound <= i128::from(i64::MAX);
-    let rows_sums = rows.iter().map(|row| row.sum);
-    let ([mass, first_x, second_x], [_, first_y, second_y]) = if narrow {
-        (weighed::<i64>(columns.iter().copied()).map(i128::from), weighed::<i64>(rows_sums).map(i128::from))
-    } else {
-        (weighed::<i128>(columns.iter().copied()), weighed::<i128>(rows_sums))
-    };
+    // Σ |n|·height² bounds every sum below.
+    let height = rows.len() as i128;
+    let narrow = width as i128 * i128::from(largest) * height.pow(3) <= i128::from(i64::MAX);
+    let sums = rows.iter().map(|row| row.sum);
+    let [_, first_y, second_y] = if narrow { weighed::<i64>(sums).map(i128::from) } else { weighed(sums) };
     Sums {
         mass,
         first: [first_x, first_y],

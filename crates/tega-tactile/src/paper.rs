@@ -7,7 +7,7 @@ use num_bigint::BigInt;
 
 use crate::exact::{Exact, Sums, Threshold};
 use crate::frame::{Order, Pair};
-use crate::grey::{flush, moments};
+use crate::grey::{ColumnSums, moments};
 use crate::kernel::Row;
 use crate::metrics::ContactMetrics;
 
@@ -34,9 +34,8 @@ pub struct PaperScratch {
     boxes: Vec<i16>,
     /// Levels of the blurred, masked grey map.
     map: Vec<i32>,
-    /// Sums of the map's columns since the last flush, and in all.
+    /// Sums of the map's columns since they were last taken.
     column_sums: Vec<i32>,
-    totals: Vec<i64>,
     /// Sums and ranges of the map's rows.
     rows: Vec<Row>,
     /// Lowest level that counts as contact.
@@ -155,27 +154,26 @@ const RUN: usize = 256;
 
 /// Sets levels under the noise floor to 0 and sums what is left.
 fn mask_and_sum(width: usize, scratch: &mut PaperScratch) -> Summary {
-    let PaperScratch { map, column_sums, totals, rows, .. } = scratch;
+    let PaperScratch { map, column_sums, rows, .. } = scratch;
     column_sums.clear();
     column_sums.resize(width, 0);
-    totals.clear();
-    totals.resize(width, 0);
     rows.clear();
+    let mut sums = ColumnSums::default();
     let mut above_floor = 0;
     for (y, levels) in map.chunks_exact_mut(width).enumerate() {
         let (row, above) = mask_row(levels, column_sums);
         above_floor += above;
         rows.push(row);
         if (y + 1) % FLUSH_EVERY == 0 {
-            flush(column_sums, totals);
+            sums.take(column_sums);
         }
     }
-    flush(column_sums, totals);
+    sums.take(column_sums);
     let peak = rows.iter().map(|row| row.max).max().unwrap_or_default();
     let peak_y = rows.iter().position(|row| row.max == peak).unwrap_or_default();
     let row = map.chunks_exact(width).nth(peak_y).unwrap_or_default();
     let peak_x = row.iter().position(|&n| n == peak).unwrap_or_default();
-    let sums = moments(rows, totals, false, 255 * DENOMINATOR, DENOMINATOR);
+    let sums = moments(rows, sums, width, false, 255 * DENOMINATOR, DENOMINATOR);
     Summary { sums, above_floor, peak, peak_xy: (peak_x, peak_y) }
 }
 
