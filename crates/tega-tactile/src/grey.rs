@@ -3,7 +3,7 @@
 //! One reading yields the sum of every row and of every column and the range of grey values in every row. The moments follow
 //! from those few numbers, and the threshold count reads a row again only where its range straddles the threshold.
 
-use std::ops::AddAssign;
+use std::ops::{AddAssign, Range};
 
 use num_traits::Num;
 
@@ -54,7 +54,7 @@ impl Kernel {
         let width = pair.width();
         let Scratch { columns, rows, kept, .. } = scratch;
         let kept = aligned(kept, if self.keeps(width * pair.height()) { width * pair.height() } else { 0 });
-        rows.clear();
+        rows.resize(pair.height(), Row::default());
         let columns = aligned(columns, width);
         columns.fill(0);
         let mut sums = ColumnSums::default();
@@ -62,14 +62,16 @@ impl Kernel {
         if let Some((frame, baseline)) = pair.contiguous() {
             let bytes = 3 * width * flush_every;
             let mut kept = kept.chunks_mut(width * flush_every);
-            for (frame, baseline) in frame.chunks(bytes).zip(baseline.chunks(bytes)) {
+            let images = frame.chunks(bytes).zip(baseline.chunks(bytes));
+            for ((frame, baseline), rows) in images.zip(rows.chunks_mut(flush_every)) {
                 self.rows(frame, baseline, columns, rows, kept.next().unwrap_or_default());
                 sums.take(columns);
             }
         } else {
             let mut kept = kept.chunks_exact_mut(width);
             pair.for_each_row(|y, frame, baseline| {
-                self.rows(frame, baseline, columns, rows, kept.next().unwrap_or_default());
+                let row = rows.get_mut(y..=y).unwrap_or_default();
+                self.rows(frame, baseline, columns, row, kept.next().unwrap_or_default());
                 if (y + 1) % flush_every == 0 {
                     sums.take(columns);
                 }
@@ -178,29 +180,38 @@ fn weighed<I: Num + From<i64> + Copy + AddAssign>(sums: impl DoubleEndedIterator
 impl Greys<'_> {
     /// Number of pixels at or above grey value `first`; looks only at rows whose range straddles it, neighbours in one go.
     pub fn count_from(&self, pair: &Pair<'_>, kernel: &Kernel, first: i32) -> u32 {
-        let straddles = |row: &Row| row.min < first && first <= row.max;
-        let whole = self.rows.iter().filter(|row| row.min >= first).count() * pair.width();
-        let mut count = whole as u32;
-        let mut y = 0;
-        for run in self.rows.chunk_by(|a, b| straddles(a) == straddles(b)) {
-            if straddles(&run[0]) {
-                let width = pair.width();
-                let kept = self.kept.get(y * width..(y + run.len()) * width);
-                match (kept, u16::try_from(first)) {
-                    // A kept 65,535 may stand for more, and is not below it either way; 0 says nothing.
-                    (Some(kept), Ok(first)) if first > 0 => count += Kernel::count_kept(kept, first),
-                    (kept, _) => {
-                        let mut kept = kept.filter(|_| width.is_multiple_of(STEP)).unwrap_or_default();
-                        pair.with_rows(y..y + run.len(), |frame, baseline| {
-                            let (these, rest) = kept.split_at(kept.len().min(frame.len() / 3));
-                            kept = rest;
-                            count += kernel.count(frame, baseline, these, first);
-                        });
-                    }
+        let (width, mut count) = (pair.width(), 0);
+        let mut rows = self.rows.iter().enumerate().peekable();
+        while let Some((begin, row)) = rows.next() {
+            let straddles = |row: &Row| row.min < first && first <= row.max;
+            if straddles(row) {
+                let mut end = begin + 1;
+                while rows.next_if(|(_, row)| straddles(row)).is_some() {
+                    end += 1;
                 }
+                count += self.count_within(begin..end, pair, kernel, first);
+            } else if row.min >= first {
+                count += width as u32;
             }
-            y += run.len();
         }
+        count
+    }
+
+    /// The same of rows `ys` alone.
+    fn count_within(&self, ys: Range<usize>, pair: &Pair<'_>, kernel: &Kernel, first: i32) -> u32 {
+        let width = pair.width();
+        let kept = self.kept.get(ys.start * width..ys.end * width);
+        if let (Some(kept), Ok(first @ 1..)) = (kept, u16::try_from(first)) {
+            // A kept 65,535 may stand for more, and is not below it either way; 0 says nothing.
+            return Kernel::count_kept(kept, first);
+        }
+        let mut kept = kept.filter(|_| width.is_multiple_of(STEP)).unwrap_or_default();
+        let mut count = 0;
+        pair.with_rows(ys, |frame, baseline| {
+            let (these, rest) = kept.split_at(kept.len().min(frame.len() / 3));
+            kept = rest;
+            count += kernel.count(frame, baseline, these, first);
+        });
         count
     }
 }

@@ -54,7 +54,7 @@ pub(crate) const MAX_WEIGHT_SUM: i32 = 16_000;
 pub(crate) const MAX_WEIGHT: i32 = 8_191;
 
 /// What one row says.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(crate) struct Row {
     /// Σ n.
     pub sum: i64,
@@ -165,10 +165,11 @@ impl Kernel {
     }
 
     /// The same for as many rows as the slices hold, `columns.len()` pixels each; the plain form as well.
-    fn rows_plain(&self, frame: &[u8], baseline: &[u8], columns: &mut [i32], rows: &mut Vec<Row>) {
+    fn rows_plain(&self, frame: &[u8], baseline: &[u8], columns: &mut [i32], rows: &mut [Row]) {
         let bytes = 3 * columns.len();
-        for (frame, baseline) in frame.chunks_exact(bytes).zip(baseline.chunks_exact(bytes)) {
-            rows.push(self.row(frame, baseline, columns));
+        let images = frame.chunks_exact(bytes).zip(baseline.chunks_exact(bytes));
+        for ((frame, baseline), row) in images.zip(rows) {
+            *row = self.row(frame, baseline, columns);
         }
     }
 
@@ -186,7 +187,7 @@ impl Kernel {
         frame: &[u8],
         baseline: &[u8],
         columns: &mut [i32],
-        rows: &mut Vec<Row>,
+        rows: &mut [Row],
         kept: &mut [u16],
     ) {
         #[cfg(target_arch = "x86_64")]
@@ -267,7 +268,8 @@ mod tests {
             let kernel = Kernel::new(weights, difference, squares);
             let mut plain = vec![7; width];
             let mut fast = plain.clone();
-            let (mut wanted, mut rows) = (Vec::new(), Vec::new());
+            let mut wanted = vec![Row::default(); frame.len() / 3 / width];
+            let mut rows = wanted.clone();
             kernel.rows_plain(frame, baseline, &mut plain, &mut wanted);
             let pixels = frame.len() / 3;
             let mut kept = vec![7; if kernel.keeps(pixels) { pixels } else { 0 }];
@@ -294,7 +296,7 @@ mod tests {
     fn extreme_rows_do_not_overflow() {
         let (frame, baseline) = (vec![255; 3 * 4096], vec![0; 3 * 4096]);
         let kernel = Kernel::new([5334, 5333, 5333], Difference::Signed, true);
-        let mut rows = Vec::new();
+        let mut rows = [Row::default()];
         kernel.rows(&frame, &baseline, &mut vec![0; 4096], &mut rows, &mut []);
         assert_eq!(rows, [kernel.row(&frame, &baseline, &mut vec![0; 4096])]);
         assert_eq!(rows[0].sum, 4096 * 255 * 16_000);

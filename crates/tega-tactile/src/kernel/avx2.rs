@@ -148,7 +148,7 @@ pub(super) fn rows(
     frame: &[u8],
     baseline: &[u8],
     columns: &mut [i32],
-    rows: &mut Vec<Row>,
+    rows: &mut [Row],
     kept: &mut [u16],
 ) {
     order(columns.as_chunks_mut::<PIXELS>().0, true);
@@ -174,25 +174,23 @@ fn rows_of<const DIFFERENCE: u8, const SQUARES: bool, const KEPT: bool, const SE
     frame: &[u8],
     baseline: &[u8],
     columns: &mut [i32],
-    rows: &mut Vec<Row>,
+    rows: &mut [Row],
     kept: &mut [u16],
 ) {
     let (width, least) = (columns.len(), kernel.least());
     let mut kept = kept.chunks_exact_mut(width);
-    for (frame, baseline) in frame.chunks_exact(3 * width).zip(baseline.chunks_exact(3 * width)) {
+    let images = frame.chunks_exact(3 * width).zip(baseline.chunks_exact(3 * width));
+    for ((frame, baseline), row) in images.zip(rows) {
         let kept = kept.next().unwrap_or_default();
         let lanes = steps::<DIFFERENCE, SQUARES, KEPT, SETS>(products, frame, baseline, columns, kept);
-        let mut row = lanes.row::<DIFFERENCE, SQUARES, KEPT>(least);
+        *row = lanes.row::<DIFFERENCE, SQUARES, KEPT>(least);
         // A word of 0 may stand for less, one of 65,535 for more.
         if KEPT && (row.max == i32::from(u16::MAX) || (DIFFERENCE == SIGNED && row.max == 0)) {
             row.max = largest::<DIFFERENCE, SETS>(products, frame, baseline, kept, row.max as u16);
         }
         if !width.is_multiple_of(PIXELS) {
-            rest::<DIFFERENCE, SQUARES, KEPT, SETS>(
-                kernel, products, frame, baseline, columns, kept, &mut row,
-            );
+            rest::<DIFFERENCE, SQUARES, KEPT, SETS>(kernel, products, frame, baseline, columns, kept, row);
         }
-        rows.push(row);
     }
 }
 

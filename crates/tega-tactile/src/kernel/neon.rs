@@ -58,7 +58,7 @@ unsafe fn difference<const DIFFERENCE: u8>(f: uint8x16_t, b: uint8x16_t) -> [int
 }
 
 /// See [`Kernel::rows`].
-pub(super) fn rows(kernel: &Kernel, frame: &[u8], baseline: &[u8], columns: &mut [i32], rows: &mut Vec<Row>) {
+pub(super) fn rows(kernel: &Kernel, frame: &[u8], baseline: &[u8], columns: &mut [i32], rows: &mut [Row]) {
     rows_by_reading!(kernel, rows_of(frame, baseline, columns, rows));
 }
 
@@ -67,18 +67,19 @@ fn rows_of<const DIFFERENCE: u8, const SQUARES: bool>(
     frame: &[u8],
     baseline: &[u8],
     columns: &mut [i32],
-    rows: &mut Vec<Row>,
+    rows: &mut [Row],
 ) {
     // Weights of this path fit 14 bits.
     let weights = kernel.weights.map(|weight| weight as i16);
     let bytes = 3 * columns.len();
     let (column_steps, columns_rest) = columns.as_chunks_mut::<LANES>();
-    for (frame, baseline) in frame.chunks_exact(bytes).zip(baseline.chunks_exact(bytes)) {
+    let images = frame.chunks_exact(bytes).zip(baseline.chunks_exact(bytes));
+    for ((frame, baseline), row) in images.zip(rows) {
         let (steps, rest) = frame.as_chunks::<BYTES>();
         let (baseline_steps, baseline_rest) = baseline.as_chunks::<BYTES>();
         let tail = kernel.row(rest, baseline_rest, columns_rest);
         // SAFETY: loads and stores stay within the sixteen columns of a step; the rest computes on registers.
-        rows.push(unsafe {
+        *row = unsafe {
             let mut sums = [vdupq_n_s32(0); 4];
             let mut squares = vdupq_n_s64(0);
             let (mut min, mut max) = (vdupq_n_s32(i32::MAX), vdupq_n_s32(i32::MIN));
@@ -105,7 +106,7 @@ fn rows_of<const DIFFERENCE: u8, const SQUARES: bool>(
                 min: least.min(tail.min),
                 max: vmaxvq_s32(max).max(tail.max),
             }
-        });
+        };
     }
 }
 
