@@ -7,6 +7,8 @@ import threading
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tega.devices.sample_clock import SampleClock
 
@@ -46,6 +48,39 @@ def test_the_true_rate_is_measured_whatever_was_said(true_hz: float) -> None:
     for k in range(1, 400):
         clock.take(10, round(k * 10 / true_hz * 1e9))
     assert clock.measured_hz == pytest.approx(true_hz, rel=1e-6)
+
+
+@pytest.mark.parametrize("rate_hz", [250.0, 1000.0])
+def test_a_rate_is_proven_in_half_a_second_of_an_adapter_s_bunches(rate_hz: float) -> None:
+    clock, n = SampleClock(rate_hz), 0
+    for k in range(1, 100):
+        proven_s = k * 0.016
+        came = int(proven_s * rate_hz) - n
+        n += came
+        clock.take(came, k * 16 * MS)
+        if clock.proves(rate_hz, 0.05):
+            break
+    assert 0.4 < proven_s < 0.6
+
+
+@given(
+    share=st.floats(0.0501, 0.3),
+    faster=st.booleans(),
+    late_ms=st.lists(st.floats(0.0, 16.0), min_size=2, max_size=12),
+    batch=st.integers(1, 8),
+)
+def test_another_rate_is_never_proven_however_its_samples_are_late(
+    share: float, faster: bool, late_ms: list[float], batch: int
+) -> None:
+    true_hz = 1000.0 * (1 + share if faster else 1 - share)
+    clock, before_ns = SampleClock(1000.0), 0
+    n_batches = int(1.0 * true_hz / batch)
+    # Lateness goes in straight lines, the hardest to tell from another rate.
+    late = np.interp(np.linspace(0, len(late_ms) - 1, n_batches), range(len(late_ms)), late_ms)
+    for k in range(1, n_batches):
+        before_ns = max(before_ns, round(k * batch / true_hz * 1e9 + late[k] * MS))
+        clock.take(batch, before_ns)
+        assert k % 40 or not clock.proves(1000.0, 0.05)
 
 
 def test_before_two_tenths_of_a_second_no_rate_is_claimed() -> None:

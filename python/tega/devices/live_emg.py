@@ -48,7 +48,7 @@ class LiveEmgOptions(Options, frozen=True, kw_only=True):
 
     Attributes:
         channels: Which channels to use, counted from 1; none means all.
-        measure_s: How long the true sample rate is measured when the source opens.
+        measure_s: How long the true sample rate is measured at most when the source opens, unless it is another.
         silence_s: Without a valid sample for this long the source is given up.
         start_s: How long the first valid sample may take.
     """
@@ -309,7 +309,11 @@ class LiveEmg(Opened):
         self._new_health()
 
     def _measure(self, clock: SampleClock, rate_hz: float) -> None:
-        """Wait for the first sample, then measure until the rate is proven or certainly another."""
+        """Wait for the first sample, then measure until the rate is proven, or certainly another.
+
+        It is proven once no lateness of a USB adapter can hide another; a source that is later than that is believed
+        after ``measure_s``.
+        """
         wait_s, patience_s = self._settings.start_s, _PATIENCE * self._settings.measure_s
         waited_s = measured_s = 0.0
         most_s, spent_s = wait_s + max(_MOST_MEASURING_S, 2 * patience_s), 0.0
@@ -330,6 +334,8 @@ class LiveEmg(Opened):
             self._chunks.clear()
             if waited_s > wait_s:
                 raise self._silent(wait_s)
+            if measured_s > 0 and clock.proves(rate_hz, RATE_TOLERANCE):
+                return
             if measured_s > self._settings.measure_s:
                 measured_hz = clock.measured_hz or 0.0
                 if abs(measured_hz / rate_hz - 1) <= RATE_TOLERANCE:
