@@ -29,7 +29,7 @@ class StartBench(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         machine: Where; the emulators ran on the same one.
         emg_hz: Rate of the emulated amplifier: 1000 for a Chords board, which blinks for 0.4 s when it is started and
-            whose rate is measured for 1 s, 250 for a Cyton, whose rate is measured for 0.25 s.
+            whose rate is proven, or measured for 1 s; 250 for a Cyton, whose rate is measured for 0.25 s.
         stages_s: Seconds from the start of the process until each stage, one list a run, in the order of the last run.
         first_tick_s: Those of the first tick.
     """
