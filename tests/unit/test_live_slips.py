@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import msgspec
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -23,20 +21,21 @@ from tega.hand import CLOSURE_POSES_RAD
 from tega.hand_poses import ClosureScale
 from tega.inbox.sources import EmgBlock
 from tega.inbox.stream import PulledStream
-from tega.recording.mcap_reader import McapReader
-from tega.recording.trim import trim_session
 from tega.records import Event, HandLook, ReflexGrip
-from tega.records.schema import read
-from tega.replay import replay_file
+from tega.replay.played_input import PlayedLooks
+from tega.replay.playhead import Playhead
 from tega.stages.base import ReflexSetup
 from tega.stages.grip_reflex import GripReflex, GripReflexOptions
 from tega.stages.pulses import PulsesMapping, PulsesOptions
+from tega.study.hand_rows import HandRow
+from tega.study.lead.running_trial import Going
 from tega.tactile import ContactMetrics
 from tega.teleop.hand import ModelledAllegro
 from tega.teleop.hand_look import HandLooks, fresh_angles_rad, open_looks
 from tega.teleop.loop import DualLoop
+from tega.teleop.moment import LoopView
 from tega.teleop.pacing import Pacer
-from tega.teleop.reflex import ReflexArc, ReflexMoment
+from tega.teleop.reflex import ReflexArc, ReflexMoment, open_reflex
 from tega.teleop.touch import TouchLoop
 
 _END_S, _LIFTED_S, _SLIDES_S = 4.0, 1.0, 2.5
@@ -45,14 +44,12 @@ _FIRM = ContactMetrics(mass=6e4, centroid_xy=(120.0, 100.0), eda=3000, cci=0.5, 
 
 def _angles_rad(t_s: float) -> NDArray[np.float64]:
     """A hand that holds at level 3 less a little, and from 2.5 s on gives way at 0.5 levels a second."""
-    level = 2.6 - 0.5 * min(max(t_s - _SLIDES_S, 0.0), 0.5)
-    angles: NDArray[np.float64] = CLOSURE_POSES_RAD[1] + (level - 2) * (
-        CLOSURE_POSES_RAD[2] - CLOSURE_POSES_RAD[1]
-    )
+    give = min(max(t_s - _SLIDES_S, 0.0), 0.5)
+    two, three = CLOSURE_POSES_RAD[1:3]
+    angles: NDArray[np.float64] = two + (0.6 - 0.5 * give) * (three - two)
     # The fingers' first joints spread: what is held goes down with them.
-    sunk = angles.copy()
-    sunk[[0, 4, 8]] -= 0.4 * min(max(t_s - _SLIDES_S, 0.0), 0.5)
-    return sunk
+    angles[[0, 4, 8]] -= 0.4 * give
+    return angles
 
 
 def _height_m(t_s: float) -> float:
@@ -220,19 +217,14 @@ def test_ticks_that_are_made_up_for_look_once() -> None:
     assert (seen[0].t_ns, seen[0].seen_ns) == (3 * MS, 60 * MS)
 
 
-class _PlainHand:
+def _plain_hand(angles_rad: object, **more: bool) -> Any:
     """A hand of another package, which may not say whether it is silent."""
-
-    def __init__(self, angles_rad: object) -> None:
-        self.angles_rad = angles_rad
+    return SimpleNamespace(angles_rad=angles_rad, **more)
 
 
 def test_angles_of_a_silent_hand_and_those_that_are_none_are_not_passed_on() -> None:
     def told(angles_rad: object, **more: bool) -> object:
-        hand: Any = _PlainHand(angles_rad)
-        for name, value in more.items():
-            setattr(hand, name, value)
-        return fresh_angles_rad(hand)
+        return fresh_angles_rad(_plain_hand(angles_rad, **more))
 
     assert np.array_equal(np.asarray(told([0.5] * 16)), np.full(16, 0.5))
     assert told([0.5] * 16, silent=True) is None
@@ -240,8 +232,37 @@ def test_angles_of_a_silent_hand_and_those_that_are_none_are_not_passed_on() -> 
     assert told([math.nan] + [0.5] * 15) is None
 
 
+def test_a_study_keeps_no_closure_of_a_hand_that_has_told_no_angles() -> None:
+    def kept(angles_rad: list[float]) -> HandRow:
+        going = Going(ManualClock(), feel=True, closure=ClosureScale())
+        going.begin(0)
+        going.view(LoopView(0, {}, (), None, None, angles_rad, {}))
+        (row,) = going.hand()
+        return row
+
+    nothing, half = kept([math.nan] * 16), kept(CLOSURE_POSES_RAD[2].tolist())
+    assert (nothing.closure, nothing.tips_mm) == (None, None)
+    assert half.closure == pytest.approx(3.0)
+    assert half.tips_mm is not None
+
+
+def test_a_reflex_is_told_no_closure_of_a_hand_that_has_told_no_angles() -> None:
+    def measured(hand: Any) -> float | None:
+        sets = ["stages.reflex.name=grip", "stages.reflex.authority=1"]
+        config = load_config(None, environ={}, sets=sets).config
+        arc = open_reflex(config, Bus(), ["thumb"], active=lambda: True, hand=hand)
+        assert arc is not None
+        told: list[ReflexGrip] = []
+        arc._tell = told.append
+        arc.step(0, 3.0, dict)
+        return told[0].measured
+
+    assert measured(_plain_hand([math.nan] * 16)) is None
+    assert measured(_plain_hand(CLOSURE_POSES_RAD[2])) == pytest.approx(3.0)
+
+
 def test_the_settings_choose_what_tells_slips() -> None:
-    hand: Any = _PlainHand([0.5] * 16)
+    hand = _plain_hand([0.5] * 16)
     arm: Any = SimpleNamespace(height_m=lambda: 0.1)
 
     def looks(*sets: str, hand: Any = hand, arm: Any = arm) -> HandLooks | None:
@@ -261,71 +282,16 @@ def test_the_settings_choose_what_tells_slips() -> None:
         looks("stages.slips=joints")
 
 
-_PLAN: dict[str, Any] = {"object": "bag", "condition": "event-gated", "seed": 7003}
-
-
-@pytest.fixture(scope="module")
-def lift(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Any, Path]]:
-    """A simulated person's lift with each rule: result and recording."""
-    pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
-    pytest.importorskip("foxglove", reason="needs the extra tega[record]")
-    from tega.sim.recorded import LiftRecorder
-    from tega.sim.trial import TrialPlan, run_trial
-
-    lifts = {}
-    for rule in ("touch", "hand"):
-        folder = tmp_path_factory.mktemp(f"by-{rule}")
-        plan = TrialPlan(**_PLAN, settings=(f"stages.slips={rule}",))
-        result = run_trial(plan, recorder=LiftRecorder(folder / "recorded", real_time=False))
-        (file,) = (folder / "recorded").glob("*.mcap")
-        lifts[rule] = result, file
-    return lifts
-
-
-def _slips_s(file: Path) -> list[float]:
-    reader = McapReader(file)
-    events = [read(Event, m.value) for m in reader.messages() if m.topic == Event.topic]
-    return [event.taken_ns / 1e9 for event in events if event.kind == "slip"]
-
-
-@pytest.mark.slow
-def test_a_simulated_object_slides_and_joints_and_height_tell_it_where_touch_does_not(
-    lift: dict[str, tuple[Any, Path]],
-) -> None:
-    result, file = lift["hand"]
-    slid_s = [event.t_s for event in result.events if event.kind == "slip"]
-    told_s = _slips_s(file)
-    assert len(slid_s) == len(told_s) == 2
-    assert all(0 <= told - slid < 0.1 for slid, told in zip(slid_s, told_s, strict=True))
-    result, file = lift["touch"]
-    slid_s = [event.t_s for event in result.events if event.kind == "slip"]
-    assert len(slid_s) > 0
-    assert _slips_s(file) == []
-
-
-@pytest.mark.slow
-def test_a_recording_replays_by_the_rule_that_it_was_made_with(
-    lift: dict[str, tuple[Any, Path]], tmp_path: Path
-) -> None:
-    for rule, (_, file) in lift.items():
-        replay = replay_file(file)
-        assert replay.same, (rule, [stream for stream in replay.streams if stream.differ])
-        (events,) = (stream for stream in replay.streams if stream.stream == Event.topic)
-        assert events.recorded == events.replayed > 5
-        looks = [m for m in McapReader(file).messages() if m.topic == HandLook.topic]
-        assert (len(looks) > 1000) == (rule == "hand")
-    # A part of it as well: what was seen of the hand before goes with it.
-    part = trim_session(lift["hand"][1], from_s=4.0, to_s=None, out=tmp_path / "part")
-    replay = replay_file(part)
-    assert replay.same, [stream for stream in replay.streams if stream.differ]
-    assert _slips_s(part) == [t_s for t_s in _slips_s(lift["hand"][1]) if t_s >= 4.0] != []
-
-
-@pytest.mark.slow
-def test_simulated_trials_tell_slips_by_touch_unless_they_are_told_otherwise(
-    lift: dict[str, tuple[Any, Path]],
-) -> None:
-    from tega.sim.trial import TrialPlan, run_trial
-
-    touch = lift["touch"][0]
-    assert run_trial(TrialPlan(**_PLAN)) == msgspec.structs.replace(touch, settings=())
+def test_played_looks_go_on_from_where_the_recording_is_jumped_to() -> None:
+    playhead = Playhead(from_s=6.0)
+    playhead.begin(10_000 * MS, 0)
+    looks = PlayedLooks([HandLook(t_ns=t * MS, seen_ns=t * MS) for t in range(0, 9000, 9)], playhead)
+    assert looks(0, 3.0) is None
+    first = looks(3 * MS, 3.0)
+    assert first is not None
+    assert (first.t_ns, first.seen_ns) == (3 * MS, 3 * MS), "6.003 s of the recording"
+    playhead.go_to(2.0)
+    playhead.reach(900 * MS)
+    seen = [look for t in range(900, 930, 3) if (look := looks(t * MS, 3.0)) is not None]
+    assert [look.t_ns // MS for look in seen] == [909, 918, 927]
+    assert [(look.seen_ns - playhead.shift_ns) // MS for look in seen] == [2007, 2016, 2025]

@@ -10,8 +10,8 @@ import numpy as np
 
 from tega.devices.base import SteeredHand, optional
 from tega.hand_poses import ClosureScale, load_poses
-from tega.hand_tips import tip_heights_mm
 from tega.records import HandLook
+from tega.teleop.hand import HAND_TICK_NS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from tega.teleop.arm import Steering
 
 
-# The rule was fitted on looks 10 ms apart; this is every third tick of the hand, and as often as a hand tells angles.
-LOOK_NS: Final = 9_000_000
+# The rule was fitted on looks 10 ms apart; a hand's process tells angles every 8 ms.
+LOOK_NS: Final = 3 * HAND_TICK_NS
 
 
 class HandLooks:
@@ -44,7 +44,10 @@ class HandLooks:
         closure: ClosureScale,
         now_ns: Callable[[], int],
     ) -> None:
+        from tega.hand_tips import tip_heights_mm  # a run without looks begins without it
+
         self._angles_rad, self._height_m, self._closure, self._now_ns = angles_rad, height_m, closure, now_ns
+        self._tips_mm = tip_heights_mm
         self._due_ns = 0
 
     def __call__(self, t_ns: int, level: float) -> HandLook | None:
@@ -57,11 +60,13 @@ class HandLooks:
         now_ns = self._now_ns()
         if now_ns < self._due_ns:
             return None
-        # Ticks that are made up for see one and the same hand: looked at once, at its own time.
-        self._due_ns = now_ns + LOOK_NS
+        # Ticks that are made up for see one and the same hand: looked at once, at its own time. Half a tick of lateness
+        # does not put off the next look.
+        self._due_ns = now_ns + LOOK_NS - HAND_TICK_NS // 2
         angles_rad, height_m = self._angles_rad(), self._height_m()
-        known = angles_rad is not None and height_m is not None and math.isfinite(height_m)
-        if angles_rad is None or not (known and np.isfinite(angles_rad).all()):
+        if angles_rad is None or height_m is None:
+            return HandLook(t_ns=t_ns, seen_ns=now_ns)
+        if not (math.isfinite(height_m) and np.isfinite(angles_rad).all()):
             return HandLook(t_ns=t_ns, seen_ns=now_ns)
         return HandLook(
             t_ns=t_ns,
@@ -69,7 +74,7 @@ class HandLooks:
             level=level,
             closure=self._closure(angles_rad),
             height_m=height_m,
-            tips_mm=tip_heights_mm(angles_rad),
+            tips_mm=self._tips_mm(angles_rad),
         )
 
 

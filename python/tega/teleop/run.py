@@ -184,7 +184,8 @@ def run_loop(
             hand=sinks.steered,
             authority=authority,
         ),
-        look=open_looks(config, hand=sinks.steered, arm=rig.steering, now_ns=pacer.elapsed_ns),
+        look=prepared.look
+        or open_looks(config, hand=sinks.steered, arm=rig.steering, now_ns=pacer.elapsed_ns),
     )
 
     def conclude(error: BaseException | None) -> dict[str, Any]:

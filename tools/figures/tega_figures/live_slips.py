@@ -29,7 +29,7 @@ _OBJECTS: Final = ("bottle", "container", "bag")
 _RULES: Final = ("touch", "hand")
 
 
-class _Heard(LiftRecorder):
+class _SlipKeeper(LiftRecorder):
     """Stands where a recorder does, and keeps a lift's slips instead of a file."""
 
     def __init__(self) -> None:
@@ -64,7 +64,7 @@ class LiveTrial(NamedTuple):
 
 def run(plan: TrialPlan) -> LiveTrial:
     """Run a trial and keep the slips that its loop told."""
-    heard, streams = _Heard(), Streams()
+    heard, streams = _SlipKeeper(), Streams()
     result = run_trial(plan, recorder=heard, streams=streams)
     t_s, speed = streams.array("truth", "t_s"), streams.array("truth", "slip_m_s")
     course = list(zip(t_s.tolist(), speed.tolist(), strict=True))
