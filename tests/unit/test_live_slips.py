@@ -193,6 +193,9 @@ def test_angles_that_stop_leave_slips_to_touch_and_take_over_again(what: NDArray
 
     alone, run = Ran(touch=_loaded, angles_rad=None), Ran(touch=_loaded, angles_rad=stops)
     assert run.slips_s == pytest.approx(alone.slips_s, abs=0.05)
+    # Nor does a height that was last known before the lift keep touch from telling.
+    early = Ran(touch=_loaded, angles_rad=lambda t_s: _angles_rad(t_s) if t_s < 0.9 else what)
+    assert early.slips_s == pytest.approx(alone.slips_s, abs=0.05)
     # Joints that stand still would have told nothing.
     frozen = Ran(touch=_loaded, angles_rad=lambda t_s: _angles_rad(min(t_s, 2.0)))
     assert frozen.slips_s == []
