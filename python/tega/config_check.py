@@ -188,6 +188,7 @@ def _typed_stages(
         **sections,
         beside=tuple(beside),
         adaptation=config.stages.adaptation,
+        slips=config.stages.slips,
         reflex=_typed_reflex(config, origins, convert),
     )
 

@@ -455,6 +455,9 @@ class StagesSection(_Section, frozen=True):
         beside: Further metrics and decoders that look on and are recorded; they move nothing.
         adaptation: Whether the decoder's samples follow slow changes of skin and electrodes.
         reflex: Adds to the closure between decoder and limits, by what the fingertips feel.
+        slips: What tells mapping and reflex of slips: ``hand`` (fingertips, hand's joints and arm's height, where hand
+            and arm tell them, else the fingertips alone) or ``touch`` (these alone). Where it is not set a run goes by
+            ``hand``, a simulated trial by ``touch``.
     """
 
     metric: StageConfig = StageConfig()
@@ -463,6 +466,7 @@ class StagesSection(_Section, frozen=True):
     beside: tuple[BesideConfig, ...] = ()
     adaptation: AdaptationSection = AdaptationSection()
     reflex: ReflexSection = ReflexSection()
+    slips: Literal["hand", "touch"] | None = None
 
 
 class MaskingSection(_Section, frozen=True):

@@ -235,6 +235,16 @@ def test_a_nuisance_is_survived(fault: str) -> None:
         assert any(hand.say("look")["duties"])
 
 
+def test_a_hand_that_falls_silent_says_so_until_it_reports_again() -> None:
+    with Emulator("allegro_port") as hand, _driver(hand, silent_after_ms=300.0) as driver:
+        assert _until(lambda: not driver.silent)
+        hand.say("power-cycle")
+        assert _until(lambda: driver.silent)
+        assert np.isfinite(driver.angles_rad).all(), "the last ones stand"
+        assert _until(lambda: not driver.silent)
+    assert driver.silent
+
+
 def test_an_adapter_that_goes_away_is_said() -> None:
     with Emulator("allegro_port") as hand, _driver(hand, reconnects=1, silent_after_ms=300.0) as driver:
         driver.step(1)

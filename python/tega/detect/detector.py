@@ -77,7 +77,7 @@ class Rise:
 
 
 class Detector:
-    """Finds events. Times given to it must not fall.
+    """Finds events. Times of a finger must not fall, nor those of hand and arm.
 
     Args:
         settings: Its numbers.
@@ -97,7 +97,7 @@ class Detector:
         self._grasp_s: float | None = None
         self._lost_s = self._gained_s = -math.inf
         self._next_s = -math.inf
-        self._level: int | None = None
+        self._level: float | None = None
         self._closure, self._height = (TwoMeans(settings.quick_s, settings.slow_s) for _ in range(2))
         self._base_m = self._floor_m = math.inf
         self._lifted = False
@@ -158,7 +158,7 @@ class Detector:
         self,
         t_s: float,
         *,
-        level: int | None = None,
+        level: float | None = None,
         closure: float | None = None,
         height_m: float | None = None,
         tips_mm: Mapping[str, float] | None = None,
@@ -175,10 +175,15 @@ class Detector:
         """
         found: list[DetectedEvent] = []
         self._level = level
-        if closure is not None:
+        # What is no longer measured says nothing: the rules that need it give way to those that do not.
+        if closure is None:
+            self._closure.forget()
+        else:
             self._closure.add(t_s, closure)
             found += self._squeeze(t_s, closure)
-        if height_m is not None:
+        if height_m is None:
+            self._height.forget()
+        else:
             self._height.add(t_s, height_m)
             found += self._lift(t_s, height_m)
         if not tips_mm:  # the other rules take over

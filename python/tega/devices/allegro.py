@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -33,6 +34,8 @@ if TYPE_CHECKING:
 _BITRATE = 1_000_000
 _START_S = 10.0
 _KEPT = 16_384
+# The hand's process tells how it is 125 times a second.
+_UNHEARD_S = 0.1
 _REFUSED = frozenset({"wrong-version", "wrong-side"})
 
 _Share = Annotated[float, msgspec.Meta(gt=0, le=1)]
@@ -101,6 +104,7 @@ class Allegro(Opened):
         self._end: HandEnd | None = None
         self._warm: HandProcess | None = None
         self._seen: HandNews | None = None
+        self._heard_s = 0.0
         self._ready = threading.Event()
         self._alert = HandAlert(self)
         self._sent: deque[CanFrame] = deque(maxlen=_KEPT)
@@ -282,6 +286,13 @@ class Allegro(Opened):
         return np.full(16, np.nan) if seen is None or seen.angles_rad is None else seen.angles_rad
 
     @property
+    def silent(self) -> bool:
+        """Whether the joint angles are older than the watchdog allows, or the hand's process tells nothing any more."""
+        seen = self._seen
+        late = time.monotonic() - self._heard_s > _UNHEARD_S
+        return seen is None or seen.state.phase != "running" or late
+
+    @property
     def target_rad(self) -> NDArray[np.float64] | None:
         """Joint targets of the last cycle, float64 (16,), rad; ``None`` before the first."""
         return None if self._seen is None else self._seen.target_rad
@@ -353,7 +364,7 @@ class Allegro(Opened):
 
     def _take(self, spoken: list[HandSpoken], seen: HandNews) -> None:
         """Take what the loop tells."""
-        self._seen = seen
+        self._seen, self._heard_s = seen, time.monotonic()
         for said in spoken:
             self._sent.extend(said.taken)
             if said.left_ns:

@@ -257,6 +257,7 @@ OPTIONAL: Final[Mapping[str, Any]] = MappingProxyType(
         "condition": "",
         "battery_percent": None,
         "confirmed_rest": False,
+        "silent": False,
     }
 )
 """What a driver may have beyond its protocol, by name, and what is taken of one that has it not.
@@ -266,7 +267,8 @@ saturation cannot be told; ``measured_hz``, the samples per second that really c
 the signal now, one sentence each, which a run shows as an alert. A camera: ``faults``, why the newest picture was not
 given, which a run tells where the finger has none. A hand that is steered: ``problem``, what is wrong with it now,
 ``""`` for nothing, which a run shows likewise; ``guard_problem``, why no other process would switch its motors off if
-this program were killed, which holds a run. A vest: ``reached``, whether frames arrive; ``spared``, how
+this program were killed, which holds a run; ``silent``, whether its joint angles are older than its watchdog allows,
+so that no slip is told by them. A vest: ``reached``, whether frames arrive; ``spared``, how
 many it did not send because it showed them already; ``in_steps``, whether it shows 16 steps and nothing between;
 ``condition``, what it says of itself now, one line for a run to show; ``battery_percent``, its battery;
 ``confirmed_rest``, whether it is closed and has answered that its motors rest.
@@ -320,7 +322,7 @@ class HandDriver(Device, Protocol):
 class SteeredHand(Device, Protocol):
     """A robot hand that closes its own loop: it is told a level and what is added, and steers on the angles it reads.
 
-    It may have ``problem`` (:data:`OPTIONAL`).
+    It may have ``problem`` and ``silent`` (:data:`OPTIONAL`).
     """
 
     label: ClassVar[str]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from tega.devices.base import EmgSource, TactileSource
     from tega.inbox.sources import Contact, EmgBlock, SourceReport
     from tega.inbox.stream import Stream
+    from tega.records import HandLook
     from tega.stages.base import Decoder
 
 
@@ -63,6 +64,8 @@ class Prepared(NamedTuple):
         calibration: The maxima.
         calibration_name: Base name of their file, or whose they are; ``""`` when they came from the recording.
         warnings: What is to be known of them.
+        look: Gives at a tick, by the level asked for, the look at hand and arm where those are known from somewhere
+            else; hand and arm of the run are then not looked at.
     """
 
     fingers: Mapping[str, Finger]
@@ -70,6 +73,7 @@ class Prepared(NamedTuple):
     calibration: Calibration
     calibration_name: str
     warnings: tuple[str, ...] = ()
+    look: Callable[[int, float], HandLook | None] | None = None
 
     @property
     def sources(self) -> list[TactileSource | EmgSource]:

@@ -34,6 +34,7 @@ _LEADING = frozenset(
         "TriedMotor",
         "Imposed",
         "ReflexGrip",
+        "HandLook",
         "ArmTurn",
     )
 )

@@ -20,6 +20,7 @@ from tega.records.hand import (
     BusFrame,
     HandCommand,
     HandExchange,
+    HandLook,
     Imposed,
     Joints,
     ReflexGrip,
@@ -64,6 +65,7 @@ __all__ = [
     "ForearmPose",
     "HandCommand",
     "HandExchange",
+    "HandLook",
     "Haptics",
     "HeardMarker",
     "Imposed",
@@ -133,5 +135,6 @@ RECORDS: tuple[type[Record], ...] = (
     Adaptation,
     MuscleCondition,
     ReflexGrip,
+    HandLook,
 )
 """All of them."""

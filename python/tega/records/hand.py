@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import msgspec
 
-from tega.records.base import Ns, Record, Share, Step, quantity
+from tega.records.base import Millimetres, Ns, Record, Share, Step, quantity
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -140,6 +140,29 @@ class ReflexGrip(Record, frozen=True, kw_only=True):
     measured: Levels | None = None
     wish: Share = 0.0
     cause: str = ""
+
+
+class HandLook(Record, frozen=True, kw_only=True):
+    """Look at hand and arm by which slips are told, where mapping or reflex want events.
+
+    Attributes:
+        t_ns: The tick, since the start of the session.
+        seen_ns: When it was looked.
+        level: Closure asked for, with what a reflex adds, 1 to 5; ``None``, as all that follows, where hand or arm told
+            nothing that is fresh: slips were then told by touch alone.
+        closure: Closure by the hand's joints, levels.
+        height_m: Of the arm's end.
+        tips_mm: Height of each fingertip over the palm, thumb first; empty where not known.
+    """
+
+    topic: ClassVar[str] = "/hand/look"
+
+    t_ns: Ns
+    seen_ns: Ns = 0
+    level: Levels | None = None
+    closure: Levels | None = None
+    height_m: Annotated[float, quantity("m")] | None = None
+    tips_mm: tuple[Millimetres, ...] = ()
 
 
 class Joints(Record, frozen=True, kw_only=True):

@@ -165,7 +165,7 @@ class Event(Record, frozen=True, kw_only=True):
     """An event of touch: a finger makes contact, lets go, or the object slips, as :mod:`tega.detect` finds it.
 
     Attributes:
-        t_ns: Time of the picture that showed it, since the start of the session.
+        t_ns: Time of the picture, or the tick of the look at the hand, that showed it, since the start of the session.
         finger: Whose it is; ``""`` for the whole hand.
         kind: ``contact``, ``release`` or ``slip``.
         confidence: 0 to 1; half where it is just an event.

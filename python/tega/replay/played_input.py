@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
+
+import msgspec
 
 from tega.devices.base import DeviceInfo
 from tega.foreign_file import tells_damage
@@ -18,6 +20,7 @@ from tega.stages.choose import muscle_decoder
 from tega.teleop.loop import FIRST_LEVEL
 
 if TYPE_CHECKING:
+    from tega.records import HandLook
     from tega.replay.measured import Measured
     from tega.replay.play_clock import PlayClock
     from tega.replay.playhead import Playhead
@@ -90,7 +93,13 @@ def played_input(
             ).stream,
         )
     name = head.facts["calibration"]
-    return Prepared(fingers, muscles, measured.calibration, "" if name == "self-calibrated" else name)
+    return Prepared(
+        fingers,
+        muscles,
+        measured.calibration,
+        "" if name == "self-calibrated" else name,
+        look=PlayedLooks(list(recorded.looks.values()), playhead) if recorded.looks else None,
+    )
 
 
 def _asked(
@@ -125,6 +134,32 @@ class _Played:
 
     def __init__(self, info: DeviceInfo) -> None:
         self.info = info
+
+
+class PlayedLooks:
+    """Gives the recorded looks at hand and arm, each at the tick at which it came then.
+
+    Args:
+        looks: In the order of their times.
+        playhead: Says what of them is played.
+    """
+
+    def __init__(self, looks: Sequence[HandLook], playhead: Playhead) -> None:
+        self._looks, self._playhead = looks, playhead
+        self._n_jumps = playhead.n_jumps
+        self._next = bisect_left(looks, playhead.from_ns, key=lambda look: look.t_ns)
+
+    def __call__(self, t_ns: int, _level: float) -> HandLook | None:
+        """Return the look that is due at a tick of the run; ``None`` where none is."""
+        shift_ns = self._playhead.shift_ns
+        if self._n_jumps != self._playhead.n_jumps:
+            self._n_jumps = self._playhead.n_jumps
+            self._next = bisect_right(self._looks, t_ns - shift_ns, key=lambda look: look.t_ns)
+        if self._next >= len(self._looks) or self._looks[self._next].t_ns + shift_ns > t_ns:
+            return None
+        look = self._looks[self._next]
+        self._next += 1
+        return msgspec.structs.replace(look, t_ns=t_ns, seen_ns=look.seen_ns + shift_ns)
 
 
 class Switched:

@@ -204,6 +204,7 @@ def _run(recorded: Recorded, measured: Measured, bus: Bus) -> _Again:
         endless=bool(recorded.turns),
         tried=tried if recorded.tried else lambda _t_ns, frame: frame,
         reflex=reflex,
+        look=(lambda t_ns, _level: recorded.looks.get(t_ns)) if recorded.looks else None,
     )
     ended = "" if recorded.end is None else recorded.end[1]
     duration_ns = recorded.end[0] if recorded.end is not None and ended == "duration" else None

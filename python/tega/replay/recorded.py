@@ -30,6 +30,7 @@ from tega.records import (
     Event,
     HandCommand,
     HandExchange,
+    HandLook,
     Imposed,
     Intent,
     ReflexGrip,
@@ -94,6 +95,7 @@ class Recorded(msgspec.Struct):
         adaptations: Gains and offsets of EMG, in order, as recorded.
         imposed: When a level was set against the muscles: time, level (0 for no longer).
         reflex: What the reflex added, tick by tick, as recorded.
+        looks: Looks at hand and arm by which slips were told, by tick; none in recordings that told them by touch.
         markers: Marked moments: time, text.
         end: How the loop ended; ``None`` where the recording was cut.
         dropped: Records lost, by topic.
@@ -120,6 +122,7 @@ class Recorded(msgspec.Struct):
     tried: list[tuple[int, int, int]] = []
     imposed: list[tuple[int, float]] = []
     reflex: list[ReflexGrip] = []
+    looks: dict[int, HandLook] = {}
     markers: list[tuple[int, str]] = []
     beside: dict[str, list[Any]] = {}
     adaptations: list[Adaptation] = []
@@ -243,6 +246,8 @@ def _take(recorded: Recorded, message: Message, chunk: Callable[[EmgChunk], None
             recorded.events.append(read(Event, value))
         case "tega.ReflexGrip":
             recorded.reflex.append(read(ReflexGrip, value))
+        case "tega.HandLook":
+            recorded.looks[value.t_ns] = read(HandLook, value)
         case "tega.Adaptation":
             recorded.adaptations.append(read(Adaptation, value))
         case "tega.BesideContact" | "tega.BesideIntent":

@@ -13,6 +13,7 @@ from tega.bus import Bus
 from tega.clock import ManualClock, PausableClock, SystemClock
 from tega.config import FINGERS
 from tega.errors import InvalidValueError
+from tega.hand_poses import ClosureScale
 from tega.inbox.frames import FrameMeter
 from tega.inbox.sources import BlockMeter, SourceReport
 from tega.records import BesideContact, BesideIntent, Contact, Intent
@@ -20,7 +21,7 @@ from tega.safety.guard import Guard
 from tega.sim.beside import BesideNotes
 from tega.sim.commanded import BlockSource, StraightBlocks, level_of_drive
 from tega.sim.conditions import ARMS, worn
-from tega.sim.hand import SimulatedAllegro, SimulatedBus
+from tega.sim.hand import SimulatedAllegro, SimulatedBus, encoded
 from tega.sim.lab import EMG_HZ
 from tega.sim.other_trial import other_vest
 from tega.sim.pacing import SimulatedPacer
@@ -28,10 +29,11 @@ from tega.sim.plan import TrialPlan, TrialResult
 from tega.sim.reflex import trial_reflex
 from tega.sim.rig import TrialRig
 from tega.sim.score import LIFT_WINDOW_S, ON_MARK_M, UPRIGHT, TrialScorer
-from tega.sim.true_touch import TrueTouch, touch_of
+from tega.sim.true_touch import TrueTouch, stages_of, touch_of
 from tega.stages.base import MeasuredPicture
 from tega.stages.choose import chosen_stage
 from tega.teleop.beside import look_on
+from tega.teleop.hand_look import HandLooks
 from tega.teleop.loop import DualLoop
 from tega.teleop.moment import LoopView, Moment
 from tega.view.state import EmgTail, ViewState
@@ -207,7 +209,8 @@ class Lift:
         pacer = SimulatedPacer(clock, rig.advance_to)
         pacer.start()
         if self._recorder is not None:
-            self._recorder.begin(self._lab, self._bus, layout=self.layout)
+            stages = stages_of(self._lab, self._plan)
+            self._recorder.begin(self._lab, self._bus, stages=stages, layout=self.layout)
         loop = DualLoop(
             pacer=pacer,
             touch=self._touch,
@@ -219,6 +222,7 @@ class Lift:
             bus=self._bus,
             guard=None if observer is None else Guard(),  # nothing here gets lost; its state is shown
             reflex=self._reflex,
+            look=self._looks() if self._lab.config.stages.slips == "hand" else None,
         )
         loop.run(stop=stop)
         self.scorer.close()
@@ -250,6 +254,18 @@ class Lift:
             beside=() if self._beside is None else self._beside.results(),
             placed=placed,
             off_mark_m=off_mark_m,
+        )
+
+    def _looks(self) -> HandLooks:
+        """Return the looks at hand and arm as their sensors tell them."""
+        from tega.sim.world import GRASP_POSES_RAD
+
+        rig, world = self.rig, self.rig.world
+        return HandLooks(
+            lambda: encoded(world.angles_rad),
+            lambda: rig.act.forearm_m[0],
+            ClosureScale(GRASP_POSES_RAD),
+            lambda: rig.t_ns,
         )
 
     def _placed(self) -> tuple[bool, float]:

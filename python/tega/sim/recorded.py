@@ -16,6 +16,7 @@ from tega.sim.lab import EMG_HZ
 
 if TYPE_CHECKING:
     from tega.bus import Bus
+    from tega.config import StagesSection
     from tega.haptics import Layout
     from tega.sim.lab import Lab
     from tega.sim.plan import TrialResult
@@ -49,12 +50,13 @@ class LiftRecorder:
         self._recording: Recording | None = None
         self.told: list[dict[str, Any]] = []
 
-    def begin(self, lab: Lab, bus: Bus, *, layout: Layout) -> None:
+    def begin(self, lab: Lab, bus: Bus, *, stages: StagesSection, layout: Layout) -> None:
         """Begin the file of a lift.
 
         Args:
             lab: The person's lab.
             bus: The lift's.
+            stages: Of the lift, whose condition may have a mapping of its own.
             layout: Which motors the vest has.
         """
         replace = msgspec.structs.replace
@@ -63,6 +65,7 @@ class LiftRecorder:
             session=replace(
                 lab.config.session, pace="real" if self._real_time else "fast", out_dir=None, emulated=True
             ),
+            stages=stages,
             recording=replace(self._settings, dir=self._folder.absolute()),
         )
         emg = lab.muscles

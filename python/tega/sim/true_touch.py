@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final
 
+import msgspec
+
 from tega.config import FINGERS, StageConfig, StagesSection
 from tega.errors import InvalidValueError
 from tega.records import Contact, Event
@@ -102,6 +104,14 @@ class TrueTouch(TouchLoop):
         return self._told.shown(t_ns, contacts, slips)
 
 
+def stages_of(lab: Lab, plan: TrialPlan) -> StagesSection:
+    """Return the stages of a trial: those of its settings, with the mapping that its condition has."""
+    stages = lab.config.stages
+    if ARMS[plan.condition].tells != "events":
+        return stages
+    return msgspec.structs.replace(stages, mapping=StageConfig(name="pulses"))
+
+
 def touch_of(lab: Lab, plan: TrialPlan, *, layout: Layout) -> TouchLoop:
     """Return what makes the vest's frames in a trial: of what was measured, or of what is true.
 
@@ -111,8 +121,7 @@ def touch_of(lab: Lab, plan: TrialPlan, *, layout: Layout) -> TouchLoop:
         layout: Of the vest.
     """
     config, tells = lab.config, ARMS[plan.condition].tells
-    stages = StagesSection(mapping=StageConfig(name="pulses")) if tells == "events" else config.stages
-    mapping, mirror = vest_mapping(stages, plan.preset), config.vest.mirror
+    mapping, mirror = vest_mapping(stages_of(lab, plan), plan.preset), config.vest.mirror
     if tells in _SHOWN:
         return TrueTouch(tells, lab.touch, layout=layout, mirror=mirror, mapping=mapping)
     return TouchLoop(lab.touch, layout=layout, mirror=mirror, mapping=mapping)

@@ -25,6 +25,7 @@ from tega.inbox.inputs import Inputs, Seat
 from tega.teleop.arm_records import ArmRecords
 from tega.teleop.arm_view import ArmView, look
 from tega.teleop.moment import LoopView
+from tega.teleop.touch import STALE_NS
 
 _LEAVE_S = 5.0
 
@@ -59,6 +60,7 @@ class Steering:
         self._thread: threading.Thread | None = None
         self._command: ArmCommand | None = None
         self._view: ArmView | None = None
+        self._measured: StampedPose | None = None
         self._error = ""
         self._was_pressed = self._wants_clear = False
         self._state_s: dict[str, float] = dict.fromkeys(("idle", "following", "holding", "stopped"), 0.0)
@@ -102,6 +104,13 @@ class Steering:
         height_m = None if seen is None or seen.hand_m is None else seen.hand_m[2]
         words = "not yet" if seen is None else seen.words
         return view._replace(arm=words, seen_arm=seen, arm_height_m=height_m)
+
+    def height_m(self) -> float | None:
+        """Return the height of the arm's end, metres over its base; ``None`` unless measured in the last 100 ms."""
+        seen = self._measured
+        if seen is None or time.monotonic_ns() - seen.t_ns > STALE_NS:
+            return None
+        return float(seen.position_m[2])
 
     @property
     def infos(self) -> dict[str, DeviceInfo]:
@@ -182,6 +191,7 @@ class Steering:
         command = lead(self._chain, turn)
         self._arm.follow(command)
         self._command, self._view = command, look(turn, command, self._arm)
+        self._measured = turn.measured
         if command.state == "following" and command.target is not None and turn.measured is not None:
             off_m2 = math.dist(command.target.position_m, turn.measured.position_m) ** 2
             n, all_m2, most_m2 = self._off_m2

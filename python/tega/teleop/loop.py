@@ -23,7 +23,7 @@ from tega.inbox.inputs import Inputs
 from tega.inbox.sources import Contact, EmgBlock
 from tega.inbox.stream import NEVER_NS, Stream
 from tega.records import Contact as ContactRecord
-from tega.records import Event, HandCommand, Imposed, Intent, Joints, Skip, bus_frames
+from tega.records import Event, HandCommand, HandLook, Imposed, Intent, Joints, Skip, bus_frames
 from tega.teleop.hand import HAND_TICK_NS, Hand
 from tega.teleop.loop_report import LoopReport
 from tega.teleop.moment import LoopView, Moments
@@ -90,6 +90,8 @@ class DualLoop:
         tried: Given each vest frame; returns it with the motor that somebody tries.
         sent: Told what a real vest was sent of a frame; ``None`` where there is none.
         reflex: What it adds the hand is told beside the level that the person asks for; ``None`` without a reflex.
+        look: Gives at each tick of the hand, by the level asked for, a look at hand and arm for the slips that mapping
+            or reflex are told; ``None`` where it is too early for one. Without it slips are told by touch alone.
     """
 
     def __init__(
@@ -115,6 +117,7 @@ class DualLoop:
         tried: Callable[[int, MotorLevels], MotorLevels] = lambda _t_ns, frame: frame,
         sent: Callable[[int, MotorLevels | None], None] = lambda _t_ns, _sent: None,
         reflex: ReflexArc | None = None,
+        look: Callable[[int, float], HandLook | None] | None = None,
     ) -> None:
         self._pacer = pacer
         self._touch = touch
@@ -158,6 +161,8 @@ class DualLoop:
         reflexive = reflex is not None and reflex.reflex.wants_events
         if self._moments.wanted or self._bus.wants(Event) or reflexive:
             touch.find_events()
+        # Whoever only shows or records events has them by touch, for nothing.
+        self._look = look if touch.mapping.wants_events or reflexive else None
         self._vest = VestOutput(
             touch,
             self.report,
@@ -326,9 +331,22 @@ class DualLoop:
                     **felt._asdict(),
                 )
             )
+        self._tell_events(self._touch.found)
+
+    def _look_at_hand(self, t_ns: int) -> None:
+        """Tell the slips that hand and arm show."""
+        look = None if self._look is None or not self._asked else self._look(t_ns, self._asked)
+        if look is None:
+            return
+        self._bus.publish(look)
+        if slips := self._touch.look(look):
+            self._felt_anew = True
+            self._tell_events(slips)
+
+    def _tell_events(self, found: Sequence[Event]) -> None:
         if self.reflex is not None:
-            self.reflex.heard(self._touch.found)
-        for event in self._touch.found:
+            self.reflex.heard(found)
+        for event in found:
             told = msgspec.structs.replace(event, taken_ns=self._pacer.tick_ns)
             self._moments.event = told
             self._bus.publish(told)
@@ -342,6 +360,7 @@ class DualLoop:
             self._tick_vest(t_ns)
 
     def _tick_hand(self, t_ns: int) -> None:
+        self._look_at_hand(t_ns)
         wanted = FIRST_LEVEL if self._block is None else self._block.wanted
         level = wanted if self._guard is None else self._guard.level(wanted)
         imposed = level if level != wanted else 0

@@ -13,11 +13,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from threading import Lock
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-import numpy as np
-
-from tega.hand_poses import ClosureScale, load_poses
 from tega.records import Button, ReflexGrip
 from tega.stages.choose import grip_reflex
+from tega.teleop.hand_look import fresh_angles_rad, hand_closure
 
 if TYPE_CHECKING:
     from tega.bus import Bus
@@ -222,8 +220,7 @@ def open_reflex(
         return None
     dial, wanted = ReflexDial(settings.authority), authority()
     dial.listen(bus)
-    poses = getattr(config.hand.options, "poses", None)
-    closure = ClosureScale(None if poses is None else load_poses(poses))
+    closure = hand_closure(config)
 
     def moment(_t_ns: int) -> ReflexMoment:
         nonlocal wanted
@@ -231,7 +228,8 @@ def open_reflex(
             wanted = dial.authority = now
         if (share := dial.authority) <= 0 and arc.added <= 0:
             return ReflexMoment(0.0, allowed=True, measured=None)
-        measured = None if hand is None else closure(np.asarray(hand.angles_rad))
+        angles_rad = None if hand is None else fresh_angles_rad(hand)
+        measured = None if angles_rad is None else closure(angles_rad)
         return ReflexMoment(share, active(), measured)
 
     arc = ReflexArc(reflex, settings, moment=moment, tell=bus.publish)

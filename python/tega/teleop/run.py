@@ -16,6 +16,7 @@ from tega.stages.choose import finger_metric
 from tega.teleop.adapting import open_adaptation
 from tega.teleop.gc_pause import settle
 from tega.teleop.hand import Hand, ModelledAllegro
+from tega.teleop.hand_look import open_looks
 from tega.teleop.loop import DualLoop
 from tega.teleop.moment import LoopView, Moment
 from tega.teleop.motor_tests import MotorTests
@@ -183,6 +184,8 @@ def run_loop(
             hand=sinks.steered,
             authority=authority,
         ),
+        look=prepared.look
+        or open_looks(config, hand=sinks.steered, arm=rig.steering, now_ns=pacer.elapsed_ns),
     )
 
     def conclude(error: BaseException | None) -> dict[str, Any]:

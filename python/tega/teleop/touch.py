@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from tega.calibration import TouchMaxima
-    from tega.detect import Detector
+    from tega.detect import DetectedEvent, Detector
     from tega.haptics import FeltMap, Layout, Mirror
-    from tega.records import Contact
+    from tega.records import Contact, HandLook
     from tega.tactile import ContactMetrics
 
 
@@ -133,6 +133,22 @@ class TouchLoop:
                 self._events.extend(self.found)
         return felt
 
+    def look(self, look: HandLook) -> Sequence[Event]:
+        """Take in a look at hand and arm; return the slips that it shows."""
+        if self._detector is None:
+            return ()
+        found = self._detector.hand(
+            look.seen_ns / 1e9,
+            level=look.level,
+            closure=look.closure,
+            height_m=look.height_m,
+            tips_mm=dict(zip(FINGERS, look.tips_mm, strict=False)),
+        )
+        slips = [_event(one, look.t_ns) for one in found if one.kind == "slip"]
+        if self.mapping.wants_events:
+            self._events.extend(slips)
+        return slips
+
     def fresh(self, t_ns: int) -> Sequence[TouchMoment]:
         """Return what each finger feels at a time, thumb first; nothing where its frame is too old."""
         fresh = [_NOTHING] * len(FINGERS)
@@ -195,16 +211,17 @@ def _events(detector: Detector, finger: str, t_ns: int, metrics: ContactMetrics)
     if (shear := ShearFrame.of({value.name: value.value for value in metrics.more})) is not None:
         detector.shear(t_ns / 1e9, finger, shear)
     touch = TouchFrame(metrics.in_contact, metrics.eda, metrics.mass, metrics.peak, *metrics.centroid_xy)
-    return [
-        Event(
-            t_ns=t_ns,
-            finger=found.finger,
-            kind=found.kind,
-            confidence=found.confidence,
-            began_ns=round(found.t_s * 1e9),
-        )
-        for found in detector.touch(t_ns / 1e9, finger, touch)
-    ]
+    return [_event(found, t_ns) for found in detector.touch(t_ns / 1e9, finger, touch)]
+
+
+def _event(found: DetectedEvent, t_ns: int) -> Event:
+    return Event(
+        t_ns=t_ns,
+        finger=found.finger,
+        kind=found.kind,
+        confidence=found.confidence,
+        began_ns=min(round(found.t_s * 1e9), t_ns),
+    )
 
 
 def _share(value: float, maximum: float | None) -> float:

@@ -1,0 +1,148 @@
+"""Runs look at hand and arm for slips, on emulated devices and on the bench, and are computed again alike."""
+
+from __future__ import annotations
+
+import csv
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+from tega.bus import Bus
+from tega.config import check_tree
+from tega.recording.mcap_reader import McapReader
+from tega.recording.trim import trim_session
+from tega.records import Event, HandLook
+from tega.records.schema import read
+from tega.replay import replay_file
+from tega.replay.play import play_file
+from tega.replay.recorded import read_recorded
+from tega.teleop import LoopView, run_session
+from tega_emulators.lab import emulated_lab
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(sys.platform == "win32", reason="needs Linux or macOS"),
+]
+pytest.importorskip("foxglove", reason="comes with the extra record")
+
+
+def test_a_run_looks_at_hand_and_arm_and_goes_by_touch_while_the_hand_is_silent(tmp_path: Path) -> None:
+    with emulated_lab(tmp_path, arm=True, hand=True, emg_hz=250.0, vest=True, fingers=("index",)) as lab:
+        lab.tree["stages"] = {"mapping": {"name": "pulses"}}
+        lab.tree["recording"] = {"dir": str(tmp_path / "recorded"), "lossless": True}
+        lab.tree["hand"]["options"] |= {"silent_after_ms": 300.0, "reconnects": 5}
+        until_s, seen_ns, cycled = time.monotonic() + 60, list[int](), False
+
+        def look(view: LoopView) -> None:
+            nonlocal cycled
+            seen_ns.append(view.t_ns)
+            if not cycled and view.t_ns - seen_ns[0] > 1e9:
+                cycled = True
+                lab.hand.say("power-cycle")
+
+        summary = run_session(
+            check_tree(lab.tree, {}, base=tmp_path).config,
+            observer=look,
+            stop=lambda: (len(seen_ns) > 0 and seen_ns[-1] - seen_ns[0] > 5e9) or time.monotonic() > until_s,
+        )
+    file = tmp_path / "recorded" / summary["recording"]["file"]
+    looks = [read(HandLook, m.value) for m in McapReader(file).messages() if m.topic == HandLook.topic]
+    whole = [look.closure is not None for look in looks]
+    turns = [now for n, now in enumerate(whole) if n == 0 or whole[n - 1] != now]
+    assert turns[-3:] == [True, False, True], turns
+    for one in looks:
+        if one.closure is not None:
+            assert one.height_m is not None
+            assert one.level is not None
+            assert 0 < one.height_m < 1
+            assert 1 <= one.closure <= 5
+            assert len(one.tips_mm) == 4
+        assert one.seen_ns >= one.t_ns
+    replay = replay_file(file)
+    assert replay.same, [stream for stream in replay.streams if stream.differ]
+
+
+_PLAN: dict[str, Any] = {"object": "bag", "condition": "event-gated", "seed": 7003}
+
+
+@pytest.fixture(scope="module")
+def lift(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Any, Path]]:
+    """A simulated person's lift with each rule: result and recording."""
+    pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
+    pytest.importorskip("foxglove", reason="needs the extra tega[record]")
+    from tega.sim.recorded import LiftRecorder
+    from tega.sim.trial import TrialPlan, run_trial
+
+    lifts = {}
+    for rule in ("touch", "hand"):
+        folder = tmp_path_factory.mktemp(f"by-{rule}")
+        plan = TrialPlan(**_PLAN, settings=(f"stages.slips={rule}",))
+        result = run_trial(plan, recorder=LiftRecorder(folder / "recorded", real_time=False))
+        (file,) = (folder / "recorded").glob("*.mcap")
+        lifts[rule] = result, file
+    return lifts
+
+
+def _slips_s(file: Path) -> list[float]:
+    reader = McapReader(file)
+    events = [read(Event, m.value) for m in reader.messages() if m.topic == Event.topic]
+    return [event.taken_ns / 1e9 for event in events if event.kind == "slip"]
+
+
+def test_a_simulated_object_slides_and_joints_and_height_tell_it_where_touch_does_not(
+    lift: dict[str, tuple[Any, Path]],
+) -> None:
+    result, file = lift["hand"]
+    slid_s = [event.t_s for event in result.events if event.kind == "slip"]
+    told_s = _slips_s(file)
+    assert len(slid_s) == len(told_s) == 2
+    assert all(0 <= told - slid < 0.1 for slid, told in zip(slid_s, told_s, strict=True))
+    result, file = lift["touch"]
+    slid_s = [event.t_s for event in result.events if event.kind == "slip"]
+    assert len(slid_s) > 0
+    assert _slips_s(file) == []
+
+
+def test_a_recording_replays_by_the_rule_that_it_was_made_with(
+    lift: dict[str, tuple[Any, Path]], tmp_path: Path
+) -> None:
+    for rule, (_, file) in lift.items():
+        replay = replay_file(file)
+        assert replay.same, (rule, [stream for stream in replay.streams if stream.differ])
+        (events,) = (stream for stream in replay.streams if stream.stream == Event.topic)
+        assert events.recorded == events.replayed > 5
+        looks = [m for m in McapReader(file).messages() if m.topic == HandLook.topic]
+        assert (len(looks) > 1000) == (rule == "hand")
+    # A part of it as well: what was seen of the hand before goes with it.
+    part = trim_session(lift["hand"][1], from_s=4.0, to_s=None, out=tmp_path / "part")
+    replay = replay_file(part)
+    assert replay.same, [stream for stream in replay.streams if stream.differ]
+    assert _slips_s(part) == [t_s for t_s in _slips_s(lift["hand"][1]) if t_s >= 4.0] != []
+
+
+def test_a_recording_that_is_played_tells_the_same_slips_and_pulses(
+    lift: dict[str, tuple[Any, Path]], tmp_path: Path
+) -> None:
+    config = check_tree({"session": {"out_dir": str(tmp_path / "out")}}, {}, base=tmp_path).config
+    bus, events = Bus(), list[Event]()
+    bus.subscribe(Event, events.append, vital=True)
+    file = lift["hand"][1]
+    play_file(file, config, speed=None, bus=bus)
+    assert [event.taken_ns / 1e9 for event in events if event.kind == "slip"] == _slips_s(file)
+    then = {round(t_ns / 1e9, 6): list(levels) for t_ns, _, levels in read_recorded(file).vest}
+    with (tmp_path / "out" / "vest.csv").open(newline="") as text:
+        now = {float(row[0]): [int(v) for v in row[1:]] for row in list(csv.reader(text))[1:]}
+    assert now == then
+
+
+def test_simulated_trials_tell_slips_by_touch_unless_they_are_told_otherwise(
+    lift: dict[str, tuple[Any, Path]],
+) -> None:
+    from tega.sim.trial import TrialPlan, run_trial
+
+    touch = lift["touch"][0]
+    assert run_trial(TrialPlan(**_PLAN)) == msgspec.structs.replace(touch, settings=())
