@@ -109,7 +109,8 @@ class PictureCheck:
             counts.stuck += self._n_equal == _STUCK - 1
             return "duplicate"
         self._n_equal = 0
-        if float(image[::_SAMPLE, ::_SAMPLE].mean()) < _BLACK:
+        sample = image[::_SAMPLE, ::_SAMPLE]
+        if np.add.reduce(sample, axis=None) < _BLACK * sample.size:
             counts.black += 1
             return "black"
         n_rows = max(2, len(image) // _TAIL_SHARE)

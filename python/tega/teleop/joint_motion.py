@@ -52,6 +52,8 @@ class JointMotion:
         self._rest: _Rest | None = None
         self._told: tuple[int, ...] = ()
         self._first: tuple[int, NDArray[np.float64]] | None = None
+        self._looked_at: tuple[_Rest | None, NDArray[np.float64] | None] = (None, None)
+        self._moved = False
         self.n_unmoved = 0
 
     def look(self, now_ns: int, level: float | None, block: tuple[int, ...] | None) -> tuple[int, ...] | None:
@@ -112,6 +114,9 @@ class JointMotion:
         self._held, self._rest, self._told, self._first = level, None, (), None
         self._seen.clear()
 
-    @staticmethod
-    def _beyond(rest: _Rest, angles: NDArray[np.float64]) -> bool:
-        return bool((np.abs(angles - rest.mean_rad) > rest.threshold_rad).any())
+    def _beyond(self, rest: _Rest, angles: NDArray[np.float64]) -> bool:
+        """Whether a joint has moved; a hand that has told nothing new is not looked at again."""
+        if rest is not self._looked_at[0] or angles is not self._looked_at[1]:
+            self._looked_at = rest, angles
+            self._moved = bool((np.abs(angles - rest.mean_rad) > rest.threshold_rad).any())
+        return self._moved
