@@ -48,7 +48,8 @@ class LiveEmgOptions(Options, frozen=True, kw_only=True):
 
     Attributes:
         channels: Which channels to use, counted from 1; none means all.
-        measure_s: How long the true sample rate is measured at most when the source opens, unless it is another.
+        measure_s: The true sample rate is measured for so long at most when the source opens; a rate that seems wrong
+            is measured longer.
         silence_s: Without a valid sample for this long the source is given up.
         start_s: How long the first valid sample may take.
     """
@@ -311,8 +312,8 @@ class LiveEmg(Opened):
     def _measure(self, clock: SampleClock, rate_hz: float) -> None:
         """Wait for the first sample, then measure until the rate is proven, or certainly another.
 
-        It is proven once no lateness of a USB adapter can hide another; a source that is later than that is believed
-        after ``measure_s``.
+        It is proven once no lateness of a USB adapter can hide another. A source whose samples come later than that is
+        judged by its measured rate after ``measure_s``.
         """
         wait_s, patience_s = self._settings.start_s, _PATIENCE * self._settings.measure_s
         waited_s = measured_s = 0.0
