@@ -83,6 +83,19 @@ def test_another_rate_is_never_proven_however_its_samples_are_late(
         assert k % 40 or not clock.proves(1000.0, 0.05)
 
 
+def test_what_comes_after_a_proof_is_stamped_at_the_rate_that_was_measured() -> None:
+    # 3 % slow: at the rate it is said to have, the first second's stamps would come to lie 29 ms early.
+    clock, true_hz, k = SampleClock(1000.0), 970.0, 0
+    while not clock.proves(1000.0, 0.05):
+        k += 1
+        clock.take(4, round(k * 4 / true_hz * 1e9))
+    assert k * 4 / true_hz < 1.0
+    clock.restart()
+    for later in range(k + 1, k + round(true_hz / 4)):
+        true_ns = round(later * 4 / true_hz * 1e9)
+        assert abs(clock.take(4, true_ns).t_ns - true_ns) < 1 * MS
+
+
 def test_before_two_tenths_of_a_second_no_rate_is_claimed() -> None:
     clock = SampleClock(250.0)
     for k in range(1, 12):

@@ -79,7 +79,7 @@ pub(crate) struct Kernel {
 }
 
 impl Kernel {
-    /// A kernel; factors are sought for its weights, which takes up to some hundred microseconds.
+    /// A kernel, for whose weights factors are sought: [`Scratch`](crate::Scratch) keeps it from frame to frame.
     pub(crate) fn new(weights: [i32; 3], difference: Difference, squares: bool) -> Self {
         Self {
             weights,

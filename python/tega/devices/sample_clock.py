@@ -125,14 +125,13 @@ class SampleClock:
             rate_hz: The rate that is to be proven.
             tolerance: By what share the true rate may differ.
         """
-        points = list(self._points)
-        if self.measured_hz is None:
+        points, seconds = list(self._points), self.measured_s
+        if seconds <= _LATE_S or points[-1][0] == points[0][0]:
             return False
-        (n0, first_ns), (n1, last_ns) = points[0], points[-1]
-        n, seconds = n1 - n0, (last_ns - first_ns) * 1e-9
+        (n0, first_ns), n = points[0], points[-1][0] - points[0][0]
         off_line_s = [(t - first_ns) * 1e-9 - (k - n0) * seconds / n for k, t in points]
         late_s = max(_LATE_S, max(off_line_s) - min(off_line_s))
-        least, most = n / (seconds + late_s), n / max(seconds - late_s, 1e-9)
+        least, most = n / (seconds + late_s), math.inf if seconds <= late_s else n / (seconds - late_s)
         return rate_hz * (1 - tolerance) <= least and most <= rate_hz * (1 + tolerance)
 
     @property

@@ -1,4 +1,4 @@
-"""Scores the slips that a run's own loop tells, by touch alone and by hand and arm, each in the loop that it closes.
+"""Score the slips that a run's own loop tells, by touch alone and by hand and arm, each in the loop that it closes.
 
 ``python -m tega_figures.live_slips --seeds 9100:9124`` runs the same simulated people once with each rule.
 An event is there at the tick that tells it, with the cameras' delay.
@@ -30,7 +30,7 @@ _RULES: Final = ("touch", "hand")
 
 
 class _SlipKeeper(LiftRecorder):
-    """Stands where a recorder does, and keeps a lift's slips instead of a file."""
+    """Keeps a lift's slips, in the place of its recording."""
 
     def __init__(self) -> None:
         super().__init__(Path())
