@@ -49,7 +49,7 @@ def measure() -> None:
         packages = [package for package in packages if not package.startswith("tega[")]
         venv.create(place, with_pip=True)
         subprocess.run([python, "-m", "pip", "install", "--quiet", *packages], check=True)
-    command = [python, "-m", "tega.cli", "bench", "--json", "--picture", str(PICTURE)]
+    command = [python, "-m", "tega.ui.cli", "bench", "--json", "--picture", str(PICTURE)]
     sources = (PROJECT / "python", PROJECT / "tools" / "figures")
     env = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, sources))}
     said = subprocess.run(command, check=True, env=env, stdout=subprocess.PIPE, text=True).stdout

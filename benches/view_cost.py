@@ -18,9 +18,9 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
-from tega.sim.trial import TrialPlan, run_trial
-from tega.view.browser import BrowserView
-from tega.view.state import ViewState
+from tega.ui.view.browser import BrowserView
+from tega.ui.view.state import ViewState
+from tega_sim.trial import TrialPlan, run_trial
 
 RATE_HZ = 30.0
 SECONDS = 10.0

@@ -21,7 +21,7 @@ KINDS = ("tactile", "emg", "vest", "hand", "input", "tracker", "arm")
 
 def commands_page() -> str:
     """Write every verb's help as the program prints it."""
-    from tega.cli.main import cli
+    from tega.ui.cli.main import cli
 
     lines = ["# Commands", "", "Every verb with its options, as `--help` prints them.", ""]
 

@@ -20,12 +20,12 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Ellipse, FancyArrowPatch, FancyBboxPatch, Polygon, Rectangle
 from PIL import Image
 
-from tega.sim.demo import run_demo
-from tega.sim.trials import plan_trials
-from tega.sim.world import OBJECTS, World
-from tega.view.figures import FINGER_COLOURS
-from tega.view.state import ViewState
+from tega.ui.view.figures import FINGER_COLOURS
+from tega.ui.view.state import ViewState
 from tega_figures.world.solids import add_solids
+from tega_sim.demo import run_demo
+from tega_sim.trials import plan_trials
+from tega_sim.world import OBJECTS, World
 
 HERE = Path(__file__).resolve().parent
 INK, SOFT, PALE, ROBOT, PERSON = "#2b3440", "#4b5866", "#eef1f5", "#d9e8f5", "#fbeadb"
@@ -355,7 +355,7 @@ def _computed(page: str, folder: Path, until: str) -> None:
         elif block.language == "sh" and not block.mark:
             for line in filter(None, block.text.splitlines()):
                 if line.startswith("tega-teleop"):
-                    words = [sys.executable, "-m", "tega.cli", *line.split()[1:]]
+                    words = [sys.executable, "-m", "tega.ui.cli", *line.split()[1:]]
                     subprocess.run(words, cwd=folder, check=True, capture_output=True)
                 if until in line:
                     return

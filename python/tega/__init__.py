@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from types import ModuleType
 
-    from tega import config, devices, emg, errors, hand, haptics, tactile, teleop, wire
+    from tega import config, devices, emg, errors, hand, haptics, loop, tactile, wire
 
 __all__ = [
     "__version__",
@@ -27,8 +27,8 @@ __all__ = [
     "errors",
     "hand",
     "haptics",
+    "loop",
     "tactile",
-    "teleop",
     "wire",
 ]
 

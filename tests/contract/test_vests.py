@@ -19,19 +19,19 @@ import msgspec
 import numpy as np
 import pytest
 
-from tega.acceptance.outputs import accept_vest
 from tega.config import check_tree
-from tega.contract import check_driver
 from tega.devices import driver_class
-from tega.devices.player_link import PlayerLink
-from tega.devices.vest_player import PlayerVest
-from tega.devices.vest_stream import StreamedVest
+from tega.devices.contract import check_driver
+from tega.devices.vest.player_link import PlayerLink
+from tega.devices.vest.vest_player import PlayerVest
+from tega.devices.vest.vest_stream import StreamedVest
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.haptics import MotorLevels, vest_frame
-from tega.teleop import LoopView, run_session
-from tega.view.browser.state_html import status_html
-from tega.view.state import ViewState
+from tega.loop import LoopView, run_session
+from tega.ui.view.browser.state_html import status_html
+from tega.ui.view.state import ViewState
 from tega.wire import vest_levels
+from tega_bench.acceptance.outputs import accept_vest
 from tega_campaigns.faults.vests import trouble
 from tega_emulators.hid_port import HidPort
 from tega_emulators.process import Emulator

@@ -15,7 +15,7 @@ import tega
 import tega_campaigns
 import tega_emulators
 import tega_figures
-from tega.cli.main import _EARLIER, _VERBS
+from tega.ui.cli.main import _EARLIER, _VERBS
 
 PROJECT = Path(__file__).resolve().parents[2]
 PAGES = sorted([*PROJECT.glob("*.md"), *(PROJECT / "docs").rglob("*.md")])

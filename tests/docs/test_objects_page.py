@@ -9,8 +9,8 @@ import pytest
 from click.testing import CliRunner
 
 import tega_figures.world
-from tega.sim.world import read_objects
 from tega_figures.world.feasible import main
+from tega_sim.world import read_objects
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "evidence" / "objects.md"
 MAP = Path(tega_figures.world.__file__).with_name("feasible.json")

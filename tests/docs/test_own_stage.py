@@ -31,8 +31,8 @@ from collections import Counter
 from pathlib import Path
 from tega.config import load_config
 from tega.recording.mcap_reader import McapReader
-from tega.replay import replay_file
-from tega.teleop import run_session
+from tega.recording.replay import replay_file
+from tega.loop import run_session
 
 folder = Path(sys.argv[1])
 summary = run_session(load_config(folder / "lab.toml", environ={}).config)
@@ -169,14 +169,14 @@ def run(
 
 @pytest.mark.slow
 def test_the_examples_pass_the_contract_and_are_listed(installed: Installed) -> None:
-    done = run("-m", "tega.contract", *EXAMPLES.values(), python=installed.python)
+    done = run("-m", "tega.devices.contract", *EXAMPLES.values(), python=installed.python)
     assert done.returncode == 0, done.stdout + done.stderr
     assert [line.split()[:2] for line in done.stdout.splitlines()] == [["ok", n] for n in EXAMPLES.values()]
-    listed = json.loads(run("-m", "tega.cli", "stages", "--json", python=installed.python).stdout)
+    listed = json.loads(run("-m", "tega.ui.cli", "stages", "--json", python=installed.python).stdout)
     own = {stage["name"]: stage for stage in listed if stage["package"] != "tega"}
     assert set(own) == set(EXAMPLES.values())
     assert own["embedding"]["values"] == {"pc1": "grey", "pc2": "grey", "pc3": "grey"}
-    done = run("-m", "tega.contract", "one-channel", "--set", "rest=0.9", python=installed.python)
+    done = run("-m", "tega.devices.contract", "one-channel", "--set", "rest=0.9", python=installed.python)
     assert done.returncode == 2, done.stdout
     assert "a rest below full" in done.stdout
 
@@ -231,7 +231,7 @@ def test_the_examples_run_in_the_demo_and_are_in_its_tables(installed: Installed
     words = (
         "demo --fast --objects bottle --operator scripted --preset paper --config lab.toml --out demo --json"
     )
-    done = run("-m", "tega.cli", *words.split(), python=installed.python, cwd=tmp_path)
+    done = run("-m", "tega.ui.cli", *words.split(), python=installed.python, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     folder = tmp_path / "demo" / "1-bottle"
     values = rows(folder / "values.csv")
@@ -252,7 +252,7 @@ import sys
 from pathlib import Path
 from tega.config import check_tree
 from tega_emulators.lab import emulated_lab, PRESSED
-from tega.toml_text import tree_text
+from tega.runtime.files.toml_text import tree_text
 
 folder = Path(sys.argv[1])
 with emulated_lab(
@@ -291,7 +291,7 @@ def test_the_examples_run_on_emulated_devices_and_are_recorded(installed: Instal
 
 def test_without_its_package_a_recording_says_what_is_missing(tmp_path: Path) -> None:
     (tmp_path / "lab.toml").write_text(LAB)
-    done = run("-m", "tega.cli", "config", "check", "lab.toml", cwd=tmp_path)
+    done = run("-m", "tega.ui.cli", "config", "check", "lab.toml", cwd=tmp_path)
     assert done.returncode == 1
     assert "stages.metric.name: no metric is called 'embedding'" in done.stderr
 
@@ -318,7 +318,7 @@ def test_the_contract_finds_what_is_wrong(
     before = source.read_text()
     assert right in before
     source.write_text(before.replace(right, wrong))
-    done = run("-m", "tega.contract", EXAMPLES[package], path=tmp_path)
+    done = run("-m", "tega.devices.contract", EXAMPLES[package], path=tmp_path)
     assert done.returncode == 1, done.stdout + done.stderr
     assert rule in done.stdout
 

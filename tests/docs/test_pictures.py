@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from tega.view.browser.vest import vest_svg
-from tega.view.figures import FINGER_COLOURS
+from tega.ui.view.browser.vest import vest_svg
+from tega.ui.view.figures import FINGER_COLOURS
 
 PROJECT = Path(__file__).resolve().parents[2]
 IMAGES = PROJECT / "docs" / "images"

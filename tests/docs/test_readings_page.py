@@ -8,13 +8,13 @@ from typing import Any
 
 import pytest
 
-from tega.cli.main import main
 from tega.config import check_tree, load_config
 from tega.errors import ConfigError
+from tega.loop import run_session
 from tega.recording.mcap_reader import McapReader
-from tega.replay import replay_file
+from tega.recording.replay import replay_file
 from tega.stages import list_stages
-from tega.teleop import run_session
+from tega.ui.cli.main import main
 from tega_figures.places import PLACES, OpenPlace, places_table
 
 PROJECT = Path(__file__).resolve().parents[2]
@@ -48,7 +48,7 @@ def test_the_table_is_the_generated_one() -> None:
 
 @pytest.mark.parametrize(("place", "item"), CHOICES, ids=lambda one: getattr(one, "number", one))
 def test_a_setting_of_the_table_is_taken_and_told(place: OpenPlace, item: str) -> None:
-    from tega.sim.plan import loop_settings
+    from tega_sim.plan import loop_settings
 
     loaded = load_config(None, environ={}, sets=[*place.needs, item])
     key, _, said = item.partition("=")
@@ -73,7 +73,7 @@ def _is_everywhere(place: OpenPlace) -> bool:
 def test_a_setting_of_the_table_steers_a_simulated_lift(place: OpenPlace, item: str) -> None:
     """Demo, study and sim trials make their lifts this way; one for each choice, which takes long."""
     pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
-    from tega.sim.trials import plan_trials, run_trials
+    from tega_sim.trials import plan_trials, run_trials
 
     sets = (*place.needs, item)
     (lift,) = run_trials(plan_trials(["bottle"], ["haptic"], [1], settings=sets), jobs=1)
@@ -155,7 +155,7 @@ def test_every_verb_refuses_an_unknown_option_with_its_place_and_the_nearest_nam
 ) -> None:
     import numpy as np
 
-    from tega.study.plan import make_plan, write_plan
+    from tega_study.plan import make_plan, write_plan
 
     if "study" in words or "demo" in words or "sim" in words:
         pytest.importorskip("mujoco", reason="needs the extra tega[sim]")

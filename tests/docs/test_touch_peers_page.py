@@ -11,7 +11,6 @@ import pytest
 
 pytest.importorskip("cv2", reason="needs the extra tega[lab]")
 
-from tega.sim.gel import Gel, ball
 from tega_figures.touch_constants import RESULTS as CONSTANTS
 from tega_figures.touch_constants import TRIED
 from tega_figures.touch_constants import table as constants_table
@@ -30,6 +29,7 @@ from tega_figures.touch_peers.readings import (
     tracker,
 )
 from tega_figures.touch_recordings import GRIPS
+from tega_sim.gel import Gel, ball
 
 GEL = Gel(3)
 

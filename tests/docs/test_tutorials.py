@@ -15,7 +15,7 @@ import click
 import pytest
 
 from reference.page_blocks import blocks_of, commands_of
-from tega.cli.main import cli
+from tega.ui.cli.main import cli
 from tega_figures.strangers_path import PARTS, commands
 
 PROJECT = Path(__file__).resolve().parents[2]

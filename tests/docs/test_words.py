@@ -61,7 +61,7 @@ def test_a_page_has_no_retired_word(page: Path) -> None:
 
 @pytest.mark.parametrize(
     "file",
-    sorted([*(PROJECT / "python/tega/cli").rglob("*.py"), *(PROJECT / "tools").rglob("command.py")]),
+    sorted([*(PROJECT / "python/tega/ui/cli").rglob("*.py"), *(PROJECT / "tools").rglob("command.py")]),
     ids=lambda p: f"{p.parent.name}/{p.name}",
 )
 def test_help_and_messages_have_no_retired_word(file: Path) -> None:

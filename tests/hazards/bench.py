@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from tega.config import check_tree
+from tega.loop.moment import LoopView
+from tega.loop.session import run_session
 from tega.safety.states import Transition
 from tega.safety.stop import Stop
-from tega.teleop.moment import LoopView
-from tega.teleop.session import run_session
 from tega_emulators.lab import EmulatedLab, emulated_lab
 
 # A busy machine may need this long; who takes a guard out knows that there is nothing to wait for.

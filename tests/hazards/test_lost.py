@@ -16,11 +16,11 @@ import pytest
 from hazards.bench import LONGEST_S, Lab, lab
 from reference.processes import hand_guards
 from reference.waiting import until
-from tega.devices.allegro import Allegro, AllegroOptions
+from tega.devices.hand.allegro import Allegro, AllegroOptions
 from tega.errors import CalibrationError, DeviceUnavailableError, SampleRateError
 from tega.hand import CLOSURE_POSES_RAD, TORQUE_LIMITS
+from tega.loop.moment import LoopView
 from tega.recording.inspection import inspect_file
-from tega.teleop.moment import LoopView
 from tega_emulators.hid_port import HidBoard, HidPort
 from tega_emulators.process import Emulator
 from tega_emulators.vests import seen_by

@@ -24,9 +24,9 @@ from hazards.test_lost import TIGHT, closed, column
 from hazards.test_stop import start
 from reference.processes import begun_by, hand_guards
 from reference.waiting import until
-from tega.devices.allegro import Allegro, AllegroOptions
-from tega.devices.player_settings import PlayerOptions
-from tega.devices.vest_player import PlayerVest
+from tega.devices.hand.allegro import Allegro, AllegroOptions
+from tega.devices.vest.player_settings import PlayerOptions
+from tega.devices.vest.vest_player import PlayerVest
 from tega.haptics import vest_frame
 from tega_emulators.hid_port import HidBoard, HidPort
 from tega_emulators.process import Emulator
@@ -188,7 +188,7 @@ def test_a_killed_or_stuck_process_of_the_hand_is_let_go_of(
 ) -> None:
     with lab(tmp_path, emg=True, hand=True, vest=True, fingers=("thumb",)) as made:
         running = start(made)
-        (steers,) = begun_by(running.pid, "tega.devices.hand_program")
+        (steers,) = begun_by(running.pid, "tega.devices.hand.hand_program")
         began_s = time.monotonic()
         os.kill(steers, how)
         took_s = stamped(made.hand, let_go) - began_s

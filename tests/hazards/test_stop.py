@@ -20,7 +20,7 @@ from hazards.test_lost import closed, column
 
 pytestmark = pytest.mark.slow
 
-RUN = [sys.executable, "-m", "tega.cli", "run"]
+RUN = [sys.executable, "-m", "tega.ui.cli", "run"]
 
 
 def start(made: Lab, *, largest_file: int = resource.RLIM_INFINITY) -> subprocess.Popen[bytes]:
@@ -30,7 +30,7 @@ def start(made: Lab, *, largest_file: int = resource.RLIM_INFINITY) -> subproces
         "import resource, signal, sys\n"
         "signal.signal(signal.SIGHUP, signal.SIG_DFL)\n"
         f"resource.setrlimit(resource.RLIMIT_FSIZE, ({largest_file}, {largest_file}))\n"
-        "from tega.cli.main import main\n"
+        "from tega.ui.cli.main import main\n"
         "main(sys.argv[1:])\n"
     )
     words = [sys.executable, "-c", first, "run", str(made.write_settings()), "--json"]

@@ -22,29 +22,25 @@ from numpy.typing import NDArray
 
 from reference.scripted import MS, touching
 from reference.waiting import until
-from tega.calibration import TouchMaxima
 from tega.config import ReflexSection
+from tega.config.calibration import TouchMaxima
 from tega.devices import guard_process, hand_bus, hand_guard, hand_loop, vest_ble, vest_ble_guard, vest_stream
-from tega.devices.allegro import AllegroOptions
-from tega.devices.hand_guard import guard_hand
-from tega.devices.pedal import Pedal, PedalOptions
-from tega.devices.vest_stream import StreamedVest, VestLink, VestOptions
+from tega.devices.hand.allegro import AllegroOptions
+from tega.devices.hand.hand_guard import guard_hand
+from tega.devices.input.pedal import Pedal, PedalOptions
+from tega.devices.vest.vest_stream import StreamedVest, VestLink, VestOptions
 from tega.hand import HandController
-from tega.hand_link import HandLink, Received
+from tega.hand.link import HandLink, Received
 from tega.haptics import vest_frame
-from tega.inbox.sources import SourceReport
-from tega.net.clock import Offset
-from tega.net.gate import StampGate
-from tega.net.messages import Stamped
-from tega.net.settings import NetSection
+from tega.loop.hand import HAND_TICK_NS
+from tega.loop.inbox.sources import SourceReport
+from tega.loop.reflex import ReflexArc, ReflexMoment
+from tega.loop.touch import TouchLoop
 from tega.records import Contact, NamedValue
 from tega.safety.guard import Guard, Watched
 from tega.safety.settings import SafetySection
 from tega.stages.base import ReflexSetup
 from tega.stages.grip_reflex import GripReflex, GripReflexOptions
-from tega.teleop.hand import HAND_TICK_NS
-from tega.teleop.reflex import ReflexArc, ReflexMoment
-from tega.teleop.touch import TouchLoop
 from tega.wire import (
     HAND_FINGERS,
     AllegroTemperature,
@@ -52,6 +48,10 @@ from tega.wire import (
     allegro_report_frame,
     allegro_set_period,
 )
+from tega_link.clock import Offset
+from tega_link.gate import StampGate
+from tega_link.messages import Stamped
+from tega_link.settings import NetSection
 
 TICK_MS = HAND_TICK_NS / MS
 HELLO = Received(0x200, struct.pack("<HHBBB", 0x0402, 0x0406, 0, 45, 1))
@@ -467,7 +467,7 @@ def test_a_message_older_than_100_ms_is_not_used() -> None:
 
 
 def test_a_page_without_news_says_so_after_a_second_and_a_half() -> None:
-    server = pytest.importorskip("tega.view.browser.server")
+    server = pytest.importorskip("tega.ui.view.browser.server")
     told_s: list[float] = []
     page = SimpleNamespace(paint_state=lambda _loop, *, age_s, **_words: told_s.append(age_s))
     view = SimpleNamespace(

@@ -32,14 +32,14 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from property.test_foreign_files import FAR_NS, mutated
 from reference.foreign_readers import READERS
 from reference.recordings import pressed
-from tega.cli.main import main as tega
 from tega.config import check_tree
 from tega.errors import TegaError
-from tega.study import make_plan, read_plan, write_plan
-from tega.study.detecting import detected_path
-from tega.study.observe import Observing
-from tega.study.state import events_path, resume
-from tega.teleop import run_session
+from tega.loop import run_session
+from tega.ui.cli.main import main as tega
+from tega_study import make_plan, read_plan, write_plan
+from tega_study.detecting import detected_path
+from tega_study.observe import Observing
+from tega_study.state import events_path, resume
 
 _KINDS = (
     "attachment",

@@ -10,15 +10,15 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tega.calibration.gel import compare_gels, judge_rest
-from tega.calibration.maxima import touch_maxima
-from tega.calibration.person import felt_by
-from tega.calibration.practice import Curve, score
-from tega.calibration.presses import PRESSES, PressMeter
-from tega.calibration.records import EmgRecord, VestCalibration, read_record, write_record
-from tega.calibration.staircase import LEVEL_PERCENT, TOP_LEVEL, Ladder, highest_level
-from tega.calibration.wearing import SITES, judge_wearing
+from tega.config.calibration.records import EmgRecord, VestCalibration, read_record, write_record
 from tega.haptics import FeltMap, vest_frame
+from tega.setup.calibration.gel import compare_gels, judge_rest
+from tega.setup.calibration.maxima import touch_maxima
+from tega.setup.calibration.person import felt_by
+from tega.setup.calibration.practice import Curve, score
+from tega.setup.calibration.presses import PRESSES, PressMeter
+from tega.setup.calibration.staircase import LEVEL_PERCENT, TOP_LEVEL, Ladder, highest_level
+from tega.setup.calibration.wearing import SITES, judge_wearing
 from tega.tactile import ContactMetrics
 from tega.wire import vest_levels
 

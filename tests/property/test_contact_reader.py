@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tega.errors import DtypeError, InvalidValueError, ShapeError
-from tega.sim.gel import Gel, ball
 from tega.tactile import ContactReader, read_contact
+from tega_sim.gel import Gel, ball
 
 SIZES = [(320, 240), (240, 320), (120, 160), (213, 301), (96, 7), (16, 24), (1, 1)]
 GEL = Gel(5)

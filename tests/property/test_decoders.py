@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 pytest.importorskip("sklearn", reason="scikit-learn is not installed")
 
-from tega.contract import check_stage
-from tega.decoders import FEATURES, LearnedDecoder, Model, ProportionalDecoder, fit, load_model
-from tega.decoders.compare import Log, compare
-from tega.decoders.features import block_features
-from tega.decoders.stage import LearnedOptions, LearnedStage, ProportionalOptions, ProportionalStage
+from tega.devices.contract import check_stage
 from tega.errors import CalibrationError, ConfigError, InvalidValueError, ShapeError, TegaError
 from tega.stages import MuscleSetup
+from tega.stages.learned import FEATURES, LearnedDecoder, Model, ProportionalDecoder, fit, load_model
+from tega.stages.learned.compare import Log, compare
+from tega.stages.learned.features import block_features
+from tega.stages.learned.stage import LearnedOptions, LearnedStage, ProportionalOptions, ProportionalStage
 
 RATE_HZ, TAU = 1000.0, 100
 

@@ -11,12 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from tega.calibration import EmgMaxima
 from tega.config import AdaptationSection
+from tega.config.calibration import EmgMaxima
 from tega.devices.base import EmgChunk
 from tega.emg import InputKind
-from tega.emg_adaptation import MOST_GAIN, MOST_OFFSET, ChannelAdaptation, Switches, read_switches
-from tega.inbox.sources import BlockMeter, EmgBlock, SourceReport
+from tega.loop.emg_adaptation import MOST_GAIN, MOST_OFFSET, ChannelAdaptation, Switches, read_switches
+from tega.loop.inbox.sources import BlockMeter, EmgBlock, SourceReport
 from tega.records import Adaptation, AdaptationSwitch
 from tega.stages.choose import muscle_setup
 from tega.stages.decoders import RulesDecoder, RulesOptions

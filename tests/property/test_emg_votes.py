@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from reference import emg_votes as reference
 from tega.emg import InputKind
-from tega.emg_votes import ChannelVotes
+from tega.emg.votes import ChannelVotes
 
 Samples = NDArray[np.float64]
 FULL = 40.0

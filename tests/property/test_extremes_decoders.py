@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 pytest.importorskip("sklearn", reason="scikit-learn is not installed")
 
 from reference.extremes import Extreme
-from tega.decoders import LearnedDecoder, fit
 from tega.errors import TegaError
+from tega.stages.learned import LearnedDecoder, fit
 
 Array = NDArray[np.float64]
 RATE_HZ, TAU = 1000.0, 100

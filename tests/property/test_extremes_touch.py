@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from reference.extremes import Extreme
 from tega.errors import InvalidValueError
-from tega.sim.gel import Gel
-from tega.touch import TouchTracker, TrackedContact
+from tega.tactile.tracker import TouchTracker, TrackedContact
+from tega_sim.gel import Gel
 
 Image = NDArray[np.uint8]
 RATE_HZ = 60.0

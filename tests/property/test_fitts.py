@@ -9,8 +9,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from tega.errors import InvalidValueError
-from tega.skill.fitts import CONDITIONS, FittsCondition, Movement, fitts_score, index_of_difficulty
-from tega.skill.fitts_course import FittsCourse, FittsMovement, Target, fitts_plan
+from tega_practice.fitts import CONDITIONS, FittsCondition, Movement, fitts_score, index_of_difficulty
+from tega_practice.fitts_course import FittsCourse, FittsMovement, Target, fitts_plan
 
 
 def moved(

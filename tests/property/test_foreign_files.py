@@ -23,19 +23,19 @@ from mcap.writer import Writer
 from reference.filmed import packets, write_scene
 from reference.foreign_readers import READERS, npy, toml
 from reference.sessions import tree
-from tega.bus import Bus
-from tega.calibration import load_calibration
 from tega.config import load_config
+from tega.config.calibration import load_calibration
 from tega.errors import CalibrationError, ConfigError, RecordingError, TegaError
-from tega.foreign_file import MIB, load_npy
 from tega.recording.inspection import inspect_file
+from tega.recording.replay import replay_file
+from tega.recording.replay.followed_file import PlayedMoment
+from tega.recording.replay.play import play_file
+from tega.recording.replay.played_scene import followed_scene
 from tega.records import EmgSamples
-from tega.replay import replay_file
-from tega.replay.followed_file import PlayedMoment
-from tega.replay.play import play_file
-from tega.replay.played_scene import followed_scene
-from tega.scene.decode import ScenePicture
+from tega.records.bus import Bus
+from tega.runtime.files.foreign_file import MIB, load_npy
 from tega.stages.base import MeasuredPicture
+from tega_scene.decode import ScenePicture
 
 _FEW = settings(
     max_examples=60,
@@ -175,7 +175,7 @@ FAR_NS = [sign * size for size in (1_000_000, 10**12, 365 * 86_400 * 10**9, 2**6
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from tega.config import check_tree
-    from tega.teleop import run_session
+    from tega.loop import run_session
 
     folder = tmp_path_factory.mktemp("session") / "small"
     wanted = tree(folder)

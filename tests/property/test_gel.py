@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from reference.pad import pad_pose
 from tega import _native
-from tega.sim.gel import HEIGHT, PX_PER_MM, STIFFNESS_N_MM3, WIDTH, Gel, ball
-from tega.sim.seams import Indenter
+from tega_sim.gel import HEIGHT, PX_PER_MM, STIFFNESS_N_MM3, WIDTH, Gel, ball
+from tega_sim.seams import Indenter
 
 # One unit for all examples: what it shows depends on no earlier press, as test_gel.py says.
 GEL = Gel(11)

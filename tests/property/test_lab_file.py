@@ -9,8 +9,8 @@ import hypothesis.strategies as st
 from hypothesis import given
 
 from tega.devices import Found
-from tega.doctor import lab_settings
-from tega.doctor.bench import DriverLook
+from tega.setup.doctor import lab_settings
+from tega.setup.doctor.bench import DriverLook
 
 texts = st.text(max_size=30)
 values = st.one_of(texts, st.booleans(), st.integers(-(2**63), 2**63 - 1), st.floats(-1e9, 1e9))

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from tega.errors import ConfigError
 from tega.haptics import FINGERS, FeltMap
-from tega.motor_layout import SHIPPED, Motor, MotorLayout
+from tega.haptics.motor_layout import SHIPPED, Motor, MotorLayout
 from tega.records import Contact, Event
 from tega.stages import Mapping, VestSetup
 from tega.stages.changes import ChangesMapping, ChangesOptions

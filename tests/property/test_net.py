@@ -11,15 +11,16 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from tega.bus import Bus
 from tega.config import check_tree
 from tega.devices.base import EmgChunk
-from tega.inbox.sources import metrics_of, samples_of
-from tega.net.clock import ClockEstimate, Offset
-from tega.net.commands import Commands
-from tega.net.ends import FarMuscles, FarTracker
-from tega.net.gate import REFUSALS, StampGate
-from tega.net.messages import (
+from tega.loop.inbox.sources import metrics_of, samples_of
+from tega.records import Contact, Intent, PoseNumbers
+from tega.records.bus import Bus
+from tega_link.clock import ClockEstimate, Offset
+from tega_link.commands import Commands
+from tega_link.ends import FarMuscles, FarTracker
+from tega_link.gate import REFUSALS, StampGate
+from tega_link.messages import (
     ArmMessage,
     Feature,
     HandMessage,
@@ -32,10 +33,9 @@ from tega.net.messages import (
     decode,
     encode,
 )
-from tega.net.robot import RobotStation
-from tega.net.samples import SampleReceiver, SampleSender
-from tega.net.touch import FarTouch
-from tega.records import Contact, Intent, PoseNumbers
+from tega_link.robot import RobotStation
+from tega_link.samples import SampleReceiver, SampleSender
+from tega_link.touch import FarTouch
 
 TTL_NS = 100_000_000
 _ns = st.integers(-(10**10), 10**10)

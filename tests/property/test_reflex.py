@@ -12,10 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tega.config import FINGERS, ReflexSection
+from tega.loop.reflex import ReflexArc, ReflexDial, ReflexMoment
 from tega.records import Contact, Event, NamedValue, ReflexGrip
 from tega.stages.base import Reflex, ReflexSetup
 from tega.stages.grip_reflex import GripReflex, GripReflexOptions
-from tega.teleop.reflex import ReflexArc, ReflexDial, ReflexMoment
 
 TICK_NS = 3_000_000
 BACK_LEVELS_PER_S = 5.0

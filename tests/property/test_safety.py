@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from reference.vests import KeptVest
-from tega.devices.vest_stream import VestOptions
+from tega.devices.vest.vest_stream import VestOptions
 from tega.hand import TORQUE_LIMITS, HandController
-from tega.hand_link import HandLink, Received
+from tega.hand.link import HandLink, Received
 from tega.haptics import LAYOUTS, MotorLevels
 from tega.safety.guard import Guard
 from tega.safety.motor_budget import HEAT_TAU_S, MotorBudget

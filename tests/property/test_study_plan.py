@@ -11,10 +11,10 @@ from typing import Any
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tega.study import make_plan, read_plan, write_plan
-from tega.study.journal import read_events
-from tega.study.order import allocate, williams
-from tega.study.state import derive, events_path, resume
+from tega_study import make_plan, read_plan, write_plan
+from tega_study.journal import read_events
+from tega_study.order import allocate, williams
+from tega_study.state import derive, events_path, resume
 
 OBJECTS = ["bottle", "container", "bag", "cup", "box"]
 CONDITIONS = ["haptic", "non-haptic", "event-gated", "sham"]

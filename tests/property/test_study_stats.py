@@ -16,9 +16,9 @@ pytest.importorskip("statsmodels.stats.multitest")  # here, since it takes longe
 
 from scipy import stats
 
-from tega.study.coupling import TouchCourse, dwell, lag_sweep, on_grid, pearson, transitions
-from tega.study.people import ratio_of_means, sign_flip, within_person
-from tega.study.rank import holm, mann_whitney, rank_biserial_interval, shift
+from tega_study.coupling import TouchCourse, dwell, lag_sweep, on_grid, pearson, transitions
+from tega_study.people import ratio_of_means, sign_flip, within_person
+from tega_study.rank import holm, mann_whitney, rank_biserial_interval, shift
 
 small = st.lists(st.integers(0, 6).map(float), min_size=1, max_size=7)
 

@@ -9,7 +9,7 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tega.toml_text import toml_value, tree_text
+from tega.runtime.files.toml_text import toml_value, tree_text
 
 plain = (
     st.text()

@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 
 from tega import _native
 from tega.emg import ButterworthLowpass, GraspIntent
-from tega.sim.gel import Gel
-from tega.sim.seams import Indenter
 from tega.tactile import (
     TouchTracker,
     TrackedContact,
@@ -23,6 +21,8 @@ from tega.tactile import (
     pressure_map,
     read_contact,
 )
+from tega_sim.gel import Gel
+from tega_sim.seams import Indenter
 
 SIZES = ((120, 160), (240, 320), (61, 83))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tega.cli.main import main
+from tega.ui.cli.main import main
 
 
 def call(capsys: pytest.CaptureFixture[str], *words: object, code: int = 0) -> tuple[str, str]:

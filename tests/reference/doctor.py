@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from tega.config import load_config
-from tega.doctor import Examination, Finding, examine
+from tega.setup.doctor import Examination, Finding, examine
 
 
 def told(tmp_path: Path, settings: str) -> Examination:

@@ -31,7 +31,7 @@ _BACK_S = 0.5
 
 
 class ChannelVotes:
-    """Judges the channels of one source as :class:`tega.emg_votes.ChannelVotes` does.
+    """Judges the channels of one source as :class:`tega.emg.votes.ChannelVotes` does.
 
     Where ``_returns`` is made false, mains are looked for in every window, not only where its halves are alike.
     """

@@ -11,8 +11,8 @@ from foxglove import channels, messages
 from numpy.typing import NDArray
 
 from tega.recording.mcap_file import McapFile
-from tega.scene.settings import VideoFormat
-from tega.scene.video import SceneEncoder
+from tega_scene.settings import VideoFormat
+from tega_scene.video import SceneEncoder
 
 EPOCH_NS = 10**18
 SIZE = (96, 64)
@@ -46,7 +46,7 @@ def write_scene(
 ) -> Path:
     """Write packets by the monotonic clock as ``scene record`` does, in the order of their times."""
     file = McapFile(path, lossless=True)
-    file.metadata("tega.scene", {"clock": "monotonic", "epoch_ns": str(EPOCH_NS)} if table is None else table)
+    file.metadata("tega_scene", {"clock": "monotonic", "epoch_ns": str(EPOCH_NS)} if table is None else table)
     open_channels = {
         name: channels.CompressedVideoChannel(f"/scene/{name}/video", context=file.context)
         for name in cameras

@@ -21,45 +21,45 @@ import scipy.io
 
 from reference.foreign_records import RECORD_READERS
 from reference.recordings import pressed, write_video
-from tega.arm.sources.recorded import read_poses
-from tega.calibration import Calibration, FingerMaxima, load_calibration, save_calibration
-from tega.calibration.folder import CalibrationFolder, Unfinished
-from tega.calibration.records import TouchRecord, read_record
 from tega.config import load_config
-from tega.devices.emg_formats import read_emg_file
-from tega.devices.video import VideoFile, VideoFileOptions
-from tega.episodes.journal import EpisodeLine, read_episodes
-from tega.foreign_file import read_foreign
-from tega.hand_poses import load_poses
-from tega.net.keys import _authority, expiry, make_keys
-from tega.opencv import read_image
+from tega.config.calibration import Calibration, FingerMaxima, load_calibration, save_calibration
+from tega.config.calibration.folder import CalibrationFolder, Unfinished
+from tega.config.calibration.records import TouchRecord, read_record
+from tega.devices.emg.emg_formats import read_emg_file
+from tega.devices.fingertip.video import VideoFile, VideoFileOptions
+from tega.devices.tracker.sources.recorded import read_poses
+from tega.hand.poses import load_poses
 from tega.recording.folder import prepare_folder
 from tega.recording.mcap_folder import SessionFolder
+from tega.runtime.files.foreign_file import read_foreign
+from tega.runtime.opencv import read_image
 from tega.safety import dose_file
-from tega.scene.layout import example_layout, load_layout, save_layout
-from tega.scene.lens import Lens, load_lens, save_lens
-from tega.scene.pictures import read_pictures, read_times
-from tega.scene.record import export_camera, record_cameras
-from tega.sim.operator import load_parameters
-from tega.sim.plan import TrialResult
-from tega.sim.score import TrialEvent
-from tega.sim.trials import read_results
-from tega.skill import people
-from tega.skill.fitts import FittsCondition, FittsScore
-from tega.study import make_plan, read_plan, write_plan
-from tega.study.bundle import open_bundle, write_bundle
-from tega.study.coupling import TouchCourse, read_course, write_course
-from tega.study.hand_rows import read_hand
-from tega.study.journal import Journal, read_events
-from tega.study.objects import read_objects
-from tega.study.score import boris, boris_file, clips, recorded, trial_pictures
-from tega.study.silico.assumptions import read_assumptions, read_parameters
-from tega.study.state import events_path
-from tega.study.touch_picture import read_touch_picture
-from tega.study.touch_rows import read_touch
-from tega.vest_latency.log import OnsetLog, read_log, read_wav, write_wav
+from tega_bench.vest_latency.log import OnsetLog, read_log, read_wav, write_wav
 from tega_figures.audit import read_marks
 from tega_figures.audit.truth import read_forces
+from tega_link.keys import _authority, expiry, make_keys
+from tega_practice import people
+from tega_practice.fitts import FittsCondition, FittsScore
+from tega_scene.layout import example_layout, load_layout, save_layout
+from tega_scene.lens import Lens, load_lens, save_lens
+from tega_scene.pictures import read_pictures, read_times
+from tega_scene.record import export_camera, record_cameras
+from tega_sim.operator import load_parameters
+from tega_sim.plan import TrialResult
+from tega_sim.score import TrialEvent
+from tega_sim.trials import read_results
+from tega_study import make_plan, read_plan, write_plan
+from tega_study.bundle import open_bundle, write_bundle
+from tega_study.coupling import TouchCourse, read_course, write_course
+from tega_study.episodes.journal import EpisodeLine, read_episodes
+from tega_study.hand_rows import read_hand
+from tega_study.journal import Journal, read_events
+from tega_study.objects import read_objects
+from tega_study.score import boris, boris_file, clips, recorded, trial_pictures
+from tega_study.silico.assumptions import read_assumptions, read_parameters
+from tega_study.state import events_path
+from tega_study.touch_picture import read_touch_picture
+from tega_study.touch_rows import read_touch
 
 
 def _read_video(path: Path) -> None:

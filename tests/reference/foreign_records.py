@@ -12,20 +12,20 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from tega.calibration.folder import CalibrationFolder
-from tega.calibration.records import PracticeRecord, read_record, write_record
-from tega.calibration.tracked import keep_tracked, read_tracked
-from tega.clock import ManualClock
-from tega.decoders import fit
-from tega.decoders.model import load_model
-from tega.devices.player_settings import PlayerOptions, versions_to_ask
-from tega.scene.offset import read_flashes
-from tega.scene.offset_file import read_offsets
-from tega.sim.operator import load_parameters
-from tega.sim.world.objects import read_objects
-from tega.skill.kept import FittsRecord
-from tega.study.lead.status_file import SessionBoard, read_board
-from tega.study.lead.tell import CommandFile
+from tega.config.calibration.folder import CalibrationFolder
+from tega.config.calibration.records import PracticeRecord, read_record, write_record
+from tega.devices.vest.player_settings import PlayerOptions, versions_to_ask
+from tega.runtime.clock import ManualClock
+from tega.setup.calibration.tracked import keep_tracked, read_tracked
+from tega.stages.learned import fit
+from tega.stages.learned.model import load_model
+from tega_practice.kept import FittsRecord
+from tega_scene.offset import read_flashes
+from tega_scene.offset_file import read_offsets
+from tega_sim.operator import load_parameters
+from tega_sim.world.objects import read_objects
+from tega_study.lead.status_file import SessionBoard, read_board
+from tega_study.lead.tell import CommandFile
 
 _MADE = datetime(2026, 11, 21, 15, 4, 5, tzinfo=UTC)
 
@@ -99,10 +99,10 @@ RECORD_READERS: dict[str, tuple[str, Callable[[Path], bytes], Callable[[Path], o
     ),
     "people's numbers": (
         "people.toml",
-        _of_package("tega.sim.operator", "parameters.toml"),
+        _of_package("tega_sim.operator", "parameters.toml"),
         load_parameters,
     ),
-    "simulated objects": ("things.toml", _of_package("tega.sim.world", "objects.toml"), read_objects),
+    "simulated objects": ("things.toml", _of_package("tega_sim.world", "objects.toml"), read_objects),
     "moments of a light": (
         "flashes.csv",
         lambda _: b"t_ns,on\n" + b"".join(b"%d,%d\n" % (1000 * k, k % 2) for k in range(1, 9)),

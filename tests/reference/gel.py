@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tega.sim.gel import fall
-from tega.sim.seams import Indenter
+from tega_sim.gel import fall
+from tega_sim.seams import Indenter
 
 
 def nearest_touch(indenter: Indenter) -> tuple[float, float, float, float]:

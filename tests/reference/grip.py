@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from tega.sim.seams import WorldTruth
-from tega.sim.world import FULL_DUTY_NM, ObjectSpec, World, hand_controller
+from tega_sim.seams import WorldTruth
+from tega_sim.world import FULL_DUTY_NM, ObjectSpec, World, hand_controller
 
 __all__ = ["TICK_S", "Grip"]
 

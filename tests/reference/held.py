@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from tega.devices.hid_input import HidInput
-from tega.devices.pedal import Pedal, PedalOptions
-from tega.devices.spacemouse import SpaceMouse, SpaceMouseOptions
+from tega.devices.input.hid_input import HidInput
+from tega.devices.input.pedal import Pedal, PedalOptions
+from tega.devices.input.spacemouse import SpaceMouse, SpaceMouseOptions
 from tega_emulators.hid_port import HidBoard, HidPort
 from tega_emulators.process import Emulator
 

@@ -7,13 +7,13 @@ import math
 import numpy as np
 
 from tega.haptics import FINGERS, intensity, vest_frame
-from tega.inbox.sources import EmgBlock
-from tega.sim.gel import Gel, ball
+from tega.loop.inbox.sources import EmgBlock
+from tega.loop.moment import LoopView
+from tega.loop.touch import TouchMoment
 from tega.stages.choose import preset_metric
 from tega.stages.metrics import contact_metrics_of
-from tega.teleop.moment import LoopView
-from tega.teleop.touch import TouchMoment
-from tega.view.state import EmgTail, Shape, TouchImage, ViewState
+from tega.ui.view.state import EmgTail, Shape, TouchImage, ViewState
+from tega_sim.gel import Gel, ball
 
 RATE_HZ = 1000.0
 SHAPES: tuple[Shape, ...] = (

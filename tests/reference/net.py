@@ -8,8 +8,9 @@ from typing import Any
 import msgspec
 
 from reference.waiting import until
-from tega.net.link import Channel, Link
-from tega.net.messages import (
+from tega.records import Intent, PoseNumbers
+from tega_link.link import Channel, Link
+from tega_link.messages import (
     ArmMessage,
     HandMessage,
     Join,
@@ -21,8 +22,7 @@ from tega.net.messages import (
     decode,
     encode,
 )
-from tega.net.settings import NetSection
-from tega.records import Intent, PoseNumbers
+from tega_link.settings import NetSection
 
 
 class Leader:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.sim.gel import fall
+from tega_sim.gel import fall
 
 Array = NDArray[np.float64]
 

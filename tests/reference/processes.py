@@ -23,4 +23,4 @@ def begun_by(pid: int, module: str) -> list[int]:
 
 def hand_guards(pid: int | None = None) -> list[int]:
     """Return those below a process, this one where none is named, that guard a hand."""
-    return begun_by(os.getpid() if pid is None else pid, "tega.devices.hand_guard")
+    return begun_by(os.getpid() if pid is None else pid, "tega.devices.hand.hand_guard")

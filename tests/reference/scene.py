@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tega.scene.lens import Lens
-from tega.scene.track import BodyTrack, SceneTrack
-from tega.sim.plan import TrialPlan
-from tega.sim.seams import WorldTruth
-from tega.sim.world.objects import OBJECTS
-from tega.sim.world.scene import PALM_ROTATION
 from tega_figures.scene.bench import EYE_M as BENCH_EYE_M
 from tega_figures.scene.bench import LENS, RenderedTrial, camera_pose
 from tega_figures.scene.render import Film
 from tega_figures.scene.trials import TrueTrial
+from tega_scene.lens import Lens
+from tega_scene.track import BodyTrack, SceneTrack
+from tega_sim.plan import TrialPlan
+from tega_sim.seams import WorldTruth
+from tega_sim.world.objects import OBJECTS
+from tega_sim.world.scene import PALM_ROTATION
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

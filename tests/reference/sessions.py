@@ -11,9 +11,9 @@ from mcap.reader import NonSeekingReader
 from mcap.writer import Writer
 
 from tega.config import check_tree
+from tega.loop import run_session
 from tega.recording.mcap_schemas import decoder
-from tega.replay import Replay
-from tega.teleop import run_session
+from tega.recording.replay import Replay
 
 SECONDS = 1.5
 

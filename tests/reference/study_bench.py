@@ -6,9 +6,9 @@ import time
 from pathlib import Path
 from typing import Any
 
-from tega.study.lead.running_trial import Going
-from tega.study.plan import PlannedTrial
-from tega.study.state import Where
+from tega_study.lead.running_trial import Going
+from tega_study.plan import PlannedTrial
+from tega_study.state import Where
 
 
 class StandingBench:

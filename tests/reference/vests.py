@@ -5,7 +5,7 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.devices.vest_stream import StreamedVest, VestOptions
+from tega.devices.vest.vest_stream import StreamedVest, VestOptions
 
 __all__ = ["KeptLink", "KeptVest"]
 

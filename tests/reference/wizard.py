@@ -41,7 +41,7 @@ class Wizard:
         self.out = ""
         self._answer = answer
         self._heard = heard
-        command = [sys.executable, "-m", "tega.cli", *words]
+        command = [sys.executable, "-m", "tega.ui.cli", *words]
         self._process = subprocess.Popen(
             command,
             stdin=subprocess.PIPE,
@@ -123,7 +123,7 @@ class OnScreen:
         ours, theirs = pty.openpty()
         fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("4H", 40, 88, 0, 0))
         process = subprocess.Popen(
-            [sys.executable, "-m", "tega.cli", *self._words],
+            [sys.executable, "-m", "tega.ui.cli", *self._words],
             stdin=theirs,
             stdout=theirs,
             stderr=theirs,

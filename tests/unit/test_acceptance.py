@@ -15,10 +15,10 @@ import pytest
 
 from reference.command import call
 from reference.waiting import until
-from tega.acceptance import AcceptanceReport, accept_device, acceptance_case, report_text, write_report
-from tega.acceptance.report import STEPS
 from tega.config import check_tree, load_config
 from tega.errors import ConfigError
+from tega_bench.acceptance import AcceptanceReport, accept_device, acceptance_case, report_text, write_report
+from tega_bench.acceptance.report import STEPS
 from tega_emulators.emulated_bench import EmulatedBench
 from tega_emulators.lab import emulated_lab
 from tega_emulators.vests import seen_by
@@ -274,7 +274,7 @@ def test_an_arm_goes_up_a_little_under_the_dead_man_and_comes_back(tmp_path: Pat
 
 
 def test_nobody_at_the_dead_man_moves_no_arm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tega.teleop.homing.PATIENCE_S", 2.0)
+    monkeypatch.setattr("tega.loop.homing.PATIENCE_S", 2.0)
     with emulated_lab(tmp_path, vest=False, fingers=(), arm=True) as lab:
         config = check_tree(lab.tree, {}, base=tmp_path).config
         report = accept_device(config, acceptance_case(config, "arm"), Person(""), answered=True)

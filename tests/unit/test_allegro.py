@@ -22,10 +22,10 @@ import pytest
 
 from tega.config import check_tree
 from tega.devices import SteeredHand, driver_class
-from tega.devices.allegro import Allegro, AllegroOptions
+from tega.devices.hand.allegro import Allegro, AllegroOptions
 from tega.errors import ConfigError, DeviceUnavailableError, InvalidValueError, TegaError, WrongDeviceError
 from tega.hand import CLOSURE_POSES_RAD
-from tega.teleop import run_session
+from tega.loop import run_session
 from tega_emulators.allegro import FAULTS, AllegroNode
 from tega_emulators.allegro_port import BusPort
 from tega_emulators.process import Emulator
@@ -303,7 +303,7 @@ def test_a_program_that_forgets_to_close_still_lets_go(end: str) -> None:
     with Emulator("allegro_port") as hand:
         program = (
             "import time\n"
-            "from tega.devices.allegro import Allegro, AllegroOptions\n"
+            "from tega.devices.hand.allegro import Allegro, AllegroOptions\n"
             f"driver = Allegro(AllegroOptions(**{ ({**hand.address, **PATIENT})!r}))\n"
             f"driver.open()\ndriver.step(5)\ntime.sleep(0.5)\nprint(driver.state().phase)\n{end}\n"
         )
@@ -317,7 +317,7 @@ def test_a_program_told_to_terminate_still_lets_go() -> None:
     with Emulator("allegro_port") as hand:
         program = (
             "import time\n"
-            "from tega.devices.allegro import Allegro, AllegroOptions\n"
+            "from tega.devices.hand.allegro import Allegro, AllegroOptions\n"
             f"driver = Allegro(AllegroOptions(**{ ({**hand.address, **PATIENT})!r}))\n"
             "driver.open()\nprint('open', flush=True)\n"
             "while True:\n    driver.step(5)\n    time.sleep(0.01)\n"

@@ -6,9 +6,8 @@ import pytest
 pytest.importorskip("mujoco", reason="needs the extra 'sim'")
 can = pytest.importorskip("can")
 
-from tega.devices.python_can import PythonCan, PythonCanOptions  # noqa: E402
+from tega.devices.hand.python_can import PythonCan, PythonCanOptions  # noqa: E402
 from tega.errors import DeviceUnavailableError  # noqa: E402
-from tega.sim.world import FULL_DUTY_NM, World, hand_controller  # noqa: E402
 from tega.wire import (  # noqa: E402
     AllegroInfo,
     AllegroPosition,
@@ -26,6 +25,7 @@ from tega.wire import (  # noqa: E402
     allegro_torque_frames,
 )
 from tega_emulators.allegro_bus import AllegroOnBus  # noqa: E402
+from tega_sim.world import FULL_DUTY_NM, World, hand_controller  # noqa: E402
 
 TICK_S = 0.003
 

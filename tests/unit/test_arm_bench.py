@@ -11,9 +11,9 @@ import pytest
 
 from tega.arm import ArmChain, ArmCommand, ArmSettings, MappingSettings, StampedPose
 from tega.arm.rotation import between
-from tega.devices.bench_arm import BenchArm, BenchArmOptions
+from tega.devices.arm.bench_arm import BenchArm, BenchArmOptions
 from tega.errors import MissingExtraError
-from tega.sim.world import World
+from tega_sim.world import World
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs Linux or macOS")
 pytest.importorskip("mujoco", reason="pip install '.[sim]'")

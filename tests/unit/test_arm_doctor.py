@@ -13,15 +13,15 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from tega.arm.robot.messages import Health
-from tega.cli.main import main
 from tega.config import check_tree, load_config
-from tega.doctor import Finding, examine, lab_settings
-from tega.teleop.arm_view import ArmView
-from tega.teleop.moment import LoopView
-from tega.teleop.touch import TouchMoment
-from tega.view.browser.state_html import arm_html
-from tega.view.terminal import render
+from tega.devices.arm.robot.messages import Health
+from tega.loop.arm_view import ArmView
+from tega.loop.moment import LoopView
+from tega.loop.touch import TouchMoment
+from tega.setup.doctor import Finding, examine, lab_settings
+from tega.ui.cli.main import main
+from tega.ui.view.browser.state_html import arm_html
+from tega.ui.view.terminal import render
 from tega_emulators.emulated_bench import EmulatedBench
 from tega_emulators.lab import emulated_lab
 from tega_emulators.process import Emulator
@@ -113,7 +113,7 @@ def test_an_emulated_bench_with_an_arm_is_run_by_another_program(tmp_path: Path)
         assert found.arm.tracker is not None
         assert found.arm.tracker.driver == "hololens"
         operator.act(0.0)
-        words = [sys.executable, "-m", "tega.cli", "run", str(settings), "--json"]
+        words = [sys.executable, "-m", "tega.ui.cli", "run", str(settings), "--json"]
         # Slow machines lose samples of the emulated amplifier, and what is lost holds the arm.
         sets = ["safety.emg_lost_ms=2000"]
         environ = os.environ | {

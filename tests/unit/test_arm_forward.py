@@ -16,13 +16,13 @@ from click.testing import CliRunner
 from reference.trackers import wrist_goes
 from tega.arm import StampedPose
 from tega.arm.sweep import ForearmSweep
-from tega.calibration.records import ArmRecord, read_record
-from tega.calibration.steps_arm import take_base_yaw, take_heading
-from tega.cli.calibrate import calibrate
-from tega.cli.forward import forward
-from tega.cli.guide import LineGuide
 from tega.config import load_config
+from tega.config.calibration.records import ArmRecord, read_record
 from tega.errors import CalibrationError
+from tega.setup.calibration.steps_arm import take_base_yaw, take_heading
+from tega.ui.cli.calibrate import calibrate
+from tega.ui.cli.forward import forward
+from tega.ui.cli.guide import LineGuide
 from tega_emulators.process import Emulator
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs Linux or macOS")

@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 
 from reference import panda_stand_in
-from tega.arm.robot import panda_body
-from tega.arm.robot.leash import Leash
-from tega.arm.robot.messages import ArmStatusWords, ArmTargetWords, Recover
-from tega.arm.robot.panda_body import PandaBody
-from tega.arm.robot.process import Loop, ProcessSettings
-from tega.devices.panda_arm import PandaArm, PandaArmOptions
+from tega.devices.arm.panda_arm import PandaArm, PandaArmOptions
+from tega.devices.arm.robot import panda_body
+from tega.devices.arm.robot.leash import Leash
+from tega.devices.arm.robot.messages import ArmStatusWords, ArmTargetWords, Recover
+from tega.devices.arm.robot.panda_body import PandaBody
+from tega.devices.arm.robot.process import Loop, ProcessSettings
 from tega.errors import DeviceUnavailableError, WrongDeviceError
 from tega_emulators.process import Emulator
 

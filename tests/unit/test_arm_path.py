@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tega.arm.sources import write_poses
+from tega.devices.tracker.sources import write_poses
 from tega_figures.arm_path import CASES, Followed, follow_path, hand_path, tracked
 from tega_figures.check_arm import arm_figure, hand_of, table
 

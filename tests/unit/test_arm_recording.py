@@ -14,14 +14,14 @@ import pytest
 
 from tega.config import check_tree
 from tega.errors import RecordingError
+from tega.loop import LoopView, run_session
 from tega.recording.export import export_file
 from tega.recording.inspection import inspect_file
 from tega.recording.mcap_reader import McapReader
+from tega.recording.replay import replay_file
+from tega.recording.replay.arm import forearm
+from tega.recording.replay.poses_file import PosesFile, PosesFileOptions
 from tega.recording.trim import trim_session
-from tega.replay import replay_file
-from tega.replay.arm import forearm
-from tega.replay.poses_file import PosesFile, PosesFileOptions
-from tega.teleop import LoopView, run_session
 from tega_emulators.lab import emulated_lab
 from tega_figures.check_arm import hand_of
 

@@ -18,13 +18,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tega.arm import ArmChain, ArmCommand, ArmSettings, MappingSettings, Pose, StampedPose
-from tega.arm.robot import fci
-from tega.arm.robot.leash import Leash
-from tega.arm.robot.messages import ArmTargetWords, decode, encode
-from tega.arm.robot.slew import Slew
 from tega.arm.rotation import between
-from tega.devices.franky_arm import FrankyArm, FrankyArmOptions
-from tega.devices.simulated_arm import SimulatedArm, SimulatedArmOptions
+from tega.devices.arm.franky_arm import FrankyArm, FrankyArmOptions
+from tega.devices.arm.robot import fci
+from tega.devices.arm.robot.leash import Leash
+from tega.devices.arm.robot.messages import ArmTargetWords, decode, encode
+from tega.devices.arm.robot.slew import Slew
+from tega.devices.arm.simulated_arm import SimulatedArm, SimulatedArmOptions
 from tega.errors import DeviceUnavailableError, WrongDeviceError
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs Linux or macOS")
@@ -272,7 +272,7 @@ def test_an_arm_s_process_that_is_killed_is_told(arm: SimulatedArm) -> None:
 def test_the_arm_s_process_does_not_outlive_the_run() -> None:
     code = (
         "import sys, time\n"
-        "from tega.devices.simulated_arm import SimulatedArm, SimulatedArmOptions\n"
+        "from tega.devices.arm.simulated_arm import SimulatedArm, SimulatedArmOptions\n"
         "arm = SimulatedArm(SimulatedArmOptions())\n"
         "arm.open()\n"
         "print(arm.pid(), flush=True)\n"

@@ -19,12 +19,12 @@ import pytest
 from rich.console import Console
 
 from tega.arm import StampedPose
-from tega.arm.sources import write_poses
 from tega.config import check_tree, load_config
+from tega.devices.tracker.sources import write_poses
 from tega.errors import ConfigError
-from tega.replay.play import _settings
-from tega.teleop import LoopView, run_session
-from tega.view.terminal import render
+from tega.loop import LoopView, run_session
+from tega.recording.replay.play import _settings
+from tega.ui.view.terminal import render
 from tega_emulators.lab import EmulatedLab, emulated_lab
 from tega_emulators.process import Emulator
 from tega_emulators.vests import seen_by
@@ -247,7 +247,7 @@ def test_after_a_stop_a_person_says_with_the_dead_man_let_go_that_it_goes_on(tmp
 def test_an_arm_whose_process_is_killed_stops_and_the_run_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from tega.devices.simulated_arm import SimulatedArm
+    from tega.devices.arm.simulated_arm import SimulatedArm
 
     pids: list[int] = []
     opened = SimulatedArm.open
@@ -353,7 +353,7 @@ _HELD = "input.dead_man.options.silent_after_ms=1000"
 def test_settings_of_an_arm_that_do_not_fit_are_said_in_words(
     sets: tuple[str, ...], said: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from tega.devices.spacemouse import SpaceMouse
+    from tega.devices.input.spacemouse import SpaceMouse
 
     monkeypatch.setattr(SpaceMouse, "open", lambda _self: None)
     config = load_config(None, environ={}, sets=["arm.driver=simulated-arm", *sets]).config

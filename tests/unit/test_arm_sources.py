@@ -11,8 +11,8 @@ import pytest
 
 from tega.arm import ArmChain, ArmSettings, LimitSettings, MappingSettings, Pose, PoseSource, StampedPose
 from tega.arm import rotation as so3
-from tega.arm.sources import RatePoses, RecordedPoses, read_poses, write_poses
 from tega.devices.base import InputReading
+from tega.devices.tracker.sources import RatePoses, RecordedPoses, read_poses, write_poses
 from tega.errors import InvalidValueError, RecordingError
 from tega_emulators.keyboard_poses import KeyboardPoses
 from tega_emulators.scripted_poses import ScriptedPoses, Waypoint, path_through

@@ -26,16 +26,16 @@ from tega.arm.settings import FilterSettings, LimitSettings, MappingSettings
 from tega.arm.turn import Turn, lead
 from tega.arm.way_to_start import SPEED_M_S, WayToStart
 from tega.arm.workspace import Workspace
-from tega.bus import Bus
 from tega.config import load_config
 from tega.errors import ConfigError
 from tega.hand import CLOSURE_POSES_RAD
+from tega.loop import homing
+from tega.loop.homing import Settling, go_to_start
 from tega.records import ArmMeasured, ArmTurn, PoseNumbers
-from tega.study.lead.benches import LabBench
-from tega.study.lead.rest_tasks import RestTaskEndedError, RunningTask
-from tega.study.lead.running_trial import in_thread
-from tega.teleop import homing
-from tega.teleop.homing import Settling, go_to_start
+from tega.records.bus import Bus
+from tega_study.lead.benches import LabBench
+from tega_study.lead.rest_tasks import RestTaskEndedError, RunningTask
+from tega_study.lead.running_trial import in_thread
 
 _UPRIGHT = (0.0, 0.7071067811865476, 0.0, 0.7071067811865476)
 _LEANS = (0.1305262, 0.7010574, 0.0922959, 0.6903455)

@@ -13,11 +13,10 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from mcap.reader import NonSeekingReader
 from mcap.writer import Writer
 
-from tega.cli.main import main
 from tega.config import load_config
 from tega.errors import ConfigError, RecordingError
-from tega.sim.gel import Gel, ball
 from tega.stages.choose import preset_metric
+from tega.ui.cli.main import main
 from tega_figures.audit import (
     READINGS,
     AuditRequest,
@@ -29,6 +28,7 @@ from tega_figures.audit import (
     read_marks,
 )
 from tega_figures.audit.truth import FarField
+from tega_sim.gel import Gel, ball
 
 GEL = Gel(seed=5)
 BASELINE = GEL.still()
@@ -387,7 +387,7 @@ lossless = true
 def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the folder of a recorded session with two fingers and EMG."""
     pytest.importorskip("foxglove", reason="needs the extra tega[record]")
-    from tega.teleop import run_session
+    from tega.loop import run_session
 
     folder = tmp_path_factory.mktemp("session")
     (folder / "lab.toml").write_text(LAB)
@@ -397,7 +397,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.slow
 def test_a_session_is_audited_with_the_numbers_of_its_run(session: Path) -> None:
-    from tega.replay.recorded import read_recorded
+    from tega.recording.replay.recorded import read_recorded
 
     (file,) = session.glob("*.mcap")
     recorded = read_recorded(file)

@@ -248,7 +248,7 @@ def test_counts_are_committed_for_both_paths():
 @pytest.mark.slow
 def test_the_time_of_a_simulated_lift_adds_up():
     pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
-    from tega.sim.world import World
+    from tega_sim.world import World
 
     advance_to = World.advance_to
     done = CliRunner().invoke(cli_bench.bench, ["sim", "--objects", "bag", "--repeats", "1", "--json"])
@@ -274,8 +274,8 @@ def test_the_time_of_a_simulated_lift_adds_up():
 
 def test_the_yardstick_steps_the_frozen_scene_as_the_lift_did():
     pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
-    from tega.sim.world import World
     from tega_figures.bench.yardstick import alone_s, noted_steps
+    from tega_sim.world import World
 
     with noted_steps() as noted:
         world = World("bag")

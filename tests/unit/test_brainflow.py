@@ -13,9 +13,9 @@ import pytest
 from numpy.typing import NDArray
 
 from tega.devices import driver_class
-from tega.devices.brainflow_emg import BrainFlowEmg, BrainFlowOptions
-from tega.devices.cyton import Cyton, CytonOptions
-from tega.devices.live_emg import LiveEmg
+from tega.devices.emg.brainflow_emg import BrainFlowEmg, BrainFlowOptions
+from tega.devices.emg.cyton import Cyton, CytonOptions
+from tega.devices.emg.live_emg import LiveEmg
 from tega.errors import DeviceUnavailableError
 from tega_emulators.process import Emulator
 

@@ -11,11 +11,11 @@ import pytest
 
 from reference.sessions import tree
 from reference.waiting import until
-from tega.bus import TOLD_DROPS_S, Backlog, Bus, told_drops
 from tega.config import check_tree
+from tega.loop import LoopView, Moment, run_session
+from tega.recording.replay import replay_file
 from tega.records import Alert, Contact, Intent, Marker, Record, RunState, VestFrame
-from tega.replay import replay_file
-from tega.teleop import LoopView, Moment, run_session
+from tega.records.bus import TOLD_DROPS_S, Backlog, Bus, told_drops
 
 
 def session(folder: Path) -> dict[str, Any]:

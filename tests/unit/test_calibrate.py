@@ -20,9 +20,9 @@ import pytest
 from reference.chromium import launched, opened
 from reference.waiting import until
 from reference.wizard import OnScreen, Wizard, presses, records
-from tega.calibration.folder import CalibrationFolder
-from tega.calibration.records import EmgRecord, utc_now, write_record
-from tega.cli.main import main
+from tega.config.calibration.folder import CalibrationFolder
+from tega.config.calibration.records import EmgRecord, utc_now, write_record
+from tega.ui.cli.main import main
 from tega_emulators.process import Emulator
 from tega_emulators.vests import seen_by
 from tega_emulators.wearer import Wearer

@@ -12,21 +12,21 @@ import pytest
 
 from tega.arm import StampedPose
 from tega.arm.frames import ToBase
-from tega.calibration.effort import Chain, judge_muscles, judge_quiet, judge_squeezes
-from tega.calibration.folder import CalibrationFolder, Unfinished, device_name
-from tega.calibration.gel import judge_rest, suspect_contact
-from tega.calibration.presses import PressMeter
-from tega.calibration.records import TouchRecord, VestCalibration, read_record
-from tega.calibration.store import TouchMaxima
-from tega.calibration.times import Times
-from tega.calibration.wizard import Calibrating, parts_of
-from tega.cli.guide import LineGuide
-from tega.cli.main import main
 from tega.config import SettingValue, load_config
+from tega.config.calibration.folder import CalibrationFolder, Unfinished, device_name
+from tega.config.calibration.records import TouchRecord, VestCalibration, read_record
+from tega.config.calibration.store import TouchMaxima
 from tega.devices.base import DeviceInfo, EmgChunk
 from tega.errors import CalibrationError, ConfigError, DeviceUnavailableError, InvalidValueError, TegaError
-from tega.opencv import read_image
+from tega.runtime.opencv import read_image
+from tega.setup.calibration.effort import Chain, judge_muscles, judge_quiet, judge_squeezes
+from tega.setup.calibration.gel import judge_rest, suspect_contact
+from tega.setup.calibration.presses import PressMeter
+from tega.setup.calibration.times import Times
+from tega.setup.calibration.wizard import Calibrating, parts_of
 from tega.tactile import ContactMetrics
+from tega.ui.cli.guide import LineGuide
+from tega.ui.cli.main import main
 
 CHAIN = Chain(500.0, 50, "raw", ("ch1", "ch2", "ch3"))
 NOW = datetime(2026, 11, 21, 15, 4, 5, tzinfo=UTC)

@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 import tega
-from tega.checkout_tools import needs_tools
-from tega.cli.install_line import with_origin
 from tega.errors import MissingToolError
+from tega.runtime.checkout_tools import needs_tools
+from tega.ui.cli.install_line import with_origin
 
 PROJECT = Path(__file__).resolve().parents[2]
 PACKAGES = ("tega_emulators", "tega_campaigns", "tega_figures")
@@ -39,7 +39,7 @@ def run_without(code: str) -> subprocess.CompletedProcess[str]:
 def test_a_verb_without_its_package_prints_the_pip_line(
     words: tuple[str, ...], folders: tuple[str, ...]
 ) -> None:
-    done = run_without(f"from tega.cli.main import main; main({list(words)!r})")
+    done = run_without(f"from tega.ui.cli.main import main; main({list(words)!r})")
     assert done.returncode == 2, done.stdout + done.stderr
     assert done.stdout == ""
     assert f"error: tega-teleop {words[0]}" in done.stderr
@@ -49,14 +49,14 @@ def test_a_verb_without_its_package_prints_the_pip_line(
 
 
 def test_the_list_of_verbs_and_the_contract_need_none_of_the_packages() -> None:
-    listed = run_without("from tega.cli.main import main; main(['--help'])")
+    listed = run_without("from tega.ui.cli.main import main; main(['--help'])")
     assert listed.returncode == 0
     assert "soak" in listed.stdout
-    tried = run_without("from tega.contract.command import main; sys.exit(main(['digit']))")
+    tried = run_without("from tega.devices.contract.command import main; sys.exit(main(['digit']))")
     assert (tried.returncode, tried.stdout.split()[:2]) == (2, ["not", "tried"])
     assert "./tools/emulators" in tried.stdout
     real = run_without(
-        "from tega.contract.command import main; sys.exit(main(['synthetic-emg', '--set', 'rate_hz=1000']))"
+        "from tega.devices.contract.command import main; sys.exit(main(['synthetic-emg', '--set', 'rate_hz=1000']))"
     )
     assert (real.returncode, real.stdout.split()[:1]) == (0, ["ok"])
 

@@ -17,7 +17,7 @@ import pytest
 
 from reference.command import call
 from reference.recordings import squeezes, write_folder
-from tega.cli.main import cli
+from tega.ui.cli.main import cli
 
 DEVICE_KEYS = {"name", "kind", "summary", "package", "ready", "problem", "found", "could_not"}
 
@@ -82,7 +82,7 @@ def test_every_verb_has_help_with_an_example(capsys: pytest.CaptureFixture[str],
 
 def test_help_and_import_load_nothing_heavy() -> None:
     script = (
-        "import sys\nfrom tega.cli.main import main\n"
+        "import sys\nfrom tega.ui.cli.main import main\n"
         "try:\n    main(sys.argv[1:])\nexcept SystemExit:\n    pass\n"
         "print([m for m in ('numpy', 'cv2', 'rich', 'scipy', 'can', 'msgspec') if m in sys.modules])\n"
     )
@@ -192,7 +192,7 @@ def test_a_session_without_input_is_refused(capsys: pytest.CaptureFixture[str], 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_run_leaves_hand_and_vest_silent(session: Path, number: signal.Signals) -> None:
     can_csv = session.parent / "out" / "can.csv"
-    words = [sys.executable, "-m", "tega.cli", "run", str(session), "--set", "session.duration_s=60"]
+    words = [sys.executable, "-m", "tega.ui.cli", "run", str(session), "--set", "session.duration_s=60"]
     words += ["--set", "session.preset=paper"]
     np.save(session.parent / "emg.npy", squeezes(12_000, 200.0))
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:

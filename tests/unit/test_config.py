@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from tega.config import FINGERS, driver_options, load_config
-from tega.config_lines import leaves, value_lines
+from tega.config.lines import leaves, value_lines
 from tega.devices import driver_names
-from tega.devices.images import ImageFolderOptions
+from tega.devices.fingertip.images import ImageFolderOptions
 from tega.errors import ConfigError
 
 SETTINGS = """

@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tega.decoders import fit
-from tega.decoders.compare import DecoderTold, Log, compare, two_halves
-from tega.decoders.judge import judge
+from tega.stages.learned import fit
+from tega.stages.learned.compare import DecoderTold, Log, compare, two_halves
+from tega.stages.learned.judge import judge
 
 ROOT = Path(__file__).resolve().parents[2]
 DATA = Path(os.environ.get("TEGA_DATA", ROOT.parent / "shared" / "data")) / "emg"

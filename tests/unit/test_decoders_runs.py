@@ -12,16 +12,16 @@ import pytest
 pytest.importorskip("sklearn", reason="scikit-learn is not installed")
 
 from reference.sessions import attached, tree
-from tega.calibration.practice import Curve
-from tega.calibration.records import PracticeRecord, utc_now, write_record
-from tega.calibration.tracked import keep_tracked, read_tracked, tracked_samples
-from tega.cli.main import main
 from tega.config import check_tree
-from tega.decoders import LearnedDecoder
+from tega.config.calibration.records import PracticeRecord, utc_now, write_record
 from tega.devices.base import EmgChunk
 from tega.errors import CalibrationError
-from tega.replay import replay_file
-from tega.teleop import run_session
+from tega.loop import run_session
+from tega.recording.replay import replay_file
+from tega.setup.calibration.practice import Curve
+from tega.setup.calibration.tracked import keep_tracked, read_tracked, tracked_samples
+from tega.stages.learned import LearnedDecoder
+from tega.ui.cli.main import main
 
 
 def teleop(*words: str) -> int:

@@ -13,9 +13,7 @@ import pytest
 from numpy.typing import NDArray
 from rich.console import Console
 
-from tega.cli.demo import _print
-from tega.cli.main import main
-from tega.devices.synthetic import (
+from tega.devices.emg.synthetic import (
     SyntheticEmg,
     SyntheticEmgOptions,
     SyntheticTouch,
@@ -23,17 +21,19 @@ from tega.devices.synthetic import (
     effort_at,
 )
 from tega.haptics import vest_frame
-from tega.inbox.sources import EmgBlock
+from tega.loop.inbox.sources import EmgBlock
+from tega.loop.moment import LoopView
+from tega.loop.touch import TouchMoment
 from tega.recording import prepare_folder
-from tega.sim import demo as demo_module
-from tega.sim.demo import DemoReport, demo_heading, demo_outputs
-from tega.sim.gel import Gel, ball
-from tega.sim.plan import TrialPlan, TrialResult
-from tega.sim.score import TrialEvent
 from tega.tactile import ContactMetrics, read_contact
-from tega.teleop.moment import LoopView
-from tega.teleop.touch import TouchMoment
-from tega.view.terminal import TerminalView, render
+from tega.ui.cli.main import main
+from tega.ui.view.terminal import TerminalView, render
+from tega_sim import demo as demo_module
+from tega_sim.cli.demo import _print
+from tega_sim.demo import DemoReport, demo_heading, demo_outputs
+from tega_sim.gel import Gel, ball
+from tega_sim.plan import TrialPlan, TrialResult
+from tega_sim.score import TrialEvent
 
 
 def run_demo(folder: Path, capsys: pytest.CaptureFixture[str], *words: str) -> dict[str, Any]:

@@ -14,8 +14,8 @@ import pytest
 from click.testing import CliRunner
 
 from reference.waiting import until
-from tega.cli.demo import demo
 from tega.safety.ctrl_c import CtrlC
+from tega_sim.cli.demo import demo
 
 pytest.importorskip("mujoco", reason="needs the extra sim")
 posix = pytest.mark.skipif(sys.platform == "win32", reason="signals as on Linux and macOS")
@@ -35,8 +35,8 @@ def test_the_first_ctrl_c_interrupts_only_where_nothing_runs() -> None:
 @posix
 def test_preparing_is_interrupted(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     begun: list[str] = []
-    monkeypatch.setattr("tega.sim.demo.lab_of", lambda *_: os.kill(os.getpid(), signal.SIGINT))
-    monkeypatch.setattr("tega.sim.demo.run_trial", lambda *_, **__: begun.append("trial"))
+    monkeypatch.setattr("tega_sim.demo.lab_of", lambda *_: os.kill(os.getpid(), signal.SIGINT))
+    monkeypatch.setattr("tega_sim.demo.run_trial", lambda *_, **__: begun.append("trial"))
     result = CliRunner().invoke(demo, ["--out", str(tmp_path / "out")])
     assert result.exit_code == 1  # click's for an interrupt; the program's own is 130
     assert "Aborted" in result.output
@@ -50,7 +50,7 @@ def test_a_running_demo_leaves_its_tables_and_draws_nothing(tmp_path: Path) -> N
     words = [
         sys.executable,
         "-m",
-        "tega.cli",
+        "tega.ui.cli",
         "demo",
         "--json",
         "--out",

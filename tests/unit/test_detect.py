@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tega.detect import DetectedEvent, Detector, TouchFrame
-from tega.detect.detector import share_of
-from tega.detect.settings import FEATURES, HAND_FEATURES, SETTINGS, SINK_FEATURES, Rule
-from tega.detect.tracks import Low, SinkTrack, TwoMeans
+from tega.stages.events import DetectedEvent, Detector, TouchFrame
+from tega.stages.events.detector import share_of
+from tega.stages.events.settings import FEATURES, HAND_FEATURES, SETTINGS, SINK_FEATURES, Rule
+from tega.stages.events.tracks import Low, SinkTrack, TwoMeans
 from tega_figures.slip_rule import SlipTrial, fit, left_out
 from tega_figures.slip_score import SlipsTold, score_row
 
@@ -186,8 +186,8 @@ def test_where_the_joints_are_no_longer_told_the_other_rules_take_over() -> None
 def test_the_simulated_bench_shows_its_lift_off() -> None:
     pytest.importorskip("mujoco")
     pytest.importorskip("scipy")
-    from tega.sim.plan import TrialPlan
     from tega_figures.check_events import WAYS, compare, judge, run
+    from tega_sim.plan import TrialPlan
 
     kept = run(TrialPlan(object="bag", condition="non-haptic", seed=1))
     # This person's bag slips as well. How many slips are found is a matter of many people: see the page's table.

@@ -15,11 +15,11 @@ import pytest
 
 from reference.recordings import pressed, write_folder, write_video
 from tega.devices import driver_class, list_drivers
-from tega.devices.digit import Digit, DigitOptions
-from tega.devices.images import ImageFolder, ImageFolderOptions
-from tega.devices.python_can import PythonCan, PythonCanOptions
-from tega.devices.vest_recorder import VestRecorder, VestRecorderOptions
-from tega.devices.video import VideoFile, VideoFileOptions
+from tega.devices.fingertip.digit import Digit, DigitOptions
+from tega.devices.fingertip.images import ImageFolder, ImageFolderOptions
+from tega.devices.fingertip.video import VideoFile, VideoFileOptions
+from tega.devices.hand.python_can import PythonCan, PythonCanOptions
+from tega.devices.vest.vest_recorder import VestRecorder, VestRecorderOptions
 from tega.errors import ConfigError, DeviceUnavailableError, MissingExtraError, RecordingError
 from tega.haptics import vest_frame
 from tega.wire import CanFrame
@@ -235,7 +235,7 @@ def install_plugin(folder: Path, name: str, module: str, source: str) -> None:
 def test_a_strangers_driver_comes_through_the_same_door(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    source = "from tega.devices.vest_recorder import VestRecorder\nclass Driver(VestRecorder):\n    summary = 'mine'\n"
+    source = "from tega.devices.vest.vest_recorder import VestRecorder\nclass Driver(VestRecorder):\n    summary = 'mine'\n"
     install_plugin(tmp_path, "my-vest", "tega_test_vest", source)
     monkeypatch.syspath_prepend(tmp_path)
     assert driver_class("my-vest", "vest").summary == "mine"

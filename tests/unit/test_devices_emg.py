@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import scipy.io
 
-from tega.devices.emg_file import EmgFile, EmgFileOptions
-from tega.devices.emg_formats import read_emg_file
+from tega.devices.emg.emg_file import EmgFile, EmgFileOptions
+from tega.devices.emg.emg_formats import read_emg_file
 from tega.errors import RecordingError
 
 ROWS = np.array([[1.0, -2.5, 3e-4], [4.0, 5.0, -6.0], [7.0, 8.25, 9.0]])
@@ -127,7 +127,7 @@ def test_mat_files_name_what_they_have(tmp_path: Path) -> None:
 def test_a_mat_file_that_inflates_beyond_what_is_read_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("tega.devices.emg_formats._MOST_MIB", 1)
+    monkeypatch.setattr("tega.devices.emg.emg_formats._MOST_MIB", 1)
     path = tmp_path / "e.mat"
     scipy.io.savemat(path, {"emg": ROWS, "big": np.zeros(200_000)}, do_compression=True)
     with pytest.raises(RecordingError, match="more than 1 MiB"):

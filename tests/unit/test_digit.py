@@ -16,20 +16,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-import tega.devices.digit
-from tega.bus import Bus
+import tega.devices.fingertip.digit
 from tega.config import check_tree
-from tega.device_items import TactileFrame
-from tega.devices.digit import Digit, DigitOptions
-from tega.devices.picture_check import CameraCounts, PictureCheck
-from tega.devices.picture_origin import Origin, PictureOrigin
-from tega.devices.video_nodes import find_node, video_nodes
+from tega.devices.fingertip.digit import Digit, DigitOptions
+from tega.devices.fingertip.picture_check import CameraCounts, PictureCheck
+from tega.devices.fingertip.picture_origin import Origin, PictureOrigin
+from tega.devices.fingertip.video_nodes import find_node, video_nodes
 from tega.errors import ConfigError, DeviceUnavailableError, RecordingError
-from tega.inbox.frames import fed_contacts, keeps_up
-from tega.inbox.sources import SourceReport
-from tega.inbox.stream import LiveStream
+from tega.loop import run_session
+from tega.loop.inbox.frames import fed_contacts, keeps_up
+from tega.loop.inbox.sources import SourceReport
+from tega.loop.inbox.stream import LiveStream
 from tega.records import Picture
-from tega.teleop import run_session
+from tega.records.bus import Bus
+from tega.runtime.device_items import TactileFrame
 from tega_emulators.digit import FAULTS
 from tega_emulators.lab import PRESSED, emulated_lab
 from tega_emulators.process import Emulator
@@ -75,7 +75,7 @@ def test_pictures_that_waited_for_a_busy_program_are_not_taken_for_new_ones(
     decodes_at_once: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if not decodes_at_once:  # a starved processor takes so long for each that none seems to have waited
-        monkeypatch.setattr(tega.devices.digit, "_AT_ONCE", 0.0)
+        monkeypatch.setattr(tega.devices.fingertip.digit, "_AT_ONCE", 0.0)
     goes_on, seen = threading.Event(), list[TactileFrame]()
 
     def take(frame: TactileFrame) -> None:
@@ -101,7 +101,7 @@ def test_a_program_that_does_not_close_it_still_ends_in_order(terminated: bool) 
     with Emulator("digit") as sensor:
         program = (
             "import sys\n"
-            "from tega.devices.digit import Digit, DigitOptions\n"
+            "from tega.devices.fingertip.digit import Digit, DigitOptions\n"
             f"digit = Digit(DigitOptions(source={sensor.address['source']!r}, warm_up_s=0.1))\n"
             "digit.open()\nprint('open', flush=True)\nsys.stdin.read()\n"
         )

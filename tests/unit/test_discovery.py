@@ -9,10 +9,10 @@ from types import SimpleNamespace
 import pytest
 
 from tega.devices import digit_search
-from tega.devices.bluetooth_state import bluetooth_trouble
-from tega.devices.can_links import CanLink, can_links, link_trouble
-from tega.devices.digit_search import find_digits
-from tega.devices.video_nodes import VideoNode, camera_place, numbered_cameras
+from tega.devices.fingertip.digit_search import find_digits
+from tega.devices.fingertip.video_nodes import VideoNode, camera_place, numbered_cameras
+from tega.devices.hand.can_links import CanLink, can_links, link_trouble
+from tega.devices.vest.bluetooth_state import bluetooth_trouble
 
 
 def camera(root: Path, number: int, *, serial: str, usb_id: str = "2833:0209") -> None:

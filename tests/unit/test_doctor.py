@@ -15,10 +15,10 @@ import pytest
 
 from reference.command import call
 from tega.config import load_config
-from tega.doctor import look_for
-from tega.doctor.bench import LOOK_S, ROLES, TRY_S, look_around, try_all
-from tega.doctor.case import DriverCase, holders
-from tega.doctor.timeouts import in_time
+from tega.setup.doctor import look_for
+from tega.setup.doctor.bench import LOOK_S, ROLES, TRY_S, look_around, try_all
+from tega.setup.doctor.case import DriverCase, holders
+from tega.setup.doctor.timeouts import in_time
 from tega_emulators.emulated_bench import EmulatedBench
 from tega_emulators.vests import seen_by
 
@@ -41,7 +41,7 @@ def doctor_alone(folder: Path, *words: str) -> tuple[int, str, str]:
     alone = folder / "lsl_api.cfg"
     alone.write_text(f"[lab]\nSessionID = {folder.name}\n[log]\nlevel = -2\n")
     ran = subprocess.run(
-        [sys.executable, "-m", "tega.cli", "doctor", *words],
+        [sys.executable, "-m", "tega.ui.cli", "doctor", *words],
         env={**os.environ, "LSLAPICFG": str(alone)},
         capture_output=True,
         text=True,
@@ -118,7 +118,7 @@ def test_a_bench_with_every_emulator_up_is_fine(
 
 
 def test_init_of_an_emulated_bench_is_a_run_that_can_start(bench: EmulatedBench, tmp_path: Path) -> None:
-    from tega.calibration import load_calibration
+    from tega.config.calibration import load_calibration
 
     settings = tmp_path / "lab.toml"
     bench.write_settings(settings)

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from tega.calibration import Calibration, EmgMaxima, save_calibration
-from tega.calibration.folder import CalibrationFolder
-from tega.calibration.records import EmgRecord, TouchRecord, VestCalibration, write_record
-from tega.calibration.store import TouchMaxima
-from tega.cli.main import main
 from tega.config import load_config
-from tega.doctor.calibration import check_calibration
-from tega.doctor.findings import Finding
+from tega.config.calibration import Calibration, EmgMaxima, save_calibration
+from tega.config.calibration.folder import CalibrationFolder
+from tega.config.calibration.records import EmgRecord, TouchRecord, VestCalibration, write_record
+from tega.config.calibration.store import TouchMaxima
+from tega.setup.doctor.calibration import check_calibration
+from tega.setup.doctor.findings import Finding
+from tega.ui.cli.main import main
 
 NOW = datetime(2026, 11, 21, 15, 0, 0, tzinfo=UTC)
 SETTINGS = """
@@ -70,7 +70,7 @@ def worn(made: datetime = NOW) -> VestCalibration:
 
 
 def keep_all(lab: Path, made: datetime = NOW, kind: str = "raw") -> None:
-    from tega.calibration.steps_emg import driver_settings
+    from tega.setup.calibration.steps_emg import driver_settings
 
     config = load_config(lab / "lab.toml", environ={}).config
     assert config.emg is not None

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from reference.doctor import only, told
-from tega.doctor import Finding
-from tega.doctor.bench import look_around
-from tega.doctor.tactile import FoundCamera, crowded
+from tega.setup.doctor import Finding
+from tega.setup.doctor.bench import look_around
+from tega.setup.doctor.tactile import FoundCamera, crowded
 from tega_emulators.process import Emulator
 from tega_emulators.vests import seen_by
 
@@ -169,7 +169,7 @@ def test_what_would_overwrite_a_recording_is_not_opened(tmp_path: Path) -> None:
 
 
 def test_four_sensors_on_one_bus_are_too_many() -> None:
-    from tega.devices.video_nodes import VideoNode
+    from tega.devices.fingertip.video_nodes import VideoNode
 
     def bench_of(rate_hz: float, buses: str) -> list[Finding]:
         cameras = [FoundCamera("tactile", f"D{n}", rate_hz, 320 * 240) for n in range(4)]
@@ -188,7 +188,7 @@ def test_four_sensors_on_one_bus_are_too_many() -> None:
 @pytest.mark.slow
 @pytest.mark.skipif(shutil.which("dbus-daemon") is None, reason="dbus-daemon is not installed")
 def test_a_vest_over_bluetooth(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from tega.devices.vest_ble import BleVest
+    from tega.devices.vest.vest_ble import BleVest
 
     with Emulator("bluez_vest") as vest:
         monkeypatch.setenv("DBUS_SYSTEM_BUS_ADDRESS", vest.address["bus"])
@@ -209,7 +209,7 @@ def test_a_vest_over_bluetooth(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_a_vest_board_that_may_not_be_opened(tmp_path: Path) -> None:
-    from tega.devices.vest_hid import HidVest
+    from tega.devices.vest.vest_hid import HidVest
     from tega_emulators.hid_port import HidPort
 
     with Emulator("hid_bridge", str(tmp_path)) as vest:

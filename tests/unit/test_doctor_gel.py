@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tega.calibration.records import GelRecord, write_record
-from tega.doctor.case import DriverCase
-from tega.doctor.gel import look_at_gel
-from tega.sim.gel import Gel, ball
+from tega.config.calibration.records import GelRecord, write_record
+from tega.setup.doctor.case import DriverCase
+from tega.setup.doctor.gel import look_at_gel
+from tega_sim.gel import Gel, ball
 
 pytest.importorskip("cv2", reason="pictures need the extra tactile")
 

@@ -13,7 +13,7 @@ import pytest
 
 from reference.command import call
 from tega.config import load_config
-from tega.doctor.bench import DriverLook
+from tega.setup.doctor.bench import DriverLook
 
 
 def test_init_never_overwrites_by_itself(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -29,7 +29,7 @@ def test_init_never_overwrites_by_itself(tmp_path: Path, capsys: pytest.CaptureF
 
 def test_what_is_written_holds_what_was_found(tmp_path: Path) -> None:
     from tega.devices import Found
-    from tega.doctor import lab_settings
+    from tega.setup.doctor import lab_settings
 
     digits = [
         Found(driver="digit", label=f"D{n}", options={"serial": f"D{n}"}, problem="busy" if n == 3 else "")
@@ -70,7 +70,7 @@ def test_what_is_written_holds_what_was_found(tmp_path: Path) -> None:
 @pytest.mark.skipif(os.name != "posix", reason="emulated serial devices need pseudo-terminals")
 def test_ctrl_c_ends_emulated_devices_without_a_traceback(tmp_path: Path) -> None:
     """A terminal sends Ctrl-C to every program of its foreground: command and emulators alike."""
-    command = [sys.executable, "-m", "tega.cli", "init", "--emulated", "--out", str(tmp_path / "lab.toml")]
+    command = [sys.executable, "-m", "tega.ui.cli", "init", "--emulated", "--out", str(tmp_path / "lab.toml")]
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
     ) as process:

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 from reference.waiting import until
-from tega.cli.main import main
 from tega.config import load_config
-from tega.doctor import Finding, examine, lab_settings
-from tega.doctor.bench import ROLES, look_around
+from tega.setup.doctor import Finding, examine, lab_settings
+from tega.setup.doctor.bench import ROLES, look_around
+from tega.ui.cli.main import main
 from tega_emulators.hid_port import HidBoard, HidPort
 from tega_emulators.process import Emulator
 

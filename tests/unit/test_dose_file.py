@@ -14,13 +14,13 @@ import tega
 import tega_campaigns
 import tega_emulators
 import tega_figures
-from tega.calibration.folder import CalibrationFolder
 from tega.config import check_tree
+from tega.config.calibration.folder import CalibrationFolder
+from tega.devices.vest.worn_vest import NAMELESS
 from tega.errors import CalibrationError
+from tega.loop import run_session
 from tega.safety.dose_file import DAY_S, KeptDose
 from tega.safety.motor_budget import HEAT_TAU_S, MotorBudget
-from tega.teleop import run_session
-from tega.worn_vest import NAMELESS
 from tega_emulators.lab import emulated_lab
 
 FULL = np.full(40, 100, np.uint8)
@@ -167,17 +167,21 @@ def test_a_vest_is_made_in_one_place_and_opened_by_who_names_its_wearer() -> Non
             if name == "worn_vest":
                 worn.append(ast.unparse(call.args[1]))
     # The doctor sends zeros alone; the bench of the tests has no wearer.
-    assert made == {"tega/worn_vest.py", "tega/doctor/vest.py", "tega_emulators/vest_bench.py"}
+    assert made == {
+        "tega/devices/vest/worn_vest.py",
+        "tega/setup/doctor/vest.py",
+        "tega_emulators/vest_bench.py",
+    }
     # These take a kind or a driver from a variable. The acceptance opens a vest through `worn_vest`, the contract's
     # check is for drivers' authors and wears none; the others look at a driver's options or open no vest.
     assert by_variable == {
-        "tega/acceptance/run.py",
-        "tega/calibration/person.py",
-        "tega/config_check.py",
-        "tega/config_options.py",
-        "tega/contract/command.py",
-        "tega/doctor/bench.py",
-        "tega/replay/play.py",
+        "tega_bench/acceptance/run.py",
+        "tega/setup/calibration/person.py",
+        "tega/config/check.py",
+        "tega/config/options.py",
+        "tega/devices/contract/command.py",
+        "tega/setup/doctor/bench.py",
+        "tega/recording/replay/play.py",
     }
     assert len(worn) == 6
     assert all("dose" in file for file in worn)

@@ -12,14 +12,14 @@ import pytest
 pytest.importorskip("foxglove", reason="needs the extra tega[record]")
 
 from reference.sessions import rewritten, stream
-from tega.bus import Bus
 from tega.config import check_tree
+from tega.loop import run_session
+from tega.loop.adapting import AdaptationWatch
 from tega.recording.mcap_reader import McapReader
+from tega.recording.replay import replay_file
 from tega.recording.trim import trim_session
 from tega.records import Adaptation, AdaptationSwitch, Button, Contact, HeardMarker, Intent, RunState
-from tega.replay import replay_file
-from tega.teleop import run_session
-from tega.teleop.adapting import AdaptationWatch
+from tega.records.bus import Bus
 
 RATE_HZ, FULL = 1000, 40.0
 

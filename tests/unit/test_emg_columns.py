@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tega.cli.main import main
-from tega.devices.emg_formats import read_emg_file
+from tega.devices.emg.emg_formats import read_emg_file
 from tega.emg import ButterworthLowpass, GraspIntent, grasp_level
 from tega.errors import InvalidValueError, RecordingError
+from tega.ui.cli.main import main
 
 
 @pytest.mark.parametrize(

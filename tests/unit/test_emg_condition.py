@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from scipy.io import loadmat
 from scipy.signal import butter, sosfilt
 
-from tega.calibration import EmgMaxima
+from tega.config.calibration import EmgMaxima
 from tega.devices.base import EmgChunk
-from tega.emg_condition import MOVED, ConditionWatch
+from tega.loop.emg_condition import MOVED, ConditionWatch
 from tega.records import MuscleCondition
 
 Samples = NDArray[np.float64]

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from tega.devices import live_emg
 from tega.devices.base import EmgChunk
-from tega.devices.brainflow_emg import BrainFlowEmg, BrainFlowOptions
-from tega.devices.chords import Chords, ChordsOptions
-from tega.devices.cyton import Cyton, CytonOptions
-from tega.devices.live_emg import LiveEmg
-from tega.devices.lsl_emg import LslEmg, LslEmgOptions
-from tega.devices.serial_emg import SerialEmg, SerialEmgOptions
-from tega.devices.spiker import Spiker, SpikerOptions
+from tega.devices.emg.brainflow_emg import BrainFlowEmg, BrainFlowOptions
+from tega.devices.emg.chords import Chords, ChordsOptions
+from tega.devices.emg.cyton import Cyton, CytonOptions
+from tega.devices.emg.live_emg import LiveEmg
+from tega.devices.emg.lsl_emg import LslEmg, LslEmgOptions
+from tega.devices.emg.serial_emg import SerialEmg, SerialEmgOptions
+from tega.devices.emg.spiker import Spiker, SpikerOptions
 from tega.errors import DeviceUnavailableError, MissingExtraError, SampleRateError
 from tega_emulators.process import Emulator
 
@@ -349,7 +349,7 @@ def test_chords_boards_of_both_generations_are_found_at_either_speed(arguments: 
 @pytest.mark.parametrize("generation", ["2024", "2026"])
 def test_a_chords_board_left_streaming_by_a_crash_is_asked_again(generation: str) -> None:
     with emulator("chords", "--generation", generation) as device:
-        crash = "import os, sys\nfrom tega.devices.chords import Chords, ChordsOptions\n"
+        crash = "import os, sys\nfrom tega.devices.emg.chords import Chords, ChordsOptions\n"
         crash += "Chords(ChordsOptions(port=sys.argv[1], measure_s=0.3)).open()\nos._exit(3)\n"
         assert subprocess.run([sys.executable, "-c", crash, device.port], check=False).returncode == 3
         with opened("chords", device) as source:

@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from tega.devices.base import EmgChunk
-from tega.devices.emg_formats import read_emg_file
-from tega.devices.emg_health import EmgHealth, swapped_channels
+from tega.devices.emg.emg_formats import read_emg_file
+from tega.devices.emg.emg_health import EmgHealth, swapped_channels
 
 NAMES = ("ch1", "ch2", "ch3")
 RATE_HZ = 500.0

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tega.calibration import Calibration, EmgMaxima, FingerMaxima, save_calibration
 from tega.config import check_tree
+from tega.config.calibration import Calibration, EmgMaxima, FingerMaxima, save_calibration
 from tega.devices.base import DeviceInfo, EmgChunk
-from tega.inbox.sources import SourceReport, grasp_blocks
+from tega.loop.inbox.sources import SourceReport, grasp_blocks
+from tega.loop.session import run_session
 from tega.stages.base import MuscleSetup
 from tega.stages.decoders import RulesDecoder, RulesOptions
-from tega.teleop.session import run_session
 from tega_emulators.process import Emulator
 
 

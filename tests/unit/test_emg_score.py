@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-import tega.emg_score
-from tega.emg_score import (
+import tega.emg.score
+from tega.emg.score import (
     RecordingScore,
     changes_per_second,
     delay_s,
@@ -105,4 +105,4 @@ def test_bad_input_is_refused() -> None:
 
 
 def test_the_examples_in_the_docstrings_run() -> None:
-    assert doctest.testmod(tega.emg_score).failed == 0
+    assert doctest.testmod(tega.emg.score).failed == 0

@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from reference import emg_votes as reference
-from tega.calibration import EmgMaxima
+from tega.config.calibration import EmgMaxima
 from tega.devices.base import EmgChunk
 from tega.emg import InputKind, channel_maxima
-from tega.emg_votes import ChannelVotes
+from tega.emg.votes import ChannelVotes
 from tega.errors import ShapeError
-from tega.inbox.sources import BlockMeter, EmgBlock, SourceReport
+from tega.loop.inbox.sources import BlockMeter, EmgBlock, SourceReport
 from tega.stages.base import MuscleSetup
 from tega.stages.decoders import RulesDecoder, RulesOptions
 

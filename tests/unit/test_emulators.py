@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from tega.clock import ManualClock
 from tega.errors import DeviceUnavailableError, InvalidValueError
+from tega.runtime.clock import ManualClock
 from tega_emulators.ascii_board import AsciiBoard
 from tega_emulators.chords import ChordsBoard
 from tega_emulators.cyton import CytonBoard

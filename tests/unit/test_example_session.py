@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tega.cli.main import main
+from tega.ui.cli.main import main
 
 pytest.importorskip("foxglove", reason="needs the extra record")
 

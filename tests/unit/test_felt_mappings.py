@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from tega.sim.operator.person import typical_person
 from tega_figures.felt.compare import dose_of, ideal_bits, noisy_bits
 from tega_figures.felt.information import confusion_bits, information_bits, share_told, threshold_at
 from tega_figures.felt.skin import BatchSkin
 from tega_figures.felt.stimuli import COMPARED, TASKS, Stimulus, firmness, frames, holding, steps
+from tega_sim.operator.person import typical_person
 
 PERSON = typical_person().vest
 BY_LABEL = {shown.label: shown for shown in COMPARED}

@@ -11,9 +11,9 @@ import pytest
 
 from tega import file_lock
 from tega.errors import DeviceUnavailableError
-from tega.file_lock import lock_file
 from tega.recording.mcap_folder import SessionFolder, in_order, session_files
-from tega.study.journal import Journal, read_events
+from tega.runtime.files.lock import lock_file
+from tega_study.journal import Journal, read_events
 
 _HOLD = (
     "import sys; from pathlib import Path; from tega import file_lock\n"

@@ -11,9 +11,9 @@ import pytest
 
 from reference.command import call
 from reference.recordings import write_folder
-from tega.bus import Bus
 from tega.records import Contact, Intent, VestFrame
-from tega.view.course import RunCourse
+from tega.records.bus import Bus
+from tega.ui.view.course import RunCourse
 
 
 @pytest.fixture
@@ -66,8 +66,8 @@ def test_motors_are_in_the_order_in_which_they_are_worn(course: RunCourse) -> No
 
 def test_a_brief_pulse_is_in_the_picture_of_a_long_run() -> None:
     pytest.importorskip("matplotlib", reason="needs the extra pictures")
-    from tega.view.course import VestCourse
-    from tega.view.figures import draw_vest, new_figure
+    from tega.ui.view.course import VestCourse
+    from tega.ui.view.figures import draw_vest, new_figure
 
     intensities = np.zeros((10_000, 1), np.uint8)
     intensities[7777] = 90

@@ -10,14 +10,14 @@ import pytest
 
 pytest.importorskip("scipy", reason="intervals need SciPy")
 
-from tega.calibration.folder import CalibrationFolder
-from tega.calibration.records import PracticeRecord, read_record
-from tega.cli.main import main
+from tega.config.calibration.folder import CalibrationFolder
+from tega.config.calibration.records import PracticeRecord, read_record
 from tega.errors import CalibrationError, TegaError
-from tega.skill.fitts import Movement
-from tega.skill.interval import mean_interval
-from tega.skill.kept import FittsRecord, compare_kept, keep_fitts, kept_fitts, movement_row
-from tega.skill.kept_tracking import compare_tracked, kept_practices
+from tega.ui.cli.main import main
+from tega_practice.fitts import Movement
+from tega_practice.interval import mean_interval
+from tega_practice.kept import FittsRecord, compare_kept, keep_fitts, kept_fitts, movement_row
+from tega_practice.kept_tracking import compare_tracked, kept_practices
 
 MADE = datetime(2026, 11, 23, 12, 0, 0, tzinfo=UTC)
 

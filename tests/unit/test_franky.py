@@ -10,9 +10,9 @@ import pytest
 from click.testing import CliRunner
 
 from tega.arm import ArmSettings, LimitSettings, MappingSettings
-from tega.cli.arm import arm as arm_verb
-from tega.devices.franky_arm import FrankyArm, FrankyArmOptions
+from tega.devices.arm.franky_arm import FrankyArm, FrankyArmOptions
 from tega.errors import DeviceUnavailableError, WrongDeviceError
+from tega.ui.cli.arm import arm as arm_verb
 from tega_emulators.franka_faults import HAND_CENTRE_M, HAND_KG
 from tega_emulators.process import Emulator
 from unit.test_arm_robot import Led

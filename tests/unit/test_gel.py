@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tega.errors import InvalidValueError, ShapeError
-from tega.sim.gel import (
+from tega_sim.gel import (
     CAMERA_MM,
     HEIGHTS_ALONG_MM,
     MIDDLE_ALONG_MM,
@@ -22,7 +22,7 @@ from tega.sim.gel import (
     ball,
     fall,
 )
-from tega.sim.seams import Indenter
+from tega_sim.seams import Indenter
 
 STRAIGHT = np.hstack([np.eye(3), np.zeros((3, 1))])
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tega.errors import InvalidValueError
-from tega.sim.gel import Gel
 from tega_figures.gel_sequences import SHAPES, press_sequence, pressing, ramp
+from tega_sim.gel import Gel
 
 CURVE = ramp(peak_n=2.0, wait_s=0.1, rise_s=0.2, hold_s=0.2, fall_s=0.1)
 

@@ -18,18 +18,18 @@ from reference.sessions import messages, told
 from tega.config import StagesSection, check_tree
 from tega.devices.base import DeviceInfo
 from tega.errors import RecordingError
-from tega.inbox.prepared import Finger, Muscles, Prepared
-from tega.inbox.sources import SourceReport
+from tega.loop import run_session
+from tega.loop.inbox.prepared import Finger, Muscles, Prepared
+from tega.loop.inbox.sources import SourceReport
 from tega.recording.inspection import inspect_file
 from tega.recording.mcap_copy import McapCopy, McapRecords
 from tega.recording.mcap_reader import McapReader
 from tega.recording.mcap_schemas import VERSIONS, encoded, schema_bytes
+from tega.recording.replay import replay_file
+from tega.recording.replay.recorded import read_recorded
 from tega.records import RECORDS
 from tega.records.schema import own_schema, read, schema_name
-from tega.replay import replay_file
-from tega.replay.recorded import read_recorded
 from tega.stages.choose import muscle_decoder
-from tega.teleop import run_session
 
 GOLDEN = Path(__file__).parent.parent / "golden"
 

@@ -12,13 +12,13 @@ import pytest
 
 from reference.waiting import until
 from tega.devices import guard_process
-from tega.devices.guard_process import GuardProcess
+from tega.devices.hand.guard_process import GuardProcess
 
 # Says that it lets go by a file of its own number, and starts slowly once a first one has begun.
 GUARD = """
 import os, sys, time
 from pathlib import Path
-from tega.devices.guard_process import stand_by
+from tega.devices.hand.guard_process import stand_by
 
 folder = Path(sys.argv[1])
 (folder / f"begun-{os.getpid()}").touch()

@@ -10,11 +10,11 @@ from typing import Any
 import pytest
 
 from reference.chromium import launched, opened
-from tega.calibration.guide import Bar, Undecided
-from tega.cli.guide import LineGuide
-from tega.cli.guide_page import PageGuide
-from tega.skill.fitts_course import Target
-from tega.skill.live import _bars
+from tega.setup.calibration.guide import Bar, Undecided
+from tega.ui.cli.guide import LineGuide
+from tega.ui.cli.guide_page import PageGuide
+from tega_practice.fitts_course import Target
+from tega_practice.live import _bars
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from reference.waiting import until
-from tega.devices.allegro import Allegro, AllegroOptions
+from tega.devices.hand.allegro import Allegro, AllegroOptions
 from tega_emulators.process import Emulator
 
 pytestmark = pytest.mark.slow

@@ -14,12 +14,12 @@ import pytest
 
 from reference.processes import begun_by, hand_guards
 from reference.waiting import until
-from tega.child_process import python_command, python_environment
-from tega.devices.allegro import Allegro, AllegroOptions
-from tega.devices.guard_process import GuardProcess
-from tega.devices.hand_loop import HandLoop
-from tega.devices.hand_told import HandOrders
+from tega.devices.hand.allegro import Allegro, AllegroOptions
+from tega.devices.hand.guard_process import GuardProcess
+from tega.devices.hand.hand_loop import HandLoop
+from tega.devices.hand.hand_told import HandOrders
 from tega.errors import DeviceUnavailableError
+from tega.runtime.child_process import python_command, python_environment
 from tega_emulators.process import Emulator
 
 pytestmark = pytest.mark.slow
@@ -33,7 +33,7 @@ def steering(
     program = (
         "import signal, time\n"
         "signal.signal(signal.SIGHUP, signal.SIG_DFL)\n"  # tests may themselves run under nohup
-        "from tega.devices.allegro import Allegro, AllegroOptions\n"
+        "from tega.devices.hand.allegro import Allegro, AllegroOptions\n"
         f"options = dict({hand.address!r}, silent_after_ms=1000.0, lowest_rate_hz=50.0, guard={guard})\n"
         "hand = Allegro(AllegroOptions(**options))\n"
         "hand.open()\n"
@@ -71,7 +71,7 @@ def test_a_killed_or_frozen_program_does_not_leave_the_hand_pushing(how: signal.
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
 def test_a_killed_or_frozen_process_of_the_hand_does_not_leave_it_pushing(how: signal.Signals) -> None:
     with Emulator("allegro_port") as hand, steering(hand) as running:
-        (steers,) = begun_by(running.pid, "tega.devices.hand_program")
+        (steers,) = begun_by(running.pid, "tega.devices.hand.hand_program")
         os.kill(steers, how)
         until(lambda: limp(hand))
         until(lambda: not hand.say("look")["reports"])
@@ -96,7 +96,7 @@ def test_a_frozen_program_that_goes_on_steers_the_hand_again() -> None:
 
 def test_a_process_that_is_told_to_terminate_lets_go_of_the_hand() -> None:
     with Emulator("allegro_port") as hand, steering(hand) as running:
-        (steers,) = begun_by(running.pid, "tega.devices.hand_program")
+        (steers,) = begun_by(running.pid, "tega.devices.hand.hand_program")
         os.kill(steers, signal.SIGTERM)
         until(lambda: limp(hand))
 
@@ -125,7 +125,7 @@ def test_a_program_that_is_started_finds_nothing_in_the_working_folder(
     kept = str(tmp_path / "elsewhere")
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(["", ".", str(tmp_path), kept]))
     assert python_environment()["PYTHONPATH"] == kept
-    words = python_command("tega.cli", "--version")
+    words = python_command("tega.ui.cli", "--version")
     done = subprocess.run(words, env=python_environment(), capture_output=True, text=True, check=True)
     assert done.stdout.startswith("tega ")
     look = [*words[:3], words[3].partition("import runpy")[0] + "import can; print(can.__file__)", *words[4:]]
@@ -137,7 +137,7 @@ def test_a_hand_is_not_switched_on_without_a_guard(monkeypatch: pytest.MonkeyPat
     def absent(_bus: object, _frames: object, *, device_id: int) -> GuardProcess:  # noqa: ARG001
         return GuardProcess("lets go of the hand", "tega.no_such_program")
 
-    monkeypatch.setattr("tega.devices.hand_loop.guard_hand", absent)
+    monkeypatch.setattr("tega.devices.hand.hand_loop.guard_hand", absent)
     with Emulator("allegro_port") as hand:
         told: list[object] = []
         options, orders = AllegroOptions(**hand.address), HandOrders(heard=True)
@@ -180,7 +180,7 @@ def test_the_guard_that_took_the_lost_one_s_place_lets_go_of_the_hand() -> None:
 def test_a_deaf_hand_is_not_left_alone(capfd: pytest.CaptureFixture[str]) -> None:
     with Emulator("allegro_port") as hand:
         program = (
-            "from tega.devices.allegro import Allegro, AllegroOptions\n"
+            "from tega.devices.hand.allegro import Allegro, AllegroOptions\n"
             f"options = dict({hand.address!r}, silent_after_ms=1000.0, lowest_rate_hz=50.0, reconnects=50)\n"
             "with Allegro(AllegroOptions(**options)) as hand:\n"
             "    try:\n"

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from tega.cli.hand import hand
 from tega.errors import ConfigError
 from tega.hand import CLOSURE_POSES_RAD, JOINT_LIMITS_RAD
-from tega.hand_poses import POSE_MARGIN_RAD, load_poses, save_poses, taught
+from tega.hand.poses import POSE_MARGIN_RAD, load_poses, save_poses, taught
+from tega.ui.cli.hand import hand
 
 
 def test_poses_come_back_as_they_were_written(tmp_path: Path) -> None:

@@ -10,12 +10,12 @@ from io import BufferedReader, BufferedWriter
 
 import pytest
 
-from tega.child_process import end_child, python_command, python_environment
 from tega.devices import hand_ends
-from tega.devices.allegro import AllegroOptions
-from tega.devices.hand_ends import MAKES_READY, HandProcess
+from tega.devices.hand.allegro import AllegroOptions
+from tega.devices.hand.hand_ends import MAKES_READY, HandProcess
 from tega.errors import TegaError
-from tega.object_pipe import receive_object, send_object
+from tega.runtime.child_process import end_child, python_command, python_environment
+from tega.runtime.object_pipe import receive_object, send_object
 
 pytest.importorskip("can")
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="a process is stopped by a signal")
@@ -24,7 +24,7 @@ _NOBODY = AllegroOptions(interface="slcan", channel="/dev/null", guard=False)
 
 
 def test_each_stage_of_the_start_is_told() -> None:
-    words = python_command("tega.devices.hand_program")
+    words = python_command("tega.devices.hand.hand_program")
     process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=python_environment())
     assert isinstance(process.stdin, BufferedWriter)
     assert isinstance(process.stdout, BufferedReader)

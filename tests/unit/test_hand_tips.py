@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from tega.hand import JOINT_LIMITS_RAD
-from tega.hand_tips import fingertips_m, tip_heights_mm
+from tega.hand.tips import fingertips_m, tip_heights_mm
 from tega.haptics import FINGERS
 
 
 def test_fingertips_are_where_the_physics_has_them() -> None:
     mujoco = pytest.importorskip("mujoco")
-    from tega.sim.world import World
+    from tega_sim.world import World
 
     world = World("bottle")
     names = [f"{finger}_pad" for finger in FINGERS]

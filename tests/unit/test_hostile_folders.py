@@ -12,12 +12,9 @@ from pathlib import Path
 import pytest
 
 from reference.sessions import record
-from tega.calibration.folder import CalibrationFolder, Unfinished
-from tega.clock import SystemClock
-from tega.devices.player_settings import PlayerOptions, versions_to_ask
-from tega.episodes.journal import EPISODES, EpisodeJournal
+from tega.config.calibration.folder import CalibrationFolder, Unfinished
+from tega.devices.vest.player_settings import PlayerOptions, versions_to_ask
 from tega.errors import CalibrationError, ConfigError, DeviceUnavailableError, RecordingError, TegaError
-from tega.foreign_file import MIB
 from tega.recording import mcap_reader
 from tega.recording.disk import SpooledFile
 from tega.recording.encode import encode_session
@@ -25,21 +22,24 @@ from tega.recording.folder import OUTPUT_NAMES, prepare_folder
 from tega.recording.mcap_folder import SessionFolder, recorded_task, recover_file, session_files
 from tega.recording.merge import merge_sessions
 from tega.recording.trim import trim_session
+from tega.runtime.clock import SystemClock
+from tega.runtime.files.foreign_file import MIB
+from tega.runtime.files.whole_file import new_file, write_whole
 from tega.safety.dose_file import KeptDose
 from tega.safety.motor_budget import MotorBudget
-from tega.skill.people import people_at_test
-from tega.study import make_plan, write_plan
-from tega.study.coupling import read_course
-from tega.study.hand_rows import read_hand
-from tega.study.journal import Journal
-from tega.study.lead.status_file import board_path, read_board
-from tega.study.lead.tell import tell, told_path
-from tega.study.privacy import export, note_elsewhere, withdraw, withdrawn_ids
-from tega.study.state import events_path
-from tega.study.touch_picture import read_touch_picture
-from tega.study.touch_rows import read_touch
-from tega.vest_latency.log import read_wav
-from tega.whole_file import new_file, write_whole
+from tega_bench.vest_latency.log import read_wav
+from tega_practice.people import people_at_test
+from tega_study import make_plan, write_plan
+from tega_study.coupling import read_course
+from tega_study.episodes.journal import EPISODES, EpisodeJournal
+from tega_study.hand_rows import read_hand
+from tega_study.journal import Journal
+from tega_study.lead.status_file import board_path, read_board
+from tega_study.lead.tell import tell, told_path
+from tega_study.privacy import export, note_elsewhere, withdraw, withdrawn_ids
+from tega_study.state import events_path
+from tega_study.touch_picture import read_touch_picture
+from tega_study.touch_rows import read_touch
 
 pytestmark = [
     pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such links and pipes"),

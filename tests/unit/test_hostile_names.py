@@ -8,17 +8,17 @@ from types import SimpleNamespace
 import msgspec
 import pytest
 
-from tega.calibration.folder import CalibrationFolder, checked_person
-from tega.cli.main import main
+from tega.config.calibration.folder import CalibrationFolder, checked_person
 from tega.errors import UnsafeNameError
-from tega.lerobot import export_lerobot
-from tega.plain_name import path_below
 from tega.recording.export import export_file
 from tega.recording.mcap_copy import McapCopy, McapRecords
-from tega.study.observers import observer_path
-from tega.study.plan import PlannedTrial, StudyPlan, make_plan, read_plan, write_plan
-from tega.study.privacy import withdraw
-from tega.study.score.boris import import_boris
+from tega.runtime.files.plain_name import path_below
+from tega.ui.cli.main import main
+from tega_lerobot import export_lerobot
+from tega_study.observers import observer_path
+from tega_study.plan import PlannedTrial, StudyPlan, make_plan, read_plan, write_plan
+from tega_study.privacy import withdraw
+from tega_study.score.boris import import_boris
 
 VERBS = {
     "recording export": ["--out", "out", "--pictures"],

@@ -11,14 +11,14 @@ import pytest
 from rich.console import Console
 
 from reference.held import PEDAL, TWO
-from tega.bus import Bus
 from tega.config import check_tree
 from tega.errors import ConfigError, DeviceUnavailableError
+from tega.loop import run_session
+from tega.loop.moment import LoopView
 from tega.records import AdaptationSwitch
-from tega.teleop import run_session
-from tega.teleop.moment import LoopView
-from tega.view.state import ViewState
-from tega.view.terminal import render
+from tega.records.bus import Bus
+from tega.ui.view.state import ViewState
+from tega.ui.view.terminal import render
 from tega_emulators.hid_port import HidBoard, HidPort
 from tega_emulators.process import Emulator
 
@@ -84,7 +84,7 @@ def test_a_run_shows_and_counts_what_the_operator_holds(tmp_path: Path) -> None:
     assert "held" in drawn
     assert "held, 1 press" in drawn
     pytest.importorskip("viser", reason="needs the extra tega[view]")
-    from tega.view.browser.state_html import status_html
+    from tega.ui.view.browser.state_html import status_html
 
     page = status_html(ViewState(seen[-1].t_ns, seen[-1]))
     assert "dead man" in page

@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 
 import tega
-from tega.cli import install_line
-from tega.cli.devices import could_not_look
-from tega.cli.doctor import _paragraph
-from tega.cli.install_line import with_origin
-from tega.doctor.bench import DriverLook
-from tega.doctor.findings import Finding
+from tega.setup.doctor.bench import DriverLook
+from tega.setup.doctor.findings import Finding
+from tega.ui.cli import install_line
+from tega.ui.cli.devices import could_not_look
+from tega.ui.cli.doctor import _paragraph
+from tega.ui.cli.install_line import with_origin
 
 PROJECT = Path(__file__).parents[2]
 HINT = "install it with: pip install 'tega[sim,view]'"

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 import tega
-from tega.child_process import own_group
+from tega.runtime.child_process import own_group
 
 PROJECT = Path(__file__).resolve().parents[2]
 

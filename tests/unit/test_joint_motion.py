@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tega.bus import Bus
-from tega.clock import ManualClock
 from tega.hand import CLOSURE_POSES_RAD, HandController
-from tega.hand_link import HandLink, Received
+from tega.hand.link import HandLink, Received
+from tega.loop.joint_motion import JointMotion
+from tega.loop.latency import MOTION_STAGES, LatencyTrace
 from tega.records import Latency
-from tega.teleop.joint_motion import JointMotion
-from tega.teleop.latency import MOTION_STAGES, LatencyTrace
-from tega.view.browser.state_html import rates_html
+from tega.records.bus import Bus
+from tega.runtime.clock import ManualClock
+from tega.ui.view.browser.state_html import rates_html
 from tega_emulators.allegro import AllegroNode
 
 MS = 1_000_000

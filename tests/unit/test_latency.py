@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tega.bus import Bus
 from tega.config import check_tree
-from tega.inbox.histogram import Histogram
+from tega.loop.inbox.histogram import Histogram
+from tega.loop.latency import INTENT_STAGES, TOUCH_STAGES, LatencyTrace
+from tega.loop.session import run_session
 from tega.records import Latency
-from tega.teleop.latency import INTENT_STAGES, TOUCH_STAGES, LatencyTrace
-from tega.teleop.session import run_session
+from tega.records.bus import Bus
 from tega_emulators.lab import PRESSED, emulated_lab, pressing
 
 MS = 1_000_000
@@ -196,7 +196,7 @@ def test_bench_loop_tells_every_stage(preset: str) -> None:
     words = [
         sys.executable,
         "-m",
-        "tega.cli",
+        "tega.ui.cli",
         "bench",
         "loop",
         "--seconds",

@@ -14,15 +14,15 @@ from hypothesis import strategies as st
 
 from tega.arm import ArmChain, StampedPose
 from tega.devices import driver_class
-from tega.devices.hololens import HoloLens, HoloLensOptions
 from tega.devices.registry import list_drivers
-from tega.teleop.hand import ModelledAllegro
+from tega.devices.tracker.hololens import HoloLens, HoloLensOptions
+from tega.loop.hand import ModelledAllegro
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tega.devices.base import SteeredHand
-    from tega.teleop.hand import Hand
+    from tega.loop.hand import Hand
 
     def refused(hand: Hand, steered: SteeredHand, pose: StampedPose, joints_m: NDArray[np.float64]) -> None:
         """mypy, which `make lint` runs, fails on each of these lines as soon as one of these types is accepted."""

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tega.opencv import read_image
+from tega.runtime.opencv import read_image
 from tega.tactile import contact_mask, estimate_baseline, read_contact
 from tega_figures.audit import Mark, read_marks
 

@@ -12,31 +12,31 @@ import pytest
 from numpy.typing import NDArray
 
 from reference.scripted import MS, Sink
-from tega.bus import Bus
-from tega.calibration import TouchMaxima
-from tega.clock import ManualClock
 from tega.config import ReflexSection, load_config
+from tega.config.calibration import TouchMaxima
 from tega.errors import ConfigError
 from tega.hand import CLOSURE_POSES_RAD
-from tega.hand_poses import ClosureScale
-from tega.inbox.sources import EmgBlock
-from tega.inbox.stream import PulledStream
+from tega.hand.poses import ClosureScale
+from tega.loop.hand import ModelledAllegro
+from tega.loop.hand_look import HandLooks, fresh_angles_rad, open_looks
+from tega.loop.inbox.sources import EmgBlock
+from tega.loop.inbox.stream import PulledStream
+from tega.loop.loop import DualLoop
+from tega.loop.moment import LoopView
+from tega.loop.pacing import Pacer
+from tega.loop.reflex import ReflexArc, ReflexMoment, open_reflex
+from tega.loop.touch import TouchLoop
+from tega.recording.replay.played_input import PlayedLooks
+from tega.recording.replay.playhead import Playhead
 from tega.records import Event, HandLook, ReflexGrip
-from tega.replay.played_input import PlayedLooks
-from tega.replay.playhead import Playhead
+from tega.records.bus import Bus
+from tega.runtime.clock import ManualClock
 from tega.stages.base import ReflexSetup
 from tega.stages.grip_reflex import GripReflex, GripReflexOptions
 from tega.stages.pulses import PulsesMapping, PulsesOptions
-from tega.study.hand_rows import HandRow
-from tega.study.lead.running_trial import Going
 from tega.tactile import ContactMetrics
-from tega.teleop.hand import ModelledAllegro
-from tega.teleop.hand_look import HandLooks, fresh_angles_rad, open_looks
-from tega.teleop.loop import DualLoop
-from tega.teleop.moment import LoopView
-from tega.teleop.pacing import Pacer
-from tega.teleop.reflex import ReflexArc, ReflexMoment, open_reflex
-from tega.teleop.touch import TouchLoop
+from tega_study.hand_rows import HandRow
+from tega_study.lead.running_trial import Going
 
 _END_S, _LIFTED_S, _SLIDES_S = 4.0, 1.0, 2.5
 _FIRM = ContactMetrics(mass=6e4, centroid_xy=(120.0, 100.0), eda=3000, cci=0.5, peak=30.0, in_contact=True)

@@ -11,16 +11,16 @@ from typing import Any
 import msgspec
 import pytest
 
-from tega.bus import Bus
 from tega.config import check_tree
+from tega.loop import LoopView, run_session
 from tega.recording.mcap_reader import McapReader
+from tega.recording.replay import replay_file
+from tega.recording.replay.play import play_file
+from tega.recording.replay.recorded import read_recorded
 from tega.recording.trim import trim_session
 from tega.records import Event, HandLook
+from tega.records.bus import Bus
 from tega.records.schema import read
-from tega.replay import replay_file
-from tega.replay.play import play_file
-from tega.replay.recorded import read_recorded
-from tega.teleop import LoopView, run_session
 from tega_emulators.lab import emulated_lab
 
 pytestmark = [
@@ -74,8 +74,8 @@ def lift(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Any, Path]
     """A simulated person's lift with each rule: result and recording."""
     pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
     pytest.importorskip("foxglove", reason="needs the extra tega[record]")
-    from tega.sim.recorded import LiftRecorder
-    from tega.sim.trial import TrialPlan, run_trial
+    from tega_sim.recorded import LiftRecorder
+    from tega_sim.trial import TrialPlan, run_trial
 
     lifts = {}
     for rule in ("touch", "hand"):
@@ -142,7 +142,7 @@ def test_a_recording_that_is_played_tells_the_same_slips_and_pulses(
 def test_simulated_trials_tell_slips_by_touch_unless_they_are_told_otherwise(
     lift: dict[str, tuple[Any, Path]],
 ) -> None:
-    from tega.sim.trial import TrialPlan, run_trial
+    from tega_sim.trial import TrialPlan, run_trial
 
     touch = lift["touch"][0]
     assert run_trial(TrialPlan(**_PLAN)) == msgspec.structs.replace(touch, settings=())

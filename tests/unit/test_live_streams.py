@@ -15,14 +15,14 @@ pytest.importorskip("foxglove", reason="needs the extra record")
 pytest.importorskip("websockets", reason="needs the extra lab")
 
 from reference.sessions import tree
-from tega.bus import Bus
 from tega.config import check_tree
 from tega.errors import DeviceUnavailableError
+from tega.loop import run_session
 from tega.recording.mcap_schemas import decoder, schema_bytes
 from tega.records import RECORDS, Contact, HandExchange, Joints, LogLine, Picture, Record, VestFrame
+from tega.records.bus import Bus
 from tega.records.schema import fields
-from tega.teleop import run_session
-from tega.view.foxglove_stream import FoxgloveStream
+from tega.ui.view.foxglove_stream import FoxgloveStream
 
 FINGER = "thumb"
 

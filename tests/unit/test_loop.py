@@ -12,24 +12,24 @@ import pytest
 
 from reference.recordings import baseline
 from reference.scripted import MS, STARTED_NS, ScriptedCamera, Sink, live_frame, touching
-from tega.bus import Bus
-from tega.calibration import TouchMaxima
-from tega.clock import ManualClock, SystemClock
+from tega.config.calibration import TouchMaxima
 from tega.devices.base import DeviceInfo, EmgChunk
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.haptics import MotorLevels, intensity
-from tega.inbox.frames import measured_contacts
-from tega.inbox.reader import ReadAhead, Reader
-from tega.inbox.sources import EmgBlock, SourceReport
-from tega.inbox.stream import LiveStream, PulledStream
+from tega.loop.hand import ModelledAllegro
+from tega.loop.inbox.frames import measured_contacts
+from tega.loop.inbox.reader import ReadAhead, Reader
+from tega.loop.inbox.sources import EmgBlock, SourceReport
+from tega.loop.inbox.stream import LiveStream, PulledStream
+from tega.loop.loop import DualLoop
+from tega.loop.moment import LoopView, Moment
+from tega.loop.pacing import LATE_EDGES_NS, Pacer
+from tega.loop.touch import TouchLoop
 from tega.records import Contact
+from tega.records.bus import Bus
+from tega.runtime.clock import ManualClock, SystemClock
 from tega.stages.choose import preset_metric
 from tega.tactile import ContactMetrics
-from tega.teleop.hand import ModelledAllegro
-from tega.teleop.loop import DualLoop
-from tega.teleop.moment import LoopView, Moment
-from tega.teleop.pacing import LATE_EDGES_NS, Pacer
-from tega.teleop.touch import TouchLoop
 
 SMALL = np.zeros((9, 9, 3), np.uint8)
 LIMP = [(0x180, bytes(8)), (0x184, bytes(8)), (0x188, bytes(8)), (0x18C, bytes(8)), (0x104, b"")]
@@ -383,8 +383,8 @@ def test_a_recorded_frame_of_another_size_than_its_baseline_is_an_error() -> Non
 
 
 def test_chunk_size_does_not_change_levels_or_stamps() -> None:
-    from tega.calibration import EmgMaxima
-    from tega.inbox.sources import grasp_blocks
+    from tega.config.calibration import EmgMaxima
+    from tega.loop.inbox.sources import grasp_blocks
     from tega.stages.base import MuscleSetup
     from tega.stages.decoders import RulesDecoder, RulesOptions
 
@@ -418,7 +418,7 @@ def test_chunk_size_does_not_change_levels_or_stamps() -> None:
 
 
 def test_nothing_of_the_loop_names_a_device() -> None:
-    import tega.teleop.loop as module
+    import tega.loop.loop as module
 
     text = Path(str(module.__file__)).read_text(encoding="utf-8")
     from tega.devices import driver_names

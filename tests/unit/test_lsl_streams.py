@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from reference.xdf_file import Received, write_xdf
-from tega.bus import Backlog, Bus
 from tega.config import check_tree
-from tega.lsl_events.lsl_streams import LslStreams
+from tega.loop import run_session
 from tega.recording.mcap_reader import McapReader
 from tega.records import ArmMeasured, ArmTarget, ForearmPose
-from tega.teleop import run_session
+from tega.records.bus import Backlog, Bus
+from tega_markers.lsl_streams import LslStreams
 
 pylsl = pytest.importorskip("pylsl")
 pyxdf = pytest.importorskip("pyxdf")

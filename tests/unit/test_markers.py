@@ -15,13 +15,13 @@ from typing import Any
 import pytest
 
 from reference.waiting import until
-from tega.cli.main import main
 from tega.config import check_tree
-from tega.lsl_events.lsl_in import Heard, LslMarkersIn
+from tega.loop import run_session
 from tega.recording.mcap_reader import McapReader, Message
-from tega.teleop import run_session
+from tega.ui.cli.main import main
 from tega_emulators.hid_port import HidBoard, HidPort
 from tega_emulators.process import Emulator
+from tega_markers.lsl_in import Heard, LslMarkersIn
 
 pytestmark = pytest.mark.slow
 

@@ -13,12 +13,12 @@ import pytest
 from reference.waiting import until
 from tega.config import MaskingSection, load_config
 from tega.errors import ConfigError, DeviceUnavailableError, MissingExtraError
-from tega.masking_sound import BAND_HZ, RATE_HZ, MaskingSound, pink_loop
-from tega.study.journal import read_events
-from tega.study.lead import lead_session
-from tega.study.plan import make_plan, write_plan
-from tega.study.state import events_path
 from tega_emulators.sound_port import SoundPort
+from tega_study.journal import read_events
+from tega_study.lead import lead_session
+from tega_study.masking_sound import BAND_HZ, RATE_HZ, MaskingSound, pink_loop
+from tega_study.plan import make_plan, write_plan
+from tega_study.state import events_path
 
 QUIET = MaskingSection(level_dbfs=-30.0)
 
@@ -111,7 +111,7 @@ class Desk:
 @pytest.mark.slow
 def test_a_session_says_what_masks_it_and_stops_where_that_has_gone(port: SoundPort, tmp_path: Path) -> None:
     pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
-    from tega.study.lead.benches import SimulatedBench
+    from tega_study.lead.benches import SimulatedBench
 
     plan = make_plan(
         participants=1, objects=["bag"], conditions=("haptic", "non-haptic"), trials=1, simulated=True

@@ -15,21 +15,21 @@ import pytest
 
 from reference.command import call
 from reference.waiting import until
-from tega.calibration.folder import CalibrationFolder
-from tega.calibration.motor_onset import motor_onset
-from tega.calibration.records import OnsetRecord, read_record
-from tega.clock import SystemClock
 from tega.config import check_tree
+from tega.config.calibration.folder import CalibrationFolder
+from tega.config.calibration.records import OnsetRecord, read_record
+from tega.config.motor_onset import motor_onset
 from tega.devices import driver_class
+from tega.devices.vest.worn_vest import NAMELESS
 from tega.errors import CalibrationError, DeviceUnavailableError, InvalidValueError, RecordingError
+from tega.loop.session import run_session
 from tega.recording.inspection import inspect_file
-from tega.teleop.session import run_session
-from tega.vest_latency.clock import SoundBlock, by_blocks, by_clicks
-from tega.vest_latency.detect import Onsets, find_onsets
-from tega.vest_latency.log import OnsetLog, read_log, read_wav, write_log
-from tega.vest_latency.measure import found_in, play_bursts, record_of
-from tega.vest_latency.microphone import Microphone
-from tega.worn_vest import NAMELESS
+from tega.runtime.clock import SystemClock
+from tega_bench.vest_latency.clock import SoundBlock, by_blocks, by_clicks
+from tega_bench.vest_latency.detect import Onsets, find_onsets
+from tega_bench.vest_latency.log import OnsetLog, read_log, read_wav, write_log
+from tega_bench.vest_latency.measure import found_in, play_bursts, record_of
+from tega_bench.vest_latency.microphone import Microphone
 from tega_emulators.lab import PRESSED, emulated_lab, pressing
 from tega_emulators.motor_sound import RATE_HZ
 from tega_emulators.process import Emulator
@@ -201,8 +201,8 @@ LOG = OnsetLog(
 
 
 def _found(onsets: Onsets) -> Any:
-    from tega.vest_latency.clock import ClockMap
-    from tega.vest_latency.measure import OnsetFound
+    from tega_bench.vest_latency.clock import ClockMap
+    from tega_bench.vest_latency.measure import OnsetFound
 
     return OnsetFound(ClockMap(began_s=0, rate_hz=RATE_HZ, uncertainty_ms=8.0, how="clicks"), onsets)
 

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from tega.emg import BlockMean, ButterworthLowpass, GraspIntent
-from tega.sim.gel import Gel, ball
 from tega.wire import AsciiEmgDecoder, ChordsDecoder, CytonDecoder, SpikerDecoder
+from tega_sim.gel import Gel, ball
 
 # Long enough that the thread that feeds leaves the interpreter to the other many times.
 _ROWS = np.random.default_rng(1).normal(size=(400_000, 3))

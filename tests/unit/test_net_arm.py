@@ -19,10 +19,10 @@ pytest.importorskip("zenoh", reason="needs the extra net")
 from reference.net import Leader
 from reference.waiting import until
 from tega.config import check_tree
-from tega.net.messages import Refused, Welcome
-from tega.teleop import LoopView, run_session
+from tega.loop import LoopView, run_session
 from tega_emulators.lab import EmulatedLab, emulated_lab
 from tega_emulators.stations import Program, free_port
+from tega_link.messages import Refused, Welcome
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform == "win32", reason="needs Linux or macOS")]
 

@@ -14,12 +14,12 @@ from click.testing import CliRunner
 pytest.importorskip("zenoh", reason="needs the extra net")
 pytest.importorskip("cryptography", reason="needs the extra net")
 
-from tega.cli.net import net as net_verb
 from tega.errors import ConfigError
-from tega.net.keys import check_expiry, expiry, make_keys
-from tega.net.link import Channel, Link, zenoh_settings
-from tega.net.settings import Endpoint, NetSection
 from tega_emulators.stations import free_port
+from tega_link.cli.net import net as net_verb
+from tega_link.keys import check_expiry, expiry, make_keys
+from tega_link.link import Channel, Link, zenoh_settings
+from tega_link.settings import Endpoint, NetSection
 
 
 @pytest.fixture(scope="module")

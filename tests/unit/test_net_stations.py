@@ -15,27 +15,27 @@ pytest.importorskip("zenoh", reason="needs the extra net")
 
 from reference.net import Leader
 from reference.waiting import until
-from tega.bus import Bus
-from tega.calibration import (
+from tega.config import load_config
+from tega.config.calibration import (
     Calibration,
     FingerMaxima,
     TouchMaxima,
     load_calibration,
     save_calibration,
 )
-from tega.config import load_config
 from tega.errors import CalibrationError, ConfigError
-from tega.inbox.prepared import Prepared
-from tega.net.link import Channel, Link
-from tega.net.messages import Refused, Welcome
-from tega.net.settings import NetSection
-from tega.net.station import open_station
-from tega.net.touch import with_touch
+from tega.loop import run_session
+from tega.loop.inbox.prepared import Prepared
 from tega.recording.mcap_reader import McapReader
+from tega.recording.replay import replay_file
 from tega.records import Picture
-from tega.replay import replay_file
-from tega.teleop import run_session
+from tega.records.bus import Bus
 from tega_emulators.stations import Program, free_port, split, write_stations, write_trees
+from tega_link.link import Channel, Link
+from tega_link.messages import Refused, Welcome
+from tega_link.settings import NetSection
+from tega_link.station import open_station
+from tega_link.touch import with_touch
 
 pytestmark = pytest.mark.slow
 

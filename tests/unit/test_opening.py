@@ -11,7 +11,7 @@ import pytest
 from reference.processes import begun_by
 from tega.config import check_tree
 from tega.errors import DeviceUnavailableError
-from tega.teleop import run_session
+from tega.loop import run_session
 from tega_emulators.lab import emulated_lab
 from tega_emulators.process import Emulator
 
@@ -30,7 +30,7 @@ def test_a_hand_is_not_touched_where_a_source_is_missing(tmp_path: Path) -> None
             _run(lab.tree, tmp_path)
         look = lab.hand.say("look")
         assert (look["torques"], look["servo_on"], look["reports"]) == (0, False, False)
-        for module in ("tega.devices.hand_program", "tega.devices.hand_guard"):
+        for module in ("tega.devices.hand.hand_program", "tega.devices.hand.hand_guard"):
             assert begun_by(os.getpid(), module) == []
 
 

@@ -16,9 +16,9 @@ from click.testing import CliRunner
 
 from reference import waiting
 from reference.trackers import Steered, some, until, wrist_goes
-from tega.cli.forward import forward
-from tega.devices.openxr import OpenXr, OpenXrOptions
+from tega.devices.tracker.openxr import OpenXr, OpenXrOptions
 from tega.errors import DeviceUnavailableError, MissingExtraError
+from tega.ui.cli.forward import forward
 from tega_emulators.openxr_runtime import openxr_runtime, why_no_runtime
 from tega_emulators.process import Emulator
 

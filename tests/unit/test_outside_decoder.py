@@ -14,14 +14,14 @@ import numpy as np
 import pytest
 
 from reference.waiting import until
-from tega.bus import Bus
 from tega.config import check_tree
-from tega.decoders.outside import OutsideDecoder, OutsideOptions
 from tega.errors import DeviceUnavailableError
+from tega.loop import run_session
 from tega.records import Alert, Intent, RunState
+from tega.records.bus import Bus
 from tega.safety.stop import Stop
 from tega.stages import MuscleSetup
-from tega.teleop import run_session
+from tega.stages.learned.outside import OutsideDecoder, OutsideOptions
 
 pylsl = pytest.importorskip("pylsl")
 pytestmark = pytest.mark.slow
@@ -129,7 +129,7 @@ def test_no_stream_and_a_stream_of_texts_are_refused_with_what_to_do() -> None:
 
 def test_a_run_holds_while_the_other_process_is_silent_and_goes_on_after_it(tmp_path: Path) -> None:
     pytest.importorskip("foxglove", reason="needs the extra tega[record]")
-    from tega.replay import replay_file
+    from tega.recording.replay import replay_file
 
     (tmp_path / "calibration.toml").write_text(
         'format = "tega-calibration"\nversion = 1\npreset = "live"\norigin = "made up"\n[emg]\nkind = "raw"\n'

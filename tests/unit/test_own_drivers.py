@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 
 from tega import plugins
-from tega.calibration import Calibration, EmgMaxima, FingerMaxima, save_calibration
-from tega.calibration.effort import Chain
-from tega.calibration.guide import Bar, Undecided
-from tega.calibration.steps_emg import take_rest
-from tega.calibration.times import Times
 from tega.config import check_tree
+from tega.config.calibration import Calibration, EmgMaxima, FingerMaxima, save_calibration
 from tega.devices import registry
 from tega.devices.base import DeviceInfo, EmgChunk, Options, SteeredHand, optional
 from tega.errors import CalibrationError
 from tega.hand import CLOSURE_POSES_RAD
-from tega.teleop.session import run_session
+from tega.loop.session import run_session
+from tega.setup.calibration.effort import Chain
+from tega.setup.calibration.guide import Bar, Undecided
+from tega.setup.calibration.steps_emg import take_rest
+from tega.setup.calibration.times import Times
 
 _RATE_HZ = 500.0
 

@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from reference.held import PEDAL, TWO, emulated, pedal, spacemouse
 from reference.waiting import until
 from tega.config import check_tree
-from tega.devices.debounce import Debounce
-from tega.devices.hid_input import AT_REST
-from tega.devices.pedal import Pedal
+from tega.devices.input.debounce import Debounce
+from tega.devices.input.hid_input import AT_REST
+from tega.devices.input.pedal import Pedal
 from tega.errors import ConfigError
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the emulators need Linux")

@@ -16,7 +16,7 @@ import pytest
 from numpy.typing import NDArray
 
 from reference.trackers import some
-from tega.devices.hololens import HoloLens, HoloLensOptions
+from tega.devices.tracker.hololens import HoloLens, HoloLensOptions
 from tega_emulators.process import Emulator
 
 STATUS = {"left": 1 | 4, "right": 1 | 8}

@@ -26,14 +26,14 @@ from reference.film_server import (
 )
 from reference.filmed import number_of
 from reference.waiting import until
-from tega.bus import Bus
 from tega.config import check_tree
-from tega.doctor import examine
 from tega.errors import DeviceUnavailableError
+from tega.loop import run_session
 from tega.records import Alert, SceneVideo
-from tega.scene.pictures import read_pictures
-from tega.scene.record import export_camera
-from tega.teleop import run_session
+from tega.records.bus import Bus
+from tega.setup.doctor import examine
+from tega_scene.pictures import read_pictures
+from tega_scene.record import export_camera
 
 pytestmark = [
     pytest.mark.slow,

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from reference.scripted import MS
 from tega.devices.base import TactileFrame
-from tega.inbox.frames import FrameMeter
-from tega.inbox.picture_votes import PictureVotes
-from tega.inbox.sources import SourceReport
+from tega.loop.inbox.frames import FrameMeter
+from tega.loop.inbox.picture_votes import PictureVotes
+from tega.loop.inbox.sources import SourceReport
 from tega.stages.choose import preset_metric
 
 Image = NDArray[np.uint8]

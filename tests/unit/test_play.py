@@ -20,20 +20,20 @@ import pytest
 
 from reference.sessions import tree as sessions_tree
 from reference.waiting import until
-from tega.bus import Bus
-from tega.calibration.folder import CalibrationFolder
-from tega.cli.main import main
 from tega.config import SessionConfig, check_tree
+from tega.config.calibration.folder import CalibrationFolder
 from tega.errors import ConfigError
 from tega.haptics import MotorLevels
+from tega.loop import run_session
+from tega.loop.moment import LoopView
+from tega.recording.replay.play import LEAD_S, play_file
+from tega.recording.replay.play_clock import PlayClock
+from tega.recording.replay.playhead import Playhead
+from tega.recording.replay.recorded import read_recorded
 from tega.records import ArmTurn, Contact, HeardMarker, Marker, PoseNumbers
-from tega.replay.play import LEAD_S, play_file
-from tega.replay.play_clock import PlayClock
-from tega.replay.playhead import Playhead
-from tega.replay.recorded import read_recorded
-from tega.teleop import run_session
-from tega.teleop.moment import LoopView
-from tega.toml_text import tree_text
+from tega.records.bus import Bus
+from tega.runtime.files.toml_text import tree_text
+from tega.ui.cli.main import main
 from tega_emulators.lab import EmulatedLab, emulated_lab
 from tega_emulators.vests import seen_by
 
@@ -114,7 +114,7 @@ class Session(NamedTuple):
 def session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
     """Three seconds of a finger that is pressed harder and softer, recorded from emulated devices."""
     folder = tmp_path_factory.mktemp("lab")
-    from tega.calibration import TouchMaxima
+    from tega.config.calibration import TouchMaxima
 
     full = TouchMaxima(cci_max=0.05, eda_max=20_000.0)
     with emulated_lab(folder, emg_hz=250.0, hand=True, vest=True, fingers=("thumb",), touch=full) as lab:
@@ -186,7 +186,7 @@ def playing_at_twice_the_speed(session: Session, folder: Path) -> Iterator[subpr
     lab, to, file = session
     settings = folder / "lab.toml"
     settings.write_text(tree_text(to), encoding="utf-8")
-    words = [sys.executable, "-m", "tega.cli", "play", str(file), "--to", str(settings), "--speed", "2"]
+    words = [sys.executable, "-m", "tega.ui.cli", "play", str(file), "--to", str(settings), "--speed", "2"]
     words += ["--because", "a test", "--json"]
     with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as process:
         while process.poll() is None and (lab.at_rest() or not lab.hand.say("look")["servo_on"]):

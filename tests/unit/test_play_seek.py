@@ -17,13 +17,13 @@ from reference.moments import Moments
 from reference.waiting import until
 from tega.config import SessionConfig, check_tree
 from tega.errors import InvalidValueError
-from tega.inbox.stream import LiveStream
-from tega.replay.play import play_file
-from tega.replay.playhead import PlayedItems, Playhead
-from tega.replay.recorded import read_recorded
-from tega.teleop import run_session
-from tega.teleop.moment import LoopView
-from tega.view.browser import BrowserView, Controls
+from tega.loop import run_session
+from tega.loop.inbox.stream import LiveStream
+from tega.loop.moment import LoopView
+from tega.recording.replay.play import play_file
+from tega.recording.replay.playhead import PlayedItems, Playhead
+from tega.recording.replay.recorded import read_recorded
+from tega.ui.view.browser import BrowserView, Controls
 
 SECONDS = 3.0
 MS = 1_000_000

@@ -21,28 +21,28 @@ pytest.importorskip("av", reason="needs the extra lerobot")
 
 from reference.filmed import number_of, numbered, packets, write_scene
 from reference.sessions import record, rewritten
-from tega.bus import Bus
-from tega.cli.main import main
 from tega.config import SessionConfig, check_tree
 from tega.errors import RecordingError
+from tega.loop.moment import LoopView, Moment
+from tega.loop.touch import TouchMoment
 from tega.recording.mcap_reader import McapReader
+from tega.recording.replay import replay_file
+from tega.recording.replay.play import play_file
+from tega.recording.replay.playhead import Playhead
+from tega.recording.replay.recorded import read_recorded
 from tega.records import EmgSamples, Marker
-from tega.replay import replay_file
-from tega.replay.play import play_file
-from tega.replay.playhead import Playhead
-from tega.replay.recorded import read_recorded
-from tega.scene.decode import SceneDecoder, ScenePicture, stands_alone
-from tega.scene.settings import VideoFormat
-from tega.scene.video import SceneEncoder, shrunk
+from tega.records.bus import Bus
 from tega.stages.base import MeasuredPicture
 from tega.stages.choose import finger_metric
 from tega.stages.metrics import contact_metrics_of
-from tega.teleop.moment import LoopView, Moment
-from tega.teleop.touch import TouchMoment
-from tega.view.browser import BrowserView, Controls
-from tega.view.browser.camera_pictures import cameras_html
-from tega.view.browser.feed import SessionFeed
-from tega.view.state import ViewState
+from tega.ui.cli.main import main
+from tega.ui.view.browser import BrowserView, Controls
+from tega.ui.view.browser.camera_pictures import cameras_html
+from tega.ui.view.browser.feed import SessionFeed
+from tega.ui.view.state import ViewState
+from tega_scene.decode import SceneDecoder, ScenePicture, stands_alone
+from tega_scene.settings import VideoFormat
+from tega_scene.video import SceneEncoder, shrunk
 
 MS = 1_000_000
 BEGUN_NS = 5_000 * MS
@@ -289,8 +289,8 @@ def test_a_scene_that_cannot_be_used_is_refused_in_words(moved: Path, lossless: 
     film = packets(filmed(range(0, 1500, 100)))
     late = [(t_ns + 9_000 * MS, data) for t_ns, data in film]
     wrong = {
-        "other.mcap": (film, {}, "", "tega.scene has no epoch_ns"),
-        "clock.mcap": (film, {"epoch_ns": "-5"}, "", "tega.scene has no epoch_ns"),
+        "other.mcap": (film, {}, "", "tega_scene has no epoch_ns"),
+        "clock.mcap": (film, {"epoch_ns": "-5"}, "", "tega_scene has no epoch_ns"),
         "late.mcap": (late, None, "", r"goes from 9\.0 to 10\.4 s of a recording of 1\.5 s"),
         "headless.mcap": (film[1:5], None, "", "no picture of its video stands alone"),
         "format.mcap": (film, None, "vp9", "no picture of its video stands alone"),

@@ -15,10 +15,10 @@ import pytest
 
 from tega import threads as priority
 from tega.config import check_tree
-from tega.teleop.gc_pause import settle, settled
-from tega.teleop.moment import LoopView
-from tega.teleop.session import run_session
-from tega.threads import all_along, give_way, promote, realtime, run_realtime, short_turns
+from tega.loop.gc_pause import settle, settled
+from tega.loop.moment import LoopView
+from tega.loop.session import run_session
+from tega.runtime.threads import all_along, give_way, promote, realtime, run_realtime, short_turns
 from tega_emulators.lab import emulated_lab
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="real-time threads are asked for on Linux only")

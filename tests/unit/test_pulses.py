@@ -14,21 +14,21 @@ import numpy as np
 import pytest
 
 from reference.scripted import MS, Sink
-from tega.calibration import TouchMaxima
-from tega.clock import ManualClock
 from tega.config import check_tree, load_config
+from tega.config.calibration import TouchMaxima
 from tega.errors import ConfigError, DeviceUnavailableError
 from tega.haptics import FeltMap, MotorLevels
-from tega.inbox.stream import PulledStream
-from tega.replay import replay_file
+from tega.loop.hand import ModelledAllegro
+from tega.loop.inbox.stream import PulledStream
+from tega.loop.loop import DualLoop
+from tega.loop.moment import LoopView
+from tega.loop.pacing import Pacer
+from tega.loop.session import run_session
+from tega.loop.touch import TouchLoop
+from tega.recording.replay import replay_file
+from tega.runtime.clock import ManualClock
 from tega.stages.pulses import PulsesMapping, PulsesOptions
 from tega.tactile import ContactMetrics
-from tega.teleop.hand import ModelledAllegro
-from tega.teleop.loop import DualLoop
-from tega.teleop.moment import LoopView
-from tega.teleop.pacing import Pacer
-from tega.teleop.session import run_session
-from tega.teleop.touch import TouchLoop
 from tega_emulators.lab import emulated_lab
 from tega_emulators.vests import seen_by
 
@@ -224,8 +224,8 @@ def test_a_run_pulses_an_emulated_vest_at_its_events_and_is_computed_again(tmp_p
 @pytest.mark.slow
 def test_a_simulated_person_is_told_events_only() -> None:
     pytest.importorskip("mujoco")
-    from tega.sim.streams import Streams
-    from tega.sim.trial import TrialPlan, run_trial
+    from tega_sim.streams import Streams
+    from tega_sim.trial import TrialPlan, run_trial
 
     streams = Streams()
     run_trial(TrialPlan(object="bag", condition="event-gated", seed=1), streams=streams)

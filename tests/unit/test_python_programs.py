@@ -16,7 +16,7 @@ STARTS = re.compile(
 )
 WORKERS = {"joblib", "multiprocessing", "ProcessPoolExecutor", "loky"}
 OTHER_PROGRAMS = {
-    "python/tega/devices/can_links.py": "ip",
+    "python/tega/devices/hand/can_links.py": "ip",
     "tools/campaigns/tega_campaigns/lossy_wire.py": "ip, tc and the program inside, which its caller names",
     "tools/emulators/tega_emulators/bluez_vest.py": "dbus-daemon",
     "tools/emulators/tega_emulators/openxr_runtime.py": "cargo",
@@ -69,10 +69,10 @@ def test_whoever_starts_python_goes_through_one_function() -> None:
 @pytest.mark.parametrize(
     ("source", "said"),
     [
-        ("import sys, subprocess\nsubprocess.run([sys.executable, '-m', 'tega.cli'])", "sys.executable"),
+        ("import sys, subprocess\nsubprocess.run([sys.executable, '-m', 'tega.ui.cli'])", "sys.executable"),
         ("from sys import executable", "imports from sys"),
         ("subprocess.Popen(['python3', 'a.py'], env=python_environment())", "names python3"),
-        ("subprocess.Popen(python_command('tega.cli'))", "without python_environment"),
+        ("subprocess.Popen(python_command('tega.ui.cli'))", "without python_environment"),
         ("await asyncio.create_subprocess_exec(*words)", "without python_environment"),
         ("os.execv(words[0], words)", "without python_environment"),
         ("from concurrent.futures import ProcessPoolExecutor", "without isolated_workers"),
@@ -85,5 +85,7 @@ def test_what_goes_past_it_is_found(source: str, said: str, tmp_path: Path) -> N
 
 
 def test_what_goes_through_it_is_not_found(tmp_path: Path) -> None:
-    (tmp_path / "a.py").write_text("Popen(python_command('tega.cli'), env=python_environment())\nloop.run(1)")
+    (tmp_path / "a.py").write_text(
+        "Popen(python_command('tega.ui.cli'), env=python_environment())\nloop.run(1)"
+    )
     assert started(tmp_path / "a.py") == []

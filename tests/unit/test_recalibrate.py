@@ -14,17 +14,17 @@ import pytest
 from numpy.typing import NDArray
 
 from reference.wizard import Wizard, records
-from tega.calibration.folder import CalibrationFolder, device_name
-from tega.calibration.records import EmgRecord
-from tega.calibration.steps_emg import chain_of, driver_settings
 from tega.config import load_config
-from tega.decoders import LearnedDecoder, fit
-from tega.decoders.compare import Log, shifted_electrode, two_halves
+from tega.config.calibration.folder import CalibrationFolder, device_name
+from tega.config.calibration.records import EmgRecord
 from tega.devices.registry import driver_class
-from tega.sim.operator import ForearmEmg, calibrate, draw_person
+from tega.setup.calibration.steps_emg import chain_of, driver_settings
 from tega.stages.choose import block_s
+from tega.stages.learned import LearnedDecoder, fit
+from tega.stages.learned.compare import Log, shifted_electrode, two_halves
 from tega_emulators.process import Emulator
 from tega_figures.recalibrated_shift import judged_closure, squeeze, ten_seconds
+from tega_sim.operator import ForearmEmg, calibrate, draw_person
 
 pytestmark = pytest.mark.slow
 

@@ -25,15 +25,15 @@ from mcap.stream_reader import StreamReader
 
 from reference.sessions import SECONDS, messages, record, stream, tree
 from tega.config import RecordingSection, check_tree
+from tega.loop import run_session
 from tega.recording.disk import open_disk, rescue_tails
 from tega.recording.inspection import inspect_file
 from tega.recording.mcap_folder import SessionFolder, session_files
 from tega.recording.mcap_queue import BoundedQueue, Item
 from tega.recording.mcap_recorder import McapRecorder
+from tega.recording.replay import replay_file
 from tega.records import Marker, Picture
-from tega.replay import replay_file
-from tega.teleop import run_session
-from tega.toml_text import config_text
+from tega.runtime.files.toml_text import config_text
 from tega_campaigns.kills import kill_one, settings
 
 
@@ -153,7 +153,7 @@ def test_a_disk_that_does_not_keep_up_costs_pictures_which_are_counted(tmp_path:
 FULL = """
 import resource, sys
 resource.setrlimit(resource.RLIMIT_FSIZE, (6_000_000, 6_000_000))
-from tega.cli.main import main
+from tega.ui.cli.main import main
 main(["run", sys.argv[1], "--json"])
 """
 
@@ -202,7 +202,7 @@ def test_a_full_disk_stops_the_recording_and_not_the_run(tmp_path: Path) -> None
     try:
         config = check_tree(tree(disk / "session"), {}, base=tmp_path).config
         (tmp_path / "settings.toml").write_text(config_text(config))
-        words = [sys.executable, "-m", "tega.cli", "run", str(tmp_path / "settings.toml"), "--json"]
+        words = [sys.executable, "-m", "tega.ui.cli", "run", str(tmp_path / "settings.toml"), "--json"]
         summary, said = run_full(words)
         kept = tmp_path / "kept"
         kept.mkdir()

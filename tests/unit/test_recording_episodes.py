@@ -15,19 +15,19 @@ pytest.importorskip("foxglove", reason="comes with the extra record")
 
 from reference.held import PEDAL, emulated
 from reference.sessions import messages, record, told, tree
-from tega.cli.main import main
 from tega.config import check_tree
-from tega.episodes.journal import EPISODES, EpisodeJournal, read_episodes
-from tega.episodes.take import EpisodeTaker
 from tega.errors import ConfigError, DeviceUnavailableError, InvalidValueError, RecordingError
 from tega.recording.encode import encode_session
 from tega.recording.inspection import inspect_file
 from tega.recording.mcap_folder import SessionFolder, recorded_task
 from tega.recording.mcap_reader import McapReader, read_picture
-from tega.replay import replay_file
-from tega.study.lead.experimenter import ENTER, Screen
+from tega.recording.replay import replay_file
+from tega.ui.cli.main import main
 from tega_emulators.lab import emulated_lab
 from tega_emulators.process import Emulator
+from tega_study.episodes.journal import EPISODES, EpisodeJournal, read_episodes
+from tega_study.episodes.take import EpisodeTaker
+from tega_study.lead.experimenter import ENTER, Screen
 
 
 class _Operator:

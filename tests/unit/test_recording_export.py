@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from reference.sessions import SECONDS
-from tega.cli.main import main
 from tega.errors import ConfigError
 from tega.recording.export import export_file
 from tega.stages.choose import preset_metric
+from tega.ui.cli.main import main
 
 
 def test_tables_and_pictures_say_what_was_recorded(lossless: Path, tmp_path: Path) -> None:

@@ -14,16 +14,16 @@ import pytest
 
 from reference.sessions import record, rewritten
 from reference.sessions import tree as sessions_tree
-from tega.cli.main import main
 from tega.errors import ConfigError, RecordingError, UnsafeNameError
 from tega.hand import JOINT_NAMES
-from tega.lerobot import export_lerobot
-from tega.lerobot.video import EpisodeCamera, Video
 from tega.recording.export import export_file
 from tega.recording.mcap_folder import SessionFolder, session_files
 from tega.recording.trim import trim_session
 from tega.records import Contact
-from tega.scene.pictures import times_path
+from tega.ui.cli.main import main
+from tega_lerobot import export_lerobot
+from tega_lerobot.video import EpisodeCamera, Video
+from tega_scene.pictures import times_path
 
 parquet = pytest.importorskip("pyarrow.parquet", reason="needs the extra tega[lerobot]")
 av = pytest.importorskip("av", reason="needs the extra tega[lerobot]")
@@ -139,10 +139,10 @@ def test_the_arm_is_observed_and_asked_in_one_action_with_the_hand(tmp_path: Pat
 
 def _with_arm(folder: Path) -> Path:
     """Record a run whose records of an arm and markers are made up."""
-    from tega.bus import Bus
     from tega.config import check_tree
+    from tega.loop import run_session
     from tega.records import ArmMeasured, ArmTarget, HeardMarker, Marker
-    from tega.teleop import run_session
+    from tega.records.bus import Bus
 
     bus = Bus()
     told: list[int] = []

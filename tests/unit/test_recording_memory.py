@@ -13,10 +13,10 @@ from pathlib import Path
 import pytest
 
 from tega.config import check_tree
+from tega.loop.moment import LoopView
+from tega.loop.session import run_session
 from tega.recording.mcap_file import McapFile
 from tega.records import Value
-from tega.teleop.moment import LoopView
-from tega.teleop.session import run_session
 
 pytestmark = pytest.mark.slow
 

@@ -10,16 +10,16 @@ from typing import Any
 import pytest
 
 from reference.sessions import SECONDS, attached, messages, rewritten, stream, told, tree
-from tega.cli.main import main
 from tega.config import check_tree
 from tega.errors import ConfigError, RecordingError
+from tega.loop import run_session
 from tega.recording.export import export_file
 from tega.recording.inspection import inspect_file
 from tega.recording.merge import merge_sessions
 from tega.recording.origin import LEAD_IN
+from tega.recording.replay import replay_file
 from tega.recording.trim import trim_session
-from tega.replay import replay_file
-from tega.teleop import run_session
+from tega.ui.cli.main import main
 from tega_emulators.process import Emulator
 
 S = 1_000_000_000

@@ -11,15 +11,21 @@ import msgspec
 import pytest
 
 from reference.scripted import MS, Sink, touching
-from tega.bus import Bus
-from tega.calibration import TouchMaxima
-from tega.clock import ManualClock
 from tega.config import FINGERS, ReflexSection, SessionConfig, load_config
+from tega.config.calibration import TouchMaxima
 from tega.errors import ConfigError
 from tega.hand import HandController
-from tega.hand_link import HandLink, Received
-from tega.inbox.sources import EmgBlock
-from tega.inbox.stream import PulledStream
+from tega.hand.link import HandLink, Received
+from tega.loop.hand import ModelledAllegro
+from tega.loop.inbox.sources import EmgBlock
+from tega.loop.inbox.stream import PulledStream
+from tega.loop.loop import DualLoop
+from tega.loop.moment import LoopView, Moment
+from tega.loop.pacing import Pacer
+from tega.loop.reflex import ReflexArc, open_reflex
+from tega.loop.touch import TouchLoop
+from tega.recording.replay.exchanges import compare_exchanges
+from tega.recording.replay.reflex import recorded_arc
 from tega.records import (
     Button,
     Contact,
@@ -30,15 +36,9 @@ from tega.records import (
     ReflexGrip,
     bus_frames,
 )
-from tega.replay.exchanges import compare_exchanges
-from tega.replay.reflex import recorded_arc
+from tega.records.bus import Bus
+from tega.runtime.clock import ManualClock
 from tega.tactile import ContactMetrics
-from tega.teleop.hand import ModelledAllegro
-from tega.teleop.loop import DualLoop
-from tega.teleop.moment import LoopView, Moment
-from tega.teleop.pacing import Pacer
-from tega.teleop.reflex import ReflexArc, open_reflex
-from tega.teleop.touch import TouchLoop
 
 
 def slipping(share: float) -> ContactMetrics:
@@ -208,9 +208,9 @@ def test_settings_that_do_not_fit_are_refused(sets: list[str], said: str) -> Non
 def test_a_recorded_lift_with_a_reflex_is_computed_again_bit_for_bit(tmp_path: Path) -> None:
     pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
     pytest.importorskip("foxglove", reason="needs the extra tega[record]")
-    from tega.replay import replay_file
-    from tega.sim.recorded import LiftRecorder
-    from tega.sim.trial import TrialPlan, run_trial
+    from tega.recording.replay import replay_file
+    from tega_sim.recorded import LiftRecorder
+    from tega_sim.trial import TrialPlan, run_trial
 
     settings = ("stages.reflex.name=grip", "stages.reflex.authority=1", "stages.reflex.options.keep_s=1")
     plan = TrialPlan(object="bottle", condition="haptic-reflex", seed=3, settings=settings, friction=0.45)
@@ -229,7 +229,7 @@ def test_a_reflex_without_authority_acts_at_full_authority_in_the_arms_that_have
     None
 ):
     pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
-    from tega.sim.reflex import trial_reflex
+    from tega_sim.reflex import trial_reflex
 
     named = ["stages.reflex.name=grip", "stages.reflex.most_levels=1"]
 
@@ -252,7 +252,7 @@ def test_a_reflex_without_authority_acts_at_full_authority_in_the_arms_that_have
 
 def test_an_arm_with_a_reflex_has_it_at_full_authority() -> None:
     pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
-    from tega.sim.reflex import trial_reflex
+    from tega_sim.reflex import trial_reflex
 
     config = load_config(None, environ={}).config
     slip_mm_s, forces_n = 0.0, (0.0,) * 4
@@ -291,8 +291,8 @@ def test_an_arm_with_a_reflex_has_it_at_full_authority() -> None:
 @pytest.mark.slow
 def test_a_trial_whose_pictures_nobody_asks_for_has_the_result_of_one_that_renders_them() -> None:
     pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
-    from tega.sim.streams import Streams
-    from tega.sim.trial import TrialPlan, run_trial
+    from tega_sim.streams import Streams
+    from tega_sim.trial import TrialPlan, run_trial
 
     plan = TrialPlan(object="container", condition="non-haptic", seed=3, operator="scripted")
     assert run_trial(plan) == run_trial(plan, streams=Streams())

@@ -29,7 +29,7 @@ WAIT_S = 240
 @pytest.fixture(scope="module")
 def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     folder = tmp_path_factory.mktemp("lab")
-    words = [sys.executable, "-m", "tega.cli", "init", "--emulated", "--out", "lab.toml"]
+    words = [sys.executable, "-m", "tega.ui.cli", "init", "--emulated", "--out", "lab.toml"]
     bench = subprocess.Popen(words, cwd=folder, stdin=subprocess.DEVNULL)
     for _ in range(10 * WAIT_S):
         assert bench.poll() is None
@@ -42,7 +42,7 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 
 def teleop(folder: Path, *words: str, code: int = 0) -> subprocess.CompletedProcess[str]:
-    return _run(folder, "tega.cli", *words, code=code)
+    return _run(folder, "tega.ui.cli", *words, code=code)
 
 
 def rehearse(folder: Path, seed: int, *words: str) -> subprocess.CompletedProcess[str]:

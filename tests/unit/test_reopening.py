@@ -12,9 +12,9 @@ import pytest
 import tega
 from tega.devices.base import DeviceInfo, TactileFrame
 from tega.errors import DeviceUnavailableError
-from tega.inbox.frames import measured_contacts
-from tega.inbox.sources import SourceReport
-from tega.reopening import Reopening, polled
+from tega.loop.inbox.frames import measured_contacts
+from tega.loop.inbox.sources import SourceReport
+from tega.runtime.reopening import Reopening, polled
 from tega.stages.choose import preset_metric
 
 

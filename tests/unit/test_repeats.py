@@ -17,21 +17,21 @@ from hypothesis import strategies as st
 
 from reference.recordings import baseline, pressed, write_folder
 from reference.scripted import MS, STARTED_NS, ScriptedCamera, Sink, live_frame, touching
-from tega.calibration import TouchMaxima
-from tega.cli.main import main
-from tega.clock import ManualClock
+from tega.config.calibration import TouchMaxima
 from tega.devices.base import TactileFrame
 from tega.errors import RecordingError
-from tega.inbox.frames import measured_contacts
-from tega.inbox.sources import Contact, SourceReport
-from tega.inbox.stream import PulledStream
-from tega.inbox.stuck_frames import STUCK_FRAMES, LastFrame
+from tega.loop.hand import ModelledAllegro
+from tega.loop.inbox.frames import measured_contacts
+from tega.loop.inbox.sources import Contact, SourceReport
+from tega.loop.inbox.stream import PulledStream
+from tega.loop.inbox.stuck_frames import STUCK_FRAMES, LastFrame
+from tega.loop.loop import DualLoop
+from tega.loop.pacing import Pacer
+from tega.loop.touch import STALE_NS, TouchLoop
+from tega.runtime.clock import ManualClock
 from tega.stages.choose import preset_metric
 from tega.stages.metrics import LiveMetric, contact_metrics_of
-from tega.teleop.hand import ModelledAllegro
-from tega.teleop.loop import DualLoop
-from tega.teleop.pacing import Pacer
-from tega.teleop.touch import STALE_NS, TouchLoop
+from tega.ui.cli.main import main
 
 
 @pytest.fixture

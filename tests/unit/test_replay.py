@@ -17,11 +17,11 @@ import pytest
 
 from reference.recordings import baseline, squeezes, write_emg_csv, write_folder, write_video
 from reference.waiting import until
-from tega.calibration import Calibration, FingerMaxima, TouchMaxima, save_calibration
-from tega.cli.main import main
+from tega.config.calibration import Calibration, FingerMaxima, TouchMaxima, save_calibration
 from tega.haptics import intensity
 from tega.recording import prepare_folder
 from tega.stages.choose import preset_metric
+from tega.ui.cli.main import main
 
 OUTPUTS = [
     "calibration.toml", "can.csv", "contacts.csv", "events.csv", "levels.csv", "picture.png", "summary.json",
@@ -319,7 +319,7 @@ def test_a_run_that_was_killed_leaves_a_folder_that_the_next_one_takes(tmp_path:
         ),
         tmp_path / "calibration.toml",
     )
-    words = [sys.executable, "-m", "tega.cli", "run", str(settings)]
+    words = [sys.executable, "-m", "tega.ui.cli", "run", str(settings)]
     with subprocess.Popen(words, stdout=subprocess.DEVNULL) as running:
         until(lambda: (tmp_path / "out" / "vest.csv").exists() or running.poll() is not None)
         running.kill()

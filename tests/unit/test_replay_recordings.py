@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tega.cli.main import main
+from tega.ui.cli.main import main
 
 
 def replay(capsys: pytest.CaptureFixture[str], *words: object) -> dict[str, Any]:

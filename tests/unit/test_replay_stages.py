@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tega.cli.main import main
 from tega.config import load_config
+from tega.ui.cli.main import main
 
 LAB = """
 [session]
@@ -41,7 +41,7 @@ TOPICS = {"/beside/live/index", "/beside/rules/emg"}
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a recording of a short session with a metric and a decoder beside."""
     pytest.importorskip("foxglove", reason="needs the extra tega[record]")
-    from tega.teleop import run_session
+    from tega.loop import run_session
 
     folder = tmp_path_factory.mktemp("session")
     (folder / "lab.toml").write_text(LAB)
@@ -136,8 +136,8 @@ def test_a_session_with_a_mapping_of_felt_steps_changes_or_places_is_computed_ag
     mapping: str, tmp_path: Path, capsys: Any
 ) -> None:
     pytest.importorskip("foxglove", reason="needs the extra tega[record]")
+    from tega.loop import run_session
     from tega.recording.mcap_reader import McapReader
-    from tega.teleop import run_session
 
     plain = LAB.partition("[[stages")[0]
     (tmp_path / "lab.toml").write_text(

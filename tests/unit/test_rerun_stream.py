@@ -14,11 +14,11 @@ import pytest
 
 pytest.importorskip("rerun", reason="needs the extra rerun")
 
-from tega.bus import Bus
 from tega.errors import DeviceUnavailableError
 from tega.haptics import FINGERS
 from tega.records import Contact, Intent, Joints, Picture, RunState, Skip, VestFrame
-from tega.view.rerun_stream import RerunStream, save_layout
+from tega.records.bus import Bus
+from tega.ui.view.rerun_stream import RerunStream, save_layout
 
 NAMES = (*FINGERS, "vest, percent", "closure level", "joint angles, rad", "states, alerts, events")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from tega.inbox.sources import SourceReport
+from tega.loop.inbox.sources import SourceReport
 from tega.safety.guard import Guard, Watched
 from tega.safety.settings import SafetySection
 from tega.safety.states import Transition

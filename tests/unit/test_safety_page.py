@@ -9,11 +9,11 @@ from rich.console import Console
 
 from reference.scripted import MS, touching
 from tega.haptics import MotorLevels
+from tega.loop.moment import LoopView
+from tega.loop.touch import TouchMoment
 from tega.safety.states import STATES
-from tega.teleop.moment import LoopView
-from tega.teleop.touch import TouchMoment
-from tega.view.run_state import MEANINGS
-from tega.view.terminal import _STATE_STYLES, TerminalView, render
+from tega.ui.view.run_state import MEANINGS
+from tega.ui.view.terminal import _STATE_STYLES, TerminalView, render
 
 
 def screen(view: LoopView, *, age_s: float = 0.0) -> str:

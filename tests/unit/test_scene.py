@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from tega.cli.main import cli
 from tega.errors import CalibrationError, ConfigError, InvalidValueError, RecordingError, UnsafeNameError
-from tega.scene.calibrate import LensCalibration
-from tega.scene.corners import TagFinder
-from tega.scene.layout import PlacedTag, TagBody, TagLayout, example_layout, load_layout, save_layout
-from tega.scene.lens import load_lens, save_lens
-from tega.scene.outcomes import righted, scene_courses, score_scene
-from tega.scene.pictures import read_pictures, times_path
-from tega.scene.pose import BodyFitter
-from tega.scene.sheets import board_page, page_svg, pages_pdf, tag_pages, write_pages
-from tega.scene.track import SceneSightings, SceneTrack, follow_bodies, track_scene
+from tega.ui.cli.main import cli
+from tega_scene.calibrate import LensCalibration
+from tega_scene.corners import TagFinder
+from tega_scene.layout import PlacedTag, TagBody, TagLayout, example_layout, load_layout, save_layout
+from tega_scene.lens import load_lens, save_lens
+from tega_scene.outcomes import righted, scene_courses, score_scene
+from tega_scene.pictures import read_pictures, times_path
+from tega_scene.pose import BodyFitter
+from tega_scene.sheets import board_page, page_svg, pages_pdf, tag_pages, write_pages
+from tega_scene.track import SceneSightings, SceneTrack, follow_bodies, track_scene
 
 pytest.importorskip("cv2")
 pytest.importorskip("tega_figures")

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from tega.cli.main import cli
 from tega.errors import RecordingError
-from tega.scene.offset import estimate_offset, flash_light, measure_offset, read_flashes
-from tega.scene.offset_file import CameraOffset, keep_offset, offsets_path, read_offsets
+from tega.ui.cli.main import cli
+from tega_scene.offset import estimate_offset, flash_light, measure_offset, read_flashes
+from tega_scene.offset_file import CameraOffset, keep_offset, offsets_path, read_offsets
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -114,13 +114,13 @@ def test_an_offset_is_measured_in_a_recording_and_taken_off_by_export(tmp_path: 
     pytest.importorskip("foxglove")
     from foxglove import channels, messages
 
-    from tega.bus import Bus
     from tega.recording.mcap_file import McapFile
-    from tega.replay.followed_file import PlayedMoment
-    from tega.replay.played_scene import followed_scene
-    from tega.scene.decode import ScenePicture
-    from tega.scene.pictures import read_times, times_path
-    from tega.scene.video import SceneEncoder
+    from tega.recording.replay.followed_file import PlayedMoment
+    from tega.recording.replay.played_scene import followed_scene
+    from tega.records.bus import Bus
+    from tega_scene.decode import ScenePicture
+    from tega_scene.pictures import read_times, times_path
+    from tega_scene.video import SceneEncoder
 
     late_s = 0.053
     edges = read_flashes(_flashes(tmp_path))
@@ -128,7 +128,7 @@ def test_an_offset_is_measured_in_a_recording_and_taken_off_by_export(tmp_path: 
     recording = tmp_path / "scene.mcap"
     file = McapFile(recording, lossless=True)
     file.epoch_ns = 1_700_000_000_000_000_000
-    file.metadata("tega.scene", {"clock": "monotonic", "epoch_ns": str(file.epoch_ns)})
+    file.metadata("tega_scene", {"clock": "monotonic", "epoch_ns": str(file.epoch_ns)})
     channel = channels.CompressedVideoChannel("/scene/front/video", context=file.context)
     encoder, rng = SceneEncoder(160, 120, rate_hz=RATE_HZ), np.random.default_rng(6)
     for at_s, lit in zip(t_s, light, strict=True):

@@ -9,23 +9,23 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from tega.cli.main import cli
 from tega.errors import InvalidValueError
-from tega.scene.outcomes import SceneOutcome, score_scene
-from tega.scene.resting import checked_mark
+from tega.ui.cli.main import cli
+from tega_scene.outcomes import SceneOutcome, score_scene
+from tega_scene.resting import checked_mark
 
 pytest.importorskip("cv2")
 pytest.importorskip("tega_figures")
 pytest.importorskip("mujoco")
 
 from reference.scene import noisy_track
-from tega.sim.operator.forearm import AWAY_M
-from tega.sim.plan import TrialPlan, TrialResult
-from tega.sim.score import ON_MARK_M, REST_M_S, STABLE_S
-from tega.sim.trial import run_trial
-from tega.sim.world.world import World
 from tega_figures.scene.bench import bench_layout
 from tega_figures.scene.trials import TrueTrial, true_trial
+from tega_sim.operator.forearm import AWAY_M
+from tega_sim.plan import TrialPlan, TrialResult
+from tega_sim.score import ON_MARK_M, REST_M_S, STABLE_S
+from tega_sim.trial import run_trial
+from tega_sim.world.world import World
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -16,15 +16,15 @@ pytest.importorskip("foxglove")
 
 from foxglove import channels, messages  # noqa: E402
 
-from tega.cli.main import cli  # noqa: E402
 from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError  # noqa: E402
 from tega.recording.mcap_file import McapFile  # noqa: E402
 from tega.recording.mcap_reader import McapReader  # noqa: E402
-from tega.scene.decode import SceneDecoder  # noqa: E402
-from tega.scene.pictures import read_pictures, read_times, times_path  # noqa: E402
-from tega.scene.record import export_camera, record_cameras  # noqa: E402
-from tega.scene.settings import VideoFormat  # noqa: E402
-from tega.scene.video import SceneEncoder  # noqa: E402
+from tega.ui.cli.main import cli  # noqa: E402
+from tega_scene.decode import SceneDecoder  # noqa: E402
+from tega_scene.pictures import read_pictures, read_times, times_path  # noqa: E402
+from tega_scene.record import export_camera, record_cameras  # noqa: E402
+from tega_scene.settings import VideoFormat  # noqa: E402
+from tega_scene.video import SceneEncoder  # noqa: E402
 
 SIZE = (160, 120)
 
@@ -87,7 +87,7 @@ def test_two_cameras_are_recorded_and_exported(tmp_path: Path, video: VideoForma
         ("/scene/side/video", "foxglove.CompressedVideo", video),
     }
     assert reader.cut == ""
-    assert reader.metadata["tega.scene.front"]["pictures"] == "12"
+    assert reader.metadata["tega_scene.front"]["pictures"] == "12"
     film = tmp_path / "side.mp4"
     assert export_camera(out, "side", film) == 12
     times = read_times(times_path(film))
@@ -107,7 +107,7 @@ def test_a_foreign_recording_is_refused_in_words(tmp_path: Path) -> None:
         ("c", "5", "no whole h264"),
     ):
         file = McapFile(tmp_path / f"{name}.mcap", lossless=True)
-        file.metadata("tega.scene", {"epoch_ns": epoch})
+        file.metadata("tega_scene", {"epoch_ns": epoch})
         channel = channels.CompressedVideoChannel("/scene/front/video", context=file.context)
         for k in range(3):
             at = messages.Timestamp(0, 1000 + k)

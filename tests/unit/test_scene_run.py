@@ -20,23 +20,23 @@ pytest.importorskip("foxglove")
 
 from reference.film_server import FilmServer  # noqa: E402
 from reference.filmed import SIZE, number_of, numbered  # noqa: E402
-from tega.bus import Bus  # noqa: E402
 from tega.config import check_tree, load_config  # noqa: E402
-from tega.doctor import examine  # noqa: E402
-from tega.doctor.scene import check_scene  # noqa: E402
 from tega.errors import ConfigError, DeviceUnavailableError, RecordingError, UnsafeNameError  # noqa: E402
+from tega.loop import run_session  # noqa: E402
 from tega.recording.mcap_reader import McapReader  # noqa: E402
 from tega.recording.trim import trim_session  # noqa: E402
 from tega.records import Alert, SceneVideo  # noqa: E402
-from tega.scene.decode import SceneDecoder, ScenePicture  # noqa: E402
-from tega.scene.filming import Filming  # noqa: E402
-from tega.scene.layout import example_layout, save_layout  # noqa: E402
-from tega.scene.lens import Lens, save_lens  # noqa: E402
-from tega.scene.pictures import read_pictures, read_times, times_path  # noqa: E402
-from tega.scene.record import export_camera  # noqa: E402
-from tega.scene.settings import SceneConfig, full_source  # noqa: E402
-from tega.teleop import run_session  # noqa: E402
-from tega.toml_text import config_text  # noqa: E402
+from tega.records.bus import Bus  # noqa: E402
+from tega.runtime.files.toml_text import config_text  # noqa: E402
+from tega.setup.doctor import examine  # noqa: E402
+from tega.setup.doctor.scene import check_scene  # noqa: E402
+from tega_scene.decode import SceneDecoder, ScenePicture  # noqa: E402
+from tega_scene.filming import Filming  # noqa: E402
+from tega_scene.layout import example_layout, save_layout  # noqa: E402
+from tega_scene.lens import Lens, save_lens  # noqa: E402
+from tega_scene.pictures import read_pictures, read_times, times_path  # noqa: E402
+from tega_scene.record import export_camera  # noqa: E402
+from tega_scene.settings import SceneConfig, full_source  # noqa: E402
 
 WIDE, HIGH = 2 * SIZE[0], 2 * SIZE[1]
 
@@ -181,7 +181,7 @@ def test_a_camera_whose_process_is_killed_gets_another(tmp_path: Path) -> None:
     def take(_: SceneVideo) -> None:
         n_pictures[0] += 1
         if n_pictures[0] == 10:
-            (killed[0],) = _children("tega.scene.camera_program")
+            (killed[0],) = _children("tega_scene.camera_program")
             os.kill(killed[0], signal.SIGKILL)
         elif n_pictures[0] > 30:
             done.set()
@@ -197,7 +197,7 @@ def test_a_camera_whose_process_is_killed_gets_another(tmp_path: Path) -> None:
                if one.schema == "tega.Alert")  # fmt: skip
     assert export_camera(recording, "front", tmp_path / "front.mp4") == n_pictures[0]
     assert len(list(read_pictures(tmp_path / "front.mp4"))) == n_pictures[0]
-    assert not _children("tega.scene.camera_program")
+    assert not _children("tega_scene.camera_program")
 
 
 @pytest.mark.parametrize(
@@ -215,7 +215,7 @@ def test_a_camera_that_is_not_there_refuses_the_run(
     with pytest.raises(kind, match=said):
         filmed(settings(tmp_path / "session", {"name": "front", **camera}), tmp_path)
     assert not list((tmp_path / "session").glob("*.mcap*"))
-    assert not _children("tega.scene.camera_program")
+    assert not _children("tega_scene.camera_program")
 
 
 @pytest.mark.slow
@@ -230,7 +230,7 @@ def test_whoever_gives_up_does_not_wait_for_a_camera(tmp_path: Path) -> None:
                 tmp_path,
                 stop=lambda: next(asked, None) is None,
             )
-    assert not _children("tega.scene.camera_program")
+    assert not _children("tega_scene.camera_program")
 
 
 @pytest.mark.parametrize(
@@ -296,7 +296,7 @@ def test_a_run_without_recording_and_page_opens_no_camera(tmp_path: Path) -> Non
 @pytest.mark.slow
 def test_episodes_that_filmed_themselves_are_a_dataset_with_the_camera(tmp_path: Path) -> None:
     pytest.importorskip("pyarrow")
-    from tega.lerobot import export_lerobot
+    from tega_lerobot import export_lerobot
 
     film(tmp_path / "film.avi", 60)
     tree = settings(tmp_path / "session", {"name": "front", "source": "film.avi"}, duration_s=1.5)

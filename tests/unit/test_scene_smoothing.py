@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from tega.scene.layout import example_layout
-from tega.scene.outcomes import SceneCourses, SceneRule, _heights, righted, score_scene
-from tega.scene.resting import placed
-from tega.scene.smoothing import _CHANGE_COST, Course, smoothed, trended
-from tega.scene.track import BodyTrack, SceneTrack
+from tega_scene.layout import example_layout
+from tega_scene.outcomes import SceneCourses, SceneRule, _heights, righted, score_scene
+from tega_scene.resting import placed
+from tega_scene.smoothing import _CHANGE_COST, Course, smoothed, trended
+from tega_scene.track import BodyTrack, SceneTrack
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -24,8 +24,8 @@ pytest.importorskip("mujoco")
 
 from reference.filmed import number_of, numbered  # noqa: E402
 from reference.waiting import until  # noqa: E402
-from tega.scene.pictures import read_pictures  # noqa: E402
-from tega.scene.record import export_camera  # noqa: E402
+from tega_scene.pictures import read_pictures  # noqa: E402
+from tega_scene.record import export_camera  # noqa: E402
 
 CC = shutil.which("cc")
 pytestmark = pytest.mark.skipif(sys.platform != "linux" or CC is None, reason="needs Linux and a C compiler")
@@ -65,7 +65,7 @@ def recording(
     camera: Path, out: Path, *, source: str = NODE, size: str = "192x128", seconds: str = "0.6"
 ) -> Iterator[subprocess.Popen[str]]:
     """Run ``scene record`` on it."""
-    words = [sys.executable, "-P", "-m", "tega.cli", "scene", "record", str(out)]
+    words = [sys.executable, "-P", "-m", "tega.ui.cli", "scene", "record", str(out)]
     words += ["--camera", f"front={source}", "--size", size, "--rate-hz", "50", "--seconds", seconds]
     with subprocess.Popen(
         words, env=environment(camera), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True

@@ -13,13 +13,13 @@ import pytest
 from mcap.reader import make_reader
 
 from reference.sessions import SECONDS, record, rewritten, stream, tree
-from tega.cli.main import main
 from tega.config import check_tree
+from tega.loop import run_session
+from tega.loop.moment import LoopView
 from tega.recording.inspection import inspect_file
-from tega.replay import replay_file
+from tega.recording.replay import replay_file
 from tega.safety.guard import Guard
-from tega.teleop import run_session
-from tega.teleop.moment import LoopView
+from tega.ui.cli.main import main
 from tega_emulators.process import Emulator
 
 

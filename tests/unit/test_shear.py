@@ -7,17 +7,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tega.contract import check_stage
-from tega.detect import Detector, ShearFrame, TouchFrame
+from tega.devices.contract import check_stage
 from tega.errors import InvalidValueError, ShapeError
-from tega.shear import ShearReader, ShearReading
-from tega.sim.gel import PX_PER_MM, Gel, ball
-from tega.sim.seams import Indenter, Shear
 from tega.stages import FingerSetup
+from tega.stages.events import Detector, ShearFrame, TouchFrame
 from tega.stages.metrics import LiveOptions
 from tega.stages.shear import ShearMetric
-from tega.touch import TouchTracker
+from tega.tactile.shear import ShearReader, ShearReading
+from tega.tactile.tracker import TouchTracker
 from tega_figures.shear import stuck_radius
+from tega_sim.gel import PX_PER_MM, Gel, ball
+from tega_sim.seams import Indenter, Shear
 
 FRICTION, LOAD_N = 0.6, 4.0
 # A bottle's wall before the gel, as it lies in a grip of the bench.

@@ -16,23 +16,23 @@ pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
 from tega.config import FINGERS
 from tega.errors import InvalidValueError
 from tega.haptics import MotorLevels, intensity, vest_frame
-from tega.sim.conditions import CONDITIONS
-from tega.sim.lab import Lab
-from tega.sim.lift import Lift
-from tega.sim.operator import Operator, ScriptedOperator, load_parameters, people_digest, rules_digest
-from tega.sim.operator.panels import ConfirmedClosure
-from tega.sim.operator.scripted import DEFAULT_COURSE, Step
-from tega.sim.other_trial import other_trial, other_vest
-from tega.sim.plan import TrialPlan
-from tega.sim.practice import practise
-from tega.sim.recorded import LiftRecorder
-from tega.sim.score import REST_S, SLIP_M_S
-from tega.sim.seams import Act, Percept, WorldTruth
-from tega.sim.streams import Streams
-from tega.sim.trial import run_trial
-from tega.sim.true_touch import FULL_N, TrueTouch
-from tega.sim.world import OBJECTS
-from tega.study.silico.simulate import made_study
+from tega_sim.conditions import CONDITIONS
+from tega_sim.lab import Lab
+from tega_sim.lift import Lift
+from tega_sim.operator import Operator, ScriptedOperator, load_parameters, people_digest, rules_digest
+from tega_sim.operator.panels import ConfirmedClosure
+from tega_sim.operator.scripted import DEFAULT_COURSE, Step
+from tega_sim.other_trial import other_trial, other_vest
+from tega_sim.plan import TrialPlan
+from tega_sim.practice import practise
+from tega_sim.recorded import LiftRecorder
+from tega_sim.score import REST_S, SLIP_M_S
+from tega_sim.seams import Act, Percept, WorldTruth
+from tega_sim.streams import Streams
+from tega_sim.trial import run_trial
+from tega_sim.true_touch import FULL_N, TrueTouch
+from tega_sim.world import OBJECTS
+from tega_study.silico.simulate import made_study
 
 TOUCH = (*DEFAULT_COURSE[:3], Step(3.8, "done", 3, (0.0, 0.0), 0.0))
 """Reach and close on the object, on the table."""

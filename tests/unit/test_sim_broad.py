@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tega.sim.gel import Gel
 from tega_figures.broad import (
     TOLERANCES,
     Broad,
@@ -19,6 +18,7 @@ from tega_figures.broad import (
     simulated_grasps,
 )
 from tega_figures.gel_sequences import pressing
+from tega_sim.gel import Gel
 
 
 def ratio(of: str, recorded: list[Broad], simulated: list[Broad]) -> float:

@@ -11,18 +11,18 @@ import pytest
 pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
 
 from tega.errors import InvalidValueError, ShapeError
-from tega.inbox.frames import FrameMeter
-from tega.inbox.sources import SourceReport
-from tega.sim.gel import Gel, ball
-from tega.sim.hand import SimulatedBus
-from tega.sim.lab import lab_of
-from tega.sim.plan import TrialPlan
-from tega.sim.rig import TrialRig
-from tega.sim.trial import run_trial
+from tega.loop.inbox.frames import FrameMeter
+from tega.loop.inbox.sources import SourceReport
 from tega.stages.base import FingerSetup
 from tega.stages.metrics import LiveMetric, LiveOptions, PaperMetric
 from tega.stages.shear import ShearMetric
 from tega.tactile import TouchTracker
+from tega_sim.gel import Gel, ball
+from tega_sim.hand import SimulatedBus
+from tega_sim.lab import lab_of
+from tega_sim.plan import TrialPlan
+from tega_sim.rig import TrialRig
+from tega_sim.trial import run_trial
 
 if TYPE_CHECKING:
     from tega.haptics import MotorLevels

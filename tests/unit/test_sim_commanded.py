@@ -10,15 +10,15 @@ import pytest
 pytest.importorskip("mujoco")
 
 from tega.errors import InvalidValueError
-from tega.sim.commanded import HandWay, level_of_drive
-from tega.sim.conditions import Condition
-from tega.sim.operator.motor import level_effort
-from tega.sim.operator.person import typical_person
-from tega.sim.plan import TrialPlan
-from tega.sim.streams import Streams
-from tega.sim.trial import run_trial
 from tega_figures.information.ladder import RUNGS, STEP_RUNGS, STEPS, LadderSession, steps, table_text
 from tega_figures.information.sessions import BenchSession, LiftOutcome
+from tega_sim.commanded import HandWay, level_of_drive
+from tega_sim.conditions import Condition
+from tega_sim.operator.motor import level_effort
+from tega_sim.operator.person import typical_person
+from tega_sim.plan import TrialPlan
+from tega_sim.streams import Streams
+from tega_sim.trial import run_trial
 
 
 def levels(hand: HandWay, **fields: Any) -> list[tuple[float, int]]:

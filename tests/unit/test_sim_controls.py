@@ -9,8 +9,6 @@ import pytest
 
 pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
 
-from tega.sim.conditions import Condition
-from tega.sim.operator import draw_person
 from tega_figures.information.compare import Paired, paired, power_text
 from tega_figures.information.controls import CELLS, CONTROLS, SOFTEST, table_text
 from tega_figures.information.sessions import (
@@ -23,6 +21,8 @@ from tega_figures.information.sessions import (
     verdict,
 )
 from tega_figures.world.feasible import FAILURES, Grip, LevelOutcome, counts
+from tega_sim.conditions import Condition
+from tega_sim.operator import draw_person
 
 
 def session(

@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from tega.errors import InvalidValueError
-from tega.sim.operator import EFFECTS, ForearmEmg, typical_person
-from tega.sim.operator.effects import Disturbance, effect_parameters
+from tega_sim.operator import EFFECTS, ForearmEmg, typical_person
+from tega_sim.operator.effects import Disturbance, effect_parameters
 
 EFFORT = 0.5
 

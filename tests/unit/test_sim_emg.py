@@ -16,9 +16,9 @@ from scipy import signal
 
 from tega.emg import BlockMean, ButterworthLowpass, GraspIntent
 from tega.errors import InvalidValueError, ShapeError
-from tega.sim.operator import ForearmEmg, PersonNumbers, calibrate, draw_person, typical_person
-from tega.sim.seams import Act
 from tega_figures.holds import hold_shares, unsteady
+from tega_sim.operator import ForearmEmg, PersonNumbers, calibrate, draw_person, typical_person
+from tega_sim.seams import Act
 
 CLEAN = {"white_uv": 0, "mains_uv": 0, "artefact_hz": 0, "drift_uv": 0, "drive_share": 0, "drive_floor": 0}
 FRESH = {"fatigue_per_s": 0.0}

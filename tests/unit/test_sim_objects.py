@@ -11,17 +11,17 @@ import pytest
 
 pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
 
-from tega.cli.main import main
 from tega.errors import ConfigError, InvalidValueError, UnsafeNameError
-from tega.sim.operator import RulesVersion, ViewName
-from tega.sim.plan import TrialPlan, TrialResult
-from tega.sim.seams import Shear
-from tega.sim.table import summarise_trials
-from tega.sim.trials import plan_trials
-from tega.sim.world import OBJECTS, crossed, read_objects
-from tega.study.silico import read_assumptions
-from tega.study.silico.assumptions import code_sha256
-from tega.study.silico.simulate import made_study
+from tega.ui.cli.main import main
+from tega_sim.operator import RulesVersion, ViewName
+from tega_sim.plan import TrialPlan, TrialResult
+from tega_sim.seams import Shear
+from tega_sim.table import summarise_trials
+from tega_sim.trials import plan_trials
+from tega_sim.world import OBJECTS, crossed, read_objects
+from tega_study.silico import read_assumptions
+from tega_study.silico.assumptions import code_sha256
+from tega_study.silico.simulate import made_study
 
 TIN = """
 [tin]
@@ -169,7 +169,7 @@ def test_a_study_s_hash_covers_people_rules_objects_view_readings_and_program(
         return stated.digest
 
     people = tmp_path / "people.toml"
-    frozen = files("tega.sim.operator").joinpath("parameters.toml").read_text(encoding="utf-8")
+    frozen = files("tega_sim.operator").joinpath("parameters.toml").read_text(encoding="utf-8")
     people.write_text(frozen.replace("value = 215,", "value = 216,"), encoding="utf-8")
     first = digest("a")
     assert digest("a") == first
@@ -180,7 +180,7 @@ def test_a_study_s_hash_covers_people_rules_objects_view_readings_and_program(
         digest("e", preset="paper"),
         digest("f", parameters=people),
     ]
-    monkeypatch.setattr("tega.study.silico.assumptions.code_sha256", lambda: "0" * 64)
+    monkeypatch.setattr("tega_study.silico.assumptions.code_sha256", lambda: "0" * 64)
     others += [digest("g"), digest("h", shear="texture")]
     assert len({first, *others}) == 8
     with pytest.raises(InvalidValueError, match=r"begun with another simulation\.toml"):

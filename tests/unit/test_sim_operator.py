@@ -13,7 +13,8 @@ import pytest
 from scipy import integrate, stats
 
 from tega.errors import ConfigError, InvalidValueError
-from tega.sim.operator import (
+from tega_figures.information.plant import Grasp, grasp
+from tega_sim.operator import (
     Operator,
     PersonNumbers,
     Rules,
@@ -22,13 +23,12 @@ from tega.sim.operator import (
     sham_vest,
     typical_person,
 )
-from tega.sim.operator.belief import Closure, ObjectBelief, above, below
-from tega.sim.operator.person import stream
-from tega.sim.seams import Percept, WorldTruth
-from tega_figures.information.plant import Grasp, grasp
+from tega_sim.operator.belief import Closure, ObjectBelief, above, below
+from tega_sim.operator.person import stream
+from tega_sim.seams import Percept, WorldTruth
 
 STILL = WorldTruth(0.0, 0.0, False, (0.0,) * 4, 0.0, 0.0, 0.0, 0.0, False, 0.1)
-FILE = Path(__file__).parents[2] / "python/tega/sim/operator/parameters.toml"
+FILE = Path(__file__).parents[2] / "python/tega_sim/operator/parameters.toml"
 
 
 def with_(who: PersonNumbers, section: str, **values: float) -> PersonNumbers:

@@ -8,16 +8,16 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pytest
 
-from tega.clock import ManualClock, PausableClock
 from tega.errors import InvalidValueError
-from tega.inbox.stream import NEVER_NS, LiveStream
-from tega.inbox.stuck_frames import LastFrame
-from tega.sim.conditions import ARMS, CONDITIONS, SESSION_CONDITIONS, worn
-from tega.sim.hand import SimulatedBus
-from tega.sim.pacing import SimulatedPacer
-from tega.sim.score import TrialScorer
-from tega.sim.seams import WorldTruth
+from tega.loop.inbox.stream import NEVER_NS, LiveStream
+from tega.loop.inbox.stuck_frames import LastFrame
+from tega.runtime.clock import ManualClock, PausableClock
 from tega.wire import CanFrame, allegro_limp_frames, allegro_torque_frames
+from tega_sim.conditions import ARMS, CONDITIONS, SESSION_CONDITIONS, worn
+from tega_sim.hand import SimulatedBus
+from tega_sim.pacing import SimulatedPacer
+from tega_sim.score import TrialScorer
+from tega_sim.seams import WorldTruth
 
 Course = Sequence[tuple[float, Mapping[str, object]]]
 """Times, and what is so from then on."""

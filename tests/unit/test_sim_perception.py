@@ -10,12 +10,12 @@ import pytest
 from scipy import stats
 
 from tega.haptics import MotorLevels, vest_frame
-from tega.sim.operator import VIEWS, PersonNumbers, ViewName, typical_person
-from tega.sim.operator.motor import MuscleMotor
-from tega.sim.operator.person import stream
-from tega.sim.operator.vest_sense import Skin
-from tega.sim.operator.vision import Eyes, reaction_s
-from tega.sim.seams import WorldTruth
+from tega_sim.operator import VIEWS, PersonNumbers, ViewName, typical_person
+from tega_sim.operator.motor import MuscleMotor
+from tega_sim.operator.person import stream
+from tega_sim.operator.vest_sense import Skin
+from tega_sim.operator.vision import Eyes, reaction_s
+from tega_sim.seams import WorldTruth
 
 STILL = WorldTruth(0.0, 0.0, False, (0.0,) * 4, 0.0, 0.0, 0.0, 0.0, False, 0.1)
 

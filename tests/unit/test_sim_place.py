@@ -10,10 +10,10 @@ import pytest
 pytest.importorskip("mujoco")
 
 from tega.errors import InvalidValueError
-from tega.sim.operator.forearm import AWAY_M
-from tega.sim.plan import TrialPlan, TrialResult
-from tega.sim.score import ON_MARK_M
-from tega.sim.trial import run_trial
+from tega_sim.operator.forearm import AWAY_M
+from tega_sim.plan import TrialPlan, TrialResult
+from tega_sim.score import ON_MARK_M
+from tega_sim.trial import run_trial
 
 
 def tried(**fields: Any) -> TrialResult:

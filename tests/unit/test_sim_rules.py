@@ -7,15 +7,15 @@ import math
 import numpy as np
 import pytest
 
-from tega.sim.operator import Operator, Rules, draw_person, sham_vest, typical_person
-from tega.sim.operator.panels import ConfirmedClosure
-from tega.sim.operator.settled import JudgingEyes, SettledGrip
-from tega.sim.operator.vision import Kind, SeenEvent
-from tega.sim.plan import TrialResult
 from tega_figures.information.agent import IdealAgent
 from tega_figures.information.bench import bench_arms, bench_table
 from tega_figures.information.compare import MARGIN, OUTCOMES, null, paired, person_outcomes
 from tega_figures.information.plant import Grasp, grasp, told_frame
+from tega_sim.operator import Operator, Rules, draw_person, sham_vest, typical_person
+from tega_sim.operator.panels import ConfirmedClosure
+from tega_sim.operator.settled import JudgingEyes, SettledGrip
+from tega_sim.operator.vision import Kind, SeenEvent
+from tega_sim.plan import TrialResult
 
 SECOND = Rules(version=2)
 

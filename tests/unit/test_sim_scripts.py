@@ -12,11 +12,11 @@ import pytest
 
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.haptics import MotorLevels, vest_frame
-from tega.sim.operator import SHAMS, KeyboardOperator, Keys, ScriptedOperator, sham_vest
-from tega.sim.operator.keys import split_keys
-from tega.sim.operator.scripted import Step
-from tega.sim.seams import Percept, WorldTruth
+from tega.runtime.keys import split_keys
 from tega_figures.information.plant import grasp
+from tega_sim.operator import SHAMS, KeyboardOperator, Keys, ScriptedOperator, sham_vest
+from tega_sim.operator.scripted import Step
+from tega_sim.seams import Percept, WorldTruth
 
 STILL = WorldTruth(0.0, 0.0, False, (0.0,) * 4, 0.0, 0.0, 0.0, 0.0, False, 0.1)
 MADE = vest_frame([80, 60, 40, 20], [10, 0, 100, 55], layout="x40")

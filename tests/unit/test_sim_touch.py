@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tega.sim.gel import LENGTH_MM, PX_PER_MM, Gel, ball
 from tega.tactile import read_contact
 from tega_figures import check_touch
 from tega_figures.audit import Mark
@@ -22,6 +21,7 @@ from tega_figures.check_touch import (
     readings,
 )
 from tega_figures.closeness import TOLERANCES, match_press, statistics
+from tega_sim.gel import LENGTH_MM, PX_PER_MM, Gel, ball
 
 
 @pytest.fixture(scope="module")

@@ -14,17 +14,17 @@ import pytest
 
 pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
 
-from tega.cli.main import main
 from tega.errors import InvalidValueError, RecordingError
-from tega.sim import trials as trials_module
-from tega.sim.gel import Gel
-from tega.sim.lab import lab_of
-from tega.sim.plan import TrialPlan, TrialResult
-from tega.sim.seams import Act, Percept
-from tega.sim.streams import Streams
-from tega.sim.table import summarise_trials
-from tega.sim.trial import run_trial
-from tega.sim.trials import plan_trials, read_results, run_trials
+from tega.ui.cli.main import main
+from tega_sim import trials as trials_module
+from tega_sim.gel import Gel
+from tega_sim.lab import lab_of
+from tega_sim.plan import TrialPlan, TrialResult
+from tega_sim.seams import Act, Percept
+from tega_sim.streams import Streams
+from tega_sim.table import summarise_trials
+from tega_sim.trial import run_trial
+from tega_sim.trials import plan_trials, read_results, run_trials
 
 SCRIPTED = TrialPlan(object="container", operator="scripted", seed=3)
 

@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from tega.cli.main import main
 from tega.config import file_sets, load_config
 from tega.errors import ConfigError
+from tega.ui.cli.main import main
 
 pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
 
@@ -47,8 +47,8 @@ def verb(*words: object, capsys: Any) -> Any:
 def test_stages_beside_a_lift_are_told_and_change_nothing() -> None:
     import msgspec
 
-    from tega.sim.streams import Streams
-    from tega.sim.trial import TrialPlan, run_trial
+    from tega_sim.streams import Streams
+    from tega_sim.trial import TrialPlan, run_trial
 
     plan = TrialPlan(object="bottle", operator="scripted", seed=3, preset="paper")
     alone = run_trial(plan)
@@ -126,7 +126,7 @@ def test_a_files_settings_of_the_loop_are_all_that_is_taken(tmp_path: Path) -> N
 
 
 def test_a_study_in_silico_is_run_with_the_stages_it_says(tmp_path: Path, capsys: Any) -> None:
-    from tega.study.silico.simulate import jobs_of, made_study
+    from tega_study.silico.simulate import jobs_of, made_study
 
     how: dict[str, Any] = {"operators": 1, "seed": 2, "objects": ["bottle"], "trials": 1}
     arms = ("haptic", "non-haptic")
@@ -160,8 +160,8 @@ def test_a_study_in_silico_is_run_with_the_stages_it_says(tmp_path: Path, capsys
 
 @pytest.mark.slow
 def test_a_session_in_silico_reads_as_its_settings_say(tmp_path: Path) -> None:
-    from tega.study.silico.session import run_session
-    from tega.study.silico.simulate import jobs_of, made_study
+    from tega_study.silico.session import run_session
+    from tega_study.silico.simulate import jobs_of, made_study
 
     how: dict[str, Any] = {"operators": 1, "seed": 2, "objects": ["bottle"], "trials": 1, "preset": "paper"}
     courses = []
@@ -180,8 +180,8 @@ def test_a_session_in_silico_reads_as_its_settings_say(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_rehearsal_on_the_simulated_bench_takes_stages() -> None:
-    from tega.study.lead.benches import SimulatedBench
-    from tega.study.plan import make_plan
+    from tega_study.lead.benches import SimulatedBench
+    from tega_study.plan import make_plan
 
     plan = make_plan(
         participants=1,

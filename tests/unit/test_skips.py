@@ -13,19 +13,19 @@ import numpy as np
 import pytest
 
 from reference.scripted import MS, Sink, touching
-from tega.calibration import TouchMaxima
-from tega.clock import ManualClock
 from tega.config import check_tree
+from tega.config.calibration import TouchMaxima
 from tega.errors import DeviceUnavailableError
-from tega.inbox.sources import Contact, EmgBlock
-from tega.inbox.stream import PulledStream
-from tega.sim.gel import Gel
-from tega.teleop import run_session
-from tega.teleop.hand import ModelledAllegro
-from tega.teleop.loop import DualLoop
-from tega.teleop.moment import LoopView
-from tega.teleop.pacing import Pacer
-from tega.teleop.touch import TouchLoop
+from tega.loop import run_session
+from tega.loop.hand import ModelledAllegro
+from tega.loop.inbox.sources import Contact, EmgBlock
+from tega.loop.inbox.stream import PulledStream
+from tega.loop.loop import DualLoop
+from tega.loop.moment import LoopView
+from tega.loop.pacing import Pacer
+from tega.loop.touch import TouchLoop
+from tega.runtime.clock import ManualClock
+from tega_sim.gel import Gel
 
 
 def table(path: Path) -> list[dict[str, str]]:
@@ -135,8 +135,8 @@ def test_a_set_duration_is_kept_and_takes_in_all_that_came_before_it() -> None:
 
 PLUGIN = """
 from tega.devices.base import DeviceInfo
-from tega.devices.synthetic import SyntheticTouch
-from tega.devices.vest_recorder import VestRecorder
+from tega.devices.emg.synthetic import SyntheticTouch
+from tega.devices.vest.vest_recorder import VestRecorder
 
 made, read = [], []
 

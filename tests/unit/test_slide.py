@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tega.detect import ShearFrame
 from tega.errors import InvalidValueError
-from tega.sim.gel import Gel
-from tega.sim.world import OBJECTS
+from tega.stages.events import ShearFrame
 from tega_figures.pad_slides import PadStep, merged, pad_step, slides_of, slides_told
 from tega_figures.slide import SlideStep, fine, slid, speeding, wall
+from tega_sim.gel import Gel
+from tega_sim.world import OBJECTS
 
 COUNTS = 1.5  # some half of the contrast of a recorded printed disc
 AFTER_RISE = 30 + 6  # frames until a course of `speeding` slides evenly

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from tega.cli.main import main
+from tega.ui.cli.main import main
 from tega_campaigns.soak.plan import KINDS, plan
 from tega_campaigns.soak.report import SoakFault, SoakReport
 

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from reference.held import MS, ONE, PEDAL, TWO, emulated, holds, moves, pedal, spacemouse
 from reference.waiting import until
-from tega.devices.hid_input import AT_REST, HidInput
-from tega.devices.pedal import Pedal
-from tega.devices.spacemouse import MODELS, NOT_SIX_AXES, SpaceMouse
+from tega.devices.input.hid_input import AT_REST, HidInput
+from tega.devices.input.pedal import Pedal
+from tega.devices.input.spacemouse import MODELS, NOT_SIX_AXES, SpaceMouse
 from tega.errors import DeviceUnavailableError
 from tega_emulators.hid_input import InputDevice
 from tega_emulators.hid_port import HidBoard, HidPort

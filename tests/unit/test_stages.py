@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tega.calibration import TouchMaxima
-from tega.cli.main import main
 from tega.config import SessionConfig, StageConfig, StagesSection, load_config
-from tega.contract import check_stage
+from tega.config.calibration import TouchMaxima
+from tega.devices.contract import check_stage
 from tega.errors import ConfigError, InvalidValueError
 from tega.haptics import FeltMap, MotorLevels, intensity, vest_frame
-from tega.motor_layout import PAPER32, SHIPPED, X16, Motor, MotorLayout, find_layout
+from tega.haptics.motor_layout import PAPER32, SHIPPED, X16, Motor, MotorLayout, find_layout
+from tega.loop.touch import TouchLoop
 from tega.stages import FingerSetup, MuscleSetup, NamedValue, VestSetup, list_stages, stage_names
 from tega.stages.choose import Chosen
 from tega.stages.columns import ColumnsMapping, ColumnsOptions
@@ -24,7 +24,7 @@ from tega.stages.decoders import RulesDecoder, RulesOptions
 from tega.stages.metrics import contact_metrics_of, contact_record
 from tega.stages.readings import ReadingMetric, ReadingOptions
 from tega.tactile import ContactMetrics, contact_metrics, read_contact
-from tega.teleop.touch import TouchLoop
+from tega.ui.cli.main import main
 
 
 def pressed(seed: int, depth: float) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
@@ -342,9 +342,9 @@ options = { noise_floor = 0.2 }
 
 def test_stages_beside_are_recorded_and_change_nothing(tmp_path: Path) -> None:
     pytest.importorskip("foxglove")
+    from tega.loop import run_session
     from tega.recording.mcap_reader import McapReader
-    from tega.replay import replay_file
-    from tega.teleop import run_session
+    from tega.recording.replay import replay_file
 
     def run(name: str, text: str) -> dict[str, list[Any]]:
         (tmp_path / name).mkdir()
@@ -425,7 +425,7 @@ def test_the_guard_limits_a_closure_as_it_does_a_level() -> None:
 
 def test_a_simulated_trial_refuses_settings_that_it_does_not_have() -> None:
     pytest.importorskip("mujoco")
-    from tega.sim.plan import TrialPlan
+    from tega_sim.plan import TrialPlan
 
     given = {"object": "bag", "settings": ["stages.mapping.options.law=linear"]}
     assert TrialPlan.checked(given).settings == ("stages.mapping.options.law=linear",)

@@ -11,13 +11,13 @@ import pytest
 pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
 pytest.importorskip("statsmodels", reason="needs the extra tega[study]")
 
-from tega.cli.study.apart import report_apart
+from tega_study.cli.apart import report_apart
 
 MOST_MB = 250
 STUDY = ["study", "simulate", "--operators", "1", "--trials", "1", "--objects", "bag", "--jobs", "1", "--out"]
 PROGRAM = """
 import resource, sys
-from tega.cli.main import main
+from tega.ui.cli.main import main
 try:
     main(sys.argv[1:])
 except SystemExit as end:

@@ -6,10 +6,10 @@ import pytest
 
 pytest.importorskip("mujoco")
 
-from tega.sim.conditions import Condition
-from tega.sim.operator import draw_person
 from tega_figures.information.arms import by_person, holm, table_text
 from tega_figures.information.sessions import OUTCOMES, BenchSession, LiftOutcome
+from tega_sim.conditions import Condition
+from tega_sim.operator import draw_person
 
 # What each arm changes in the way slid, mm: 1 by the vest, 2 by the reflex, and 4 more by both together.
 SLID: dict[Condition, float] = {

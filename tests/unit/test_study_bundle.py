@@ -13,18 +13,18 @@ from typing import Any
 
 import pytest
 
-from tega.cli.main import main
 from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError, TegaError
 from tega.recording.mcap_reader import McapReader
-from tega.study import make_plan, read_plan, write_plan
-from tega.study.bids_names import BIDS_NAME, bids_names
-from tega.study.bundle import MANIFEST, open_bundle, write_bundle
-from tega.study.journal import Journal
-from tega.study.observers import observer_path
-from tega.study.plan import StudyPlan
-from tega.study.privacy import withdraw
-from tega.study.state import events_path
-from tega.study.trials import study_trials
+from tega.ui.cli.main import main
+from tega_study import make_plan, read_plan, write_plan
+from tega_study.bids_names import BIDS_NAME, bids_names
+from tega_study.bundle import MANIFEST, open_bundle, write_bundle
+from tega_study.journal import Journal
+from tega_study.observers import observer_path
+from tega_study.plan import StudyPlan
+from tega_study.privacy import withdraw
+from tega_study.state import events_path
+from tega_study.trials import study_trials
 
 GOLDEN = Path(__file__).resolve().parents[1] / "golden" / "paper.mcap.xz"
 RECORDING = "recordings/p01/p01-t01-a1/trial-001.mcap"

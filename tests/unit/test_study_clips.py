@@ -21,21 +21,21 @@ from reference.sessions import record, rewritten
 from reference.written import boris_project
 from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError
 from tega.recording.mcap_reader import McapReader
-from tega.replay.recorded import read_recorded
-from tega.study import make_plan, read_plan, write_plan
-from tega.study.detecting import DETECTOR, detected_path
-from tega.study.journal import Journal, read_events
-from tega.study.observe import Observing
-from tega.study.observers import observer_path, read_observers, saw_whole
-from tega.study.plan import StudyPlan
-from tega.study.privacy import withdraw
-from tega.study.score.accounts import agreements
-from tega.study.score.boris_file import read_boris
-from tega.study.score.clips import ClipKey, key_path, make_clips, read_key
-from tega.study.score.clips_coded import take_clips
-from tega.study.score.recorded import RecordedTrial, recorded_trials
-from tega.study.score.trial_pictures import read_reel
-from tega.study.state import events_path, resume
+from tega.recording.replay.recorded import read_recorded
+from tega_study import make_plan, read_plan, write_plan
+from tega_study.detecting import DETECTOR, detected_path
+from tega_study.journal import Journal, read_events
+from tega_study.observe import Observing
+from tega_study.observers import observer_path, read_observers, saw_whole
+from tega_study.plan import StudyPlan
+from tega_study.privacy import withdraw
+from tega_study.score.accounts import agreements
+from tega_study.score.boris_file import read_boris
+from tega_study.score.clips import ClipKey, key_path, make_clips, read_key
+from tega_study.score.clips_coded import take_clips
+from tega_study.score.recorded import RecordedTrial, recorded_trials
+from tega_study.score.trial_pictures import read_reel
+from tega_study.state import events_path, resume
 
 S, MS = 1_000_000_000, 1_000_000
 FIRST_NS, LEAD_NS, LENGTH_NS = 1000 * S, 100 * MS, 1300 * MS

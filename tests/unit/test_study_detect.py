@@ -12,18 +12,18 @@ pytest.importorskip("mujoco")
 pytest.importorskip("scipy")
 
 from reference.written import boris_project
-from tega.cli.study import study
 from tega.errors import InvalidValueError, RecordingError
-from tega.study import make_plan, read_plan, write_plan
-from tega.study.detecting import detect_study, detected_path, events_of, read_detected
-from tega.study.hand_rows import HandRow, hand_path, read_hand, write_hand
-from tega.study.lead import lead_session
-from tega.study.lead.benches import SimulatedBench
-from tega.study.lead.experimenter import Screen
-from tega.study.observers import read_observers
-from tega.study.score import agreements, export_boris, import_boris
-from tega.study.touch_rows import touch_path
-from tega.study.trials import study_trials
+from tega_study import make_plan, read_plan, write_plan
+from tega_study.cli import study
+from tega_study.detecting import detect_study, detected_path, events_of, read_detected
+from tega_study.hand_rows import HandRow, hand_path, read_hand, write_hand
+from tega_study.lead import lead_session
+from tega_study.lead.benches import SimulatedBench
+from tega_study.lead.experimenter import Screen
+from tega_study.observers import read_observers
+from tega_study.score import agreements, export_boris, import_boris
+from tega_study.touch_rows import touch_path
+from tega_study.trials import study_trials
 
 
 class Nobody:

@@ -12,19 +12,19 @@ import pytest
 
 from tega.errors import DeviceUnavailableError
 from tega.records import MuscleCondition
-from tega.study import make_plan, read_plan, write_plan
-from tega.study.analyse import analyse_study
-from tega.study.journal import JournalEvent, read_events
-from tega.study.lead import lead_session
-from tega.study.lead.experimenter import ENTER, Screen
-from tega.study.lead.fatigue import said_of_muscles, said_of_squeezes, trial_medians
-from tega.study.lead.questions import QUESTIONS
-from tega.study.lead.rest_tasks import RestTask, RestTaskEnd, RunningTask
-from tega.study.page import report_html
-from tega.study.privacy import export
-from tega.study.squeeze_score import squeeze_shares
-from tega.study.state import events_path
-from tega.study.trials import study_trials
+from tega_study import make_plan, read_plan, write_plan
+from tega_study.analyse import analyse_study
+from tega_study.journal import JournalEvent, read_events
+from tega_study.lead import lead_session
+from tega_study.lead.experimenter import ENTER, Screen
+from tega_study.lead.fatigue import said_of_muscles, said_of_squeezes, trial_medians
+from tega_study.lead.questions import QUESTIONS
+from tega_study.lead.rest_tasks import RestTask, RestTaskEnd, RunningTask
+from tega_study.page import report_html
+from tega_study.privacy import export
+from tega_study.squeeze_score import squeeze_shares
+from tega_study.state import events_path
+from tega_study.trials import study_trials
 
 
 def condition(*median_hz: float) -> MuscleCondition:
@@ -153,10 +153,10 @@ class _Looking:
 @pytest.mark.skipif(os.name == "nt", reason="the emulated amplifier is behind a pseudo terminal")
 def test_an_emulated_session_keeps_the_muscles_frequency_of_each_trial(tmp_path: Path) -> None:
     pytest.importorskip("foxglove")
-    from tega.calibration import load_calibration, save_calibration
     from tega.config import check_tree
-    from tega.study.lead.benches import LabBench
+    from tega.config.calibration import load_calibration, save_calibration
     from tega_emulators.lab import emulated_lab
+    from tega_study.lead.benches import LabBench
 
     folder = tmp_path / "study"
     write_plan(

@@ -23,14 +23,14 @@ pytest.importorskip("tega_figures")
 from reference.scene import LIFT_S, SLIP_M, SLIP_S, SMALL, SPEED_M_S, known_lift, rendered  # noqa: E402
 from reference.written import boris_project  # noqa: E402
 from tega.recording.mcap_reader import McapReader  # noqa: E402
-from tega.scene.layout import save_layout  # noqa: E402
-from tega.scene.lens import save_lens  # noqa: E402
-from tega.study import make_plan, read_plan, write_plan  # noqa: E402
-from tega.study.journal import JournalEvent, read_events  # noqa: E402
-from tega.study.lead.status_file import board_path, read_board  # noqa: E402
-from tega.study.measured import CAMERA, measured_path  # noqa: E402
-from tega.study.score.clips import read_key  # noqa: E402
-from tega.study.state import events_path  # noqa: E402
+from tega_scene.layout import save_layout  # noqa: E402
+from tega_scene.lens import save_lens  # noqa: E402
+from tega_study import make_plan, read_plan, write_plan  # noqa: E402
+from tega_study.journal import JournalEvent, read_events  # noqa: E402
+from tega_study.lead.status_file import board_path, read_board  # noqa: E402
+from tega_study.measured import CAMERA, measured_path  # noqa: E402
+from tega_study.score.clips import read_key  # noqa: E402
+from tega_study.state import events_path  # noqa: E402
 
 PEOPLE: Final = ("p01", "p02")
 REST_S: Final = 8.0
@@ -94,7 +94,7 @@ def led_by_keys(folder: Path, person: str, lab: Path, length_s: dict[str, float]
         "lens": str(lab / "front.json"), "layout": str(lab / "tags.toml"),
     }  # fmt: skip
     said = ", ".join(f"{key} = {json.dumps(value)}" for key, value in camera.items())
-    words = [sys.executable, "-m", "tega.cli", "study", "run", str(folder), person, "--emulated", "--time-scale", "0.1",
+    words = [sys.executable, "-m", "tega.ui.cli", "study", "run", str(folder), person, "--emulated", "--time-scale", "0.1",
              "--set", f"scene=[{{ {said} }}]"]  # fmt: skip
     ours, theirs = pty.openpty()
     with ExitStack() as stack:
@@ -152,7 +152,7 @@ def drained(fd: int) -> bytes:
 def tega(*words: object) -> Any:
     """Run a command in a process of its own, and return what it printed as JSON."""
     done = subprocess.run(
-        [sys.executable, "-m", "tega.cli", *map(str, words), "--json"],
+        [sys.executable, "-m", "tega.ui.cli", *map(str, words), "--json"],
         capture_output=True,
         text=True,
         check=False,

@@ -9,10 +9,10 @@ import pytest
 
 pytest.importorskip("jinja2")
 
-from tega.cli.main import main
 from tega.errors import InvalidValueError
-from tega.study import make_plan, write_plan
-from tega.study.forms import FORMS, write_forms
+from tega.ui.cli.main import main
+from tega_study import make_plan, write_plan
+from tega_study.forms import FORMS, write_forms
 
 
 def forms_of(folder: Path, **settings: Any) -> dict[str, str]:

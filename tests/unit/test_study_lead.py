@@ -19,31 +19,31 @@ import pytest
 
 from reference.study_bench import StandingBench
 from reference.waiting import until
-from tega.clock import SystemClock
 from tega.errors import DeviceUnavailableError, InvalidValueError
-from tega.study import make_plan, read_plan, write_plan
-from tega.study.analyse import analyse_study
-from tega.study.coupling import read_course
-from tega.study.finger_rows import finger_rows
-from tega.study.journal import Journal, JournalEvent, counting, read_events
-from tega.study.lead import lead_session
-from tega.study.lead.asking import BlockQuestions
-from tega.study.lead.benches import LabBench, SimulatedBench
-from tega.study.lead.experimenter import ENTER, LineDesk, Screen
-from tega.study.lead.lift_rule import LiftRule
-from tega.study.lead.questions import KEYS, QUESTIONS, answer_of, blocks_to_ask, raw_tlx
-from tega.study.lead.rest_tasks import RestTask, RestTaskEnd
-from tega.study.lead.running_trial import Going
-from tega.study.lead.status_file import board_path, read_board
-from tega.study.lead.trial import LedTrial
-from tega.study.page import report_html
-from tega.study.plan import PlannedTrial
-from tega.study.ratings import ratings
-from tega.study.score.recorded import recorded_trials
-from tega.study.score.trial_pictures import read_reel
-from tega.study.state import derive, events_path, rehearsed, resume
-from tega.study.touch_picture import pictures_of
-from tega.study.trials import course_path, study_trials
+from tega.runtime.clock import SystemClock
+from tega_study import make_plan, read_plan, write_plan
+from tega_study.analyse import analyse_study
+from tega_study.coupling import read_course
+from tega_study.finger_rows import finger_rows
+from tega_study.journal import Journal, JournalEvent, counting, read_events
+from tega_study.lead import lead_session
+from tega_study.lead.asking import BlockQuestions
+from tega_study.lead.benches import LabBench, SimulatedBench
+from tega_study.lead.experimenter import ENTER, LineDesk, Screen
+from tega_study.lead.lift_rule import LiftRule
+from tega_study.lead.questions import KEYS, QUESTIONS, answer_of, blocks_to_ask, raw_tlx
+from tega_study.lead.rest_tasks import RestTask, RestTaskEnd
+from tega_study.lead.running_trial import Going
+from tega_study.lead.status_file import board_path, read_board
+from tega_study.lead.trial import LedTrial
+from tega_study.page import report_html
+from tega_study.plan import PlannedTrial
+from tega_study.ratings import ratings
+from tega_study.score.recorded import recorded_trials
+from tega_study.score.trial_pictures import read_reel
+from tega_study.state import derive, events_path, rehearsed, resume
+from tega_study.touch_picture import pictures_of
+from tega_study.trials import course_path, study_trials
 
 
 def ramp(begin_s: float, end_s: float, top_m: float) -> Callable[[float], float]:
@@ -469,10 +469,10 @@ def test_a_trial_that_was_to_be_done_again_and_was_not_is_no_data(tmp_path: Path
 KILLED = """
 import sys
 from pathlib import Path
-from tega.study import read_plan
-from tega.study.lead import lead_session
-from tega.study.lead.benches import SimulatedBench
-from tega.study.lead.experimenter import LineDesk
+from tega_study import read_plan
+from tega_study.lead import lead_session
+from tega_study.lead.benches import SimulatedBench
+from tega_study.lead.experimenter import LineDesk
 folder = Path(sys.argv[1])
 with LineDesk() as desk:
     bench = SimulatedBench(read_plan(folder), "p01", real_time=False)
@@ -539,7 +539,7 @@ def test_the_vest_rests_in_the_other_condition_and_touch_is_kept(tmp_path: Path)
     pytest.importorskip("foxglove")
     from tega.config import check_tree
     from tega.recording.mcap_reader import McapReader
-    from tega.replay.recorded import read_recorded
+    from tega.recording.replay.recorded import read_recorded
     from tega_emulators.lab import emulated_lab
 
     folder = study(tmp_path, conditions=["haptic", "non-haptic", "event-gated"])
@@ -587,7 +587,7 @@ def test_the_vest_rests_in_the_other_condition_and_touch_is_kept(tmp_path: Path)
 @pytest.mark.skipif(os.name == "nt", reason="the emulated hand's adapter is a pseudo terminal")
 def test_what_is_felt_in_a_session_counts_to_the_day_of_the_participant(tmp_path: Path) -> None:
     pytest.importorskip("foxglove")
-    from tega.toml_text import tree_text
+    from tega.runtime.files.toml_text import tree_text
     from tega_emulators.lab import emulated_lab
 
     folder = study(tmp_path, simulated=False, window_s=2.0, seed=1)
@@ -598,7 +598,7 @@ def test_what_is_felt_in_a_session_counts_to_the_day_of_the_participant(tmp_path
         (tmp_path / "lab.toml").write_text(tree_text(lab.tree))
         words = ["study", "run", str(folder), "p01", "--lab", str(tmp_path / "lab.toml"), "--yes"]
         words += ["--trials", "1", "--time-scale", "0.1"]
-        subprocess.run([sys.executable, "-m", "tega.cli", *words], check=True)
+        subprocess.run([sys.executable, "-m", "tega.ui.cli", *words], check=True)
     worn = json.loads((tmp_path / "calibrations/people/p01/vest-dose.json").read_bytes())
     assert sum(sum(run["dose_s"]) for run in worn) > 0
 

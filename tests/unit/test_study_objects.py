@@ -9,14 +9,14 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from tega.cli.main import main
 from tega.errors import InvalidValueError, RecordingError, UnsafeNameError
-from tega.study import make_plan, read_plan, write_plan
-from tega.study.bundle import open_bundle, write_bundle
-from tega.study.journal import Journal
-from tega.study.objects import OBJECTS, ObjectFacts, note_object, read_objects
-from tega.study.privacy import export
-from tega.study.state import events_path
+from tega.ui.cli.main import main
+from tega_study import make_plan, read_plan, write_plan
+from tega_study.bundle import open_bundle, write_bundle
+from tega_study.journal import Journal
+from tega_study.objects import OBJECTS, ObjectFacts, note_object, read_objects
+from tega_study.privacy import export
+from tega_study.state import events_path
 
 PHOTO = b"\xff\xd8\xff\xe0" + bytes(200)
 
@@ -102,8 +102,8 @@ def test_it_goes_along_with_the_data_and_photos_stay_out_of_what_is_published(
 def test_the_verb_and_the_report(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("matplotlib")
     pytest.importorskip("statsmodels")
-    from tega.study.analyse import analyse_study
-    from tega.study.page import report_html
+    from tega_study.analyse import analyse_study
+    from tega_study.page import report_html
 
     def call(*words: str) -> str:
         with pytest.raises(SystemExit) as ended:

@@ -14,14 +14,14 @@ from pathlib import Path
 import pytest
 
 from tega.errors import DeviceUnavailableError, InvalidValueError
-from tega.study import make_plan, read_plan, write_plan
-from tega.study.journal import Journal, read_events
-from tega.study.lead.status_file import SessionBoard, board_path, write_board
-from tega.study.observe import Observing
-from tega.study.observers import observer_path, read_observers, saw_whole
-from tega.study.privacy import export, withdraw
-from tega.study.state import events_path, resume
-from tega.study.trials import study_trials
+from tega_study import make_plan, read_plan, write_plan
+from tega_study.journal import Journal, read_events
+from tega_study.lead.status_file import SessionBoard, board_path, write_board
+from tega_study.observe import Observing
+from tega_study.observers import observer_path, read_observers, saw_whole
+from tega_study.privacy import export, withdraw
+from tega_study.state import events_path, resume
+from tega_study.trials import study_trials
 
 S = 1_000_000_000
 
@@ -137,7 +137,7 @@ def test_an_export_has_the_raters_under_new_names(folder: Path, tmp_path: Path) 
 
 def pilot(folder: Path, play: Callable[..., Awaitable[None]]) -> None:
     pytest.importorskip("textual")
-    from tega.study.observe.console import Console
+    from tega_study.observe.console import Console
 
     async def run() -> None:
         app = Console(folder, "p01", "r1")
@@ -235,7 +235,7 @@ def test_it_works_in_a_real_terminal(folder: Path) -> None:
     main.add("trial_start", t_ns=time.monotonic_ns(), trial=1, source="auto")
     path = observer_path(folder, "p01", "r1")
     ours, theirs = pty.openpty()
-    words = [sys.executable, "-m", "tega.cli", "study", "observe", str(folder), "p01"]
+    words = [sys.executable, "-m", "tega.ui.cli", "study", "observe", str(folder), "p01"]
     environment = {**os.environ, "TERM": "xterm-256color"}
     with ExitStack() as stack:
         stack.callback(main.close)

@@ -14,19 +14,19 @@ import pytest
 from reference.study_bench import StandingBench
 from tega.config import MaskingSection
 from tega.errors import DeviceUnavailableError, InvalidValueError
-from tega.masking_sound import BEEP_HZ, RATE_HZ, MaskingSound, beep_tone
-from tega.study import make_plan, read_plan, write_plan
-from tega.study.beep_score import score_beeps
-from tega.study.journal import JournalEvent, Kind, read_events
-from tega.study.lead import lead_session
-from tega.study.lead.experimenter import ENTER, Screen
-from tega.study.lead.questions import QUESTIONS
-from tega.study.plan import StudyPlan
-from tega.study.privacy import export
-from tega.study.probe import APART_S, FIRST_S, beep_times, probe_uses
-from tega.study.state import events_path
-from tega.study.trials import study_trials
 from tega_emulators.sound_port import SoundPort
+from tega_study import make_plan, read_plan, write_plan
+from tega_study.beep_score import score_beeps
+from tega_study.journal import JournalEvent, Kind, read_events
+from tega_study.lead import lead_session
+from tega_study.lead.experimenter import ENTER, Screen
+from tega_study.lead.questions import QUESTIONS
+from tega_study.masking_sound import BEEP_HZ, RATE_HZ, MaskingSound, beep_tone
+from tega_study.plan import StudyPlan
+from tega_study.privacy import export
+from tega_study.probe import APART_S, FIRST_S, beep_times, probe_uses
+from tega_study.state import events_path
+from tega_study.trials import study_trials
 
 
 @pytest.fixture
@@ -211,10 +211,10 @@ def test_a_plan_without_a_second_task_is_written_as_before(tmp_path: Path) -> No
 def test_the_report_has_the_score(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     pytest.importorskip("statsmodels")
-    from tega.study.analyse import analyse_study
-    from tega.study.journal import Journal
-    from tega.study.page import report_html
-    from tega.study.tables import csv_files
+    from tega_study.analyse import analyse_study
+    from tega_study.journal import Journal
+    from tega_study.page import report_html
+    from tega_study.tables import csv_files
 
     folder = tmp_path / "study"
     plan = made_plan(folder, participants=2, trials=2)

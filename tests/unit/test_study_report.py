@@ -16,18 +16,18 @@ import pytest
 pytest.importorskip("matplotlib")
 pytest.importorskip("statsmodels")
 
-from tega.cli.main import main
 from tega.errors import InvalidValueError, RecordingError
-from tega.study import make_plan, read_plan, write_plan
-from tega.study.analyse import analyse, analyse_study
-from tega.study.coupling import TouchCourse, write_course
-from tega.study.figures import _violins, new_figure
-from tega.study.journal import Journal, read_events
-from tega.study.page import number, report_html
-from tega.study.report import Report, write_report
-from tega.study.state import events_path
-from tega.study.tables import PAPER_LABELS, csv_files
-from tega.study.trials import course_path
+from tega.ui.cli.main import main
+from tega_study import make_plan, read_plan, write_plan
+from tega_study.analyse import analyse, analyse_study
+from tega_study.coupling import TouchCourse, write_course
+from tega_study.figures import _violins, new_figure
+from tega_study.journal import Journal, read_events
+from tega_study.page import number, report_html
+from tega_study.report import Report, write_report
+from tega_study.state import events_path
+from tega_study.tables import PAPER_LABELS, csv_files
+from tega_study.trials import course_path
 
 
 def fill(
@@ -260,7 +260,7 @@ def test_a_study_without_trials_or_a_strange_folder_is_left_alone(tmp_path: Path
 
 @pytest.mark.slow
 def test_the_anonymised_copy_gives_the_same_table_and_tests(study: Path, tmp_path: Path) -> None:
-    from tega.study.privacy import export
+    from tega_study.privacy import export
 
     export(study, tmp_path / "open", key="secret")
     (ours, _), (theirs, _) = analyse_study(study), analyse_study(tmp_path / "open")

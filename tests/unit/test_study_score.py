@@ -11,13 +11,13 @@ pytest.importorskip("scipy")
 
 from reference.written import boris_project
 from tega.errors import InvalidValueError, RecordingError
-from tega.study import make_plan, read_plan, write_plan
-from tega.study.observe import Observing
-from tega.study.observers import observer_path, read_observers
-from tega.study.report import write_report
-from tega.study.score import agreement, agreements, export_boris, icc, import_boris, kappa, match_events
-from tega.study.state import resume
-from tega.study.trials import study_trials
+from tega_study import make_plan, read_plan, write_plan
+from tega_study.observe import Observing
+from tega_study.observers import observer_path, read_observers
+from tega_study.report import write_report
+from tega_study.score import agreement, agreements, export_boris, icc, import_boris, kappa, match_events
+from tega_study.state import resume
+from tega_study.trials import study_trials
 
 S = 1_000_000_000
 A = [2.10, 4.55, 7.20, 9.95, 12.40]

@@ -15,15 +15,15 @@ pytest.importorskip("matplotlib")
 pytest.importorskip("statsmodels")
 
 from tega.errors import RecordingError
-from tega.study.directions import directions
-from tega.study.journal import Journal
-from tega.study.plan import PlannedTrial, StudyPlan, read_plan
-from tega.study.report import write_report
-from tega.study.silico.sensitivity import ARMS, SENSITIVITY, read_sensitivity
-from tega.study.silico.simulate import made_study
-from tega.study.state import events_path
-from tega.study.touch_picture import picture_path, read_touch_picture, write_touch_picture
-from tega.study.trials import Trial
+from tega_study.directions import directions
+from tega_study.journal import Journal
+from tega_study.plan import PlannedTrial, StudyPlan, read_plan
+from tega_study.report import write_report
+from tega_study.silico.sensitivity import ARMS, SENSITIVITY, read_sensitivity
+from tega_study.silico.simulate import made_study
+from tega_study.state import events_path
+from tega_study.touch_picture import picture_path, read_touch_picture, write_touch_picture
+from tega_study.trials import Trial
 
 SHA = "101a8f666f21c0758534eb3afb6042942ec306f22020a4590ac3539a7a26006f"
 OBJECTS = ("bottle", "container", "bag")

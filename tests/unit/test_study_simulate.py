@@ -21,15 +21,15 @@ from click.testing import CliRunner
 
 pytest.importorskip("mujoco")
 
-from tega.cli.main import cli
 from tega.errors import ConfigError, DeviceUnavailableError, InvalidValueError, RecordingError
-from tega.sim.operator import draw_person, load_parameters
-from tega.sim.plan import TrialResult
-from tega.study.silico import ensure_plan, read_assumptions, simulate, unfinished
-from tega.study.silico.assumptions import PARAMETERS
-from tega.study.silico.sensitivity import read_sensitivity, run_sensitivity
-from tega.study.touch_picture import read_touch_picture
-from tega.study.trials import study_trials
+from tega.ui.cli.main import cli
+from tega_sim.operator import draw_person, load_parameters
+from tega_sim.plan import TrialResult
+from tega_study.silico import ensure_plan, read_assumptions, simulate, unfinished
+from tega_study.silico.assumptions import PARAMETERS
+from tega_study.silico.sensitivity import read_sensitivity, run_sensitivity
+from tega_study.touch_picture import read_touch_picture
+from tega_study.trials import study_trials
 
 
 def content(folder: Path) -> dict[str, bytes]:
@@ -132,7 +132,7 @@ def test_another_study_or_other_assumptions_are_refused_in_the_same_folder(
     with pytest.raises(InvalidValueError, match="another plan"):
         simulate(small, operators=2, objects=["bag"], trials=1, jobs=1)
     changed = tmp_path / "changed.toml"
-    shipped = (files("tega.sim.operator") / PARAMETERS).read_text(encoding="utf-8")
+    shipped = (files("tega_sim.operator") / PARAMETERS).read_text(encoding="utf-8")
     changed.write_text(
         shipped.replace("value = 0.30, sd = 0.10", "value = 0.31, sd = 0.10"), encoding="utf-8"
     )
@@ -147,7 +147,7 @@ def test_the_parameter_file_is_the_frozen_one_and_any_other_is_called_changed(
     stated = read_assumptions(small)
     assert stated is not None
     assert stated.frozen, "parameters.toml has changed: that is another study, never another frozen file"
-    assert (small / PARAMETERS).read_bytes() == (files("tega.sim.operator") / PARAMETERS).read_bytes()
+    assert (small / PARAMETERS).read_bytes() == (files("tega_sim.operator") / PARAMETERS).read_bytes()
     assert stated.objects["bag"]["mass_kg"] == 0.40
     changed = tmp_path / "changed.toml"
     changed.write_bytes((small / PARAMETERS).read_bytes() + b"\n")
@@ -225,8 +225,8 @@ def test_a_dask_worker_that_is_killed_in_a_session_costs_no_trial(tmp_path: Path
 
 
 def tables_of(folder: Path) -> dict[str, str]:
-    from tega.study.analyse import analyse_study
-    from tega.study.tables import csv_files
+    from tega_study.analyse import analyse_study
+    from tega_study.tables import csv_files
 
     analysis, material = analyse_study(folder)
     return csv_files(analysis, material.courses)
@@ -234,7 +234,7 @@ def tables_of(folder: Path) -> dict[str, str]:
 
 def test_a_scheduler_that_is_not_there_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed", reason="needs the extra tega[dask]")
-    from tega.study.silico import spread
+    from tega_study.silico import spread
 
     monkeypatch.setattr(spread, "_CONNECT_S", 0.3)
     with pytest.raises(DeviceUnavailableError, match="no scheduler answers"):
@@ -271,7 +271,7 @@ def test_shards_and_workers_give_the_same_study(tmp_path: Path) -> None:
 
 
 def test_a_plan_is_written_once_and_found_again(tmp_path: Path) -> None:
-    from tega.study import make_plan
+    from tega_study import make_plan
 
     plan = make_plan(participants=2, simulated=True)
     ensure_plan(plan, tmp_path / "s")
@@ -282,7 +282,7 @@ def test_a_plan_is_written_once_and_found_again(tmp_path: Path) -> None:
 
 def begun(folder: Path) -> subprocess.Popen[bytes]:
     """Begin a study of two people with two workers, in a program of its own."""
-    code = "from tega.cli.main import main; main()"
+    code = "from tega.ui.cli.main import main; main()"
     asked = [
         "study",
         "simulate",

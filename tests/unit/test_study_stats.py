@@ -11,15 +11,15 @@ import pytest
 pytest.importorskip("scipy")
 pytest.importorskip("statsmodels")
 
-from tega.study.compare import compare as study_compare
-from tega.study.counts import adjusted_ratio, clopper_pearson, dispersion, poisson_rates, shares
-from tega.study.coupling import correlate, effective_n, fisher_mean, lag_sweep, partial, response_slope
-from tega.study.figures import p_text
-from tega.study.paper import PAPER_P
-from tega.study.people import cross_over, paired_log_ratio, ratio_of_means, sign_flip, within_person
-from tega.study.power import SPREADS, count_power, people_for
-from tega.study.rank import holm, mann_whitney, shift
-from tega.study.trials import Trial
+from tega_study.compare import compare as study_compare
+from tega_study.counts import adjusted_ratio, clopper_pearson, dispersion, poisson_rates, shares
+from tega_study.coupling import correlate, effective_n, fisher_mean, lag_sweep, partial, response_slope
+from tega_study.figures import p_text
+from tega_study.paper import PAPER_P
+from tega_study.people import cross_over, paired_log_ratio, ratio_of_means, sign_flip, within_person
+from tega_study.power import SPREADS, count_power, people_for
+from tega_study.rank import holm, mann_whitney, shift
+from tega_study.trials import Trial
 
 close: Any = pytest.approx
 

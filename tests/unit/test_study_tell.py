@@ -14,19 +14,19 @@ import pytest
 
 from reference.study_bench import StandingBench
 from reference.waiting import until
-from tega.cli.main import main
-from tega.cli.study.tell import COMMANDS
-from tega.clock import ManualClock, SystemClock
 from tega.errors import DeviceUnavailableError, RecordingError
-from tega.study import make_plan, write_plan
-from tega.study.journal import read_events
-from tega.study.lead import lead_session
-from tega.study.lead.experimenter import ENTER, Screen
-from tega.study.lead.questions import QUESTIONS
-from tega.study.lead.status_file import board_path, read_board
-from tega.study.lead.tell import KEYS, CommandFile, tell, told_path
-from tega.study.state import events_path
-from tega.study.trials import study_trials
+from tega.runtime.clock import ManualClock, SystemClock
+from tega.ui.cli.main import main
+from tega_study import make_plan, write_plan
+from tega_study.cli.tell import COMMANDS
+from tega_study.journal import read_events
+from tega_study.lead import lead_session
+from tega_study.lead.experimenter import ENTER, Screen
+from tega_study.lead.questions import QUESTIONS
+from tega_study.lead.status_file import board_path, read_board
+from tega_study.lead.tell import KEYS, CommandFile, tell, told_path
+from tega_study.state import events_path
+from tega_study.trials import study_trials
 
 
 class _Nobody:
@@ -68,7 +68,7 @@ def phase(folder: Path) -> str:
 
 
 def told(folder: Path, command: str) -> str:
-    words = [sys.executable, "-m", "tega.cli", "study", "tell", str(folder), "p01", command, "--json"]
+    words = [sys.executable, "-m", "tega.ui.cli", "study", "tell", str(folder), "p01", command, "--json"]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     said: str = json.loads(done.stdout)["phase"]

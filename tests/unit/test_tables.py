@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from tega.csv_writer import time_text
 from tega.records import BusFrame, Contact, HandCommand, Intent, VestFrame
 from tega.records.table import columns, rows
+from tega.runtime.files.csv_writer import time_text
 
 
 def test_a_table_has_the_columns_of_its_record() -> None:

@@ -9,21 +9,21 @@ from typing import Any
 
 import pytest
 
-from tega.bus import Bus
-from tega.calibration import TouchMaxima
 from tega.config import check_tree
+from tega.config.calibration import TouchMaxima
 from tega.haptics import FINGERS
+from tega.loop import run_session
+from tega.loop.moment import LoopView
+from tega.loop.touch import TouchLoop
 from tega.recording.mcap_reader import McapReader
+from tega.recording.replay import replay_file
 from tega.records import ArmTurn, Event, PoseNumbers
+from tega.records.bus import Bus
 from tega.records.schema import read
 from tega.records.table import columns, rows
-from tega.replay import replay_file
 from tega.tactile import ContactMetrics
-from tega.teleop import run_session
-from tega.teleop.moment import LoopView
-from tega.teleop.touch import TouchLoop
-from tega.view.browser.state_html import status_html
-from tega.view.state import ViewState
+from tega.ui.view.browser.state_html import status_html
+from tega.ui.view.state import ViewState
 
 TREE: dict[str, Any] = {
     "session": {"preset": "live", "pace": "fast", "duration_s": 4.0},

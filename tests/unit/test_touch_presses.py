@@ -10,8 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tega.errors import InvalidValueError
-from tega.sim.gel import Gel
-from tega.touch import GelLight, KnownPress, TouchTracker, calibrate_light, nominal_light
+from tega.tactile.tracker import GelLight, KnownPress, TouchTracker, calibrate_light, nominal_light
 from tega_figures.check_touch_live import felt_of_slow_press
 from tega_figures.gel_sequences import SHAPES, press_sequence, pressing, ramp
 from tega_figures.touch_presses import (
@@ -23,6 +22,7 @@ from tega_figures.touch_presses import (
     unit_seeds,
 )
 from tega_figures.touch_untouched import untouched_contacts
+from tega_sim.gel import Gel
 
 pytest.importorskip("scipy", reason="needs the extra tega[lab]")
 UNITS = unit_seeds(2)

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tega.opencv import read_image
+from tega.runtime.opencv import read_image
 from tega.tactile import contact_mask, read_contact
-from tega.touch import TouchTracker, TrackedContact, sensor_noise, update_fingers
+from tega.tactile.tracker import TouchTracker, TrackedContact, sensor_noise, update_fingers
 from tega_figures.audit import read_marks
 from tega_figures.touch_presses import rank_correlation
 from tega_figures.touch_recordings import (

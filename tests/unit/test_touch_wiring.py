@@ -17,35 +17,35 @@ import pytest
 
 from reference.scripted import MS, STARTED_NS, ScriptedCamera, live_frame
 from reference.sessions import record, rewritten, stream
-from tega.bus import Bus
-from tega.calibration import Calibration, FingerMaxima, TouchMaxima
-from tega.calibration.known_press import Ball, fit_gel, held
-from tega.calibration.maxima import guided_maxima, touch_maxima
-from tega.calibration.store import calibration_text, parse_calibration, refused_law, save_calibration
-from tega.cli.main import main
 from tega.config import StagesSection, check_tree, load_config
+from tega.config.calibration import Calibration, FingerMaxima, TouchMaxima
+from tega.config.calibration.known_press import Ball, fit_gel, held
+from tega.config.calibration.store import calibration_text, parse_calibration, refused_law, save_calibration
 from tega.devices.base import DeviceInfo, TactileFrame
 from tega.errors import CalibrationError
 from tega.haptics import contact_type, intensity
-from tega.inbox.prepared import Finger, Prepared
-from tega.inbox.sources import SourceReport
+from tega.loop import run, run_session
+from tega.loop.inbox.prepared import Finger, Prepared
+from tega.loop.inbox.sources import SourceReport
+from tega.loop.open_streams import contact_stream
+from tega.loop.pacing import Pacer
+from tega.loop.touch import TouchMoment
+from tega.loop.touching import RecordedFingers, Touching
 from tega.recording.mcap_reader import McapReader
+from tega.recording.replay import replay_file
 from tega.records import Picture
-from tega.replay import replay_file
-from tega.sim.gel import PX_PER_MM, Gel, ball, board
-from tega.sim.plan import loop_settings
+from tega.records.bus import Bus
+from tega.setup.calibration.maxima import guided_maxima, touch_maxima
 from tega.stages import FingerSetup, VestSetup, find_layout
 from tega.stages.base import MeasuredPicture
 from tega.stages.choose import finger_metric, vest_mapping
 from tega.stages.metrics import LiveMetric, LiveOptions, contact_metrics_of
-from tega.study.touch_picture import recorded_picture
-from tega.teleop import run, run_session
-from tega.teleop.open_streams import contact_stream
-from tega.teleop.pacing import Pacer
-from tega.teleop.touch import TouchMoment
-from tega.teleop.touching import RecordedFingers, Touching
-from tega.touch import DEPTH_LAW
-from tega.view.labels import ContactLabels
+from tega.tactile.tracker import DEPTH_LAW
+from tega.ui.cli.main import main
+from tega.ui.view.labels import ContactLabels
+from tega_sim.gel import PX_PER_MM, Gel, ball, board
+from tega_sim.plan import loop_settings
+from tega_study.touch_picture import recorded_picture
 
 PERIOD_NS = 16_666_667
 # A finger is pressed from here to there; the other for the whole time.

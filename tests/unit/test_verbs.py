@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip("tega_figures")
 pytest.importorskip("tega_campaigns")
 
-from tega.cli.main import cli, main
+from tega.ui.cli.main import cli, main
 
 LISTED = (
     "demo run replay verify play init doctor calibrate practice stages devices audit bench soak robot operator "

@@ -13,24 +13,24 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from reference.wizard import Wizard
-from tega.calibration.folder import CalibrationFolder
-from tega.calibration.guide import Bar
-from tega.clock import ManualClock
 from tega.config import SessionConfig, load_config
+from tega.config.calibration.folder import CalibrationFolder
 from tega.devices.base import DeviceInfo
 from tega.errors import CalibrationError, DeviceUnavailableError, InvalidValueError
 from tega.haptics import MotorLevels
+from tega.runtime.clock import ManualClock
 from tega.safety.motor_budget import MotorBudget
-from tega.sim.operator.person import typical_person
-from tega.sim.operator.sections import VestSection
-from tega.skill.two_down_one_up import LONGEST, TwoDownOneUp
-from tega.skill.vest_course import learn_vest
-from tega.skill.vest_kept import VestSkillRecord, kept_vest_skill
-from tega.skill.vest_lesson import Lesson
+from tega.setup.calibration.guide import Bar
 from tega_emulators.process import Emulator
 from tega_emulators.vests import seen_by
 from tega_figures.felt.information import Discriminant
 from tega_figures.felt.skin import BatchSkin
+from tega_practice.two_down_one_up import LONGEST, TwoDownOneUp
+from tega_practice.vest_course import learn_vest
+from tega_practice.vest_kept import VestSkillRecord, kept_vest_skill
+from tega_practice.vest_lesson import Lesson
+from tega_sim.operator.person import typical_person
+from tega_sim.operator.sections import VestSection
 
 
 class LimitedVest:
@@ -272,7 +272,7 @@ def test_the_staircase_finds_where_71_percent_are_right(limen: float) -> None:
 
 
 def test_a_record_keeps_its_form(tmp_path: Path) -> None:
-    from tega.calibration.records import read_record, utc_now, write_record
+    from tega.config.calibration.records import read_record, utc_now, write_record
 
     record = VestSkillRecord(
         device="d", driver="v", made=utc_now(), person="p01", mapping="columns", seed=1, right_percent=50.0,

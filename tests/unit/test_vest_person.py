@@ -7,16 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tega.calibration import TouchMaxima
-from tega.calibration.identify import light_motor, motor_place
-from tega.cli.main import main
-from tega.clock import ManualClock
 from tega.config import load_config
-from tega.devices.vest_recorder import VestRecorder, VestRecorderOptions
+from tega.config.calibration import TouchMaxima
+from tega.devices.vest.vest_recorder import VestRecorder, VestRecorderOptions
 from tega.errors import ConfigError, InvalidValueError, ShapeError
 from tega.haptics import FeltMap, vest_frame
+from tega.loop.touch import TouchLoop
+from tega.runtime.clock import ManualClock
+from tega.setup.calibration.identify import light_motor, motor_place
 from tega.tactile import ContactMetrics
-from tega.teleop.touch import TouchLoop
+from tega.ui.cli.main import main
 
 
 def touched(loop: TouchLoop) -> list[int]:

@@ -15,9 +15,9 @@ import pytest
 from numpy.typing import NDArray
 
 from reference.waiting import until
-from tega.contract import check_driver
 from tega.devices import driver_class
-from tega.devices.vest_sound import COLUMN_HZ, RATE_HZ, ColumnTones, SoundVest, SoundVestOptions
+from tega.devices.contract import check_driver
+from tega.devices.vest.vest_sound import COLUMN_HZ, RATE_HZ, ColumnTones, SoundVest, SoundVestOptions
 from tega.errors import DeviceUnavailableError
 from tega.haptics import MotorLevels, vest_frame
 from tega_emulators.sound_port import SoundPort
@@ -131,7 +131,7 @@ def test_the_same_samples_stand_in_a_wav_file(tmp_path: Path) -> None:
 
 def test_it_is_found_by_its_name_and_is_no_vest_that_may_hurt(tmp_path: Path) -> None:
     from tega.config import check_tree
-    from tega.replay.play import _live
+    from tega.recording.replay.play import _live
 
     assert driver_class("sound-vest", "vest") is SoundVest
     config = check_tree({"vest": {"driver": "sound-vest"}}, {}, base=tmp_path).config

@@ -18,12 +18,12 @@ from reference.moments import SHAPES, Moments
 from reference.waiting import until
 from tega.errors import InvalidValueError
 from tega.haptics import vest_frame
-from tega.view.browser import BrowserView, Controls
-from tega.view.browser.charts import drives
-from tega.view.browser.scene import Scene
-from tega.view.browser.touch import EDA_BLUE, GAP, PEAK_GREEN, TILE_HEIGHT, TILE_WIDTH, TouchSheet
-from tega.view.browser.vest import vest_svg
-from tega.view.state import EmgTail, ShapeKind
+from tega.ui.view.browser import BrowserView, Controls
+from tega.ui.view.browser.charts import drives
+from tega.ui.view.browser.scene import Scene
+from tega.ui.view.browser.touch import EDA_BLUE, GAP, PEAK_GREEN, TILE_HEIGHT, TILE_WIDTH, TouchSheet
+from tega.ui.view.browser.vest import vest_svg
+from tega.ui.view.state import EmgTail, ShapeKind
 
 
 @pytest.fixture(scope="module")

@@ -14,12 +14,12 @@ pytest.importorskip("viser", reason="needs the extra view")
 
 from reference.moments import Moments
 from reference.waiting import until
-from tega.cli.page import browser_observer, view_options
 from tega.haptics import vest_frame
-from tega.view.browser import BrowserView, Controls
-from tega.view.browser.delays import BUDGET_MS, Delays
-from tega.view.browser.state_html import lights_html, run_state_html
-from tega.view.browser.vest import vest_svg
+from tega.ui.cli.page import browser_observer, view_options
+from tega.ui.view.browser import BrowserView, Controls
+from tega.ui.view.browser.delays import BUDGET_MS, Delays
+from tega.ui.view.browser.state_html import lights_html, run_state_html
+from tega.ui.view.browser.vest import vest_svg
 
 
 def test_a_paused_run_is_not_called_active_and_haptics_off_is_said() -> None:

@@ -15,15 +15,15 @@ from PIL import Image
 
 from reference.chromium import launched, opened
 from reference.waiting import until
-from tega.bus import Bus
 from tega.config import check_tree
 from tega.hand import CLOSURE_POSES_RAD
-from tega.teleop import run_session
-from tega.teleop.hand import CommandedHand, ModelledAllegro
-from tega.view.browser import BrowserView
-from tega.view.browser.feed import SessionFeed
-from tega.view.browser.hand_figure import EYE_M, LOOK_AT_M, STANDING, HandFigure
-from tega.view.state import ViewState
+from tega.loop import run_session
+from tega.loop.hand import CommandedHand, ModelledAllegro
+from tega.records.bus import Bus
+from tega.ui.view.browser import BrowserView
+from tega.ui.view.browser.feed import SessionFeed
+from tega.ui.view.browser.hand_figure import EYE_M, LOOK_AT_M, STANDING, HandFigure
+from tega.ui.view.state import ViewState
 
 PALM = np.array([0.3, -0.2, 0.5, np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0])
 
@@ -81,7 +81,7 @@ def test_a_figure_goes_where_its_palm_goes() -> None:
 
 def test_in_the_simulated_world_both_hands_coincide_where_the_command_is_what_is_measured() -> None:
     pytest.importorskip("mujoco", reason="the simulated world needs the extra sim")
-    from tega.sim.world import World
+    from tega_sim.world import World
 
     world, figure = World("bottle", seed=1), HandFigure()
     shapes, poses = world.shapes(), world.poses()

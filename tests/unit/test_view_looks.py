@@ -6,10 +6,10 @@ import pytest
 
 pytest.importorskip("viser", reason="needs the extra view")
 
-from tega.sim.world.objects import OBJECTS
-from tega.view.browser.object_shapes import LOOKS
-from tega.view.browser.solids import _parts
-from tega.view.state import Shape
+from tega.ui.view.browser.object_shapes import LOOKS
+from tega.ui.view.browser.solids import _parts
+from tega.ui.view.state import Shape
+from tega_sim.world.objects import OBJECTS
 
 ROOT_2 = 2**0.5
 

@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tega.bus import Bus
 from tega.config import check_tree
-from tega.decoders import fit
+from tega.loop import run_session
 from tega.records import Adaptation, BesideIntent, Button, Intent, MuscleCondition
-from tega.teleop import run_session
-from tega.view.browser import BrowserView
-from tega.view.browser.decoders_apart import DecodersApart
-from tega.view.browser.feed import SessionFeed
-from tega.view.browser.muscle_rows import MuscleRows
-from tega.view.state import ViewState
+from tega.records.bus import Bus
+from tega.stages.learned import fit
+from tega.ui.view.browser import BrowserView
+from tega.ui.view.browser.decoders_apart import DecodersApart
+from tega.ui.view.browser.feed import SessionFeed
+from tega.ui.view.browser.muscle_rows import MuscleRows
+from tega.ui.view.state import ViewState
 
 
 def told(apart: DecodersApart, pairs: list[tuple[float, float]], *, late_ns: int = 0) -> None:

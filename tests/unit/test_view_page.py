@@ -19,8 +19,8 @@ from PIL import Image
 from reference.chromium import launched, opened
 from reference.moments import Moments
 from reference.waiting import until
-from tega.view.browser import BrowserView, Controls
-from tega.view.state import ViewState
+from tega.ui.view.browser import BrowserView, Controls
+from tega.ui.view.state import ViewState
 from tega_figures.chromium import HEIGHT_PX, WIDTH_PX
 
 # As the page's light shows them.
@@ -229,7 +229,7 @@ def test_a_program_that_is_stopped_leaves_no_page_that_says_active(browser):
     serve = (
         "import sys, time\n"
         "from reference.moments import Moments\n"
-        "from tega.view.browser import BrowserView\n"
+        "from tega.ui.view.browser import BrowserView\n"
         "moment = Moments().at(2.0, images=False, scene=False, emg=False)\n"
         "moment = moment._replace(loop=moment.loop._replace(state='active'))\n"
         "with BrowserView('TEGA', port=0) as view:\n"
@@ -273,7 +273,7 @@ def badge_colour(page) -> str:
 def test_the_bench_with_an_object_held_up(name, browser):
     """Show a simulated lift at its height."""
     pytest.importorskip("mujoco", reason="the simulated world needs the extra sim")
-    from tega.sim.trial import TrialPlan, run_trial
+    from tega_sim.trial import TrialPlan, run_trial
 
     course: list[ViewState] = []
     run_trial(TrialPlan(object=name, condition="haptic", seed=1), observer=course.append)

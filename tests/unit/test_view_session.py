@@ -12,21 +12,21 @@ import pytest
 from reference.recordings import write_folder
 from reference.scripted import ScriptedCamera, live_frame, touching
 from reference.waiting import until
-from tega.bus import Bus
-from tega.calibration import Calibration
-from tega.cli.main import main
-from tega.clock import PausableClock
 from tega.config import check_tree
+from tega.config.calibration import Calibration
 from tega.errors import MissingExtraError
-from tega.inbox.prepared import Finger, Prepared
-from tega.inbox.sources import SourceReport, picture_of
-from tega.inbox.stream import PulledStream
-from tega.teleop import run_session
-from tega.teleop.moment import LoopView
-from tega.view.browser import BrowserView
-from tega.view.browser.feed import SessionFeed
-from tega.view.browser.hand_figure import HandFigure
-from tega.view.state import ViewState
+from tega.loop import run_session
+from tega.loop.inbox.prepared import Finger, Prepared
+from tega.loop.inbox.sources import SourceReport, picture_of
+from tega.loop.inbox.stream import PulledStream
+from tega.loop.moment import LoopView
+from tega.records.bus import Bus
+from tega.runtime.clock import PausableClock
+from tega.ui.cli.main import main
+from tega.ui.view.browser import BrowserView
+from tega.ui.view.browser.feed import SessionFeed
+from tega.ui.view.browser.hand_figure import HandFigure
+from tega.ui.view.state import ViewState
 
 SECONDS = 3.0
 
@@ -147,7 +147,7 @@ def test_the_figures_fingertips_are_where_the_published_kinematics_has_them(angl
 
 def test_the_figure_is_the_simulated_hand():
     pytest.importorskip("mujoco", reason="the simulated world needs the extra sim")
-    from tega.sim.world import World
+    from tega_sim.world import World
 
     world, figure = World("bottle", seed=1), HandFigure()
     drawn = {shape.name: pose for shape, pose in zip(world.shapes(), world.poses(), strict=True)}
@@ -179,7 +179,7 @@ def test_without_viser_the_extra_is_named(monkeypatch):
 
     for name in [name for name in sys.modules if name.split(".")[0] == "viser"] + ["viser"]:
         monkeypatch.setitem(sys.modules, name, None)
-    monkeypatch.delitem(sys.modules, "tega.view.browser.local", raising=False)
+    monkeypatch.delitem(sys.modules, "tega.ui.view.browser.local", raising=False)
     with pytest.raises(MissingExtraError, match=r"pip install 'tega\[view\]'"):
         BrowserView(port=0).__enter__()
 

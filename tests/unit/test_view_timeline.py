@@ -13,10 +13,10 @@ pytest.importorskip("viser", reason="needs the extra view")
 
 from reference.moments import Moments
 from reference.waiting import until
-from tega.view.browser import BrowserView, Controls
-from tega.view.browser.charts import COURSE_S, CourseChart
-from tega.view.browser.picture_html import picture_html
-from tega.view.browser.timeline import Timeline
+from tega.ui.view.browser import BrowserView, Controls
+from tega.ui.view.browser.charts import COURSE_S, CourseChart
+from tega.ui.view.browser.picture_html import picture_html
+from tega.ui.view.browser.timeline import Timeline
 
 
 class Gui:

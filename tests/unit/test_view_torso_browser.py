@@ -9,8 +9,8 @@ import pytest
 from reference.chromium import launched, opened
 from reference.moments import Moments
 from reference.waiting import until
-from tega.teleop.motor_tests import MotorAnswer
-from tega.view.browser import BrowserView, Controls
+from tega.loop.motor_tests import MotorAnswer
+from tega.ui.view.browser import BrowserView, Controls
 
 pytestmark = pytest.mark.slow
 

@@ -14,14 +14,14 @@ import pytest
 from reference.moments import Moments
 from reference.sessions import tree
 from reference.waiting import until
-from tega.bus import Bus
 from tega.config import check_tree
 from tega.haptics import MotorLevels, vest_frame
+from tega.loop import run_session
+from tega.loop.motor_tests import TEST_PERCENT, MotorAnswer, MotorTests
+from tega.recording.replay import replay_file
 from tega.records import RunState, TriedMotor, VestFrame
-from tega.replay import replay_file
+from tega.records.bus import Bus
 from tega.safety.motor_budget import MotorBudget
-from tega.teleop import run_session
-from tega.teleop.motor_tests import TEST_PERCENT, MotorAnswer, MotorTests
 
 SILENCE = vest_frame([0] * 4, [0] * 4, layout="x40")
 
@@ -152,7 +152,7 @@ def get(url: str, **headers: str) -> tuple[int, str]:
 
 def test_only_a_page_of_this_server_is_heard() -> None:
     pytest.importorskip("viser", reason="needs the extra view")
-    from tega.view.browser import BrowserView, Controls
+    from tega.ui.view.browser import BrowserView, Controls
 
     asked: list[int] = []
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from tega.config import check_tree
-from tega.teleop import run_session
+from tega.loop import run_session
 from tega_emulators.lab import PRESSED, emulated_lab
 
 PASSED = {"TactileFrame", "ContactMetrics", "Contact", "Felt", "VestFrame"}

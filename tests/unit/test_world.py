@@ -13,7 +13,10 @@ from reference.gel import nearest_touch
 from reference.grip import TICK_S, Grip
 from tega.errors import InvalidValueError, MissingExtraError, ShapeError
 from tega.hand import JOINT_LIMITS_RAD, JOINT_NAMES
-from tega.sim.world import (
+from tega_figures.world.check import main as check
+from tega_figures.world.lift import lift
+from tega_figures.world.rig import GRAVITY_M_S2, slip_force_n
+from tega_sim.world import (
     FULL_DUTY_NM,
     GRASP_POSES_RAD,
     OBJECTS,
@@ -23,9 +26,6 @@ from tega.sim.world import (
     World,
     hand_controller,
 )
-from tega_figures.world.check import main as check
-from tega_figures.world.lift import lift
-from tega_figures.world.rig import GRAVITY_M_S2, slip_force_n
 
 
 def in_the_grasp_pose(spec, **arguments):

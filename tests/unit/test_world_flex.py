@@ -8,10 +8,10 @@ pytest.importorskip("mujoco", reason="needs the extra 'sim'")
 from reference.gel import nearest_touch
 from reference.grip import Grip
 from tega.errors import InvalidValueError
-from tega.sim.world import OBJECTS, Physics, World
-from tega.sim.world.flex import mesh
 from tega_figures.world.lift import lift
 from tega_figures.world.rig import GRAVITY_M_S2, slip_force_n
+from tega_sim.world import OBJECTS, Physics, World
+from tega_sim.world.flex import mesh
 
 BAG = OBJECTS["bag"].with_(shell="flex", stiffness_n_m=120.0)
 

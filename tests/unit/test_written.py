@@ -9,9 +9,9 @@ import pytest
 
 from reference.sessions import record
 from reference.written import boris_project, mcap_trouble
-from tega.study import make_plan, read_plan, write_plan
-from tega.study.score import export_boris
-from tega.study.state import resume
+from tega_study import make_plan, read_plan, write_plan
+from tega_study.score import export_boris
+from tega_study.state import resume
 
 
 @pytest.fixture(scope="module")

@@ -20,10 +20,10 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from tega.decoders import LearnedDecoder, fit
-from tega.decoders.compare import Log, best_channels, compare, shifted_electrode, two_halves
-from tega.devices.emg_formats import read_emg_file
+from tega.devices.emg.emg_formats import read_emg_file
 from tega.errors import TegaError
+from tega.stages.learned import LearnedDecoder, fit
+from tega.stages.learned.compare import Log, best_channels, compare, shifted_electrode, two_halves
 
 NAMES = ("v1", "v2", "v8", "v10", "v6", "v12")
 FEATURES = (

@@ -7,7 +7,7 @@
             NaN, age                smooth      no jump                measured  stop always inside
 
 :class:`ArmChain` is all of it. Quaternions are x, y, z, w; places are metres; the base's axes are x forward, y left,
-z up. Sources of poses are in :mod:`tega.arm.sources`.
+z up. Sources of poses are in :mod:`tega.devices.tracker.sources`.
 """
 
 from __future__ import annotations

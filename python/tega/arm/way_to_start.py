@@ -11,8 +11,8 @@ import numpy as np
 
 from tega.arm.pose import Pose, StampedPose
 from tega.arm.rotation import Floats, between, exp, multiply, unit
-from tega.device_items import DeviceInfo, Kind, Options
-from tega.lifecycle import Opened
+from tega.runtime.device_items import DeviceInfo, Kind, Options
+from tega.runtime.lifecycle import Opened
 
 if TYPE_CHECKING:
     from tega.records import ArmTurn

@@ -24,7 +24,7 @@ from tega.devices.base import (
     VestSink,
 )
 from tega.devices.registry import DriverRecord, driver_class, driver_names, list_drivers
-from tega.lifecycle import Opened, require
+from tega.runtime.lifecycle import Opened, require
 
 __all__ = [
     "ArmDriver",

@@ -1,4 +1,4 @@
-"""Define the protocols of device drivers; :mod:`tega.device_items` has what passes through them.
+"""Define the protocols of device drivers; :mod:`tega.runtime.device_items` has what passes through them.
 
 A driver's constructor takes its validated options and stores them; nothing is opened, read or sent before
 :meth:`~Device.open`. ``info`` can be read at any time; what only an open device knows is ``None`` until then.
@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType, TracebackType
 from typing import TYPE_CHECKING, Any, ClassVar, Final, Protocol, Self, runtime_checkable
 
-from tega.device_items import (
+from tega.runtime.device_items import (
     DeviceInfo,
     EmgChunk,
     Found,
@@ -30,9 +30,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tega.arm.pose import ArmCommand, StampedPose
-    from tega.arm.robot.messages import Health
-    from tega.devices.picture_check import CameraCounts
-    from tega.hand_link import HandState, Received
+    from tega.devices.arm.robot.messages import Health
+    from tega.devices.fingertip.picture_check import CameraCounts
+    from tega.hand.link import HandState, Received
     from tega.haptics import MotorLevels
     from tega.safety.motor_budget import MotorBudget
     from tega.wire import CanFrame

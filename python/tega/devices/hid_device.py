@@ -6,7 +6,7 @@ import sys
 from typing import Any
 
 from tega.errors import DeviceUnavailableError
-from tega.lifecycle import require
+from tega.runtime.lifecycle import require
 
 
 def hid_module(driver: str) -> Any:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tega.devices.base import Found
-from tega.lifecycle import require
+from tega.runtime.lifecycle import require
 
 # Adapters and boards by USB vendor. None of these numbers says which program runs on the board.
 _BOARDS = {

@@ -14,8 +14,8 @@ from typing import Any
 
 from tega import _native
 from tega.errors import DeviceUnavailableError
-from tega.lifecycle import require
-from tega.threads import run_realtime
+from tega.runtime.lifecycle import require
+from tega.runtime.threads import run_realtime
 
 POLL_S = 0.004
 """How often a port is looked at while waiting: one period of a 250 Hz board."""

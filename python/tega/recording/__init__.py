@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from tega.csv_writer import CsvWriter, time_text
 from tega.recording.folder import OUTPUT_NAMES, prepare_folder
 from tega.recording.tables import TABLES, RecordTable
+from tega.runtime.files.csv_writer import CsvWriter, time_text
 
 __all__ = ["OUTPUT_NAMES", "TABLES", "CsvWriter", "RecordTable", "prepare_folder", "time_text"]

@@ -6,14 +6,14 @@ from pathlib import Path
 from typing import Any
 
 from tega.errors import RecordingError
-from tega.foreign_file import tells_damage
-from tega.lifecycle import require
-from tega.opencv import load_cv2
 from tega.recording.mcap_copy import McapCopy, McapItem, McapRecords
 from tega.recording.mcap_folder import SessionFolder, recorded_task, session_files
 from tega.recording.mcap_reader import Message, open_recording, read_picture
 from tega.recording.origin import new_session, origin, span
-from tega.whole_file import new_file
+from tega.runtime.files.foreign_file import tells_damage
+from tega.runtime.files.whole_file import new_file
+from tega.runtime.lifecycle import require
+from tega.runtime.opencv import load_cv2
 
 
 def encode_session(session: Path, *, out: Path, quality: int) -> list[Path]:

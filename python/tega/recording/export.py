@@ -6,13 +6,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-from tega.csv_writer import CsvWriter, cell_text
 from tega.errors import ConfigError
-from tega.foreign_file import tells_damage
-from tega.lifecycle import require
-from tega.plain_name import plain_name
 from tega.recording.mcap_reader import McapReader, Message
 from tega.recording.origin import LEAD_IN
+from tega.runtime.files.csv_writer import CsvWriter, cell_text
+from tega.runtime.files.foreign_file import tells_damage
+from tega.runtime.files.plain_name import plain_name
+from tega.runtime.lifecycle import require
 
 Row = dict[str, Any]
 

@@ -13,9 +13,9 @@ from typing import Literal
 import msgspec
 
 from tega.errors import ConfigError, RecordingError
-from tega.foreign_file import parse_json, read_words
 from tega.recording.tables import TABLES
-from tega.whole_file import write_whole
+from tega.runtime.files.foreign_file import parse_json, read_words
+from tega.runtime.files.whole_file import write_whole
 
 SUMMARY_FORMAT = "tega-run"
 OUTPUT_NAMES = (*TABLES.values(), "vest.csv", "can.csv", "summary.json", "calibration.toml", "picture.png")

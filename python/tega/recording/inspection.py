@@ -9,12 +9,12 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from tega.calibration.motor_onset import STAGE
-from tega.foreign_file import tells_damage
+from tega.config.motor_onset import STAGE
 from tega.recording.mcap_reader import McapReader, Message
 from tega.recording.origin import origins, span
 from tega.records import Latency as LatencyRecord
 from tega.records.schema import read
+from tega.runtime.files.foreign_file import tells_damage
 
 # Two and a half periods without an item are a gap: one was lost, and not only late.
 _GAP_PERIODS = 2.5

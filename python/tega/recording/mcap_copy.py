@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import IO, Any, NamedTuple
 
-from tega.lifecycle import require
 from tega.recording.mcap_reader import MOST_RECORD
 from tega.recording.mcap_schemas import decoder
+from tega.runtime.lifecycle import require
 
 
 class McapItem(NamedTuple):

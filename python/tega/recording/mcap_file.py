@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 from tega.errors import RecordingError
-from tega.file_lock import lock_file
-from tega.lifecycle import require
 from tega.recording.disk import open_disk
 from tega.recording.record_channels import RecordChannels
+from tega.runtime.files.lock import lock_file
+from tega.runtime.lifecycle import require
 
 if TYPE_CHECKING:
     from tega.records import Record

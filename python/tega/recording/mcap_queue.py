@@ -7,8 +7,8 @@ import time
 from collections import Counter, deque
 from typing import NamedTuple, Self
 
-from tega.bus import told_drops
 from tega.records import Picture, Record, SceneVideo
+from tega.records.bus import told_drops
 
 __all__ = ["BoundedQueue", "Item"]
 

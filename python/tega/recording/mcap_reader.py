@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
 from tega.errors import RecordingError
-from tega.foreign_file import MIB, check_file
-from tega.lifecycle import require
-from tega.opencv import load_cv2
 from tega.recording.mcap_schemas import decoder
+from tega.runtime.files.foreign_file import MIB, check_file
+from tega.runtime.lifecycle import require
+from tega.runtime.opencv import load_cv2
 
 if TYPE_CHECKING:
     import numpy as np

@@ -13,7 +13,7 @@ from tega.errors import RecordingError
 from tega.recording.mcap_file import McapFile
 from tega.recording.mcap_queue import BoundedQueue, Item
 from tega.records import Record, RecorderStatus
-from tega.threads import run_realtime
+from tega.runtime.threads import run_realtime
 
 if TYPE_CHECKING:
     from tega.config import RecordingSection

@@ -10,9 +10,9 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
-from tega.lifecycle import require
 from tega.records import RECORDS, Record
 from tega.records.schema import Part, fields, own_schema, parts, schema_name, units, values
+from tega.runtime.lifecycle import require
 
 PACKAGE = "tega"
 _EXTRA = "record"

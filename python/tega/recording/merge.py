@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from tega.errors import RecordingError
-from tega.foreign_file import tells_damage
-from tega.lifecycle import require
 from tega.recording.mcap_copy import McapCopy, McapRecords
 from tega.recording.mcap_folder import SessionFolder, session_files
 from tega.recording.mcap_reader import MOST_RECORD, open_recording
 from tega.recording.origin import new_session, origin, span
-from tega.whole_file import new_file
+from tega.runtime.files.foreign_file import tells_damage
+from tega.runtime.files.whole_file import new_file
+from tega.runtime.lifecycle import require
 
 _HINT = "merge what was recorded with one setup; keep the others apart"
 

@@ -9,11 +9,11 @@ import msgspec
 import numpy as np
 
 from tega.hand import JOINT_NAMES
-from tega.lifecycle import require
 from tega.recording.mcap_schemas import MESSAGES, PACKAGE, encoded, message_class, schema_bytes
 from tega.records import Joints, LogLine, Picture, PoseRecord, SceneVideo, TrackerAxes
 from tega.records.schema import schema_name
-from tega.threads import give_way
+from tega.runtime.lifecycle import require
+from tega.runtime.threads import give_way
 
 if TYPE_CHECKING:
     from tega.records import Record

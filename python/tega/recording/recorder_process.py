@@ -18,11 +18,11 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, Final
 
-from tega.child_process import end_child, own_group, python_command, python_environment
 from tega.errors import RecordingError
-from tega.object_pipe import receive_object, send_object, widen_pipe
 from tega.recording.mcap_queue import BoundedQueue, Item
-from tega.threads import run_realtime
+from tega.runtime.child_process import end_child, own_group, python_command, python_environment
+from tega.runtime.object_pipe import receive_object, send_object, widen_pipe
+from tega.runtime.threads import run_realtime
 
 if TYPE_CHECKING:
     from tega.config import RecordingSection

@@ -11,10 +11,10 @@ import logging
 from io import BufferedReader
 from typing import Any
 
-from tega.object_pipe import AnswerPipe, program_pipes, receive_object
 from tega.recording.mcap_folder import SessionFolder
 from tega.recording.mcap_recorder import McapRecorder
-from tega.threads import realtime, run_realtime
+from tega.runtime.object_pipe import AnswerPipe, program_pipes, receive_object
+from tega.runtime.threads import realtime, run_realtime
 
 # What has come through the pipe waits here, and what does not fit waits in the run, where it is dropped and counted.
 _QUEUE_BYTES = 16 * 1024 * 1024

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from tega.calibration.store import calibration_text
+from tega.config.calibration.store import calibration_text
 from tega.recording.log_records import LogRecords
 from tega.recording.mcap_folder import SessionFolder
 from tega.recording.mcap_recorder import McapRecorder
@@ -22,21 +22,21 @@ from tega.recording.mcap_schemas import VERSIONS, unit_table
 from tega.recording.recorder_process import RecorderProcess
 from tega.recording.versions import versions
 from tega.records import End, HandExchange, Record
+from tega.runtime.files.toml_text import config_text
 from tega.stages.attached import attached_files
 from tega.stages.choose import metric_told
-from tega.toml_text import config_text
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import NDArray
 
-    from tega.bus import Bus
-    from tega.calibration.store import Calibration
     from tega.config import SessionConfig
-    from tega.device_items import DeviceInfo
-    from tega.teleop.loop_report import LoopReport
-    from tega.teleop.rig import Rig
+    from tega.config.calibration.store import Calibration
+    from tega.loop.loop_report import LoopReport
+    from tega.loop.rig import Rig
+    from tega.records.bus import Bus
+    from tega.runtime.device_items import DeviceInfo
 
 __all__ = ["FORMAT", "Recording"]
 

@@ -6,9 +6,9 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
-from tega.csv_writer import CsvWriter
 from tega.records import ArmTurn, Contact, Event, Intent, Record
 from tega.records.table import columns, rows
+from tega.runtime.files.csv_writer import CsvWriter
 
 TABLES: Final[dict[type[Record], str]] = {
     Contact: "contacts.csv",

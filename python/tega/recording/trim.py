@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import Any
 
 from tega.errors import RecordingError
-from tega.foreign_file import tells_damage
 from tega.recording.mcap_copy import McapCopy, McapItem, McapRecords
 from tega.recording.mcap_folder import SessionFolder, session_files
 from tega.recording.mcap_reader import open_recording
 from tega.recording.origin import LEAD_IN, SPAN, Span, new_session, origin, span
-from tega.whole_file import new_file
+from tega.runtime.files.foreign_file import tells_damage
+from tega.runtime.files.whole_file import new_file
 
 # What a replay needs from before the span.
 _LEADING = frozenset(

@@ -35,7 +35,7 @@ class BusFrame(msgspec.Struct, frozen=True):
 
 
 def bus_frames(frames: Iterable[Any]) -> tuple[BusFrame, ...]:
-    """Return frames of :mod:`tega.wire` or :mod:`tega.hand_link` as parts of a record."""
+    """Return frames of :mod:`tega.wire` or :mod:`tega.hand.link` as parts of a record."""
     made: list[BusFrame] = []
     for number, data, remote, *flags in frames:
         extended, error = flags or (False, False)

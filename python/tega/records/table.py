@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from tega.csv_writer import cell_text, time_text
 from tega.records.arm import PoseNumbers
 from tega.records.base import Record
 from tega.records.schema import fields
+from tega.runtime.files.csv_writer import cell_text, time_text
 
 # What a row is made of where a record has a row for each part, as a hand's command has for each CAN frame.
 _PARTS = {"frames": ("id", "data")}

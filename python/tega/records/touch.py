@@ -162,7 +162,7 @@ class Contact(Record, frozen=True, kw_only=True):
 
 
 class Event(Record, frozen=True, kw_only=True):
-    """An event of touch: a finger makes contact, lets go, or the object slips, as :mod:`tega.detect` finds it.
+    """An event of touch: a finger makes contact, lets go, or the object slips, as :mod:`tega.stages.events` finds it.
 
     Attributes:
         t_ns: Time of the picture, or the tick of the look at the hand, that showed it, since the start of the session.

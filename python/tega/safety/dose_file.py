@@ -19,10 +19,10 @@ import msgspec
 import numpy as np
 
 from tega.errors import CalibrationError
-from tega.every import every
-from tega.foreign_file import parse_json, read_foreign
+from tega.runtime.every import every
+from tega.runtime.files.foreign_file import parse_json, read_foreign
+from tega.runtime.files.whole_file import write_whole
 from tega.safety.motor_budget import HEAT_TAU_S, MotorBudget
-from tega.whole_file import write_whole
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

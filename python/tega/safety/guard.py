@@ -12,7 +12,7 @@ from tega.safety.settings import SafetySection
 from tega.safety.states import RunStates, State, Transition
 
 if TYPE_CHECKING:
-    from tega.inbox.sources import SourceReport
+    from tega.loop.inbox.sources import SourceReport
 
 
 # Looked at this often, and less where nothing is live; a loop that is late, always.
@@ -22,7 +22,7 @@ _LOOK_AT_RECORDINGS_NS = 100_000_000
 _WINDOW_NS = 1_000_000_000
 _FIRST_WINDOW_NS = 400_000_000
 _COUNT_NS = 100_000_000
-# Pictures of a finger older than this are not shown either; see tega.teleop.touch.
+# Pictures of a finger older than this are not shown either; see tega.loop.touch.
 _STALE_PICTURE_NS = 100_000_000
 # The hand's most open pose.
 _OPEN = 1

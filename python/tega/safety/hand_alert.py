@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from tega.errors import DeviceUnavailableError
 
 if TYPE_CHECKING:
-    from tega.devices.allegro import Allegro
+    from tega.devices.hand.allegro import Allegro
 
 
 _LOOK_S = 0.1

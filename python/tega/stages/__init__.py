@@ -4,7 +4,7 @@ A stage is a class (a layout: an object) in any installed package, registered un
 chosen by its name in the settings. See ``docs/own-stage.md``.
 """
 
-from tega.motor_layout import Motor, MotorLayout, find_layout
+from tega.haptics.motor_layout import Motor, MotorLayout, find_layout
 from tega.records import Contact, Event, Intent, NamedValue
 from tega.stages.base import (
     Decoder,

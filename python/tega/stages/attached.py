@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 import msgspec
 
-from tega.foreign_file import read_foreign
+from tega.runtime.files.foreign_file import read_foreign
 
 if TYPE_CHECKING:
-    from tega.config_sections import StagesSection
+    from tega.config.sections import StagesSection
 
 
 _GROUPS: Final = ("metric", "decoder", "mapping", "reflex")

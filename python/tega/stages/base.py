@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tega.haptics import FeltMap
-    from tega.motor_layout import MotorLayout
+    from tega.haptics.motor_layout import MotorLayout
     from tega.records import Contact, Event, Intent
     from tega.tactile import ContactMetrics
 
@@ -242,7 +242,7 @@ class Decoder(_Stage, ABC):
 
         Args:
             samples: float64 (n, channels); NaN where samples are missing, infinite where the channel is known to be
-                at fault and has no vote (:mod:`tega.emg_votes`).
+                at fault and has no vote (:mod:`tega.emg.votes`).
             times_ns: Time of each, int64 (n,), nanoseconds.
 
         Returns:
@@ -313,7 +313,7 @@ class Reflex(_Stage, ABC):
 
     The class is called with a :class:`ReflexSetup` and its options, once a run. It only wishes: what is added to the
     person's own closure is bounded, slow and never below 0, whatever it returns
-    (:class:`tega.teleop.reflex.ReflexArc`), and nothing is asked of it while nobody gives it authority.
+    (:class:`tega.loop.reflex.ReflexArc`), and nothing is asked of it while nobody gives it authority.
 
     Attributes:
         wants_events: Whether events are to be looked for.

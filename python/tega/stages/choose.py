@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import msgspec
 
-from tega.config_errors import explain
-from tega.config_sections import DEFAULT_STAGES, StageConfig
+from tega.config.errors import explain
+from tega.config.sections import DEFAULT_STAGES, StageConfig
 from tega.errors import ConfigError, TegaError
 from tega.stages.base import (
     Decoder,
@@ -25,8 +25,8 @@ from tega.stages.registry import stage_class
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tega.calibration import EmgMaxima, TouchMaxima
-    from tega.config_sections import BesideConfig, SessionConfig, StagesSection
+    from tega.config.calibration import EmgMaxima, TouchMaxima
+    from tega.config.sections import BesideConfig, SessionConfig, StagesSection
     from tega.stages.base import Mapping as MappingStage
 
 
@@ -122,7 +122,7 @@ def preset_metric(
     calibration: TouchMaxima | None = None,
 ) -> Metric:
     """Make the metric of a preset with its default options."""
-    from tega.config_sections import StagesSection
+    from tega.config.sections import StagesSection
 
     return finger_metric(StagesSection(), preset, finger, baseline, calibration)
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from tega.errors import InvalidValueError
-from tega.lifecycle import require
+from tega.runtime.lifecycle import require
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

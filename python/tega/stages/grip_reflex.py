@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import msgspec
 
-from tega.detect.tracks import TwoMeans
 from tega.stages.base import Reflex, ReflexSetup, StageOptions
+from tega.stages.events.tracks import TwoMeans
 
 if TYPE_CHECKING:
     from tega.records import Contact, Event

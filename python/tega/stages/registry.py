@@ -18,8 +18,8 @@ from typing import Any, Final, Literal, get_args, get_type_hints
 import msgspec
 
 from tega.errors import DeviceUnavailableError, TegaError
-from tega.motor_layout import MotorLayout, find_layout
-from tega.plugins import find_plugin, load_plugin, plugin_package, plugins
+from tega.haptics.motor_layout import MotorLayout, find_layout
+from tega.runtime.plugins import find_plugin, load_plugin, plugin_package, plugins
 from tega.stages.base import Decoder, Mapping, Metric, Reflex, StageOptions
 
 Group = Literal["metric", "decoder", "mapping", "layout", "reflex"]
@@ -158,7 +158,7 @@ def _required(options_type: type[StageOptions]) -> bool:
 
 
 def _options(options_type: type[StageOptions]) -> tuple[OptionRecord, ...]:
-    from tega.config_units import unit_of
+    from tega.config.units import unit_of
 
     said = _attributes(options_type)
     hints = get_type_hints(options_type)

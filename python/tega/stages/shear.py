@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, ClassVar
 import msgspec
 
 from tega.records import Contact, NamedValue
-from tega.shear import ShearReader
 from tega.stages.base import FingerSetup, StageOptions
 from tega.stages.metrics import LiveMetric, LiveOptions
+from tega.tactile.shear import ShearReader
 
 if TYPE_CHECKING:
     import numpy as np
@@ -29,7 +29,7 @@ _UNITS = {
 
 
 class ShearMetric(LiveMetric):
-    """Touch as ``live`` has it, and eight values more: :class:`tega.shear.ShearReader`, one for each finger.
+    """Touch as ``live`` has it, and eight values more: :class:`tega.tactile.shear.ShearReader`, one for each finger.
 
     ``shear_mm`` and ``shear_direction_rad`` say how far and where the gel is pulled, ``incipient`` which share of the
     contact has slid against the rest, ``slip_mm_s`` how fast it does, ``shear_sure`` how well the grain was found

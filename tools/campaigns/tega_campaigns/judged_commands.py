@@ -7,9 +7,9 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-import tega.net.robot
-from tega.net.commands import Commands
-from tega.net.messages import ArmMessage, HandMessage
+import tega_link.robot
+from tega_link.commands import Commands
+from tega_link.messages import ArmMessage, HandMessage
 
 __all__ = ["JudgedCommands", "look_on"]
 
@@ -65,7 +65,7 @@ class JudgedCommands(Commands):
 def look_on() -> Callable[[], dict[str, Any]]:
     """Have the robot's station of this program judged; return what tells its counts, nothing before it has begun."""
     # The same, with somebody who looks on.
-    tega.net.robot.Commands = JudgedCommands  # type: ignore[attr-defined]
+    tega_link.robot.Commands = JudgedCommands  # type: ignore[attr-defined]
 
     def counts() -> dict[str, Any]:
         judged = JudgedCommands.newest

@@ -24,11 +24,11 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from tega.calibration import Calibration, EmgMaxima, FingerMaxima, TouchMaxima, save_calibration
+from tega.config.calibration import Calibration, EmgMaxima, FingerMaxima, TouchMaxima, save_calibration
 from tega.recording.mcap_folder import SessionFolder
 from tega.recording.mcap_reader import McapReader
-from tega.replay import replay_file
-from tega.toml_text import tree_text
+from tega.recording.replay import replay_file
+from tega.runtime.files.toml_text import tree_text
 from tega_campaigns.program import noted_tick_ns
 from tega_campaigns.report import put_table, table
 from tega_campaigns.runner import CampaignCase, campaign_parser, report_cases, until

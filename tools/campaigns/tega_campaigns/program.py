@@ -29,10 +29,10 @@ from typing import Any
 
 from tega.config import load_config
 from tega.errors import TegaError
+from tega.loop import run_session
+from tega.loop.moment import LoopView
 from tega.safety.ctrl_c import CtrlC
 from tega.safety.states import Transition
-from tega.teleop import run_session
-from tega.teleop.moment import LoopView
 from tega_emulators.hid_port import HidBoard, HidPort
 
 __all__ = ["REFUSED", "main", "noted_tick_ns"]

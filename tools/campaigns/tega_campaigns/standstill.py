@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from types import TracebackType
 from typing import Self
 
-from tega.child_process import end_child, python_command, python_environment
+from tega.runtime.child_process import end_child, python_command, python_environment
 
 __all__ = ["Standstills", "within_ns"]
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, Self
 
-from tega.child_process import end_child, python_command, python_environment
+from tega.runtime.child_process import end_child, python_command, python_environment
 
 __all__ = ["SaidLine", "Supervisor"]
 
@@ -167,7 +167,7 @@ class Supervisor:
 
     def arm_process(self) -> int | None:
         """Return the number of the process that it has started for the arm; ``None`` if there is none."""
-        return self._child("tega.arm.robot.process")
+        return self._child("tega.devices.arm.robot.process")
 
     def recorder_process(self) -> int | None:
         """Return the number of the process that records for it; ``None`` if there is none."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from tega.errors import DeviceUnavailableError, MissingExtraError
-from tega.lifecycle import Opened
+from tega.runtime.lifecycle import Opened
 from tega.wire import (
     HAND_FINGERS,
     AllegroInfo,

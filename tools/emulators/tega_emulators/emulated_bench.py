@@ -14,14 +14,14 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from tega.calibration import Calibration, FingerMaxima, TouchMaxima, save_calibration
-from tega.calibration.maxima import emg_conditions
 from tega.config import FINGERS, load_config
+from tega.config.calibration import Calibration, FingerMaxima, TouchMaxima, save_calibration
 from tega.devices import Found, driver_class
-from tega.doctor.bench import DriverLook
-from tega.doctor.lab_file import lab_settings
 from tega.errors import DeviceUnavailableError
-from tega.lifecycle import require
+from tega.runtime.lifecycle import require
+from tega.setup.calibration.maxima import emg_conditions
+from tega.setup.doctor.bench import DriverLook
+from tega.setup.doctor.lab_file import lab_settings
 from tega_emulators.bench_moves import Moves
 from tega_emulators.emulated_operator import EmulatedOperator
 from tega_emulators.process import Emulator

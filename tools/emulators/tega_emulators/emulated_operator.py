@@ -12,8 +12,8 @@ from types import TracebackType
 from typing import Any, Final, Self
 
 from tega.devices import Found
-from tega.doctor.bench import DriverLook
-from tega.lifecycle import require
+from tega.runtime.lifecycle import require
+from tega.setup.doctor.bench import DriverLook
 from tega_emulators.franka_faults import HAND_KG, on_franky_sim
 from tega_emulators.process import Emulator
 

@@ -30,7 +30,7 @@ class KeyboardPoses:
     """Turns keys into the pose of a forearm that is not there, in the base's axes.
 
     Args:
-        keys: Returns the keys pressed since it was last called, such as :meth:`tega.sim.operator.keys.Keys.read`.
+        keys: Returns the keys pressed since it was last called, such as :meth:`tega.runtime.keys.Keys.read`.
 
     Example:
         >>> keys = iter([["w"], []])

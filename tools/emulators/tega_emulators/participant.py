@@ -21,11 +21,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Any, Final
 
-from tega.calibration.wearing import SITES
-from tega.child_process import python_command, python_environment
 from tega.errors import DeviceUnavailableError, InvalidValueError
-from tega.study.lead.questions import KEYS
+from tega.runtime.child_process import python_command, python_environment
+from tega.setup.calibration.wearing import SITES
 from tega_emulators.wearer import Wearer
+from tega_study.lead.questions import KEYS
 
 __all__ = ["Participant", "Reach", "main"]
 
@@ -178,7 +178,7 @@ def main(arguments: list[str] | None = None) -> None:
     except DeviceUnavailableError as error:
         parser.error(f"{error.message}; start it: {error.hint}")
     process = subprocess.Popen(
-        python_command("tega.cli", *given.words),
+        python_command("tega.ui.cli", *given.words),
         stdin=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

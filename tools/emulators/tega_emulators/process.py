@@ -16,8 +16,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from tega.child_process import end_child, python_command, python_environment
 from tega.errors import DeviceUnavailableError, InvalidValueError
+from tega.runtime.child_process import end_child, python_command, python_environment
 
 __all__ = ["Emulator", "first_of_all"]
 

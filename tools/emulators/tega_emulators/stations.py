@@ -20,10 +20,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, Any, Literal, Self
 
-from tega.calibration import Calibration, EmgMaxima, FingerMaxima, TouchMaxima, save_calibration
-from tega.child_process import end_child, python_command, python_environment
+from tega.config.calibration import Calibration, EmgMaxima, FingerMaxima, TouchMaxima, save_calibration
 from tega.errors import DeviceUnavailableError
-from tega.toml_text import tree_text
+from tega.runtime.child_process import end_child, python_command, python_environment
+from tega.runtime.files.toml_text import tree_text
 
 __all__ = ["Program", "free_port", "split", "write_stations", "write_trees"]
 
@@ -146,7 +146,7 @@ class Program:
     process: subprocess.Popen[str]
 
     def __init__(self, verb: Literal["operator", "robot"], settings: Path, *words: str) -> None:
-        self._words = python_command("tega.cli", verb, str(settings), "--json", *words)
+        self._words = python_command("tega.ui.cli", verb, str(settings), "--json", *words)
         self._out: IO[str] = tempfile.TemporaryFile("w+", encoding="utf-8")  # noqa: SIM115  # closed on exit
         self._err: IO[str] = tempfile.TemporaryFile("w+", encoding="utf-8")  # noqa: SIM115
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from tega.devices import driver_class
-from tega.devices.vest_stream import StreamedVest, VestOptions
+from tega.devices.vest.vest_stream import StreamedVest, VestOptions
 from tega_emulators.hid_port import HidPort
 from tega_emulators.process import Emulator
 

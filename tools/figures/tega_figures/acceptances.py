@@ -13,8 +13,8 @@ import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from tega.acceptance import accept_device, acceptance_case, report_text, write_report
 from tega.config import check_tree, load_config
+from tega_bench.acceptance import accept_device, acceptance_case, report_text, write_report
 from tega_emulators.emulated_bench import EmulatedBench
 from tega_emulators.lab import EmulatedLab, emulated_lab
 

@@ -27,7 +27,7 @@ from tega.arm import (
     WatchdogSettings,
 )
 from tega.arm.rotation import IDENTITY, between, exp, from_matrix, inverse, multiply, to_matrix
-from tega.arm.sources import RecordedPoses
+from tega.devices.tracker.sources import RecordedPoses
 from tega_emulators.scripted_poses import ScriptedPoses, Waypoint, path_through
 
 __all__ = [
@@ -235,7 +235,7 @@ def follow_path(case: ChainCase, poses: Sequence[StampedPose], path: HandPath) -
     Raises:
         MissingExtraError: mujoco-core is not installed.
     """
-    from tega.sim.world import FULL_DUTY_NM, World, hand_controller
+    from tega_sim.world import FULL_DUTY_NM, World, hand_controller
 
     world, controller = World(_OBJECT, seed=0, start_m=(0.0, _BACK_M)), hand_controller()
     source = RecordedPoses(failing(poses) if case.fails else poses, delay_ns=case.delay_ms * 1_000_000)

@@ -13,11 +13,11 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.opencv import read_image
-from tega.sim.gel import Gel
-from tega.sim.seams import Indenter
+from tega.runtime.opencv import read_image
 from tega_figures.closeness import difference
 from tega_figures.gel_sequences import pressing
+from tega_sim.gel import Gel
+from tega_sim.seams import Indenter
 
 __all__ = [
     "DISC_MM",

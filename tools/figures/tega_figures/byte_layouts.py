@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from tega import wire
-from tega.view.figures import FINGER_COLOURS
+from tega.ui.view.figures import FINGER_COLOURS
 from tega_figures.boxes import FILLS, GROUND, INK, SOFT
 
 __all__ = ["main"]

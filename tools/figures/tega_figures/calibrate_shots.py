@@ -91,7 +91,7 @@ def recorded(folder: Path, board: Emulator) -> list[Shown]:
     ours, theirs = pty.openpty()
     fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("4H", _ROWS, _COLUMNS, 0, 0))
     process = subprocess.Popen(
-        [sys.executable, "-m", "tega.cli", *WORDS],
+        [sys.executable, "-m", "tega.ui.cli", *WORDS],
         cwd=folder,
         stdin=theirs,
         stdout=theirs,

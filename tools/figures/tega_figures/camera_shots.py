@@ -18,13 +18,13 @@ from typing import Any, Final
 
 from PIL import Image
 
-from tega.opencv import load_cv2
-from tega.scene.lens import Lens
-from tega.sim.plan import TrialPlan
+from tega.runtime.opencv import load_cv2
 from tega_figures.chromium import launched, opened
 from tega_figures.scene.bench import EYE_M, LENS, RenderedTrial
 from tega_figures.scene.render import Film
 from tega_figures.scene.trials import true_trial
+from tega_scene.lens import Lens
+from tega_sim.plan import TrialPlan
 
 __all__ = ["main"]
 
@@ -80,7 +80,7 @@ def shot(browser: Any, address: str, size_px: tuple[int, int], path: Path) -> No
 
 def main(images: Path, *wanted: str) -> None:
     """Write every picture into a folder, or those whose names are wanted."""
-    tega = [sys.executable, "-m", "tega.cli"]
+    tega = [sys.executable, "-m", "tega.ui.cli"]
     with tempfile.TemporaryDirectory() as made:
         folder = Path(made)
         for name, eye_m in _EYES.items():

@@ -16,8 +16,8 @@ import numpy as np
 
 from tega.arm import StampedPose
 from tega.arm.frames import ToBase
-from tega.arm.sources import read_poses
-from tega.lifecycle import require
+from tega.devices.tracker.sources import read_poses
+from tega.runtime.lifecycle import require
 from tega_figures.arm_path import CASES, Followed, HandPath, as_recorded, follow_path, hand_path, tracked
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def hand_of(path: Path) -> list[StampedPose]:
     if path.suffix == ".csv":
         return read_poses(path)
     from tega.recording.mcap_folder import session_files
-    from tega.replay.arm import forearm
+    from tega.recording.replay.arm import forearm
 
     mapping, poses = forearm(session_files(path)[0])
     to_base = ToBase(mapping)
@@ -74,7 +74,7 @@ def arm_figure(path: HandPath, found: Sequence[tuple[str, Followed]]) -> Figure:
     Raises:
         MissingExtraError: matplotlib is not installed.
     """
-    from tega.view.figures import new_figure
+    from tega.ui.view.figures import new_figure
 
     shown = [(name, f) for name, f in found if name in _SHOWN]
     figure = new_figure(figsize=(9, 3.6))

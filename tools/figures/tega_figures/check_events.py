@@ -2,7 +2,7 @@
 
 ::
 
-    python -m tega_figures.check_events --fit 1000:1023                       # weights for tega.detect.settings
+    python -m tega_figures.check_events --fit 1000:1023                       # weights for tega.stages.events.settings
     python -m tega_figures.check_events --fit 1000:1023 --shear texture --truth   # what the gels' true shear would tell
     python -m tega_figures.check_events --seeds 2000:2020 --conditions haptic # the table of docs/detect.md
     python -m tega_figures.check_events --narrowing --objects bag             # what a deformation could be told by
@@ -23,16 +23,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import msgspec
 import numpy as np
 
-from tega.detect import Detector, ShearFrame
-from tega.detect.settings import SETTINGS
-from tega.hand_tips import tip_heights_mm
-from tega.sim.gel import PX_PER_MM
-from tega.sim.plan import TrialPlan, TrialResult
-from tega.sim.streams import Streams
-from tega.study.detecting import events_of
-from tega.study.hand_rows import HandRow
-from tega.study.score import Agreement, agreement
-from tega.study.touch_rows import TouchRow
+from tega.hand.tips import tip_heights_mm
+from tega.stages.events import Detector, ShearFrame
+from tega.stages.events.settings import SETTINGS
 from tega_figures.pad_slides import (
     INCIPIENT,
     INCIPIENT_FOR_S,
@@ -65,11 +58,18 @@ from tega_figures.slip_score import (
     slid_mm,
     true_shear,
 )
+from tega_sim.gel import PX_PER_MM
+from tega_sim.plan import TrialPlan, TrialResult
+from tega_sim.streams import Streams
+from tega_study.detecting import events_of
+from tega_study.hand_rows import HandRow
+from tega_study.score import Agreement, agreement
+from tega_study.touch_rows import TouchRow
 
 if TYPE_CHECKING:
     from tega.records import Contact, Intent
-    from tega.sim.gel import Gel, ShearTruth
-    from tega.sim.seams import Act, Percept
+    from tega_sim.gel import Gel, ShearTruth
+    from tega_sim.seams import Act, Percept
 
 __all__ = ["JudgedTrial", "KeptTrial", "compare", "judge", "main", "run"]
 
@@ -151,9 +151,9 @@ class _Keeper(Streams):
 
 def run(plan: TrialPlan) -> KeptTrial:
     """Run a trial and keep what its sensors say."""
-    from tega.sim.lab import lab_of
-    from tega.sim.score import REST_M_S
-    from tega.sim.trial import run_trial
+    from tega_sim.lab import lab_of
+    from tega_sim.score import REST_M_S
+    from tega_sim.trial import run_trial
 
     keeper = _Keeper(lab_of(plan.seed, plan.preset, plan.settings, plan.shear).gels)
     result = run_trial(plan, streams=keeper)
@@ -263,7 +263,7 @@ def _plans(
     *,
     relief: float = 0.0,
 ) -> list[TrialPlan]:
-    from tega.sim.world import OBJECTS
+    from tega_sim.world import OBJECTS
 
     return [
         TrialPlan.checked(

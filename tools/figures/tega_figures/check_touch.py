@@ -17,14 +17,14 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.lifecycle import require
-from tega.opencv import read_image
-from tega.sim.gel import LENGTH_MM, STIFFNESS_N_MM3, Gel, ball
-from tega.sim.seams import Indenter
+from tega.runtime.lifecycle import require
+from tega.runtime.opencv import read_image
 from tega.tactile import read_contact
 from tega_figures.audit import Mark, read_marks
 from tega_figures.broad import disc_table, grasp_table
 from tega_figures.closeness import TOLERANCES, Match, difference, match_press
+from tega_sim.gel import LENGTH_MM, STIFFNESS_N_MM3, Gel, ball
+from tega_sim.seams import Indenter
 
 __all__ = [
     "GOLDEN",

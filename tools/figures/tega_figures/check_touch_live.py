@@ -17,7 +17,7 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.touch import TouchTracker, sensor_noise, update_fingers
+from tega.tactile.tracker import TouchTracker, sensor_noise, update_fingers
 from tega_figures.gel_sequences import SHAPES, press_sequence, ramp
 from tega_figures.touch_demo import DemoScore, score_demo
 from tega_figures.touch_presses import (

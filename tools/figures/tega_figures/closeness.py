@@ -12,11 +12,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.lifecycle import require
-from tega.sim.gel import Gel, ball
+from tega.runtime.lifecycle import require
 from tega.tactile import read_contact
 from tega_figures.audit import Mark
 from tega_figures.audit.truth import FAR_RADII
+from tega_sim.gel import Gel, ball
 
 __all__ = ["TOLERANCES", "Match", "difference", "match_press", "statistics"]
 

@@ -9,11 +9,11 @@ import sys
 import tempfile
 from pathlib import Path
 
-from tega.cli.main import main as tega_teleop
 from tega.config import RecordingSection
-from tega.sim.demo import run_demo
-from tega.sim.plan import TrialPlan
-from tega.sim.recorded import LiftRecorder
+from tega.ui.cli.main import main as tega_teleop
+from tega_sim.demo import run_demo
+from tega_sim.plan import TrialPlan
+from tega_sim.recorded import LiftRecorder
 
 __all__ = ["main"]
 

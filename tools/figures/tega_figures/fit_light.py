@@ -16,11 +16,11 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.lifecycle import require
-from tega.sim.gel import Gel, ball
+from tega.runtime.lifecycle import require
 from tega_figures.audit import Mark
 from tega_figures.check_touch import RecordedPresses, load_presses
 from tega_figures.closeness import difference
+from tega_sim.gel import Gel, ball
 
 __all__ = ["fit_light", "normals"]
 

@@ -50,7 +50,7 @@ def terminal(folder: Path, board: Emulator, picture: Path) -> None:
     ours, theirs = pty.openpty()
     fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("4H", _ROWS, _COLUMNS, 0, 0))
     process = subprocess.Popen(
-        [sys.executable, "-m", "tega.cli", *_WORDS, "--yes"],
+        [sys.executable, "-m", "tega.ui.cli", *_WORDS, "--yes"],
         cwd=folder,
         stdin=theirs,
         stdout=theirs,
@@ -84,7 +84,7 @@ def terminal(folder: Path, board: Emulator, picture: Path) -> None:
 def page(folder: Path, board: Emulator, picture: Path) -> None:
     """Do the test on the page, and write what it shows of its first target as PNG."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "tega.cli", *_WORDS, "--view", "--view-port", "0"],
+        [sys.executable, "-m", "tega.ui.cli", *_WORDS, "--view", "--view-port", "0"],
         cwd=folder,
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,

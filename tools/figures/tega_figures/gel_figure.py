@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from tega.sim.gel import Gel
 from tega.tactile import contact_mask
-from tega.view.figures import new_figure
+from tega.ui.view.figures import new_figure
 from tega_figures.check_touch import SHAPES, readings, shape
+from tega_sim.gel import Gel
 
 __all__ = ["draw_presses", "draw_readings"]
 

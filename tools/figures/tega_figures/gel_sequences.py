@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.errors import InvalidValueError
-from tega.sim.gel import CAMERA_HZ, PX_PER_MM, Gel, fall
-from tega.sim.seams import Indenter
+from tega_sim.gel import CAMERA_HZ, PX_PER_MM, Gel, fall
+from tega_sim.seams import Indenter
 
 Shape = Literal["sphere", "cylinder", "capsule", "box", "plane"]
 
@@ -141,7 +141,7 @@ def press_sequence(
             is hangs on the gel's form, which ``centre_xy`` of the truth knows.
         rate_hz: Frames a second; noise and drift go by the camera's 60 a second.
         start_s: How long the unit has been running: where in its drift the sequence begins.
-        shape: The gel's form, as of :class:`~tega.sim.gel.Gel`.
+        shape: The gel's form, as of :class:`~tega_sim.gel.Gel`.
         spread: How much units differ, likewise.
         memory: Whether leftovers, creep and drift are on, likewise.
 

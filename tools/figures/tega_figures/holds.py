@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.emg import GraspIntent, Preset
-from tega.sim.operator.calibrate import calibrate
-from tega.sim.operator.emg import ForearmEmg
-from tega.sim.operator.motor import MuscleMotor
-from tega.sim.operator.person import PersonNumbers, stream
+from tega_sim.operator.calibrate import calibrate
+from tega_sim.operator.emg import ForearmEmg
+from tega_sim.operator.motor import MuscleMotor
+from tega_sim.operator.person import PersonNumbers, stream
 
 __all__ = ["hold_shares", "unsteady"]
 

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from tega.view.figures import new_figure
+from tega.ui.view.figures import new_figure
 
 _SHOWN: Final = {
     "hand_ticks": ("answers to the hand, its own process", "#c8202f"),

@@ -10,13 +10,13 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from tega.sim.demo import run_demo
-from tega.sim.plan import TrialPlan
-from tega.view.browser.local import LocalServer
-from tega.view.browser.scene import Scene
+from tega.ui.view.browser.local import LocalServer
+from tega.ui.view.browser.scene import Scene
+from tega_sim.demo import run_demo
+from tega_sim.plan import TrialPlan
 
 if TYPE_CHECKING:
-    from tega.view.state import ViewState
+    from tega.ui.view.state import ViewState
 
 __all__ = ["main"]
 

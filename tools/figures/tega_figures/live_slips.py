@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import click
 
 from tega.records import Event
-from tega.sim.recorded import LiftRecorder
-from tega.sim.streams import Streams
-from tega.sim.trial import TrialPlan, run_trial
 from tega_figures.slip_score import HEAD, SlipsTold, score_row, slid_mm
+from tega_sim.recorded import LiftRecorder
+from tega_sim.streams import Streams
+from tega_sim.trial import TrialPlan, run_trial
 
 if TYPE_CHECKING:
-    from tega.bus import Bus
-    from tega.sim.lab import Lab
-    from tega.sim.plan import TrialResult
-    from tega.teleop.loop_report import LoopReport
+    from tega.loop.loop_report import LoopReport
+    from tega.records.bus import Bus
+    from tega_sim.lab import Lab
+    from tega_sim.plan import TrialResult
 
 __all__ = ["LiveTrial", "main", "run"]
 

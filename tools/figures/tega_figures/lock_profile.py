@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from tega.view.figures import new_figure
+from tega.ui.view.figures import new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,9 +12,9 @@ from typing import Final
 
 import numpy as np
 
-from tega.vest_latency.detect import find_onsets
-from tega.vest_latency.log import read_wav
-from tega.vest_latency.measure import BURST_S
+from tega_bench.vest_latency.detect import find_onsets
+from tega_bench.vest_latency.log import read_wav
+from tega_bench.vest_latency.measure import BURST_S
 from tega_emulators.process import Emulator
 
 __all__ = ["CASES", "main"]

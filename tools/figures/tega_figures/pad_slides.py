@@ -15,8 +15,8 @@ import numpy as np
 from tega_figures.slip_score import SlipsTold
 
 if TYPE_CHECKING:
-    from tega.detect import ShearFrame
-    from tega.sim.seams import Indenter
+    from tega.stages.events import ShearFrame
+    from tega_sim.seams import Indenter
 
 __all__ = ["PadStep", "Slide", "merged", "pad_step", "slides_of", "slides_told", "told_by", "told_by_truth"]
 
@@ -218,8 +218,8 @@ def slides_told(
         told_s: When slides were told.
         seen: Whether only those in the picture are asked for; what is told of others is neither right nor false then.
     """
-    from tega.study.score import match_events
     from tega_figures.slip_rule import TOLERANCE_S
+    from tega_study.score import match_events
 
     true = merged(steps)
     begins = [one.begin_s for one in true]

@@ -12,10 +12,15 @@ from numpy.typing import NDArray
 
 from tega import hand, haptics
 from tega.config import FINGERS
-from tega.devices.synthetic import SyntheticEmg, SyntheticEmgOptions, SyntheticTouch, SyntheticTouchOptions
+from tega.devices.emg.synthetic import (
+    SyntheticEmg,
+    SyntheticEmgOptions,
+    SyntheticTouch,
+    SyntheticTouchOptions,
+)
 from tega.emg import BlockMean, ButterworthLowpass, GraspIntent, channel_maxima
 from tega.tactile import Reading, contact_mask
-from tega.view.figures import FINGER_COLOURS, MUSCLE_COLOURS, POSE_RED
+from tega.ui.view.figures import FINGER_COLOURS, MUSCLE_COLOURS, POSE_RED
 from tega_figures.boxes import INK
 
 __all__ = ["main"]

@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING, Any, Final
 
 from PIL import Image
 
-from tega.sim.plan import TrialPlan
-from tega.sim.trial import run_trial
-from tega.view.browser import BrowserView, Controls
-from tega.view.browser.style import NARROW_PX
+from tega.ui.view.browser import BrowserView, Controls
+from tega.ui.view.browser.style import NARROW_PX
 from tega_figures.chromium import launched, opened
+from tega_sim.plan import TrialPlan
+from tega_sim.trial import run_trial
 
 if TYPE_CHECKING:
-    from tega.view.state import ViewState
+    from tega.ui.view.state import ViewState
 
 __all__ = ["lift", "main"]
 

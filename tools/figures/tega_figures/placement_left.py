@@ -11,7 +11,7 @@ import re
 import sys
 from pathlib import Path
 
-from tega.view.figures import FINGER_COLOURS
+from tega.ui.view.figures import FINGER_COLOURS
 
 _ANCHORS = {"start": "end", "end": "start", "middle": "middle"}
 _COLUMNS = dict(zip(FINGER_COLOURS.values(), reversed(FINGER_COLOURS.values()), strict=True))

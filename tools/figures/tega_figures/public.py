@@ -24,22 +24,22 @@ __all__ = ["PUBLIC", "main", "public_text"]
 
 PUBLIC: Final = (
     "tega",
-    "tega.calibration",
+    "tega.config.calibration",
     "tega.config",
-    "tega.contract",
+    "tega.devices.contract",
     "tega.decoders",
-    "tega.detect",
+    "tega.stages.events",
     "tega.devices",
     "tega.emg",
     "tega.errors",
     "tega.hand",
     "tega.haptics",
-    "tega.motor_layout",
+    "tega.haptics.motor_layout",
     "tega.records",
-    "tega.replay",
+    "tega.recording.replay",
     "tega.stages",
     "tega.tactile",
-    "tega.teleop",
+    "tega.loop",
     "tega.wire",
 )
 """The modules that others may import from, by their ``__all__``."""

@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import click
 import numpy as np
 
-from tega.decoders import LearnedDecoder, fit
-from tega.decoders.compare import Log, shifted_electrode, two_halves
-from tega.decoders.judge import DecoderFigures, judge
-from tega.devices.emg_formats import read_emg_file
+from tega.devices.emg.emg_formats import read_emg_file
+from tega.stages.learned import LearnedDecoder, fit
+from tega.stages.learned.compare import Log, shifted_electrode, two_halves
+from tega.stages.learned.judge import DecoderFigures, judge
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -1,11 +1,11 @@
-"""Write Rerun's layout beside Foxglove's: ``python -m tega_figures.rerun_layout python/tega/data/rerun-layout.rbl``."""
+"""Write Rerun's layout beside Foxglove's: ``python -m tega_figures.rerun_layout python/tega/ui/view/rerun-layout.rbl``."""
 
 from __future__ import annotations
 
 import sys
 from pathlib import Path
 
-from tega.view.rerun_stream import save_layout
+from tega.ui.view.rerun_stream import save_layout
 
 if __name__ == "__main__":
     save_layout(Path(sys.argv[1]))

@@ -21,10 +21,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from tega.shear import ShearReader, ShearReading
-from tega.sim.gel import PX_PER_MM, Gel, ball
-from tega.sim.seams import Shear
-from tega.touch import TouchTracker
+from tega.tactile.shear import ShearReader, ShearReading
+from tega.tactile.tracker import TouchTracker
+from tega_sim.gel import PX_PER_MM, Gel, ball
+from tega_sim.seams import Shear
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -261,7 +261,7 @@ def _grip(name: str, read: list[ShearReading]) -> str:
 
 def picture(path: Path) -> None:
     """Draw stuck radius against theory, a field of displacements, and what is read of what is true."""
-    from tega.view.figures import new_figure
+    from tega.ui.view.figures import new_figure
 
     figure = new_figure(figsize=(10, 3.4))
     radii, field, reading = figure.subplots(1, 3)

@@ -12,8 +12,8 @@ import numpy as np
 
 from tega.emg import GraspIntent
 from tega.errors import MissingExtraError, TegaError
-from tega.sim.operator import ForearmEmg, ScriptedOperator, calibrate, load_parameters, typical_person
 from tega_figures.holds import hold_shares, unsteady
+from tega_sim.operator import ForearmEmg, ScriptedOperator, calibrate, load_parameters, typical_person
 
 
 @click.group(help=__doc__)

@@ -13,14 +13,14 @@ import click
 import msgspec
 import numpy as np
 
-from tega.cli.emg_people import interval_told
 from tega.errors import MissingExtraError, TegaError
-from tega.skill.people import PersonSkill, compare_people
+from tega_practice.cli.emg_people import interval_told
+from tega_practice.people import PersonSkill, compare_people
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from tega.skill.people import PeopleSkill
+    from tega_practice.people import PeopleSkill
 
 __all__ = ["main", "skill_figure", "skill_table"]
 

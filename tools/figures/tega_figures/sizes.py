@@ -13,9 +13,9 @@ from collections import defaultdict
 from pathlib import Path
 
 from tega.config import FINGERS, check_tree
+from tega.loop.session import run_session
 from tega.recording.inspection import Inspection, inspect_file
 from tega.recording.mcap_folder import session_files
-from tega.teleop.session import run_session
 from tega_emulators.lab import PRESSED, emulated_lab, pressing
 
 _EMG_HZ = 1000.0

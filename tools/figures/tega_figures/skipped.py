@@ -22,24 +22,24 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.calibration import TouchMaxima
-from tega.clock import ManualClock
+from tega.config.calibration import TouchMaxima
 from tega.haptics import FINGERS
-from tega.inbox.sources import EmgBlock
-from tega.inbox.stream import PulledStream
-from tega.inbox.stuck_frames import LastFrame
-from tega.sim.gel import Gel, ball
-from tega.sim.seams import Indenter
-from tega.sim.trial import TrialPlan, run_trial
+from tega.loop.hand import ModelledAllegro
+from tega.loop.inbox.sources import EmgBlock
+from tega.loop.inbox.stream import PulledStream
+from tega.loop.inbox.stuck_frames import LastFrame
+from tega.loop.loop import DualLoop
+from tega.loop.pacing import Pacer
+from tega.loop.touch import TouchLoop
+from tega.runtime.clock import ManualClock
 from tega.tactile import ContactMetrics
-from tega.teleop.hand import ModelledAllegro
-from tega.teleop.loop import DualLoop
-from tega.teleop.pacing import Pacer
-from tega.teleop.touch import TouchLoop
-from tega.touch import TouchTracker
+from tega.tactile.tracker import TouchTracker
 from tega.wire import x40_ble_frame
 from tega_figures.bench.machine import describe_machine
 from tega_figures.bench.timing import single_threaded, take_turns, timing
+from tega_sim.gel import Gel, ball
+from tega_sim.seams import Indenter
+from tega_sim.trial import TrialPlan, run_trial
 
 PROJECT: Final = Path(__file__).resolve().parents[3]
 RESULTS: Final = PROJECT / "benches" / "skips.json"

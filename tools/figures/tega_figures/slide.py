@@ -20,11 +20,11 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from tega.shear import ShearReader
-from tega.sim.gel import PX_PER_MM, Gel
-from tega.sim.seams import Indenter
-from tega.touch import TouchTracker
+from tega.tactile.shear import ShearReader
+from tega.tactile.tracker import TouchTracker
 from tega_figures.shear import recorded_grips
+from tega_sim.gel import PX_PER_MM, Gel
+from tega_sim.seams import Indenter
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

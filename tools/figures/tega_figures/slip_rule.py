@@ -1,6 +1,6 @@
 """Fits the rule that a slip is seen by to trials whose truth is known.
 
-A logistic rule over what the detector sees (:data:`tega.detect.settings.FEATURES` and its sisters), with a penalty on
+A logistic rule over what the detector sees (:data:`tega.stages.events.settings.FEATURES` and its sisters), with a penalty on
 its weights; over fingertips that read shear also over products of two of them, chosen one after another as the one
 that lessens the error most. :func:`left_out` fits without some people and judges those, several times over.
 """
@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from tega.detect import DetectedEvent, Detector
-from tega.detect.detector import Rise
-from tega.detect.settings import FEATURES, HAND_FEATURES, SETTINGS, SHEAR_FEATURES, SINK_FEATURES, Rule
-from tega.study.detecting import events_of
-from tega.study.score import match_events
+from tega.stages.events import DetectedEvent, Detector
+from tega.stages.events.detector import Rise
+from tega.stages.events.settings import FEATURES, HAND_FEATURES, SETTINGS, SHEAR_FEATURES, SINK_FEATURES, Rule
+from tega_study.detecting import events_of
+from tega_study.score import match_events
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

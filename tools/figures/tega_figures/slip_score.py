@@ -18,11 +18,11 @@ import click
 import msgspec
 import numpy as np
 
-from tega.detect import ShearFrame
-from tega.foreign_file import read_foreign
-from tega.sim.seams import Shear
-from tega.study.score import match_events
+from tega.runtime.files.foreign_file import read_foreign
+from tega.stages.events import ShearFrame
 from tega_figures.slip_rule import TOLERANCE_S
+from tega_sim.seams import Shear
+from tega_study.score import match_events
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -18,7 +18,7 @@ from typing import Any
 
 from PIL import Image
 
-from tega.view.rerun_stream import RERUN_PORT
+from tega.ui.view.rerun_stream import RERUN_PORT
 from tega_figures.chromium import launched
 
 __all__ = ["main"]
@@ -39,7 +39,7 @@ def _wait_for(port: int) -> None:
 
 def _run(folder: Path, page: Any) -> bytes:
     """Run on an emulated bench that moves by a script, and return the page as it shows a moment of the run."""
-    tega = [sys.executable, "-m", "tega.cli"]
+    tega = [sys.executable, "-m", "tega.ui.cli"]
     bench = subprocess.Popen(
         [*tega, "init", "--emulated", "--play", "1", "--out", "bench.toml"],
         cwd=folder,

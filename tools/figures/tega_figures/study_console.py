@@ -16,9 +16,9 @@ from pathlib import Path
 import click
 
 from tega.errors import MissingExtraError
-from tega.study.lead.status_file import SessionBoard, board_path, write_board
-from tega.study.plan import make_plan, read_plan, write_plan
-from tega.study.state import resume
+from tega_study.lead.status_file import SessionBoard, board_path, write_board
+from tega_study.plan import make_plan, read_plan, write_plan
+from tega_study.state import resume
 
 S = 1_000_000_000
 KEYS = (("l", 2.0), ("s", 0.7), ("s", 0.6), ("u", 0.5), ("d", 0.6), ("s", 0.4))
@@ -55,7 +55,7 @@ def main(file: Path) -> None:
 
 async def _driven(folder: Path) -> str:
     """Press the keys and return the screen as SVG."""
-    from tega.study.observe.console import Console
+    from tega_study.observe.console import Console
 
     console = Console(folder, "p01", "r1")
     async with console.run_test(size=(100, 26)) as pilot:

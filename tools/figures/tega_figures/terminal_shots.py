@@ -22,7 +22,7 @@ from rich.text import Text
 __all__ = ["drawn", "main", "picture"]
 
 PROJECT: Final = Path(__file__).resolve().parents[3]
-TEGA: Final = (sys.executable, "-m", "tega.cli")
+TEGA: Final = (sys.executable, "-m", "tega.ui.cli")
 WAIT_S: Final = 180
 _LEAST_COLUMNS = 90
 

@@ -30,7 +30,7 @@ def _run() -> None:
     log.setLevel(logging.DEBUG)
     log.addHandler(stages)
     sys.argv[1:] = sys.argv[2:]
-    from tega.cli.main import main
+    from tega.ui.cli.main import main
 
     try:
         main()

@@ -13,20 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.config import FINGERS
-from tega.sim.gel import Gel
-from tega.sim.lab import Lab
-from tega.sim.lift import Lift
-from tega.sim.plan import TrialPlan
-from tega.sim.rig import CAMERA_DELAY_NS
-from tega.sim.streams import Streams
-from tega.touch import TouchTracker
+from tega.tactile.tracker import TouchTracker
 from tega_figures.touch_demo import DEMO_OBJECTS, LOAD_N, RELEASE_S
+from tega_sim.gel import Gel
+from tega_sim.lab import Lab
+from tega_sim.lift import Lift
+from tega_sim.plan import TrialPlan
+from tega_sim.rig import CAMERA_DELAY_NS
+from tega_sim.streams import Streams
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tega.sim.seams import Indenter
     from tega.stages.base import MeasuredPicture
+    from tega_sim.seams import Indenter
 
 __all__ = ["Missed", "Seen", "count_missed"]
 

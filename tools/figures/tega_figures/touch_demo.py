@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from tega.config import FINGERS
-from tega.sim.lab import lab_of
-from tega.sim.plan import TrialPlan
-from tega.sim.rig import CAMERA_DELAY_NS
-from tega.sim.streams import Streams
-from tega.sim.trial import run_trial
 from tega_figures.touch_presses import rank_correlation
+from tega_sim.lab import lab_of
+from tega_sim.plan import TrialPlan
+from tega_sim.rig import CAMERA_DELAY_NS
+from tega_sim.streams import Streams
+from tega_sim.trial import run_trial
 
 if TYPE_CHECKING:
-    from tega.sim.lab import Lab
     from tega.stages.base import MeasuredPicture
+    from tega_sim.lab import Lab
 
 __all__ = ["DEMO_OBJECTS", "DemoScore", "score_demo"]
 

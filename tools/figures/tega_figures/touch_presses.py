@@ -14,10 +14,10 @@ from typing import Any, Final, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.lifecycle import require
-from tega.sim.gel import PX_PER_MM
-from tega.touch import GelLight, KnownPress, TouchTracker, TrackedContact, calibrate_light
+from tega.runtime.lifecycle import require
+from tega.tactile.tracker import GelLight, KnownPress, TouchTracker, TrackedContact, calibrate_light
 from tega_figures.gel_sequences import SHAPES, GelMoment, press_sequence, ramp
+from tega_sim.gel import PX_PER_MM
 
 __all__ = [
     "CALIBRATION",

@@ -12,8 +12,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.lifecycle import require
-from tega.opencv import read_image
+from tega.runtime.lifecycle import require
+from tega.runtime.opencv import read_image
 
 __all__ = [
     "GRIPS",

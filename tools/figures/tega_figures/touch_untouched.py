@@ -19,10 +19,10 @@ from typing import Any
 
 import click
 
-from tega.sim.gel import CAMERA_HZ, Gel
-from tega.touch import TouchTracker
+from tega.tactile.tracker import TouchTracker
 from tega_figures.check_touch_live import commit
 from tega_figures.touch_presses import unit_seeds
+from tega_sim.gel import CAMERA_HZ, Gel
 
 __all__ = ["untouched_contacts"]
 

@@ -19,13 +19,13 @@ from typing import TYPE_CHECKING, Final
 import click
 import numpy as np
 
-from tega.decoders import fit
-from tega.decoders.judge import judge
+from tega.stages.learned import fit
+from tega.stages.learned.judge import judge
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tega.decoders import LearnedDecoder
+    from tega.stages.learned import LearnedDecoder
 
     Samples = NDArray[np.float64]
     Worn = Callable[[Samples], Samples]

@@ -8,12 +8,12 @@ from functools import partial
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from tega.devices.chords import Chords, ChordsOptions
-from tega.devices.cyton import Cyton, CytonOptions
-from tega.devices.live_emg import LiveEmg
-from tega.devices.lsl_emg import LslEmg, LslEmgOptions
-from tega.devices.serial_emg import SerialEmg, SerialEmgOptions
-from tega.devices.spiker import Spiker, SpikerOptions
+from tega.devices.emg.chords import Chords, ChordsOptions
+from tega.devices.emg.cyton import Cyton, CytonOptions
+from tega.devices.emg.live_emg import LiveEmg
+from tega.devices.emg.lsl_emg import LslEmg, LslEmgOptions
+from tega.devices.emg.serial_emg import SerialEmg, SerialEmgOptions
+from tega.devices.emg.spiker import Spiker, SpikerOptions
 from tega.errors import TegaError
 from tega_campaigns.faults.trials import DriverOutcome, FaultTrial
 from tega_emulators.process import Emulator

@@ -8,9 +8,9 @@ from contextlib import contextmanager
 from functools import partial
 from typing import Any, Final, NamedTuple
 
-from tega.devices.hid_input import AT_REST, HidInput
-from tega.devices.pedal import Pedal, PedalOptions
-from tega.devices.spacemouse import SpaceMouse, SpaceMouseOptions
+from tega.devices.input.hid_input import AT_REST, HidInput
+from tega.devices.input.pedal import Pedal, PedalOptions
+from tega.devices.input.spacemouse import SpaceMouse, SpaceMouseOptions
 from tega.errors import DeviceUnavailableError
 from tega_campaigns.faults.trials import DriverOutcome, FaultTrial
 from tega_campaigns.runner import until

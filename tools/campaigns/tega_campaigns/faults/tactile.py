@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import msgspec
 
-from tega.devices.digit import Digit, DigitOptions
+from tega.devices.fingertip.digit import Digit, DigitOptions
 from tega.errors import DeviceUnavailableError
 from tega_campaigns.faults.trials import DriverOutcome, FaultTrial
 from tega_campaigns.runner import until

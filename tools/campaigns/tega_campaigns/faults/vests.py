@@ -7,7 +7,7 @@ import threading
 import time
 from typing import Final, NamedTuple
 
-from tega.devices.vest_stream import StreamedVest
+from tega.devices.vest.vest_stream import StreamedVest
 from tega.errors import DeviceUnavailableError
 from tega.haptics import MotorLevels, vest_frame
 from tega.wire import vest_levels

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from tega.cli.options import json_option
+from tega.ui.cli.options import json_option
 
 __all__ = ["soak"]
 
@@ -56,7 +56,7 @@ def soak(
 
     import msgspec
 
-    from tega.cli.options import echo_json, progress_bar
+    from tega.ui.cli.options import echo_json, progress_bar
     from tega_campaigns.soak.picture import draw
     from tega_campaigns.soak.report import print_report
     from tega_campaigns.soak.trial import soak as run_soak

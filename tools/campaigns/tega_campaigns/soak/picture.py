@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tega.lifecycle import require
+from tega.runtime.lifecycle import require
 from tega_campaigns.soak.report import SoakReport
 
 __all__ = ["draw"]

@@ -15,8 +15,8 @@ from tega.errors import DeviceUnavailableError, TegaError
 from tega.hand import TORQUE_LIMITS
 from tega.haptics import FINGERS
 from tega.recording.mcap_folder import SessionFolder
-from tega.threads import short_turns
-from tega.toml_text import tree_text
+from tega.runtime.files.toml_text import tree_text
+from tega.runtime.threads import short_turns
 from tega_campaigns.impaired import ImpairedLink
 from tega_campaigns.runner import CampaignCase, run_cases, until
 from tega_campaigns.soak.faults import Breaker, link_board

@@ -6,11 +6,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Literal
 
-from tega.net.keys import make_keys
 from tega_campaigns.program import REFUSED
 from tega_campaigns.runner import until
 from tega_campaigns.station_faults.scene import SECOND, StationScene
 from tega_campaigns.station_faults.trials import StationFault
+from tega_link.keys import make_keys
 
 __all__ = ["FAULTS", "WIRE_FAULTS"]
 

@@ -11,7 +11,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from tega.errors import DeviceUnavailableError, TegaError
-from tega.every import every
+from tega.runtime.every import every
 from tega_campaigns.impaired import ImpairedLink
 from tega_campaigns.lossy_wire import LossyWire
 from tega_campaigns.runner import until

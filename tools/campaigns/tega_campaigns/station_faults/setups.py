@@ -10,9 +10,9 @@ from types import TracebackType
 from typing import Any, Self
 
 from tega.errors import TegaError
-from tega.net.keys import make_keys
 from tega_campaigns.lossy_wire import LossyWire
 from tega_campaigns.station_faults.scene import SECOND, StationScene
+from tega_link.keys import make_keys
 
 __all__ = ["Setups"]
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.cli.options import ChannelList, json_option
+from tega.ui.cli.options import ChannelList, json_option
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -106,7 +106,7 @@ def audit(*, recording: Path, picture: Path | None, curves: Path | None, as_json
     """
     import msgspec
 
-    from tega.cli.options import echo_json, progress_bar
+    from tega.ui.cli.options import echo_json, progress_bar
     from tega_figures.audit import audit_recording
     from tega_figures.audit.tables import print_report
 

@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from tega.calibration.maxima import EMG_PERCENTILE, block_length, held_samples
 from tega.emg import channel_maxima
-from tega.emg_score import changes_per_second, delay_s
+from tega.emg.score import changes_per_second, delay_s
 from tega.errors import CalibrationError
-from tega.inbox.sources import BlockMeter, EmgBlock, SourceReport
+from tega.loop.inbox.sources import BlockMeter, EmgBlock, SourceReport
+from tega.setup.calibration.maxima import EMG_PERCENTILE, block_length, held_samples
 from tega.stages.choose import block_s, muscle_decoder
 from tega_figures.audit.touch import rank_of
 
 if TYPE_CHECKING:
-    from tega.calibration import EmgMaxima
+    from tega.config.calibration import EmgMaxima
     from tega.devices.base import EmgChunk
     from tega_figures.audit.truth import Forces
     from tega_figures.audit.variants import Variant

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.errors import InvalidValueError
-from tega.view.figures import CCI_BLUE, EDA_GREEN, new_figure
+from tega.ui.view.figures import CCI_BLUE, EDA_GREEN, new_figure
 from tega_figures.audit import AuditReport, EmgScore, FingerAudit, Mark, TouchScore, VestScore
 
 if TYPE_CHECKING:

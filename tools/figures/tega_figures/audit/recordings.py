@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
 
 import msgspec
 
-from tega.calibration import EmgMaxima
-from tega.calibration.maxima import emg_conditions
+from tega.config.calibration import EmgMaxima
 from tega.devices.registry import driver_class
 from tega.errors import RecordingError
+from tega.loop.baseline import find_baseline
 from tega.recording.mcap_folder import INDEX_NAME, session_files
-from tega.replay.recorded import Head, read_recorded
-from tega.teleop.baseline import find_baseline
+from tega.recording.replay.recorded import Head, read_recorded
+from tega.setup.calibration.maxima import emg_conditions
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tega.calibration import Calibration
+    from tega.config.calibration import Calibration
     from tega.devices.base import EmgChunk, TactileFrame
     from tega.records import Contact
 

@@ -10,8 +10,8 @@ import msgspec
 
 from tega.config import check_tree
 from tega.errors import ConfigError, RecordingError
-from tega.foreign_file import tells_damage
-from tega.inbox.sources import metrics_of
+from tega.loop.inbox.sources import metrics_of
+from tega.runtime.files.foreign_file import tells_damage
 from tega.stages.choose import chosen_stage
 from tega_figures.audit.emg import EmgScore, emg_scores
 from tega_figures.audit.recordings import AuditMaterial, EmgColumns, read_material, recordings_of
@@ -29,10 +29,10 @@ from tega_figures.audit.variants import (
 from tega_figures.audit.vest import VestScore, vest_score
 
 if TYPE_CHECKING:
-    from tega.calibration import Calibration
     from tega.config import SessionConfig
+    from tega.config.calibration import Calibration
     from tega.devices.base import EmgChunk, TactileFrame
-    from tega.inbox.sources import Contact as Measured
+    from tega.loop.inbox.sources import Contact as Measured
     from tega.records import Contact
 
 

@@ -9,10 +9,10 @@ import msgspec
 import numpy as np
 
 from tega.devices.base import TactileFrame
-from tega.emg_score import changes_per_second, rank_correlation
+from tega.emg.score import changes_per_second, rank_correlation
 from tega.errors import TegaError
-from tega.inbox.frames import FrameMeter
-from tega.inbox.sources import Contact, SourceReport
+from tega.loop.inbox.frames import FrameMeter
+from tega.loop.inbox.sources import Contact, SourceReport
 from tega.stages.choose import finger_metric
 from tega.tactile import ContactMetrics
 from tega_figures.audit.truth import FarField, Mask, PictureTruth
@@ -20,7 +20,7 @@ from tega_figures.audit.truth import FarField, Mask, PictureTruth
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tega.calibration import Calibration
+    from tega.config.calibration import Calibration
     from tega.stages.base import Metric
     from tega_figures.audit.variants import Variant
 

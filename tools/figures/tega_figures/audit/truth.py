@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.errors import RecordingError
-from tega.foreign_file import read_words
-from tega.opencv import read_image
+from tega.runtime.files.foreign_file import read_words
+from tega.runtime.opencv import read_image
 
 Image = NDArray[np.uint8]
 Mask = NDArray[np.bool_]

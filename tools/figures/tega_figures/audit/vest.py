@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from tega.calibration import Calibration, FingerMaxima
-from tega.calibration.maxima import touch_maxima
-from tega.motor_layout import find_layout
-from tega.teleop.touch_loop import touch_loop
+from tega.config.calibration import Calibration, FingerMaxima
+from tega.haptics.motor_layout import find_layout
+from tega.loop.touch_loop import touch_loop
+from tega.setup.calibration.maxima import touch_maxima
 from tega_figures.audit.touch import rank_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tega.inbox.sources import Contact
+    from tega.loop.inbox.sources import Contact
     from tega_figures.audit.truth import Forces
     from tega_figures.audit.variants import Variant
 

@@ -9,8 +9,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from tega.child_process import end_child, python_command, python_environment
 from tega.errors import DeviceUnavailableError
+from tega.runtime.child_process import end_child, python_command, python_environment
 
 __all__ = ["Viewer", "busy_cores", "processor_s"]
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
-from tega.cli.options import NameList, json_option
+from tega.ui.cli.options import NameList, json_option
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -54,7 +54,7 @@ def bench(ctx: click.Context, /, *, picture: Path | None, quick: bool, as_json: 
         return
     import msgspec
 
-    from tega.cli.options import echo_json, progress_bar
+    from tega.ui.cli.options import echo_json, progress_bar
     from tega_figures.bench.report import run_bench
 
     with progress_bar() as progress:
@@ -105,7 +105,7 @@ def sim(*, objects: list[str], repeats: int, preset: Literal["paper", "live"], a
     """  # noqa: D301  # click keeps the lines after \b as they are
     import msgspec
 
-    from tega.cli.options import echo_json, progress_bar
+    from tega.ui.cli.options import echo_json, progress_bar
     from tega_figures.bench.simulation import bench_simulation
 
     with progress_bar() as progress:
@@ -195,9 +195,9 @@ def loop(
     """  # noqa: D301  # click keeps the lines after \b as they are
     import msgspec
 
-    from tega.cli.options import echo_json
-    from tega.cli.report import latency_tables
-    from tega.threads import spare_threads
+    from tega.runtime.threads import spare_threads
+    from tega.ui.cli.options import echo_json
+    from tega.ui.cli.report import latency_tables
 
     spare_threads()  # as the command run does, before what is imported here
     from tega_figures.bench.live_loop import bench_loop
@@ -277,7 +277,7 @@ def start(*, repeats: int, record: bool, emg_hz: str, as_json: bool) -> None:
     """  # noqa: D301  # click keeps the lines after \b as they are
     import msgspec
 
-    from tega.cli.options import echo_json
+    from tega.ui.cli.options import echo_json
     from tega_figures.bench.start import bench_start
 
     report = bench_start(repeats=repeats, record=record, emg_hz=1000 if emg_hz == "1000" else 250)
@@ -321,7 +321,7 @@ def stations(*, seconds: float, keys: bool, images_hz: float, as_json: bool) -> 
     """  # noqa: D301  # click keeps the lines after \b as they are
     import msgspec
 
-    from tega.cli.options import echo_json
+    from tega.ui.cli.options import echo_json
     from tega_figures.bench.stations import bench_stations
 
     report = bench_stations(seconds=seconds, keys=keys, images_hz=images_hz)

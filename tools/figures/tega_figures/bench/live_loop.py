@@ -12,7 +12,7 @@ from typing import Any, Literal
 import msgspec
 
 from tega.config import FINGERS, Pace, check_tree
-from tega.teleop.pacing import LATE_EDGES_NS
+from tega.loop.pacing import LATE_EDGES_NS
 from tega_figures.bench.beside import Viewer, busy_cores, processor_s
 from tega_figures.bench.machine import Machine, describe_machine
 from tega_figures.bench.witness import LateTicks, witness
@@ -29,7 +29,7 @@ class LoopBench(msgspec.Struct, frozen=True, kw_only=True):
         machine: Where; the emulators ran on the same one.
         preset: Of the session: ``paper`` measures touch alike in all versions, ``live`` does not.
         seconds: How long the run was.
-        latency_ms: Percentiles of every stage by path; see :mod:`tega.teleop.latency`.
+        latency_ms: Percentiles of every stage by path; see :mod:`tega.loop.latency`.
         pacing: Ticks, and how late they were.
         late_edges_ms: Upper bounds of the bins of both histograms of late ticks.
         late_ticks: The loop's own ticks: those at which the hand is told its level, and those of the vest between them.
@@ -107,8 +107,8 @@ def bench_loop(
     Raises:
         MissingExtraError: A package of the extra ``lab`` is not installed.
     """
-    from tega.cli.page import run_viewed
-    from tega.teleop.session import run_session
+    from tega.loop.session import run_session
+    from tega.ui.cli.page import run_viewed
     from tega_emulators.lab import PRESSED, emulated_lab, pressing
 
     with tempfile.TemporaryDirectory(prefix="tega-bench-") as name:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from tega.view.figures import new_figure
+from tega.ui.view.figures import new_figure
 from tega_figures.bench.report import BILINEAR, FLOOR, BenchReport, ContactRow
 from tega_figures.bench.scenes import SIZE_OF_A_FINGER
 from tega_figures.bench.variants import CONTACT_LAWS

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.sim.gel import Gel, ball
+from tega_sim.gel import Gel, ball
 
 __all__ = ["SIZES", "SIZE_OF_A_FINGER", "SIZE_OF_A_SENSOR", "BenchScene", "scenes"]
 

@@ -164,9 +164,9 @@ def bench_simulation(
         InvalidValueError: An object is not known.
         MissingExtraError: A package of the extra ``sim`` is not installed.
     """
-    from tega.sim.lab import lab_of
-    from tega.sim.plan import TrialPlan
-    from tega.sim.trial import run_trial
+    from tega_sim.lab import lab_of
+    from tega_sim.plan import TrialPlan
+    from tega_sim.trial import run_trial
 
     plans = [
         TrialPlan.checked({"object": name, "operator": "scripted", "seed": 1, "preset": preset})
@@ -210,16 +210,16 @@ def bench_simulation(
 @contextmanager
 def _watched(*, stages: bool) -> Iterator[_StageSeconds]:
     """Time every trial that is run in the block; with ``stages``, its parts, too."""
-    from tega.inbox.frames import FrameMeter
-    from tega.inbox.sources import BlockMeter
-    from tega.sim.gel import Gel
-    from tega.sim.hand import SimulatedAllegro, SimulatedBus
-    from tega.sim.operator import ForearmEmg, ScriptedOperator
-    from tega.sim.rig import TrialRig
-    from tega.sim.score import TrialScorer
-    from tega.sim.world import World
-    from tega.teleop.loop import DualLoop
-    from tega.teleop.touch import TouchLoop
+    from tega.loop.inbox.frames import FrameMeter
+    from tega.loop.inbox.sources import BlockMeter
+    from tega.loop.loop import DualLoop
+    from tega.loop.touch import TouchLoop
+    from tega_sim.gel import Gel
+    from tega_sim.hand import SimulatedAllegro, SimulatedBus
+    from tega_sim.operator import ForearmEmg, ScriptedOperator
+    from tega_sim.rig import TrialRig
+    from tega_sim.score import TrialScorer
+    from tega_sim.world import World
 
     watch = _StageSeconds()
     parts: Mapping[str, Sequence[tuple[type, str]]] = {

@@ -11,8 +11,8 @@ from typing import Literal
 
 import msgspec
 
-from tega.child_process import python_command, python_environment
 from tega.errors import DeviceUnavailableError
+from tega.runtime.child_process import python_command, python_environment
 from tega_figures.bench.machine import Machine, describe_machine
 
 __all__ = ["StartBench", "bench_start"]
@@ -53,7 +53,7 @@ def bench_start(*, repeats: int, record: bool, emg_hz: Literal[250, 1000]) -> St
         DeviceUnavailableError: A run did not come to its first tick.
     """
     from tega.config import FINGERS
-    from tega.toml_text import tree_text
+    from tega.runtime.files.toml_text import tree_text
     from tega_emulators.lab import PRESSED, emulated_lab
 
     found: list[dict[str, float]] = []

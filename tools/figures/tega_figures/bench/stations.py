@@ -65,9 +65,9 @@ def bench_stations(*, seconds: float, keys: bool, images_hz: float) -> StationsB
     Raises:
         MissingExtraError: A package of the extras ``lab`` or ``net`` is not installed.
     """
-    from tega.net.keys import make_keys
     from tega_emulators.lab import PRESSED, emulated_lab, pressing
     from tega_emulators.stations import Program, free_port, split, write_trees
+    from tega_link.keys import make_keys
 
     with tempfile.TemporaryDirectory(prefix="tega-bench-") as name:
         folder = Path(name)

@@ -15,16 +15,16 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.calibration import TouchMaxima
+from tega.config.calibration import TouchMaxima
 from tega.emg import GraspIntent
 from tega.hand import ModelledHand
 from tega.haptics import FINGERS, MotorLevels
-from tega.inbox.stuck_frames import LastFrame
-from tega.sim.gel import Gel, ball
+from tega.loop.inbox.stuck_frames import LastFrame
+from tega.loop.touch import TouchLoop
 from tega.tactile import ContactMetrics, read_contact
-from tega.teleop.touch import TouchLoop
 from tega.wire import allegro_torque_frames, x40_ble_frame
 from tega_figures.bench.timing import Timing, in_turns
+from tega_sim.gel import Gel, ball
 
 __all__ = ["SKIPS", "STAGES", "Tick", "TickRow", "time_ticks"]
 

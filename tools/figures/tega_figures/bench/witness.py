@@ -15,10 +15,10 @@ from contextlib import contextmanager, nullcontext
 
 import msgspec
 
-from tega.child_process import end_child, python_command, python_environment
-from tega.teleop.hand import HAND_TICK_NS
-from tega.teleop.pacing import LATE_EDGES_NS
-from tega.threads import run_realtime
+from tega.loop.hand import HAND_TICK_NS
+from tega.loop.pacing import LATE_EDGES_NS
+from tega.runtime.child_process import end_child, python_command, python_environment
+from tega.runtime.threads import run_realtime
 
 __all__ = ["BareClock", "LateTicks", "witness"]
 
@@ -30,7 +30,7 @@ class LateTicks(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         ticks: How many there were.
-        late: Of them, by the bins of :data:`tega.teleop.pacing.LATE_EDGES_NS`.
+        late: Of them, by the bins of :data:`tega.loop.pacing.LATE_EDGES_NS`.
         over_1_ms: How many came later than that.
         worst_ms: The latest one.
     """

@@ -18,7 +18,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tega.sim.world import World
+    from tega_sim.world import World
 
 __all__ = ["NotedSteps", "alone_s", "noted_steps"]
 
@@ -40,7 +40,7 @@ class NotedSteps(NamedTuple):
 @contextmanager
 def noted_steps() -> Iterator[list[NotedSteps]]:
     """Note what every world is told in the block."""
-    from tega.sim.world import World
+    from tega_sim.world import World
 
     noted: list[NotedSteps] = []
     of: dict[World, NotedSteps] = {}
@@ -73,7 +73,7 @@ def alone_s(lift: NotedSteps) -> float:
         FileNotFoundError: No scene of this object was kept.
         RuntimeError: The frozen scene has other joints than what was noted.
     """
-    from tega.sim.world.scene import import_mujoco
+    from tega_sim.world.scene import import_mujoco
 
     mujoco: Any = import_mujoco()
     text = files(__package__).joinpath("frozen", f"{lift.object}.xml").read_text(encoding="utf-8")

@@ -15,8 +15,8 @@ import numpy as np
 
 from tega.errors import MissingExtraError, TegaError
 from tega.safety.motor_budget import MotorBudget
-from tega.sim.operator.person import draw_person, stream
-from tega.skill.interval import mean_interval
+from tega_practice.interval import mean_interval
+from tega_sim.operator.person import draw_person, stream
 
 from .information import confusion_bits, information_bits, share_told, threshold_at
 from .skin import REFRESH_S, BatchSkin
@@ -25,8 +25,8 @@ from .stimuli import COMPARED, TASKS, ComparedMapping, Stimulus, firmness, frame
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tega.sim.operator.sections import VestSection
-    from tega.skill.interval import Interval
+    from tega_practice.interval import Interval
+    from tega_sim.operator.sections import VestSection
 
 __all__ = ["main"]
 

@@ -1,6 +1,6 @@
 """Simulate what many looks at a vest tell one person, motor by motor, in batches of trials.
 
-It is the skin of :mod:`tega.sim.operator.vest_sense` (link, motor's lag, spread, adaptation, threshold, noise of a
+It is the skin of :mod:`tega_sim.operator.vest_sense` (link, motor's lag, spread, adaptation, threshold, noise of a
 look), with the same numbers of the same simulated people, but with a place for every motor: that one sums a face up by
 its strongest column. What it adds is marked [P], a proposal that nobody has measured: how often a place is taken for
 its neighbour, and the distance of the rows.
@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from tega.sim.operator.vest_sense import LOOK_S
+from tega_sim.operator.vest_sense import LOOK_S
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
 
-    from tega.sim.operator.sections import VestSection
+    from tega_sim.operator.sections import VestSection
 
     Array = NDArray[np.float64]
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from tega.config_sections import StageConfig
+from tega.config.sections import StageConfig
 from tega.haptics import FINGERS, FeltMap, MotorLevels
-from tega.motor_layout import X40
+from tega.haptics.motor_layout import X40
 from tega.records import Contact, Event
 from tega.stages.base import VestSetup
 from tega.stages.choose import Chosen
@@ -20,7 +20,7 @@ from .skin import REFRESH_S
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tega.sim.operator.sections import VestSection
+    from tega_sim.operator.sections import VestSection
 
 
 MAXIMA: Final = {finger: {"cci": 0.1, "eda": 8000.0} for finger in FINGERS}

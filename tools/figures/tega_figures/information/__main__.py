@@ -13,8 +13,6 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.sim.operator import RulesVersion, rules_digest
-from tega.sim.trials import read_results
 from tega_figures.information.bench import ArmOutcomes, bench_arms, bench_table
 from tega_figures.information.compare import (
     N_OBJECTS,
@@ -25,6 +23,8 @@ from tega_figures.information.compare import (
     paired,
     person_outcomes,
 )
+from tega_sim.operator import RulesVersion, rules_digest
+from tega_sim.trials import read_results
 
 RUNS: tuple[tuple[str, str], ...] = (
     ("rules 2", "off"),

@@ -12,13 +12,13 @@ from typing import Literal
 import numpy as np
 
 from tega.haptics import intensity, vest_frame
-from tega.sim.operator import Operator, PersonNumbers, Rules
-from tega.sim.operator.acting import TrialOfPerson
-from tega.sim.operator.grip import LOOSEST, Decision, GripDecisions
-from tega.sim.operator.person import stream
-from tega.sim.operator.vision import Kind, SeenEvent
-from tega.sim.seams import Percept, WorldTruth
 from tega_figures.information.cloud import STEP_S, GraspCloud
+from tega_sim.operator import Operator, PersonNumbers, Rules
+from tega_sim.operator.acting import TrialOfPerson
+from tega_sim.operator.grip import LOOSEST, Decision, GripDecisions
+from tega_sim.operator.person import stream
+from tega_sim.operator.vision import Kind, SeenEvent
+from tega_sim.seams import Percept, WorldTruth
 
 Told = Literal["nothing", "vest", "closure"]
 # A rate of events, per second, that no particle explains.

@@ -15,16 +15,16 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.foreign_file import read_foreign
-from tega.sim.conditions import Condition
-from tega.sim.plan import TrialResult
-from tega.study.plan import read_plan
-from tega.study.silico.session import RESULTS
-from tega.study.state import events_path
+from tega.runtime.files.foreign_file import read_foreign
 from tega_figures.information.bench import OFF
 from tega_figures.information.compare import Paired, paired, power_text
 from tega_figures.information.controls import read
 from tega_figures.information.sessions import OUTCOMES, BenchSession, lift_outcome, outcomes
+from tega_sim.conditions import Condition
+from tega_sim.plan import TrialResult
+from tega_study.plan import read_plan
+from tega_study.silico.session import RESULTS
+from tega_study.state import events_path
 
 __all__ = ["CONTROLS", "N_TESTS", "TESTED", "by_person", "condensed", "holm", "main", "table_text"]
 

@@ -9,10 +9,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.sim.conditions import Condition
-from tega.sim.operator import RulesVersion, draw_person
-from tega.sim.plan import TrialResult
 from tega_figures.information.compare import OUTCOMES, null, paired
+from tega_sim.conditions import Condition
+from tega_sim.operator import RulesVersion, draw_person
+from tega_sim.plan import TrialResult
 
 OFF: Final[Condition] = "non-haptic"
 

@@ -14,8 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import erfc
 
-from tega.sim.operator import PersonNumbers
-from tega.sim.operator.motor import level_effort
 from tega_figures.information.plant import (
     DEFORMED_LEVELS,
     HAND_S,
@@ -23,6 +21,8 @@ from tega_figures.information.plant import (
     SLIP_M_S_PER_LEVEL,
     plant_objects,
 )
+from tega_sim.operator import PersonNumbers
+from tega_sim.operator.motor import level_effort
 
 Floats = NDArray[np.float64]
 N_PARTICLES = 500

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.haptics import MotorLevels
-from tega.sim.operator import Operator, PersonNumbers, Rules, RulesVersion, clear_skin, draw_person, sham_vest
-from tega.sim.operator.person import stream
 from tega_figures.information.agent import IdealAgent, Told
 from tega_figures.information.plant import graded_frame, grasp, plant_objects, told_frame
+from tega_sim.operator import Operator, PersonNumbers, Rules, RulesVersion, clear_skin, draw_person, sham_vest
+from tega_sim.operator.person import stream
 
 Arm = Literal["off", "vest", "truth", "constant", "unrelated", "inverted", "replayed", "permuted"]
 ARMS: tuple[Arm, ...] = get_args(Arm)
@@ -48,7 +48,7 @@ def person_outcomes(
     Args:
         arm: ``off``: no vest. ``vest``: tells the grip by the real vest's law, felt through the person's skin.
             ``truth``: tells the closure in equal steps, through a skin that misses nothing. The others are shams of
-            :func:`tega.sim.operator.sham_vest`; ``replayed`` is the vest of the same person's trial with the other
+            :func:`tega_sim.operator.sham_vest`; ``replayed`` is the vest of the same person's trial with the other
             object.
         seeds: Who.
         version: Of the rules.

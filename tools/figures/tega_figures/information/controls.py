@@ -12,11 +12,7 @@ from typing import Final
 import click
 import msgspec
 
-from tega.foreign_file import read_foreign
-from tega.sim.conditions import Condition
-from tega.sim.operator import VIEWS, RulesVersion, ViewName
-from tega.sim.seams import Shear
-from tega.sim.world import ObjectSpec, read_objects
+from tega.runtime.files.foreign_file import read_foreign
 from tega_figures.information.bench import OFF
 from tega_figures.information.compare import paired, power_text
 from tega_figures.information.sessions import (
@@ -27,6 +23,10 @@ from tega_figures.information.sessions import (
     pairs,
     verdict,
 )
+from tega_sim.conditions import Condition
+from tega_sim.operator import VIEWS, RulesVersion, ViewName
+from tega_sim.seams import Shear
+from tega_sim.world import ObjectSpec, read_objects
 
 SOFTEST: Final[dict[str, ObjectSpec]] = {
     record.spec.name: record.spec.with_(

@@ -15,13 +15,13 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.foreign_file import read_foreign
-from tega.sim.commanded import HandWay
-from tega.sim.conditions import Condition
+from tega.runtime.files.foreign_file import read_foreign
 from tega_figures.information.bench import OFF
 from tega_figures.information.compare import Paired, paired, power_text
 from tega_figures.information.controls import N_LIFTS, SOFTEST
 from tega_figures.information.sessions import OUTCOMES, BenchSession, bench_session, outcomes
+from tega_sim.commanded import HandWay
+from tega_sim.conditions import Condition
 
 __all__ = ["RUNGS", "LadderSession", "Rung", "main", "read", "steps", "table_text"]
 

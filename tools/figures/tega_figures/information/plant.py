@@ -13,8 +13,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from tega.haptics import MotorLevels, intensity, vest_frame
-from tega.sim.operator import Operator
-from tega.sim.seams import Act, Percept, WorldTruth
+from tega_sim.operator import Operator
+from tega_sim.seams import Act, Percept, WorldTruth
 
 HAND_S = 0.25
 """Lag of the closure behind the muscles, seconds."""

@@ -13,16 +13,16 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.sim.conditions import Condition
-from tega.sim.lab import lab_of
-from tega.sim.lift import Lift
-from tega.sim.operator import RulesVersion, ViewName, draw_person
-from tega.sim.plan import TrialPlan, TrialResult
-from tega.sim.practice import practise
-from tega.sim.world import ObjectSpec
 from tega_figures.information.bench import OFF
 from tega_figures.information.compare import MARGIN as PLANT_MARGIN
 from tega_figures.information.compare import Paired, null
+from tega_sim.conditions import Condition
+from tega_sim.lab import lab_of
+from tega_sim.lift import Lift
+from tega_sim.operator import RulesVersion, ViewName, draw_person
+from tega_sim.plan import TrialPlan, TrialResult
+from tega_sim.practice import practise
+from tega_sim.world import ObjectSpec
 
 LOST_MM = 30.0
 """An object that slides this far counts as dropped; one that never left the table counts as far."""
@@ -36,7 +36,7 @@ MARGIN: dict[str, float] = {"slid": 3.0, "lost": 0.1, **PLANT_MARGIN}
 
 
 class LiftOutcome(NamedTuple):
-    """Outcome of one lift; numbers as in :class:`tega.sim.plan.TrialResult`."""
+    """Outcome of one lift; numbers as in :class:`tega_sim.plan.TrialResult`."""
 
     slid_mm: float
     success: bool
@@ -88,7 +88,7 @@ def bench_session(
         condition: The arm.
         n_lifts: How often.
         rules: Version of the rules.
-        more: Further attributes of :class:`tega.sim.plan.TrialPlan`.
+        more: Further attributes of :class:`tega_sim.plan.TrialPlan`.
     """
     plan = TrialPlan.checked(
         {

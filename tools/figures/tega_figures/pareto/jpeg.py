@@ -7,10 +7,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from tega.sim.gel import Gel, ball, board
 from tega.tactile import ContactReader, contact_mask
 from tega_figures.bench.timing import take_turns, timing
 from tega_figures.pareto.drawing import Choice, PricedVariant
+from tega_sim.gel import Gel, ball, board
 
 __all__ = ["jpeg_quality"]
 

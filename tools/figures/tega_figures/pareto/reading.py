@@ -9,13 +9,13 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.emg_score import rank_correlation
-from tega.sim.gel import Gel, ball
+from tega.emg.score import rank_correlation
 from tega.tactile import ContactReader, contact_metrics, read_contact
-from tega.touch import TouchTracker
+from tega.tactile.tracker import TouchTracker
 from tega_figures.bench.timing import take_turns, timing
 from tega_figures.bench.variants import CONTACT_LAWS
 from tega_figures.pareto.drawing import Choice, PricedVariant
+from tega_sim.gel import Gel, ball
 
 __all__ = ["touch_reading"]
 

@@ -15,8 +15,8 @@ import msgspec
 import numpy as np
 from scipy.stats import binomtest
 
-from tega.scene.outcomes import SceneEvent
 from tega_figures.scene.prove import CHOSEN_ON, TOLERANCE_S, ProvenTrial
+from tega_scene.outcomes import SceneEvent
 
 EventPairs = list[tuple[SceneEvent | None, SceneEvent | None]]
 """Pairs of a true event and a measured one; ``None`` where the other has no match."""

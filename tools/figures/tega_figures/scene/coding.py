@@ -18,21 +18,21 @@ from unittest import mock
 
 import numpy as np
 
-from tega.scene import video
-from tega.scene.decode import SceneDecoder
-from tega.scene.outcomes import righted
-from tega.scene.track import SceneTrack, follow_bodies, sight_tags
 from tega_figures.scene import places
 from tega_figures.scene.bench import RenderedTrial, bench_layout, world_pose
 from tega_figures.scene.prove import calibrated, folded, ruled_layout, true_rule, window
 from tega_figures.scene.render import Film
 from tega_figures.scene.trials import TrueTrial, true_trial
+from tega_scene import video
+from tega_scene.decode import SceneDecoder
+from tega_scene.outcomes import righted
+from tega_scene.track import SceneTrack, follow_bodies, sight_tags
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tega.scene.layout import TagLayout
-    from tega.scene.lens import Lens
+    from tega_scene.layout import TagLayout
+    from tega_scene.lens import Lens
 
 _RATE_HZ: Final = 30.0
 _NUMBER: Final = 8006
@@ -88,7 +88,7 @@ def _search(how: str) -> Iterator[None]:
     def changed(*args: Any) -> dict[str, str]:
         return {**before(*args), "x264-params": how}
 
-    with mock.patch("tega.scene.video._options", changed):
+    with mock.patch("tega_scene.video._options", changed):
         yield
 
 

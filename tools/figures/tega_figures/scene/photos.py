@@ -14,8 +14,8 @@ from typing import Final
 
 import numpy as np
 
-from tega.opencv import load_cv2
-from tega.scene.corners import TagFinder
+from tega.runtime.opencv import load_cv2
+from tega_scene.corners import TagFinder
 
 _SAME_PX: Final = 4.0
 

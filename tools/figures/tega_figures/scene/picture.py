@@ -10,14 +10,14 @@ from pathlib import Path
 
 import numpy as np
 
-from tega.opencv import load_cv2
-from tega.scene.corners import TagFinder
-from tega.scene.layout import example_layout
-from tega.scene.sheets import PAGE_MM, page_svg, tag_pages
-from tega.sim.plan import TrialPlan
+from tega.runtime.opencv import load_cv2
 from tega_figures.scene.bench import RenderedTrial
 from tega_figures.scene.render import Film
 from tega_figures.scene.trials import true_trial
+from tega_scene.corners import TagFinder
+from tega_scene.layout import example_layout
+from tega_scene.sheets import PAGE_MM, page_svg, tag_pages
+from tega_sim.plan import TrialPlan
 
 _CUT = np.s_[0:1080, 340:1660]
 

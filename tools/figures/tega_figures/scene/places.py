@@ -21,14 +21,6 @@ from typing import TYPE_CHECKING, Final
 import msgspec
 import numpy as np
 
-from tega.scene.lens import Lens
-from tega.scene.outcomes import SceneEvent, SceneRule, righted, score_scene
-from tega.scene.resting import LOST_M
-from tega.sim.operator.forearm import AWAY_M
-from tega.sim.plan import TrialPlan
-from tega.sim.score import ON_MARK_M, REST_M_S, STABLE_S, UPRIGHT
-from tega.sim.trial import run_trial
-from tega.sim.world.world import World
 from tega_figures.scene.accuracy import f1, interval, matched
 from tega_figures.scene.prove import (
     TOLERANCE_S,
@@ -42,6 +34,14 @@ from tega_figures.scene.prove import (
     window,
 )
 from tega_figures.scene.trials import TrueTrial, true_trial
+from tega_scene.lens import Lens
+from tega_scene.outcomes import SceneEvent, SceneRule, righted, score_scene
+from tega_scene.resting import LOST_M
+from tega_sim.operator.forearm import AWAY_M
+from tega_sim.plan import TrialPlan
+from tega_sim.score import ON_MARK_M, REST_M_S, STABLE_S, UPRIGHT
+from tega_sim.trial import run_trial
+from tega_sim.world.world import World
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -21,18 +21,7 @@ from typing import TYPE_CHECKING, Any, Final
 import msgspec
 import numpy as np
 
-from tega.opencv import load_cv2
-from tega.scene.calibrate import LensCalibration
-from tega.scene.decode import SceneDecoder
-from tega.scene.layout import PlacedTag, TagBody, TagLayout
-from tega.scene.lens import Lens, load_lens, save_lens
-from tega.scene.outcomes import SceneCourses, SceneEvent, SceneRule, righted, scene_courses, score_scene
-from tega.scene.resting import placed as is_placed
-from tega.scene.smoothing import Course
-from tega.scene.track import SceneSightings, SceneTrack, follow_bodies, sight_tags
-from tega.scene.video import SceneEncoder
-from tega.sim.plan import TrialPlan
-from tega.sim.score import TrialScorer
+from tega.runtime.opencv import load_cv2
 from tega_figures.scene.bench import (
     LENS,
     WRIST_MM,
@@ -45,6 +34,17 @@ from tega_figures.scene.bench import (
 )
 from tega_figures.scene.render import Film
 from tega_figures.scene.trials import TrueTrial, true_trial
+from tega_scene.calibrate import LensCalibration
+from tega_scene.decode import SceneDecoder
+from tega_scene.layout import PlacedTag, TagBody, TagLayout
+from tega_scene.lens import Lens, load_lens, save_lens
+from tega_scene.outcomes import SceneCourses, SceneEvent, SceneRule, righted, scene_courses, score_scene
+from tega_scene.resting import placed as is_placed
+from tega_scene.smoothing import Course
+from tega_scene.track import SceneSightings, SceneTrack, follow_bodies, sight_tags
+from tega_scene.video import SceneEncoder
+from tega_sim.plan import TrialPlan
+from tega_sim.score import TrialScorer
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from tega.opencv import load_cv2
-from tega.scene.corners import tag_dictionary
-from tega.scene.layout import Family, PlacedTag
-from tega.scene.lens import Lens
+from tega.runtime.opencv import load_cv2
+from tega_scene.corners import tag_dictionary
+from tega_scene.layout import Family, PlacedTag
+from tega_scene.lens import Lens
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -6,19 +6,19 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from tega.sim.lab import lab_of
-from tega.sim.lift import Lift
-from tega.sim.plan import TrialPlan
-from tega.sim.score import TrialEvent
-from tega.sim.seams import WorldTruth
-from tega.sim.streams import Streams
-from tega.sim.world.objects import OBJECTS, ObjectSpec
-from tega.sim.world.shapes import Shape
+from tega_sim.lab import lab_of
+from tega_sim.lift import Lift
+from tega_sim.plan import TrialPlan
+from tega_sim.score import TrialEvent
+from tega_sim.seams import WorldTruth
+from tega_sim.streams import Streams
+from tega_sim.world.objects import OBJECTS, ObjectSpec
+from tega_sim.world.shapes import Shape
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tega.sim.seams import Act, Percept
+    from tega_sim.seams import Act, Percept
 
 
 MOMENT_S, FALL_S = 0.01, 0.6
@@ -36,7 +36,7 @@ class TrueTrial(NamedTuple):
         object: float64 (n, 3, 4), the object's, its origin at the middle of its base.
         shapes: What is drawn.
         poses: float64 (n, shapes, 7), where.
-        phases: What the person was about at each moment, as :class:`tega.sim.seams.Act` names it.
+        phases: What the person was about at each moment, as :class:`tega_sim.seams.Act` names it.
         events: As scored by rule from the truth.
     """
 

@@ -19,10 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega import _native
-from tega.sim.gel import Gel, ball, board
 from tega.tactile import Outline
-from tega.touch import TouchTracker, update_fingers
+from tega.tactile.tracker import TouchTracker, update_fingers
 from tega_figures.bench.timing import ratio, take_turns, timing
+from tega_sim.gel import Gel, ball, board
 
 __all__ = ["costs"]
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.touch import KnownPress, TrackedContact, calibrate_light, nominal_light
+from tega.tactile.tracker import KnownPress, TrackedContact, calibrate_light, nominal_light
 from tega_figures.touch_peers.readings import tracker
 from tega_figures.touch_peers.sets import PressClip, disc_presses, wedge_presses
 

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 from tega.tactile import Outline
-from tega.touch import TouchTracker
+from tega.tactile.tracker import TouchTracker
 from tega_figures.pareto.drawing import name_points
 from tega_figures.touch_peers.other_build import PROJECT, Child, built
 from tega_figures.touch_peers.readings import WITH_MEMORY, Image, Makes, PeerReading, Unit

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.tactile import contact_mask, read_contact
-from tega.touch import TouchTracker, TrackedContact, sensor_noise
+from tega.tactile.tracker import TouchTracker, TrackedContact, sensor_noise
 from tega_figures.touch_peers.other_build import PLACE, Child
 
 __all__ = ["MOG2", "THRESHOLD", "Image", "Makes", "PeerReading", "Reading", "Unit", "makers", "pytouch_area"]

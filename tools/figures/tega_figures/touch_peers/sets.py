@@ -10,8 +10,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.opencv import read_image
-from tega.touch import TouchTracker, update_fingers
+from tega.runtime.opencv import read_image
+from tega.tactile.tracker import TouchTracker, update_fingers
 from tega_figures.audit import read_marks
 from tega_figures.touch_peers.readings import (
     SEES_ALL,

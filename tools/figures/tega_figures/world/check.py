@@ -11,12 +11,12 @@ from pathlib import Path
 import click
 import numpy as np
 
-from tega.sim.world.objects import OBJECTS
-from tega.sim.world.scene import Physics, physics_for
 from tega_figures.world.effects import effects, levels, slip_forces
 from tega_figures.world.lift import LiftResult, lift
 from tega_figures.world.rig import GRAVITY_M_S2, slip_force_n
 from tega_figures.world.study import REFERENCE, Error, bounds, compare, stiff_walls
+from tega_sim.world.objects import OBJECTS
+from tega_sim.world.scene import Physics, physics_for
 
 __all__ = ["main"]
 

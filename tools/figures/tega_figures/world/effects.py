@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from tega.sim.world.objects import OBJECTS, ObjectSpec
 from tega_figures.world.lift import LiftResult, lift
 from tega_figures.world.rig import GRAVITY_M_S2, slip_force_n
+from tega_sim.world.objects import OBJECTS, ObjectSpec
 
 __all__ = ["CHANGES", "Effect", "SlipForce", "effects", "levels", "slip_forces"]
 

@@ -14,13 +14,13 @@ import click
 import msgspec
 import numpy as np
 
-from tega.foreign_file import read_foreign
-from tega.sim.operator import VIEWS, ViewName, typical_person
-from tega.sim.operator.vision import Eyes
-from tega.sim.score import SLIP_M_S
-from tega.sim.seams import WorldTruth
-from tega.sim.world import ObjectSpec, read_objects
+from tega.runtime.files.foreign_file import read_foreign
 from tega_figures.world.lift import LiftResult, lift
+from tega_sim.operator import VIEWS, ViewName, typical_person
+from tega_sim.operator.vision import Eyes
+from tega_sim.score import SLIP_M_S
+from tega_sim.seams import WorldTruth
+from tega_sim.world import ObjectSpec, read_objects
 
 LEVELS = (2, 3, 4, 5)
 HOLD_S = 5.0

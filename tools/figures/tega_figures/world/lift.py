@@ -5,13 +5,13 @@ from __future__ import annotations
 import time
 from typing import Final, NamedTuple
 
-from tega.hand_mjcf import FULL_DUTY_NM
-from tega.sim.score import TrialScorer
-from tega.sim.seams import WorldTruth
-from tega.sim.world.objects import ObjectSpec
-from tega.sim.world.poses import hand_controller
-from tega.sim.world.scene import Physics
-from tega.sim.world.world import World
+from tega.hand.mjcf import FULL_DUTY_NM
+from tega_sim.score import TrialScorer
+from tega_sim.seams import WorldTruth
+from tega_sim.world.objects import ObjectSpec
+from tega_sim.world.poses import hand_controller
+from tega_sim.world.scene import Physics
+from tega_sim.world.world import World
 
 __all__ = ["LIFT_M", "LiftResult", "lift"]
 
@@ -28,7 +28,7 @@ class LiftResult(NamedTuple):
         held: Whether the object was up and not dropped at the end.
         height_m: Of the object over where it stood, at the end.
         slip_m: At the end.
-        slips: How many there were, as a trial's score counts them (:class:`tega.sim.score.TrialScorer`).
+        slips: How many there were, as a trial's score counts them (:class:`tega_sim.score.TrialScorer`).
         peak_force_n: Highest sum of normal forces on the four pads.
         grip_force_n: Normal forces on pads, links and palm together at the end.
         narrowing_m: Largest deformation.

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from tega.errors import MissingExtraError
-from tega.hand_mjcf import FULL_DUTY_NM
-from tega.sim.world.objects import OBJECTS
-from tega.sim.world.poses import hand_controller
-from tega.sim.world.scene import Physics
-from tega.sim.world.world import World
-from tega.view.figures import FINGER_COLOURS
+from tega.hand.mjcf import FULL_DUTY_NM
+from tega.ui.view.figures import FINGER_COLOURS
 from tega_figures.world.lift import LIFT_M, LiftResult
 from tega_figures.world.solids import add_solids
+from tega_sim.world.objects import OBJECTS
+from tega_sim.world.poses import hand_controller
+from tega_sim.world.scene import Physics
+from tega_sim.world.world import World
 
 if TYPE_CHECKING:
     from tega_figures.world.study import Error

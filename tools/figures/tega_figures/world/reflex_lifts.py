@@ -17,15 +17,15 @@ import click
 import numpy as np
 
 from tega.records import Contact, Event
-from tega.sim.conditions import Condition
-from tega.sim.lab import lab_of
-from tega.sim.lift import Lift
-from tega.sim.operator.scripted import ScriptedOperator, Step
-from tega.sim.plan import TrialPlan
-from tega.sim.seams import Act, Percept
-from tega.sim.world import OBJECTS
 from tega.stages.base import Reflex
 from tega_figures.information.controls import SOFTEST
+from tega_sim.conditions import Condition
+from tega_sim.lab import lab_of
+from tega_sim.lift import Lift
+from tega_sim.operator.scripted import ScriptedOperator, Step
+from tega_sim.plan import TrialPlan
+from tega_sim.seams import Act, Percept
+from tega_sim.world import OBJECTS
 
 LIFTS: Final = (
     ("bottle", 3), ("container", 2), ("bag", 2), ("bottle", 4), ("container", 3), ("bag", 3),

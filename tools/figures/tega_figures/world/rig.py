@@ -11,11 +11,11 @@ from typing import Final
 
 import numpy as np
 
-from tega.hand_mjcf import PAD_HALF_LENGTH_M, PAD_RADIUS_M
-from tega.sim.world.body import body_of
-from tega.sim.world.objects import ObjectSpec
-from tega.sim.world.scene import Physics, import_mujoco, object_parts, physics_for, preamble
+from tega.hand.mjcf import PAD_HALF_LENGTH_M, PAD_RADIUS_M
 from tega.wire import HAND_FINGERS
+from tega_sim.world.body import body_of
+from tega_sim.world.objects import ObjectSpec
+from tega_sim.world.scene import Physics, import_mujoco, object_parts, physics_for, preamble
 
 __all__ = ["GRAVITY_M_S2", "slip_force_n"]
 

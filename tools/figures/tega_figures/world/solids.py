@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from tega.sim.world.world import Shape
-from tega.view.browser.object_shapes import LOOKS, LookPart
+from tega.ui.view.browser.object_shapes import LOOKS, LookPart
+from tega_sim.world.world import Shape
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,8 +25,8 @@ def add_solids(axes: Any, shapes: list[Shape], poses: NDArray[np.float64], *, th
 
     Args:
         axes: Of matplotlib's ``projection="3d"``.
-        shapes: From :meth:`~tega.sim.world.World.shapes`.
-        poses: From :meth:`~tega.sim.world.World.poses`, float64 (n, 7).
+        shapes: From :meth:`~tega_sim.world.World.shapes`.
+        poses: From :meth:`~tega_sim.world.World.poses`, float64 (n, 7).
         thing: ``bottle``, ``container`` or ``bag``: draw the object as the page does, instead of the cylinder that
             fingers touch.
     """

@@ -7,14 +7,14 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from tega.child_process import isolated_workers
-from tega.hand_mjcf import FULL_DUTY_NM
-from tega.sim.world.objects import OBJECTS, ObjectSpec
-from tega.sim.world.poses import hand_controller
-from tega.sim.world.scene import Physics
-from tega.sim.world.shells import wall_rad_s
-from tega.sim.world.world import World
+from tega.hand.mjcf import FULL_DUTY_NM
+from tega.runtime.child_process import isolated_workers
 from tega_figures.world.lift import LIFT_M, LiftResult, lift
+from tega_sim.world.objects import OBJECTS, ObjectSpec
+from tega_sim.world.poses import hand_controller
+from tega_sim.world.scene import Physics
+from tega_sim.world.shells import wall_rad_s
+from tega_sim.world.world import World
 
 __all__ = ["CASES", "REFERENCE", "SETTINGS", "Bounds", "Error", "Stiff", "bounds", "compare", "stiff_walls"]
 

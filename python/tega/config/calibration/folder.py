@@ -1,0 +1,324 @@
+"""Keep calibrations in one folder: a file for each person and device, and every baseline of a sensor.
+
+::
+
+    calibrations/
+        gels/D20641/20261121-150405.png     every baseline taken of this sensor,
+        gels/D20641/20261121-150405.toml    and what it was like
+        vests/127.0.0.1_15881/20261121-150405-motor07.toml   how long that motor takes to start
+        cameras/front.json                  the lens of the scene camera that is called front
+        people/p01/person.toml              which hand is the person's own: set once
+        people/p01/touch-D20641.toml        one file per person and device, the newest
+        people/p01/emg-ttyUSB0.toml
+        people/p01/vest-127.0.0.1_15881.toml
+        people/p01/arm-10.0.0.7_3810.toml   which way is forward for that tracker
+        people/p01/before/                  what those replaced, with their dates
+        people/p01/practice/                scores
+        people/p01/fitts/                   results of Fitts tests, see tega_practice.kept
+        people/p01/vest-skill/              what was told by the vest, see tega_practice.vest_kept
+        people/p01/vest-dose.json           the vest's dose of the last day, see tega.safety.dose_file
+        people/p01/unfinished.json          a calibration that was interrupted
+"""
+
+from __future__ import annotations
+
+import re
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeVar
+
+import msgspec
+
+from tega.config.calibration.records import (
+    ArmRecord,
+    CalibrationRecord,
+    EmgRecord,
+    GelRecord,
+    OnsetRecord,
+    PracticeRecord,
+    TouchRecord,
+    VestCalibration,
+    read_record,
+    write_record,
+)
+from tega.errors import CalibrationError, RecordingError
+from tega.runtime.files.foreign_file import parse_json, parse_toml, read_foreign, read_words
+from tega.runtime.files.plain_name import plain_name
+from tega.runtime.files.toml_text import tree_text
+from tega.runtime.files.whole_file import write_whole
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tega.devices.base import DeviceInfo
+    from tega_scene.lens import Lens
+
+
+Part = Literal["touch", "emg", "vest", "arm"]
+
+OwnHand = Literal["left", "right"]
+
+RESUME_H = 4.0
+"""An interrupted calibration is gone on with for so long; later the electrodes sit elsewhere."""
+
+_TYPES: dict[Part, type[TouchRecord | EmgRecord | VestCalibration | ArmRecord]] = {
+    "touch": TouchRecord,
+    "emg": EmgRecord,
+    "vest": VestCalibration,
+    "arm": ArmRecord,
+}
+_FACTS = "person.toml"
+_STAMP = "%Y%m%d-%H%M%S"
+_Any = TypeVar("_Any", bound=CalibrationRecord)
+
+
+def checked_person(person: str) -> str:
+    """Return a person's code, which becomes a folder's name.
+
+    Raises:
+        UnsafeNameError: It cannot be one.
+    """
+    return plain_name(person, what="person's code", source="calibration")
+
+
+def device_name(info: DeviceInfo) -> str:
+    """Return a device's serial number, or what stands for one, fit for a file's name."""
+    return re.sub(r"[^A-Za-z0-9._-]+", "_", info.label).strip("._") or info.driver
+
+
+class KeptGel(NamedTuple):
+    """A baseline as it was kept."""
+
+    record: GelRecord
+    picture: Path
+
+
+class Unfinished(msgspec.Struct, kw_only=True):
+    """A calibration that is going on.
+
+    Attributes:
+        started: When.
+        devices: Name of each part's device: what was found on one is nothing for another.
+        steps: What the steps that are finished gave, by name.
+    """
+
+    started: Annotated[datetime, msgspec.Meta(tz=True)]
+    devices: dict[str, str] = msgspec.field(default_factory=dict)
+    steps: dict[str, Any] = msgspec.field(default_factory=dict)
+
+
+class PersonFacts(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Facts of a person on every device, ``person.toml``.
+
+    Attributes:
+        hand: The hand that steers and is felt: arm and vest follow it.
+        format: Always ``tega-person``.
+        version: Of the format.
+    """
+
+    hand: OwnHand
+    format: Literal["tega-person"] = "tega-person"
+    version: Literal[1] = 1
+
+
+class CalibrationFolder:
+    """Reads and writes calibrations.
+
+    Args:
+        path: The folder; made when something is written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    # Fingertips, whoever uses them.
+
+    def gels(self, device: str) -> list[KeptGel]:
+        """Return the baselines of a sensor, oldest first; one that cannot be read is left out."""
+        found = []
+        for file in sorted((self.path / "gels" / device).glob("*.toml")):
+            try:
+                record = read_record(file, GelRecord)
+            except CalibrationError:
+                continue
+            if file.with_suffix(".png").is_file():
+                found.append(KeptGel(record, file.with_suffix(".png")))
+        return sorted(found, key=lambda gel: gel.record.made)
+
+    def keep_gel(self, record: GelRecord, picture: NDArray[np.uint8]) -> Path:
+        """Keep a baseline and return its picture's path.
+
+        Raises:
+            MissingExtraError: OpenCV is not installed.
+        """
+        from tega.runtime.opencv import load_cv2
+
+        _, png = load_cv2(record.driver).imencode(".png", picture)
+        path = self.path / "gels" / record.device / f"{record.made.strftime(_STAMP)}.png"
+        write_whole(path, bytes(png), sync=True)
+        write_record(record, path.with_suffix(".toml"))
+        return path
+
+    # Vests, whoever wears them.
+
+    def keep_onset(self, record: OnsetRecord) -> Path:
+        """Keep how long a motor takes to start, and return the file."""
+        name = f"{record.made.strftime(_STAMP)}-motor{record.motor:02}.toml"
+        path = self.path / "vests" / record.device / name
+        write_record(record, path)
+        return path
+
+    def onsets(self, device: str) -> list[OnsetRecord]:
+        """Return the newest measurement of each motor of a vest; one that cannot be read is left out."""
+        newest: dict[int, OnsetRecord] = {}
+        for file in sorted((self.path / "vests" / device).glob("*-motor*.toml")):
+            try:
+                record = read_record(file, OnsetRecord)
+            except CalibrationError:
+                continue
+            if record.device == device:
+                newest[record.motor] = record
+        return [newest[motor] for motor in sorted(newest)]
+
+    # Scene cameras, whoever is filmed.
+
+    def keep_lens(self, camera: str, lens: Lens, made: datetime) -> Path:
+        """Keep a scene camera's lens, and return the file; the one before goes into ``before/``.
+
+        Raises:
+            UnsafeNameError: The camera's name cannot be a file's.
+        """
+        from tega_scene.lens import save_lens
+
+        path = self.lens_file(camera)
+        if path.is_file():
+            before = path.parent / "before" / f"{path.stem}.until-{made.strftime(_STAMP)}.json"
+            write_whole(before, path.read_bytes(), sync=True)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        save_lens(path, lens)
+        return path
+
+    def lens_file(self, camera: str) -> Path:
+        """Return where a scene camera's lens is kept."""
+        return self.path / "cameras" / f"{plain_name(camera, what='camera', source='calibration')}.json"
+
+    # People.
+
+    def person(self, person: str) -> Path:
+        """Return a person's folder."""
+        return self.path / "people" / checked_person(person)
+
+    def hand(self, person: str) -> OwnHand | None:
+        """Return the hand of a person; ``None`` where nobody has set it.
+
+        Raises:
+            CalibrationError: The file holds something else.
+        """
+        path = self.person(person) / _FACTS
+        if not path.exists():
+            return None
+        try:
+            return msgspec.convert(parse_toml(read_words(path)), PersonFacts).hand
+        except (OSError, ValueError, RecordingError) as error:
+            raise CalibrationError(
+                f"{self.named(path)}: {error}", "delete it, and set the hand anew with calibrate --hand"
+            ) from error
+
+    def keep_hand(self, person: str, hand: OwnHand) -> Path:
+        """Keep the hand of a person, which is set once.
+
+        Raises:
+            CalibrationError: The other hand is kept already: what was calibrated was calibrated with that one.
+        """
+        path, kept = self.person(person) / _FACTS, self.hand(person)
+        if kept not in {None, hand}:
+            raise CalibrationError(
+                f"{person}'s hand is kept as the {kept} one",
+                f"was that wrong? delete {path}, set it anew and calibrate again",
+            )
+        if kept is None:
+            write_whole(path, tree_text(msgspec.to_builtins(PersonFacts(hand=hand))), sync=True)
+        return path
+
+    def file(self, person: str, part: Part, device: str) -> Path:
+        """Return where a record is kept."""
+        return self.person(person) / f"{part}-{device}.toml"
+
+    def named(self, path: Path) -> str:
+        """Return a file's name as seen from the folder."""
+        return path.relative_to(self.path).as_posix() if path.is_relative_to(self.path) else path.name
+
+    def keep(self, record: TouchRecord | EmgRecord | VestCalibration | ArmRecord) -> Path:
+        """Keep a record; the one before goes into ``before/``."""
+        part = next(part for part, kind in _TYPES.items() if isinstance(record, kind))
+        path = self.file(record.person, part, record.device)
+        if path.is_file():
+            try:
+                stamp = read_record(path, _TYPES[part]).made.strftime(_STAMP)
+            except CalibrationError:
+                stamp = "unreadable"
+            write_whole(path.parent / "before" / f"{path.stem}.{stamp}.toml", path.read_bytes(), sync=True)
+        write_record(record, path)
+        return path
+
+    def record(self, person: str, wanted: type[_Any], device: str) -> _Any | None:
+        """Return a person's record of a device, or ``None`` where there is none.
+
+        Raises:
+            CalibrationError: It is damaged, or was made for another person or device.
+        """
+        path = self.file(person, _part(wanted), device)
+        if not path.is_file():
+            return None
+        found = read_record(path, wanted)
+        whose = getattr(found, "person", person)
+        if whose != person or found.device != device:
+            raise CalibrationError(
+                f"{self.named(path)}: was made for {whose} on {found.device}, not for {person} on {device}",
+                "calibrate; a copied file is not a calibration",
+            )
+        return found
+
+    def others(self, person: str, part: Part, device: str) -> str:
+        """Say for whom or what there are records instead of the one that is missing."""
+        mine = sorted(f.stem.removeprefix(f"{part}-") for f in self.person(person).glob(f"{part}-*.toml"))
+        if mine:
+            return f"{person} was calibrated on {', '.join(mine)}"
+        theirs = sorted(f.parent.name for f in self.path.glob(f"people/*/{part}-{device}.toml"))
+        if theirs:
+            return f"there is one of {', '.join(theirs)}"
+        return ""
+
+    def keep_practice(self, record: PracticeRecord) -> Path:
+        """Keep a score."""
+        path = self.person(record.person) / "practice" / f"{record.made.strftime(_STAMP)}.toml"
+        write_record(record, path)
+        return path
+
+    # What is not finished.
+
+    def unfinished(self, person: str, now: datetime) -> Unfinished | None:
+        """Return an interrupted calibration that can be gone on with."""
+        try:
+            found = parse_json(read_foreign(self._unfinished(person), most_mib=64), Unfinished)
+        except (OSError, RecordingError, msgspec.MsgspecError):
+            return None
+        return found if timedelta(0) <= now - found.started <= timedelta(hours=RESUME_H) else None
+
+    def keep_unfinished(self, person: str, unfinished: Unfinished) -> None:
+        """Keep what is finished so far."""
+        write_whole(
+            self._unfinished(person), msgspec.json.format(msgspec.json.encode(unfinished)) + b"\n", sync=True
+        )
+
+    def forget_unfinished(self, person: str) -> None:
+        """Delete what was kept of an interrupted calibration."""
+        self._unfinished(person).unlink(missing_ok=True)
+
+    def _unfinished(self, person: str) -> Path:
+        return self.person(person) / "unfinished.json"
+
+
+def _part(wanted: type[CalibrationRecord]) -> Part:
+    return next(part for part, kind in _TYPES.items() if kind is wanted)

@@ -1,0 +1,358 @@
+"""Define a calibration's records, as TOML that people read: one a file, dated, units in the keys' names.
+
+A record is written whole or not at all, and refused where its format or version is not known. Times are UTC.
+"""
+
+from __future__ import annotations
+
+import math
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal, TypeVar
+
+import msgspec
+import tomlkit
+
+from tega.config.calibration.store import TouchMaxima
+from tega.config.errors import explain
+from tega.errors import CalibrationError, ConfigError
+from tega.runtime.files.foreign_file import parse_toml, read_words
+from tega.runtime.files.toml_text import toml_item, tree_item
+from tega.runtime.files.whole_file import write_whole
+
+
+class CalibrationRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Fields that every record begins with.
+
+    Attributes:
+        version: Of the format.
+        device: Serial number of the device, or what stands for one.
+        driver: Its driver.
+        made: When it was made.
+        notes: What a reader has to know, one sentence each.
+    """
+
+    comments: ClassVar[dict[str, str]] = {}
+
+    version: Literal[1] = 1
+    device: str
+    driver: str
+    made: datetime
+    notes: tuple[str, ...] = ()
+
+
+class GelRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format", tag="tega-gel"):
+    """A baseline of a fingertip; the picture is the PNG of the same name.
+
+    Attributes:
+        noise_counts: Standard deviation of a pixel in time, blue, green, red.
+        n_pictures: How many the baseline is the mean of.
+        shift_counts: Change of the whole picture since the first baseline of this sensor.
+        dark_px: Pixels darker than in the first baseline.
+        wear_percent: Pixels that are another than in the first baseline.
+        cell_noise_counts: Standard deviation of a cell's mean, blue, green, red; ``None`` in earlier records.
+    """
+
+    comments: ClassVar[dict[str, str]] = {
+        "noise_counts": "blue, green, red, of 255",
+        "shift_counts": "blue, green, red, since this sensor's first baseline",
+        "dark_px": "pixels darker than in the first baseline",
+        "wear_percent": "of the picture looks other than in the first baseline",
+    }
+
+    noise_counts: tuple[float, float, float]
+    n_pictures: int
+    shift_counts: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    dark_px: int = 0
+    wear_percent: float = 0.0
+    cell_noise_counts: tuple[float, float, float] | None = None
+
+
+class TouchRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format", tag="tega-touch"):
+    """Maxima of one fingertip, as one person presses it.
+
+    Attributes:
+        person: Who pressed.
+        finger: Where the sensor was.
+        baseline: The baseline's picture, from the calibrations' folder.
+        baseline_made: When that was taken.
+        width_px: Of the picture.
+        height_px: Likewise.
+        n_presses: Firm presses, round and flat.
+        live: Maxima under the preset ``live``.
+        paper: And under ``paper``.
+    """
+
+    comments: ClassVar[dict[str, str]] = {
+        "live": "99.5 percentile of the frames in contact; cci_max in counts per root pixel, eda_max in pixels, x 1.3",
+        "paper": "likewise; cci_max in counts per pixel",
+    }
+
+    person: str
+    finger: str
+    baseline: str
+    baseline_made: datetime
+    width_px: int
+    height_px: int
+    n_presses: int
+    live: TouchMaxima
+    paper: TouchMaxima
+
+
+class EmgRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format", tag="tega-emg"):
+    """Rest and full effort of each channel, and the conditions under which they hold.
+
+    Attributes:
+        person: Whose muscles.
+        kind: ``raw``, ``rectified`` or ``envelope``.
+        rate_hz: Samples per second.
+        tau_samples: Samples per block.
+        lowpass_hz: Of the filter before the block mean.
+        settings: The driver's options that change the numbers, such as the gain.
+        unit: Of the numbers below.
+        channels: Their names.
+        muscles: What each sits on.
+        offset: Mean of the samples at rest.
+        rest: Middle block mean at rest.
+        live_max: 95th percentile of the block means of strong squeezes; the preset scales it by 0.8.
+        paper_max: Their largest block mean.
+        answers: How much each channel rose while the muscle of each row worked alone, share of its range.
+        refreshed: When rest and scale were last looked at; ``None`` for never.
+        scale: What the refreshes have multiplied the maxima with.
+    """
+
+    comments: ClassVar[dict[str, str]] = {
+        "offset": "mean of the samples at rest",
+        "rest": "middle block mean at rest",
+        "live_max": "95th percentile of the block means of strong squeezes",
+        "paper_max": "their largest block mean",
+        "answers": "one row a muscle: how much each channel rose, share of its range",
+        "scale": "by which refreshes have multiplied the maxima in all",
+    }
+
+    person: str
+    kind: Literal["raw", "rectified", "envelope"]
+    rate_hz: float
+    tau_samples: int
+    lowpass_hz: float = 50.0
+    settings: str = ""
+    unit: str
+    channels: tuple[str, ...]
+    muscles: tuple[str, ...]
+    offset: tuple[float, ...]
+    rest: tuple[float, ...]
+    live_max: tuple[float, ...]
+    paper_max: tuple[float, ...]
+    answers: tuple[tuple[float, ...], ...]
+    refreshed: datetime | None = None
+    scale: float = 1.0
+
+
+class VestCalibration(CalibrationRecord, frozen=True, kw_only=True, tag_field="format", tag="tega-vest"):
+    """Thresholds and steps that one person feels on a vest.
+
+    Attributes:
+        person: Who wore it.
+        layout: Which motors the vest has.
+        ceiling_percent: Nothing stronger was shown.
+        sites: Columns (``f1`` to ``b4``) or motors (``m0`` to ``m39``), in the order of the next two.
+        threshold_percent: The lowest intensity felt there; -1 where none was.
+        step_percent: The smallest increase noticed there; -1 where none was.
+        step_sites: Where that was looked for; the others of a face have what was found there.
+        named_right: Columns whose place was named right, of ``named``.
+        named: Columns whose place was asked.
+        false_alarms: How often nothing was felt to be something.
+    """
+
+    comments: ClassVar[dict[str, str]] = {
+        "sites": "f front, b back; columns from the wearer's left",
+        "threshold_percent": "the lowest intensity felt at each; -1: none was",
+        "step_percent": "the smallest increase noticed at each; -1: none was",
+        "step_sites": "where it was looked for; the others of a face have what was found there",
+        "false_alarms": "times that nothing was felt to be something",
+    }
+
+    person: str
+    layout: str
+    ceiling_percent: int
+    sites: tuple[str, ...]
+    threshold_percent: tuple[float, ...]
+    step_percent: tuple[float, ...]
+    step_sites: tuple[str, ...] = ()
+    named_right: int
+    named: int
+    false_alarms: int
+
+
+class ArmRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format", tag="tega-arm"):
+    """Heading of one person's forward in the axes of a tracker, and of the robot's base as that person sees it.
+
+    Attributes:
+        person: Whose forearm.
+        frame: Axes of the tracker, a name of :data:`tega.arm.FRAMES`.
+        yaw_rad: As in ``arm.mapping.yaw_rad``.
+        off_rad: How far from forward the second movement came out, to the left.
+        base_yaw_rad: As in ``arm.mapping.base_yaw_rad``; earlier versions took 0 for granted.
+    """
+
+    comments: ClassVar[dict[str, str]] = {
+        "yaw_rad": "as in arm.mapping.yaw_rad",
+        "off_rad": "how far from forward the second movement came out, to the left",
+        "base_yaw_rad": "as in arm.mapping.base_yaw_rad: 0 away from the person, 1.5708 to the left, 3.1415 towards",
+    }
+
+    person: str
+    frame: str
+    yaw_rad: Annotated[float, msgspec.Meta(ge=-math.pi, le=math.pi)]
+    off_rad: float
+    base_yaw_rad: Annotated[float, msgspec.Meta(ge=-math.pi, le=math.pi)] = 0.0
+
+
+class PracticeRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format", tag="tega-practice"):
+    """Score of a person who followed a curve of levels.
+
+    Attributes:
+        person: Who.
+        preset: Rules of the levels.
+        seed: Of the curve.
+        duration_s: How long.
+        in_target_percent: Time on the level asked for.
+        rms_error_levels: Root of the mean square of the difference, levels.
+        delay_s: Shift at which the levels fit the curve best; left out where the level never changed.
+        kind: What the samples are that lie beside the record (``.npy``: the channels, then the closure asked for).
+        rate_hz: Samples per second.
+        channels: Names of the channels.
+        decoder: Which made levels of the muscles; with the rules, the preset's too. Empty in records before 0.2.
+        options: Its options, as JSON.
+    """
+
+    comments: ClassVar[dict[str, str]] = {
+        "in_target_percent": "of the time on the level asked for",
+        "delay_s": "shift at which the levels fit the curve best",
+    }
+
+    person: str
+    preset: Literal["paper", "live"]
+    seed: int
+    duration_s: float
+    in_target_percent: float
+    rms_error_levels: float
+    delay_s: float | None = None
+    kind: Literal["raw", "rectified", "envelope"] | None = None
+    rate_hz: float | None = None
+    channels: tuple[str, ...] = ()
+    decoder: str = ""
+    options: str = ""
+
+
+class OnsetRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format", tag="tega-motor-onset"):
+    """Time that one motor of a vest takes to start, measured with a microphone, whoever wears it.
+
+    Attributes:
+        layout: Which motors the vest has.
+        motor: Which it was.
+        percent: How hard it was driven.
+        onset_ms: From the frame's hand-over to the transport to the first vibration, middle of the bursts.
+        middle_half_ms: Between these lies half of the bursts.
+        worst_ms: The longest.
+        half_strength_ms: Likewise to half of the vibration's strength, middle of the bursts.
+        bursts: How many there were.
+        used: How many count.
+        left_out: The others, each number with its reason.
+        spin_hz: Turns of the motor a second.
+        clock: How the recording's time was told: ``clicks``, ``stamps`` or ``arrival``.
+        clock_uncertainty_ms: How far all delays together may be off by that.
+    """
+
+    comments: ClassVar[dict[str, str]] = {
+        "onset_ms": "from the frame's hand-over to the transport to the first vibration, middle of the bursts",
+        "middle_half_ms": "half of the bursts lie between these",
+        "half_strength_ms": "to half of the vibration's strength",
+        "left_out": "bursts that do not count, and why",
+        "clock": "how the recording's time was told",
+        "clock_uncertainty_ms": "all delays together may be off by that",
+    }
+
+    layout: str
+    motor: int
+    percent: int
+    onset_ms: float
+    middle_half_ms: tuple[float, float]
+    worst_ms: float
+    half_strength_ms: float
+    bursts: int
+    used: int
+    left_out: tuple[str, ...] = ()
+    spin_hz: float
+    clock: str
+    clock_uncertainty_ms: float
+
+
+_Any = TypeVar("_Any", bound=CalibrationRecord)
+
+
+def utc_now() -> datetime:
+    """Return the time of day, whole seconds, UTC."""
+    return datetime.now(UTC).replace(microsecond=0)
+
+
+def read_record(path: Path, wanted: type[_Any]) -> _Any:
+    """Read a record.
+
+    Args:
+        path: Its file.
+        wanted: Its type.
+
+    Raises:
+        CalibrationError: It is missing, damaged, of another kind or of a version that is not known.
+    """
+    try:
+        tree = parse_toml(read_words(path, error=CalibrationError))
+    except OSError as error:
+        raise CalibrationError(
+            f"{path.name}: cannot be read: {error.strerror or error}", f"looked for {path}"
+        ) from error
+    except CalibrationError:
+        raise
+    except ValueError as error:
+        raise CalibrationError(f"{path.name}: damaged: {error}", "calibrate again") from error
+    if tree.get("version") != 1:
+        raise CalibrationError(
+            f"{path.name}: version {tree.get('version')!r} of the format is not known here (1 is)",
+            "use the TEGA that wrote it, or calibrate again",
+        )
+    try:
+        record = msgspec.convert(tree, wanted)
+    except msgspec.ValidationError as error:
+        said: ConfigError = explain(error, tree, wanted, prefix="", origins={})
+        raise CalibrationError(
+            f"{path.name}: {said.message.removeprefix('settings: ')}", said.hint or "calibrate again"
+        ) from None
+    if not record.made.tzinfo:
+        raise CalibrationError(f"{path.name}: made has no time zone", "write it as in 2026-11-21T15:04:05Z")
+    return record
+
+
+def write_record(record: CalibrationRecord, path: Path) -> None:
+    """Write a record; whoever reads the file sees the old one or the new one, whole."""
+    fields = {"format": record.__struct_config__.tag, "version": record.version}
+    fields |= {name: getattr(record, name) for name in _FIRST if hasattr(record, name)}
+    fields |= msgspec.structs.asdict(record)
+    if not record.notes:
+        del fields["notes"]
+    text = tomlkit.document()
+    for name, value in fields.items():
+        if value is None:
+            continue
+        item = (
+            tree_item(msgspec.structs.asdict(value))
+            if isinstance(value, msgspec.Struct)
+            else toml_item(value)
+        )
+        if name in record.comments:
+            item.comment(record.comments[name])
+        text.add(name, item)
+    write_whole(path, tomlkit.dumps(text), sync=True)
+
+
+_FIRST = ("person", "device", "driver", "made")

@@ -1,0 +1,245 @@
+"""Read and write calibration files: TOML, readable by people, refused where they do not fit.
+
+Example of a file::
+
+    format = "tega-calibration"
+    version = 1
+    preset = "live"
+    origin = "self-calibrated from the recording, not causal"
+
+    [tactile.thumb]
+    cci_max = 1.31
+    eda_max = 9120.0
+
+    [emg]
+    kind = "raw"
+    rate_hz = 200.0
+    tau = 20
+    channels = ["ch3", "ch6", "ch8"]
+    maxima = [58.1, 21.7, 19.3]
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+import tomlkit
+
+from tega.config.errors import explain
+from tega.errors import CalibrationError, ConfigError
+from tega.runtime.files.foreign_file import parse_toml, read_words
+from tega.runtime.files.toml_text import tree_item
+from tega.runtime.files.whole_file import write_whole
+from tega.tactile.tracker import DEPTH_LAW
+
+_Positive = Annotated[float, msgspec.Meta(gt=0, le=sys.float_info.max)]
+
+
+class TouchMaxima(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Maxima of one finger, and what was fitted to its gel.
+
+    Attributes:
+        cci_max: Largest CCI; ``None`` where no press was seen, which keeps the front column still.
+        eda_max: Largest EDA in pixels; ``None`` likewise, for the back column.
+        noise_counts: Noise of the sensor's cells, blue, green, red, as :func:`tega.tactile.sensor_noise` measures it;
+            ``None`` takes a DIGIT's.
+        depth_gain: Depth by depth as the nominal light of a gel has it; ``None`` where no known press was taken.
+        stiffness_n_mm3: Of the gel, newtons per cubic millimetre; ``None`` likewise.
+        mm_per_px: Scale of a picture of 320 x 240 pixels; ``None`` likewise.
+        depth_law: Version of the law that gain and stiffness were fitted to; earlier calibrations name none.
+    """
+
+    cci_max: _Positive | None = None
+    eda_max: _Positive | None = None
+    noise_counts: tuple[_Positive, _Positive, _Positive] | None = None
+    depth_gain: _Positive | None = None
+    stiffness_n_mm3: _Positive | None = None
+    mm_per_px: _Positive | None = None
+    depth_law: int | None = None
+
+    @property
+    def other_law(self) -> bool:
+        """Whether gain or stiffness were fitted to another law of depth and force than this TEGA reads by."""
+        fitted = self.depth_gain is not None or self.stiffness_n_mm3 is not None
+        return fitted and self.depth_law != DEPTH_LAW
+
+    def of_this_law(self) -> TouchMaxima:
+        """Return the maxima without gain and stiffness where those belong to another law."""
+        if not self.other_law:
+            return self
+        return msgspec.structs.replace(self, depth_gain=None, stiffness_n_mm3=None, depth_law=None)
+
+
+def refused_law(finger: str, maxima: TouchMaxima | None, command: str) -> list[str]:
+    """Say that a finger's gain and stiffness are not used, being of another law; nothing where they are of this one.
+
+    Args:
+        finger: Which.
+        maxima: Its part of a calibration.
+        command: What calibrates it anew.
+    """
+    if maxima is None or not maxima.other_law:
+        return []
+    return [
+        f"{finger}: depth and force were calibrated for law {maxima.depth_law or 0} of the touch reading, and this "
+        f"TEGA reads by law {DEPTH_LAW}: they are nominal until the known ball is pressed again ({command} "
+        "--known-ball MM NEWTON); all else of the calibration is used"
+    ]
+
+
+class FingerMaxima(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """The maxima of each finger; ``None`` for a finger that was not calibrated."""
+
+    thumb: TouchMaxima | None = None
+    index: TouchMaxima | None = None
+    middle: TouchMaxima | None = None
+    ring: TouchMaxima | None = None
+
+
+class EmgMaxima(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Maxima of the EMG channels, and the conditions under which they hold.
+
+    Attributes:
+        kind: ``raw``, ``rectified`` or ``envelope``.
+        rate_hz: Samples per second.
+        tau: Samples per block.
+        channels: Names of the channels, in order.
+        maxima: Largest block mean of each, in the source's unit.
+    """
+
+    kind: Literal["raw", "rectified", "envelope"]
+    rate_hz: _Positive
+    tau: Annotated[int, msgspec.Meta(ge=1)]
+    channels: tuple[str, ...]
+    maxima: tuple[_Positive, ...]
+
+
+class Calibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A set of maxima.
+
+    Attributes:
+        preset: The preset they were taken with; the other one's readings have other scales.
+        origin: How they came about.
+        tactile: By finger.
+        emg: Of the muscle signal, where there is one.
+        format: Always ``tega-calibration``.
+        version: Of the file format.
+    """
+
+    preset: Literal["paper", "live"]
+    origin: str
+    tactile: FingerMaxima = FingerMaxima()
+    emg: EmgMaxima | None = None
+    format: Literal["tega-calibration"] = "tega-calibration"
+    version: Literal[1] = 1
+
+    def touch(self, finger: str) -> TouchMaxima | None:
+        """Return a finger's maxima; ``None`` if it was not calibrated."""
+        maxima: TouchMaxima | None = getattr(self.tactile, finger)
+        return maxima
+
+    def check_fits(self, *, preset: str, fingers: Iterable[str], emg: EmgMaxima | None, name: str) -> None:
+        """Refuse a calibration for a run it was not made for.
+
+        Args:
+            preset: The run's preset.
+            fingers: The run's fingers.
+            emg: The run's EMG conditions (its ``maxima`` do not matter); ``None`` without EMG.
+            name: What to call this calibration in an error.
+
+        Raises:
+            CalibrationError: Something differs; the message names it and both values.
+        """
+        hint = "calibrate again under the conditions of this run, or run under those of the calibration"
+        if self.preset != preset:
+            raise CalibrationError(f"{name}: made with preset {self.preset!r}, the run uses {preset!r}", hint)
+        for finger in fingers:
+            if self.touch(finger) is None:
+                raise CalibrationError(f"{name}: has no maxima for finger {finger!r}", hint)
+        if emg is None:
+            return
+        if self.emg is None:
+            raise CalibrationError(f"{name}: has no EMG maxima", hint)
+        if len(self.emg.maxima) != len(self.emg.channels):
+            raise CalibrationError(
+                f"{name}: emg has {len(self.emg.channels)} channels and {len(self.emg.maxima)} maxima",
+                "give one maximum per channel",
+            )
+        for what in ("kind", "rate_hz", "tau", "channels"):
+            mine, theirs = getattr(self.emg, what), getattr(emg, what)
+            if mine != theirs:
+                raise CalibrationError(
+                    f"{name}: made for emg {what} = {mine!r}, the run has {theirs!r}", hint
+                )
+
+
+def load_calibration(path: Path) -> Calibration:
+    """Read a calibration file.
+
+    Args:
+        path: The file.
+
+    Returns:
+        Its content.
+
+    Raises:
+        CalibrationError: It is missing, is not TOML, or a value in it is unknown, of a wrong type or out of range.
+    """
+    try:
+        text = read_words(path, error=CalibrationError)
+    except OSError as error:
+        raise CalibrationError(
+            f"{path.name}: cannot be read: {error.strerror or error}", f"looked for {path}"
+        ) from error
+    except CalibrationError:
+        raise
+    except ValueError as error:
+        raise CalibrationError(f"{path.name}: not valid TOML: {error}", "see https://toml.io") from error
+    return parse_calibration(text, path.name)
+
+
+def parse_calibration(text: str, name: str) -> Calibration:
+    """Read a calibration from the text of its file.
+
+    Args:
+        text: TOML.
+        name: What to call it in an error.
+
+    Raises:
+        CalibrationError: It is not TOML, or a value in it is unknown, of a wrong type or out of range.
+    """
+    try:
+        tree = parse_toml(text)
+    except ValueError as error:
+        raise CalibrationError(f"{name}: not valid TOML: {error}", "see https://toml.io") from error
+    try:
+        return msgspec.convert(tree, Calibration)
+    except msgspec.ValidationError as error:
+        said: ConfigError = explain(error, tree, Calibration, prefix="", origins={})
+        message = said.message.removeprefix("settings: ")
+        raise CalibrationError(f"{name}: {message}", said.hint or "calibrate again") from None
+
+
+def save_calibration(calibration: Calibration, path: Path) -> None:
+    """Write a calibration file; equal calibrations give equal bytes.
+
+    Args:
+        calibration: What to write.
+        path: The file; it is replaced.
+    """
+    write_whole(path, calibration_text(calibration))
+
+
+def calibration_text(calibration: Calibration) -> str:
+    """Return the text that :func:`save_calibration` writes."""
+    first = ("format", "version", "preset", "origin")
+    fields = msgspec.to_builtins(calibration)
+    text = tree_item({name: fields[name] for name in (*first, *fields)})
+    for finger, maxima in text["tactile"].items():
+        if "cci_max" not in maxima and "eda_max" not in maxima:
+            text["tactile"][finger].comment("no press was seen: this finger's columns stay still")
+    return tomlkit.dumps(text)

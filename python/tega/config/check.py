@@ -1,0 +1,244 @@
+"""Check settings against the schema, the drivers and the stages that they name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from tega.config.errors import Overridden, explain
+from tega.config.origins import LoadedConfig, SettingValue, fields_of, origin_of, where
+from tega.config.sections import (
+    DEFAULT_LAYOUT,
+    DEFAULT_PACE,
+    DEFAULT_STAGES,
+    STAGE_GROUPS,
+    InputConfig,
+    InputSection,
+    ReflexSection,
+    SessionConfig,
+    StageConfig,
+    StagesSection,
+    TactileSection,
+)
+from tega.devices.registry import driver_class
+from tega.errors import ConfigError, InvalidValueError
+from tega.haptics.motor_layout import find_layout
+from tega.runtime.device_items import Kind
+from tega.stages.registry import stage_class
+from tega_link.settings import checked_net
+from tega_scene.settings import checked_cameras
+
+
+def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) -> LoadedConfig:
+    """Check a tree of settings against the schema and the drivers it names.
+
+    Args:
+        tree: Settings as nested tables.
+        origins: Where each dotted key came from.
+        base: Folder to which relative paths refer.
+
+    Returns:
+        The configuration and the origin of every value.
+
+    Raises:
+        ConfigError: A key is unknown, of a wrong type or out of range.
+        MissingExtraError: A driver it names needs a package that is not installed.
+    """
+
+    def place(wanted: type, value: Any) -> Any:
+        if wanted is Path and isinstance(value, str | Path):
+            return (Path.cwd() if isinstance(value, Overridden) else base) / Path(value).expanduser()
+        raise TypeError(f"expected {'a path' if wanted is Path else wanted.__name__}")
+
+    def convert(subtree: Any, wanted: Any, prefix: str) -> Any:
+        try:
+            return msgspec.convert(subtree, wanted, dec_hook=place)
+        except msgspec.ValidationError as error:
+            raise explain(error, subtree, wanted, prefix=prefix, origins=origins) from None
+
+    def with_options(section: Any, kind: Kind, key: str) -> Any:
+        if section is None:
+            return None
+        if section.driver is None:
+            if section.options:
+                raise ConfigError(f"{key}.options: given, but no driver is named", f"set {key}.driver")
+            return section
+        try:
+            wanted = driver_class(section.driver, kind).options_type
+        except ConfigError as error:
+            raise ConfigError(
+                f"{where(origins, f'{key}.driver')}: {key}.driver: {error.message}", error.hint
+            ) from None
+        options = convert(section.options, wanted, f"{key}.options")
+        return msgspec.structs.replace(section, options=options)
+
+    _check_moved(tree, origins)
+    config: SessionConfig = convert(tree, SessionConfig, "")
+    tactile = TactileSection(
+        **{f: with_options(c, "tactile", f"tactile.{f}") for f, c in config.tactile.in_use().items()}
+    )
+    arm = with_options(config.arm, "arm", "arm")
+    if arm is not None:
+        tracker = with_options(arm.tracker, "tracker", "arm.tracker")
+        arm = msgspec.structs.replace(arm, tracker=tracker)
+        _ = arm.start  # a start outside of the workspace is refused before anything is opened
+    net = config.net
+    if net is not None:
+        checked_net(net)
+    if net is not None and net.tracker is not None:
+        net = msgspec.structs.replace(net, tracker=with_options(net.tracker, "tracker", "net.tracker"))
+    config = msgspec.structs.replace(
+        config,
+        stages=_typed_stages(config, origins, convert),
+        tactile=tactile,
+        arm=arm,
+        net=net,
+        scene=checked_cameras(config.scene, base, config.session.pace),
+        emg=with_options(config.emg, "emg", "emg"),
+        vest=with_options(config.vest, "vest", "vest"),
+        hand=with_options(config.hand, "hand", "hand"),
+        input=InputSection(
+            **{seat: with_options(c, "input", f"input.{seat}") for seat, c in config.input.in_use().items()}
+        ),
+    )
+    _check_dead_man(config.input.dead_man)
+    config, mounted = _with_mounted_hand(config, origins)
+    # A person's calibrations are kept there, and how long the vest's motors take to start.
+    kept_there = config.calibration.person is not None or config.vest.driver is not None
+    if kept_there and config.calibration.folder is None:
+        beside = msgspec.structs.replace(config.calibration, folder=base / "calibrations")
+        config = msgspec.structs.replace(config, calibration=beside)
+    values = {key: SettingValue(value, origin_of(key, origins)) for key, value in fields_of(config)}
+    preset = config.session.preset
+    for group in STAGE_GROUPS:
+        if getattr(config.stages, group).name is None:
+            values[f"stages.{group}.name"] = SettingValue(DEFAULT_STAGES[preset][group], f"preset {preset}")
+    if config.vest.layout is None:
+        values["vest.layout"] = SettingValue(DEFAULT_LAYOUT[preset], f"preset {preset}")
+    if config.vest.pace is None:
+        values["vest.pace"] = SettingValue(DEFAULT_PACE[preset], f"preset {preset}")
+    if mounted:
+        values["arm.mapping.robot_hand"] = SettingValue(mounted, "hand.options.side")
+    if config.calibration.person is None:
+        return LoadedConfig(config, values)
+    from tega.setup.calibration.person import with_person
+
+    return with_person(LoadedConfig(config, values), given=set(origins))
+
+
+def _with_mounted_hand(config: SessionConfig, origins: Mapping[str, str]) -> tuple[SessionConfig, str]:
+    """Have the arm's motion be mirrored for the hand that is mounted, whose driver refuses the other one.
+
+    Returns:
+        The settings, and the side that was taken; ``""`` where the settings say it or no driver knows it.
+
+    Raises:
+        ConfigError: The settings say another side of the arm's hand than of the hand.
+    """
+    side = getattr(config.hand.options, "side", None)
+    if config.arm is None or side is None:
+        return config, ""
+    said, key = config.arm.mapping.robot_hand, "arm.mapping.robot_hand"
+    if key in origins:
+        if said != side:
+            place = f"{where(origins, key)}: {key}"
+            raise ConfigError(
+                f"{place} is {said!r}, but hand.options.side is {side!r}", f"leave {key} out, or correct one"
+            )
+        return config, ""
+    mapping = msgspec.structs.replace(config.arm.mapping, robot_hand=side)
+    return msgspec.structs.replace(config, arm=msgspec.structs.replace(config.arm, mapping=mapping)), side
+
+
+def _typed_stages(
+    config: SessionConfig, origins: Mapping[str, str], convert: Callable[[Any, Any, str], Any]
+) -> StagesSection:
+    """Return the stages with the options that each of them has, and refuse names that nothing has."""
+    sections: dict[str, StageConfig] = {}
+    for group in STAGE_GROUPS:
+        section: StageConfig = getattr(config.stages, group)
+        key = f"stages.{group}"
+        try:
+            wanted = stage_class(group, section.name or DEFAULT_STAGES[config.session.preset][group])
+        except ConfigError as error:
+            place = f"{where(origins, f'{key}.name')}: {key}.name"
+            raise ConfigError(f"{place}: {error.message}", error.hint) from None
+        options = convert(section.options, wanted.options_type, f"{key}.options")
+        sections[group] = msgspec.structs.replace(section, options=options)
+    if config.vest.layout is not None:
+        try:
+            find_layout(config.vest.layout)
+        except InvalidValueError as error:
+            place = where(origins, "vest.layout")
+            raise ConfigError(f"{place}: vest.{error.message}", error.hint) from None
+    beside = []
+    for number, one in enumerate(config.stages.beside):
+        key = f"stages.beside[{number}]"
+        try:
+            wanted = stage_class(one.group, one.name)
+        except ConfigError as error:
+            place = f"{where(origins, f'{key}.name')}: {key}.name"
+            raise ConfigError(f"{place}: {error.message}", error.hint) from None
+        typed = convert(one.options, wanted.options_type, f"{key}.options")
+        beside.append(msgspec.structs.replace(one, options=typed))
+    return StagesSection(
+        **sections,
+        beside=tuple(beside),
+        adaptation=config.stages.adaptation,
+        slips=config.stages.slips,
+        reflex=_typed_reflex(config, origins, convert),
+    )
+
+
+def _typed_reflex(
+    config: SessionConfig, origins: Mapping[str, str], convert: Callable[[Any, Any, str], Any]
+) -> ReflexSection:
+    """Return the reflex with its own options; one without a name is off, and has none."""
+    reflex, key = config.stages.reflex, "stages.reflex"
+    if reflex.name is None:
+        if reflex.authority > 0 or reflex.options:
+            place = where(origins, f"{key}.authority" if reflex.authority > 0 else key)
+            raise ConfigError(
+                f"{place}: {key} has settings, but {key}.name is not set",
+                f'name a reflex, such as {key}.name = "grip", or leave them out',
+            )
+        return reflex
+    try:
+        wanted = stage_class("reflex", reflex.name)
+    except ConfigError as error:
+        raise ConfigError(
+            f"{where(origins, f'{key}.name')}: {key}.name: {error.message}", error.hint
+        ) from None
+    return msgspec.structs.replace(
+        reflex, options=convert(reflex.options, wanted.options_type, f"{key}.options")
+    )
+
+
+# Settings that have another name now.
+_MOVED = {
+    "vest.feedback": "stages.mapping.name: columns for continuous, pulses for events",
+    "vest.pulses": "stages.mapping.options, with stages.mapping.name = pulses",
+}
+
+
+def _check_moved(tree: Mapping[str, Any], origins: Mapping[str, str]) -> None:
+    """Refuse a setting under the name it had in an earlier version, and say the one it has now."""
+    vest = tree.get("vest", {})
+    for key, now in _MOVED.items():
+        if isinstance(vest, dict) and key.removeprefix("vest.") in vest:
+            place = next((o for k, o in origins.items() if k == key or k.startswith(f"{key}.")), "settings")
+            raise ConfigError(f"{place}: {key}: unknown key", f"it is {now}")
+
+
+def _check_dead_man(seat: InputConfig | None) -> None:
+    """Refuse a dead-man that would stay held for ever if it froze; a driver without the option answers for itself."""
+    if seat is not None and getattr(seat.options, "silent_after_ms", 0.0) is None:
+        raise ConfigError(
+            f"input.dead_man: a {seat.driver} that freezes while it is held would stay held: "
+            "options.silent_after_ms is not set",
+            "set input.dead_man.options.silent_after_ms: 100 where it repeats its report while held; else up to "
+            "10000: it then has to be pressed anew that often",
+        )

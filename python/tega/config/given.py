@@ -1,0 +1,89 @@
+"""Take in settings as they are given: a TOML file, environment variables, ``key=value`` of the command line."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from tega.config.errors import Overridden
+from tega.config.lines import value_lines
+from tega.config.sections import STAGE_GROUPS
+from tega.errors import ConfigError
+from tega.runtime.files.foreign_file import parse_toml, read_words
+
+
+def override_tree(tree: dict[str, Any], sets: Sequence[str]) -> dict[str, str]:
+    """Put values given as text into a tree of settings.
+
+    Args:
+        tree: Settings as nested tables; changed in place.
+        sets: Values as ``key=value``, in TOML or plain text.
+
+    Returns:
+        Where each of the keys came from: ``--set``.
+
+    Raises:
+        ConfigError: One is not of the form ``key=value``, or goes into what is no table.
+    """
+    origins: dict[str, str] = {}
+    for item in sets:
+        override(tree, origins, *key_and_value(item, "session.preset=paper"), "--set")
+    return origins
+
+
+def override_recorded(tree: dict[str, Any], sets: Sequence[str]) -> dict[str, str]:
+    """Put values given as text into the settings of a recording, which are written out in full.
+
+    As :func:`override_tree`; a stage that is named anew begins with its own defaults, since it does not know the
+    options of the one that ran.
+    """
+    named = {item.partition("=")[0].strip() for item in sets}
+    for group in (*STAGE_GROUPS, "reflex"):
+        if f"stages.{group}.name" in named and isinstance(tree.get("stages"), dict):
+            tree["stages"].pop(group, None)
+    return override_tree(tree, sets)
+
+
+def key_and_value(item: str, example: str) -> tuple[str, str]:
+    """Return the two sides of ``key=value``; ``example`` is one that would do."""
+    key, equals, text = item.partition("=")
+    if not equals or not key.strip():
+        raise ConfigError(f"--set {item!r}: not of the form key=value", f"for example --set {example}")
+    return key.strip(), text.strip()
+
+
+def read_settings(path: Path) -> tuple[dict[str, Any], dict[str, int]]:
+    """Return a file's tree, and the line of each value."""
+    try:
+        text = read_words(path, error=ConfigError)
+        return parse_toml(text), value_lines(text)
+    except OSError as error:
+        raise ConfigError(
+            f"{path.name}: cannot be read: {error.strerror or error}", f"looked for {path}"
+        ) from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path.name}: not UTF-8 text: {error.reason}", "save it as UTF-8") from error
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{path.name}: not valid TOML: {error}", "see https://toml.io") from error
+
+
+def override(tree: dict[str, Any], origins: dict[str, str], key: str, text: str, origin: str) -> None:
+    """Put one value given as text into the tree."""
+    try:
+        value: Any = tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        value = text
+    if isinstance(value, str):
+        value = Overridden(value)
+    *tables, last = key.split(".")
+    node = tree
+    for i, table in enumerate(tables):
+        node = node.setdefault(table, {})
+        if not isinstance(node, dict):
+            raise ConfigError(
+                f"{origin}: {key}: {'.'.join(tables[: i + 1])} is a value, not a table", "check the key"
+            )
+    node[last] = value
+    origins[key] = origin

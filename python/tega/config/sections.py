@@ -1,0 +1,502 @@
+"""Define a session's settings: one structure a table of the file, with every default and limit.
+
+How they are read, checked and overridden is :mod:`tega.config.load`, which has all of these names as well.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import msgspec
+
+from tega.arm.settings import (
+    ArmSettings,
+    FilterSettings,
+    GateSettings,
+    LimitSettings,
+    MappingSettings,
+    WatchdogSettings,
+)
+from tega.errors import ConfigError
+from tega.haptics import FINGERS
+from tega.safety.settings import SafetySection
+from tega_link.settings import NetSection
+from tega_scene.settings import SceneConfig
+
+if TYPE_CHECKING:
+    from tega.arm.pose import Pose
+    from tega.haptics import Layout
+
+__all__ = [
+    "DEFAULT_LAYOUT",
+    "DEFAULT_PACE",
+    "DEFAULT_STAGES",
+    "FINGERS",
+    "STAGE_GROUPS",
+    "AdaptationSection",
+    "ArmConfig",
+    "BesideConfig",
+    "CalibrationConfig",
+    "EmgConfig",
+    "HandConfig",
+    "InputConfig",
+    "InputSection",
+    "MarkersSection",
+    "MaskingSection",
+    "Pace",
+    "RecordingSection",
+    "ReflexSection",
+    "SceneConfig",
+    "SessionConfig",
+    "SessionSection",
+    "StageConfig",
+    "StagesSection",
+    "TactileConfig",
+    "TactileSection",
+    "TrackerConfig",
+    "VestConfig",
+]
+
+Pace = Literal["steady", "by-frame"]
+
+DEFAULT_LAYOUT: dict[str, Layout] = {"paper": "paper32", "live": "x40"}
+"""The vest's layout where the settings name none, by preset."""
+
+STAGE_GROUPS: tuple[Literal["metric", "decoder", "mapping"], ...] = ("metric", "decoder", "mapping")
+"""Kinds of stages of which one is connected."""
+
+DEFAULT_STAGES: dict[str, dict[str, str]] = {
+    "paper": {"metric": "paper", "decoder": "rules", "mapping": "columns"},
+    "live": {"metric": "live", "decoder": "rules", "mapping": "columns"},
+}
+"""Name of the stage of each kind where the settings name none, by preset."""
+
+DEFAULT_PACE: dict[str, Pace] = {"paper": "steady", "live": "by-frame"}
+"""The vest's pace where the settings name none, by preset."""
+
+
+class _Section(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    pass
+
+
+class SessionSection(_Section, frozen=True):
+    """The run as a whole.
+
+    Attributes:
+        preset: ``paper`` (the printed law and the least that keeps it from breaking) or ``live`` (for people).
+        pace: ``real`` waits for the clock, ``fast`` runs recordings as fast as they can be computed.
+        out_dir: Folder for the outputs; none means nothing is written.
+        duration_s: Stop after this long; none means when the last recording ends, or never.
+        pose_base: Number of the most open level in pictures and summaries: 1 as in Eq 11 and the tables, 0 as in Fig 8.
+        realtime: Ask the system to let the threads of a live run go before other programs; see :mod:`tega.runtime.threads`.
+        emulated: The devices are emulators, so a study takes the session as a rehearsal only.
+    """
+
+    preset: Literal["paper", "live"] = "live"
+    pace: Literal["real", "fast"] = "real"
+    out_dir: Path | None = None
+    duration_s: Annotated[float, msgspec.Meta(gt=0, le=1e6)] | None = None
+    realtime: bool = True
+    emulated: bool = False
+    pose_base: Literal[0, 1] = 1
+
+
+_Hours = Annotated[float, msgspec.Meta(gt=0, le=1e6)]
+
+
+class CalibrationConfig(_Section, frozen=True):
+    """Origin of baselines, maxima and the wearer's thresholds.
+
+    Attributes:
+        file: A file of maxima; none means those of ``person``, or, for recordings only, of the recording itself, which
+            is not causal.
+        person: Whose calibration to use, as ``tega-teleop calibrate`` has kept it.
+        folder: Where it keeps them; none means ``calibrations`` beside the settings file.
+        baseline_old_h: A baseline older than this is warned of, hours.
+        touch_old_h: Likewise maxima of a fingertip.
+        emg_old_h: Likewise rest and maxima of the muscles; a refresh makes them new.
+        vest_old_h: Likewise thresholds of the vest.
+    """
+
+    file: Path | None = None
+    person: str | None = None
+    folder: Path | None = None
+    baseline_old_h: _Hours = 24.0
+    touch_old_h: _Hours = 720.0
+    emg_old_h: _Hours = 12.0
+    vest_old_h: _Hours = 2160.0
+
+
+class TactileConfig(_Section, frozen=True):
+    """One fingertip's sensor.
+
+    Attributes:
+        driver: Name of a tactile driver.
+        baseline: Picture of the untouched gel (an image or ``.npy``); none means it is estimated from the
+            recording's quietest frames.
+        options: The driver's own settings.
+    """
+
+    driver: str
+    baseline: Path | None = None
+    options: Any = msgspec.field(default_factory=dict)
+
+
+class TactileSection(_Section, frozen=True):
+    """The fingertips in use; a finger that is not named has no sensor."""
+
+    thumb: TactileConfig | None = None
+    index: TactileConfig | None = None
+    middle: TactileConfig | None = None
+    ring: TactileConfig | None = None
+
+    def in_use(self) -> dict[str, TactileConfig]:
+        """Return the fingers that have a sensor, thumb first."""
+        return {f: c for f in FINGERS if (c := getattr(self, f)) is not None}
+
+
+class EmgConfig(_Section, frozen=True):
+    """The muscle signal.
+
+    Attributes:
+        driver: Name of an EMG driver.
+        kind: What the samples are: ``raw`` (offset removed and rectified here), ``rectified`` or ``envelope``.
+        muscles: What each channel sits on, for the words of a calibration; none means ECR, FCU, FDS where
+            there are three.
+        options: The driver's own settings.
+    """
+
+    driver: str
+    kind: Literal["raw", "rectified", "envelope"]
+    muscles: tuple[str, ...] = ()
+    options: Any = msgspec.field(default_factory=dict)
+
+
+_Threshold = Annotated[float, msgspec.Meta(ge=0, le=99)]
+_EachThreshold = Annotated[tuple[_Threshold, ...], msgspec.Meta(min_length=40, max_length=40)]
+_Step = Annotated[float, msgspec.Meta(gt=0, le=100)]
+_EachStep = Annotated[tuple[_Step, ...], msgspec.Meta(min_length=40, max_length=40)]
+
+
+class VestConfig(_Section, frozen=True):
+    """The vest.
+
+    Attributes:
+        driver: Name of a vest driver; none means the frames are only recorded.
+        layout: Where the motors are: ``paper32``, ``x40``, ``x16`` or another of the stages' group ``tega.layouts``;
+            none means the preset's own.
+        rate_hz: Refreshes per second.
+        pace: ``steady`` makes frames at the refreshes only, ``by-frame`` also whenever a picture of a live fingertip
+            changes what is felt; none means the preset's own.
+        keep_alive_s: A frame equal to the last one sent is sent to a real vest again after this long at the latest;
+            0 sends every frame. It stays well below the 200 ms after which a vest has to fall silent by itself.
+        mirror: ``back`` reverses the back's columns, ``all`` both faces' (a left hand, or a mirrored vest).
+        threshold: The lowest intensity that this person feels, percent: one number, or 40 in the wearer's order.
+        step: The smallest increase that this person notices, percent; likewise. See ``tega.haptics.FeltMap``.
+        options: The driver's own settings.
+    """
+
+    driver: str | None = None
+    layout: str | None = None
+    rate_hz: Annotated[float, msgspec.Meta(gt=0, le=100)] = 30.0
+    pace: Pace | None = None
+    keep_alive_s: Annotated[float, msgspec.Meta(ge=0, le=0.15)] = 0.1
+    mirror: Literal["none", "back", "all"] = "none"
+    threshold: _Threshold | _EachThreshold = 0.0
+    step: _Step | _EachStep = 1.0
+    options: Any = msgspec.field(default_factory=dict)
+
+
+class HandConfig(_Section, frozen=True):
+    """The robot hand.
+
+    Attributes:
+        driver: Name of a hand driver; none means the frames are only recorded.
+        device_id: The hand's number on its bus.
+        options: The driver's own settings.
+    """
+
+    driver: str | None = None
+    device_id: Annotated[int, msgspec.Meta(ge=0, le=3)] = 0
+    options: Any = msgspec.field(default_factory=dict)
+
+
+class InputConfig(_Section, frozen=True):
+    """An operator's input device.
+
+    Attributes:
+        driver: Name of an input driver.
+        button: Which of its buttons is meant, for ``dead_man`` and ``marker``; none means any.
+        options: The driver's own settings.
+    """
+
+    driver: str
+    button: str | None = None
+    options: Any = msgspec.field(default_factory=dict)
+
+
+class InputSection(_Section, frozen=True):
+    """The operator's input devices, by what they are for.
+
+    Attributes:
+        motion: Six axes that are to move the arm.
+        dead_man: A switch that is held as long as things may move.
+        clutch: A switch that is held as long as the arm follows; without one the dead-man is it.
+        recover: A button that says, with the dead-man let go, that the arm may go on after a fault or a stop.
+        marker: A switch that marks a moment.
+        undo: A button that undoes the online adaptation of EMG; pressed again, that begins anew.
+        reflex: A button that takes the reflex's authority away; pressed again, gives it back.
+    """
+
+    motion: InputConfig | None = None
+    dead_man: InputConfig | None = None
+    clutch: InputConfig | None = None
+    recover: InputConfig | None = None
+    marker: InputConfig | None = None
+    undo: InputConfig | None = None
+    reflex: InputConfig | None = None
+
+    def in_use(self) -> dict[str, InputConfig]:
+        """Return the inputs that have a device."""
+        return {seat: c for seat in self.__struct_fields__ if (c := getattr(self, seat)) is not None}
+
+
+class TrackerConfig(_Section, frozen=True):
+    """The tracker that sees the operator's forearm.
+
+    Attributes:
+        driver: Name of a tracker's driver.
+        options: The driver's own settings.
+    """
+
+    driver: str
+    options: Any = msgspec.field(default_factory=dict)
+
+
+class ArmConfig(_Section, frozen=True):
+    """The robot's arm; needs ``input.dead_man``.
+
+    Attributes:
+        driver: Name of an arm's driver.
+        tracker: What sees the forearm; none means that ``input.motion`` is summed up.
+        rate_hz: Commands a second.
+        gate: What a pose has to be like to be believed; these five are those of :mod:`tega.arm.settings`.
+        mapping: How motion of the forearm becomes motion of the target.
+        filter: The One-Euro filter.
+        limits: Where the target may be and how it may move.
+        watchdog: After what time without news something happens.
+        start_m: Where the hand goes between a study's trials, base's axes; none leaves it where it is.
+        start_xyzw: How it is turned there; the default has its z along the base's x.
+        options: The driver's own settings.
+    """
+
+    driver: str
+    tracker: TrackerConfig | None = None
+    rate_hz: Annotated[float, msgspec.Meta(ge=30, le=500)] = 100.0
+    gate: GateSettings = GateSettings()
+    mapping: MappingSettings = MappingSettings()
+    filter: FilterSettings = FilterSettings()
+    limits: LimitSettings = LimitSettings()
+    watchdog: WatchdogSettings = WatchdogSettings()
+    start_m: tuple[float, float, float] | None = None
+    start_xyzw: tuple[float, float, float, float] = (0.0, 0.7071067811865476, 0.0, 0.7071067811865476)
+    options: Any = msgspec.field(default_factory=dict)
+
+    @property
+    def start(self) -> Pose | None:
+        """Where the hand goes between trials; ``None`` where it stays where it is.
+
+        Raises:
+            ConfigError: It is no pose, or lies outside of the workspace.
+        """
+        import math
+
+        import numpy as np
+
+        from tega.arm.pose import Pose
+        from tega.arm.workspace import Workspace
+
+        if self.start_m is None:
+            return None
+        size = math.hypot(*self.start_xyzw)
+        if not (math.isfinite(size) and abs(size - 1) < 1e-3):
+            raise ConfigError(f"arm.start_xyzw has length {size:.4g}, not 1", "give x, y, z, w of a turn")
+        if not all(map(math.isfinite, self.start_m)):
+            raise ConfigError(f"arm.start_m = {self.start_m} is no place", "give x, y, z in metres")
+        start = Pose(np.array(self.start_m), np.array(self.start_xyzw) / size)
+        if outside := Workspace(self.limits).outside(start):
+            raise ConfigError(f"arm.start_m, arm.start_xyzw: {outside}", "change it, or arm.limits")
+        return start
+
+    @property
+    def chain(self) -> ArmSettings:
+        """The settings of the chain."""
+        return ArmSettings(
+            gate=self.gate,
+            mapping=self.mapping,
+            filter=self.filter,
+            limits=self.limits,
+            watchdog=self.watchdog,
+        )
+
+
+class RecordingSection(_Section, frozen=True):
+    """The recording of a run; needs the extra ``record``.
+
+    Attributes:
+        dir: Folder of the session, to which every run adds a file; none means nothing is recorded.
+        lossless: Pictures as they are, so that a replay computes the same bits; otherwise as JPEG.
+        jpeg_quality: 1 to 100.
+        queue_mib: What may wait to be encoded, and again as much for the disk; beyond it pictures are dropped and
+            counted.
+        warn_free_mib: A disk with less room than this is warned of.
+        stop_free_mib: With less room than this the recording is finished, and the run goes on without.
+    """
+
+    dir: Path | None = None
+    lossless: bool = False
+    jpeg_quality: Annotated[int, msgspec.Meta(ge=1, le=100)] = 95
+    queue_mib: Annotated[float, msgspec.Meta(gt=0, le=65536)] = 128.0
+    warn_free_mib: Annotated[float, msgspec.Meta(ge=0)] = 2048.0
+    stop_free_mib: Annotated[float, msgspec.Meta(ge=0)] = 256.0
+
+
+LslStreamName = Literal["emg", "closure", "touch", "vest", "poses"]
+
+
+class MarkersSection(_Section, frozen=True):
+    """Markers by the Lab Streaming Layer; needs the extra ``lsl``.
+
+    Attributes:
+        lsl_out: Name of the stream on which a run tells its states, faults, trials and pedals; none means it does not.
+        lsl_in: Name of another program's stream of markers, which are recorded; none means none are.
+        lsl_streams: Which numbers of a run go out as streams: ``emg``, ``closure``, ``touch``, ``vest``, ``poses``.
+            Their names begin with ``lsl_out``, or ``tega``.
+    """
+
+    lsl_out: str | None = None
+    lsl_in: str | None = None
+    lsl_streams: tuple[LslStreamName, ...] = ()
+
+
+class StageConfig(_Section, frozen=True):
+    """One stage and its options.
+
+    Attributes:
+        name: Its name, as ``tega-teleop stages`` lists it; none means the preset's own.
+        options: Its own settings.
+    """
+
+    name: str | None = None
+    options: Any = msgspec.field(default_factory=dict)
+
+
+class BesideConfig(_Section, frozen=True):
+    """One stage that runs beside the connected ones.
+
+    Attributes:
+        group: ``metric`` or ``decoder``.
+        name: Its name, as ``tega-teleop stages`` lists it.
+        options: Its own settings.
+    """
+
+    group: Literal["metric", "decoder"]
+    name: str
+    options: Any = msgspec.field(default_factory=dict)
+
+    @property
+    def stages(self) -> StagesSection:
+        """The stages with it in its place."""
+        chosen = StageConfig(name=self.name, options=self.options)
+        return StagesSection(metric=chosen) if self.group == "metric" else StagesSection(decoder=chosen)
+
+
+class AdaptationSection(_Section, frozen=True):
+    """The online adaptation of EMG: gain and offset of each channel, while rest or a known target is sure.
+
+    Attributes:
+        on: Whether the connected decoder gets adapted samples; off, they are as they came.
+        gain_percent_per_min: By so much a channel's gain changes within any minute at most; by 50 % in all.
+        offset_percent_per_min: Likewise its offset, of the calibrated maximum; by 10 % in all.
+    """
+
+    on: bool = False
+    gain_percent_per_min: Annotated[float, msgspec.Meta(ge=0, le=50)] = 10.0
+    offset_percent_per_min: Annotated[float, msgspec.Meta(ge=0, le=10)] = 2.0
+
+
+class ReflexSection(StageConfig, frozen=True):
+    """The reflex that firms the grip at a slip and eases it again, beyond what the person asks for.
+
+    Attributes:
+        name: Its name, as ``tega-teleop stages`` lists it; none means no reflex.
+        options: Its own settings.
+        authority: Share of the largest addition that it may use at the start, 0 (none) to 1; page and button set it
+            while a run goes on.
+        most_levels: Largest addition to the closure that the person asks for, levels of the five.
+        rise_levels_per_s: By so much the addition grows in a second at most.
+        fall_levels_per_s: By so much it shrinks in a second once its cause has ended.
+    """
+
+    authority: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.0
+    most_levels: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.5
+    rise_levels_per_s: Annotated[float, msgspec.Meta(gt=0, le=10)] = 5.0
+    fall_levels_per_s: Annotated[float, msgspec.Meta(ge=0.1, le=5)] = 0.5
+
+
+class StagesSection(_Section, frozen=True):
+    """The stages that turn pictures into contacts, EMG into intent, and contacts into motor levels.
+
+    Attributes:
+        metric: Measures the fingertips' pictures.
+        decoder: Turns EMG into the operator's intent.
+        mapping: Turns contacts into motor levels.
+        beside: Further metrics and decoders that look on and are recorded; they move nothing.
+        adaptation: Whether the decoder's samples follow slow changes of skin and electrodes.
+        reflex: Adds to the closure between decoder and limits, by what the fingertips feel.
+        slips: What tells mapping and reflex of slips: ``hand`` (fingertips, hand's joints and arm's height, where hand
+            and arm tell them, else the fingertips alone) or ``touch`` (these alone). Where it is not set a run goes by
+            ``hand``, a simulated trial by ``touch``.
+    """
+
+    metric: StageConfig = StageConfig()
+    decoder: StageConfig = StageConfig()
+    mapping: StageConfig = StageConfig()
+    beside: tuple[BesideConfig, ...] = ()
+    adaptation: AdaptationSection = AdaptationSection()
+    reflex: ReflexSection = ReflexSection()
+    slips: Literal["hand", "touch"] | None = None
+
+
+class MaskingSection(_Section, frozen=True):
+    """The sound that masks the vest's motors in a study: pink noise, the same in every condition.
+
+    Attributes:
+        level_dbfs: Its level (RMS), decibels below the sound card's full scale; none plays nothing. Begin low: how loud
+            that is depends on card and headphones.
+        output: Number or part of the name of the loudspeaker; empty for the system's own.
+    """
+
+    level_dbfs: Annotated[float, msgspec.Meta(ge=-80, le=-14)] | None = None
+    output: str = ""
+
+
+class SessionConfig(_Section, frozen=True):
+    """All settings of a session, checked, with absolute paths and typed driver options."""
+
+    session: SessionSection = SessionSection()
+    calibration: CalibrationConfig = CalibrationConfig()
+    tactile: TactileSection = TactileSection()
+    emg: EmgConfig | None = None
+    vest: VestConfig = VestConfig()
+    hand: HandConfig = HandConfig()
+    stages: StagesSection = StagesSection()
+    input: InputSection = InputSection()
+    arm: ArmConfig | None = None
+    recording: RecordingSection = RecordingSection()
+    markers: MarkersSection = MarkersSection()
+    masking: MaskingSection = MaskingSection()
+    scene: tuple[SceneConfig, ...] = ()
+    net: NetSection | None = None
+    safety: SafetySection = SafetySection()

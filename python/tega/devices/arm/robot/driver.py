@@ -1,0 +1,278 @@
+"""Start the arm's process, send it targets, and keep what it last told: the run's end of the arm."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import secrets
+import select
+import socket
+import subprocess
+import sys
+import time
+from typing import Annotated, Any, ClassVar
+
+import msgspec
+
+import tega.errors
+from tega.arm.pose import ArmCommand, StampedPose
+from tega.devices.arm.robot.messages import (
+    ArmShutdown,
+    ArmStatusWords,
+    ArmTargetWords,
+    Failed,
+    Health,
+    Message,
+    Ready,
+    Recover,
+    decode,
+    encode,
+)
+from tega.devices.arm.robot.process import ProcessSettings
+from tega.errors import DeviceUnavailableError
+from tega.runtime.child_process import end_child, python_command, python_environment
+from tega.runtime.device_items import DeviceInfo, Kind, Options
+from tega.runtime.lifecycle import Opened
+
+_MOST_BYTES = 4096
+_LEAVE_S = 6.0
+_SILENT_S = 0.3
+
+
+class ArmOptions(Options, frozen=True, kw_only=True):
+    """Settings that every arm has.
+
+    Attributes:
+        rate_hz: Of the arm's loop.
+        speed_m_s: Whatever is asked, the target goes no faster at the arm's end.
+        turn_rad_s: Nor turns faster.
+    """
+
+    rate_hz: Annotated[float, msgspec.Meta(ge=50, le=500)] = 200.0
+    speed_m_s: Annotated[float, msgspec.Meta(gt=0, le=1.7)] = 0.5
+    turn_rad_s: Annotated[float, msgspec.Meta(gt=0, le=2.5)] = 1.5
+
+
+class ProcessArm(Opened):
+    """An arm in a process of its own. A subclass names what stands behind it."""
+
+    kind: ClassVar[Kind] = "arm"
+    extra: ClassVar[str] = ""
+    requires: ClassVar[tuple[str, ...]] = ()
+    name: ClassVar[str]
+    body: ClassVar[str]
+    open_s: ClassVar[float] = 15.0
+
+    def __init__(self, options: ArmOptions) -> None:
+        self._options = options
+        self._process: subprocess.Popen[bytes] | None = None
+        self._link: socket.socket | None = None
+        self._session = self._sequence = 0
+        self._told: ArmStatusWords | None = None
+        self._heard_s = 0.0
+        self._facts: tuple[str, ...] = ()
+        self._late = self._refused = 0
+
+    @property
+    def label(self) -> str:
+        """Name of the arm, for people."""
+        return self.name
+
+    @property
+    def info(self) -> DeviceInfo:
+        """Description of the arm."""
+        notes = list(self._facts)
+        if self._late:
+            notes.append(f"{self._late} ticks of the arm's loop came late")
+        if self._refused:
+            notes.append(f"{self._refused} commands were not obeyed")
+        rate_hz = self._options.rate_hz
+        return DeviceInfo(
+            driver=self.name,
+            kind="arm",
+            label=self.label,
+            live=True,
+            rate_hz=rate_hz,
+            unit="m",
+            notes=tuple(notes),
+        )
+
+    @property
+    def health(self) -> Health:
+        """Rate and delays of the arm's loop."""
+        return Health() if self._told is None else self._told.health
+
+    @property
+    def phase(self) -> str:
+        """Phase of the arm: ``ready``, ``following``, ``resting``, ``faulted``, or ``gone``."""
+        if self._process is None or self._process.poll() is not None or self._told is None:
+            return "gone"
+        return self._told.phase
+
+    @property
+    def problem(self) -> str:
+        """Trouble with the arm now, for the operator; ``""`` for none."""
+        if self._process is None:
+            return ""
+        if (code := self._process.poll()) is not None:
+            # It is not started again by itself: a person may stand at the arm, and says when by starting the run anew.
+            ended = f"the arm's process has ended ({code})"
+            return f"{self.name}: {ended}; nobody leads the arm: use its switch if it moves"
+        if (away_s := time.monotonic() - self._heard_s) > _SILENT_S:
+            return f"{self.name}: the arm's process has said nothing for {away_s:.1f} s"
+        if self._told is not None and self._told.phase == "faulted":
+            return f"{self.name}: {self._told.reason}"
+        return ""
+
+    def open(self) -> None:
+        """Start the arm's process and wait until it has found the arm.
+
+        Raises:
+            TegaError: What the arm's process found wrong, or it did not answer.
+        """
+        if self._process is not None:
+            return
+        if sys.platform == "win32":
+            raise DeviceUnavailableError(
+                f"{self.name}: the arm's process needs Linux or macOS", "steer the arm from another machine"
+            )
+        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self._session, self._sequence = secrets.randbits(62), 0
+        self._told, self._late, self._refused = None, 0, 0
+        o = self._options
+        settings = ProcessSettings(
+            link=theirs.fileno(),
+            session=self._session,
+            body=self.body,
+            options=msgspec.to_builtins(o),
+            rate_hz=o.rate_hz,
+            speed_m_s=o.speed_m_s,
+            turn_rad_s=o.turn_rad_s,
+        )
+        command = python_command("tega.devices.arm.robot.process", msgspec.json.encode(settings).decode())
+        # A session of its own: Ctrl-C in the terminal is for the run, which then tells the arm to rest.
+        self._process = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            pass_fds=[theirs.fileno()],
+            start_new_session=True,
+            env=python_environment(),
+        )
+        theirs.close()
+        self._link = ours
+        try:
+            self._await_ready()
+        except BaseException:
+            self.close()
+            raise
+        ours.settimeout(0)
+        self._heard_s = time.monotonic()
+
+    def _await_ready(self) -> None:
+        until_s = time.monotonic() + self.open_s
+        while time.monotonic() < until_s:
+            if not self._has_word(0.1):
+                if self._process is not None and self._process.poll() is not None and not self._has_word(0):
+                    break
+                continue
+            message = decode(self._link.recv(_MOST_BYTES)) if self._link is not None else None
+            if isinstance(message, Failed):
+                kind = getattr(tega.errors, message.kind, DeviceUnavailableError)
+                raise kind(message.message, message.hint)
+            if isinstance(message, Ready):
+                self._facts = message.facts
+                return
+        raise DeviceUnavailableError(
+            f"{self.name}: the arm's process did not answer within {self.open_s:g} s",
+            "its error output says why",
+        )
+
+    def _has_word(self, wait_s: float) -> bool:
+        return self._link is not None and bool(select.select([self._link], [], [], wait_s)[0])
+
+    def close(self) -> None:
+        """Let the arm come to rest and end its process."""
+        process, self._process = self._process, None
+        if process is None:
+            return
+        self._say(ArmShutdown())
+        end_child(process, _LEAVE_S)
+        if self._link is not None:
+            self._link.close()
+            self._link = None
+
+    def follow(self, command: ArmCommand) -> None:
+        """Send a command; never waits.
+
+        Raises:
+            DeviceUnavailableError: It is not open.
+        """
+        if self._process is None:
+            raise DeviceUnavailableError(f"{self.name}: it is not open", "use it in a with block")
+        self._sequence += 1
+        place = turn = None
+        if command.target is not None:
+            place, turn = _triple(command.target.position_m), _four(command.target.quaternion_xyzw)
+        self._say(
+            ArmTargetWords(
+                self._session,
+                self._sequence,
+                command.t_ns,
+                command.state,
+                command.engagements,
+                place,
+                turn,
+                _triple(command.velocity_m_s),
+                _triple(command.velocity_rad_s),
+            )
+        )
+
+    def measured(self) -> StampedPose | None:
+        """Return where the hand is, base's axes, as last told; ``None`` before it has told.
+
+        Raises:
+            DeviceUnavailableError: It is not open.
+        """
+        if self._process is None or self._link is None:
+            raise DeviceUnavailableError(f"{self.name}: it is not open", "use it in a with block")
+        while True:
+            try:
+                message = decode(self._link.recv(_MOST_BYTES))
+            except OSError:  # nothing more, or the process has gone
+                break
+            if isinstance(message, ArmStatusWords):
+                self._told, self._heard_s = message, time.monotonic()
+                self._late, self._refused = message.health.late, message.health.refused
+        if self._told is None:
+            return None
+        return StampedPose(self._told.t_ns, self._told.place, self._told.turn)
+
+    def led(self) -> StampedPose | None:
+        """Return the target that the arm itself was given last, after leash and slew; ``None`` while it is not led."""
+        led = None if self._told is None else self._told.led
+        return None if led is None else StampedPose(led.t_ns, led.place, led.turn)
+
+    def recover(self) -> None:
+        """Have a fault cleared; only a person who has seen that it is safe may ask for that."""
+        self._say(Recover())
+
+    def _say(self, message: Message) -> None:
+        # An arm's process that does not read is not waited for: what is old when it reads is refused by its age.
+        with contextlib.suppress(OSError):
+            if self._link is not None:
+                self._link.send(encode(message), getattr(socket, "MSG_DONTWAIT", 0))
+
+    def pid(self) -> int:
+        """Return the number of the arm's process, for a look from outside; 0 when closed."""
+        return 0 if self._process is None else self._process.pid
+
+
+def _triple(values: Any) -> tuple[float, float, float]:
+    x, y, z = map(float, values)
+    return x, y, z
+
+
+def _four(values: Any) -> tuple[float, float, float, float]:
+    x, y, z, w = map(float, values)
+    size = math.hypot(x, y, z, w)
+    return x / size, y / size, z / size, w / size

@@ -1,0 +1,106 @@
+"""Decide which commands the arm obeys, and what it does when none come; pure, without a clock or an arm."""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+from tega.arm.settings import WatchdogSettings
+from tega.devices.arm.robot.messages import ArmTargetWords
+
+# The clocks are one on one machine; more than this is no delay of a thread.
+_AHEAD_MS = 20.0
+
+
+class Order(NamedTuple):
+    """Order to the arm: follow, hold or rest.
+
+    Attributes:
+        kind: ``follow`` the command, ``hold`` where it is, or ``rest`` without force.
+        reason: Why it does not follow; ``""`` if it does.
+        asked: The command to follow.
+    """
+
+    kind: Literal["follow", "hold", "rest"]
+    reason: str
+    asked: ArmTargetWords | None = None
+
+
+class Leash:
+    """Judges commands by session, number, age and hold, the layered times of ``docs/arm.md`` at the robot's end.
+
+    After ``hold_ms`` without a command the arm holds where it is, after ``silent_ms`` the operator has to take hold
+    anew, after ``stop_ms`` it rests. A burst of old commands moves nothing, since each is judged by when it was made.
+
+    Args:
+        session: Whose commands count.
+        settings: The times; the chain's own, so that both ends agree.
+    """
+
+    def __init__(self, session: int, settings: WatchdogSettings | None = None) -> None:
+        self._session, self._s = session, settings or WatchdogSettings()
+        self._last: ArmTargetWords | None = None
+        self._sequence = -1
+        self._engagements = 0
+        self._lost_at: int | None = None  # engagements that do not count any more
+        self._rests = True
+        self.refused = 0
+        self.refusal = ""
+
+    def take(self, asked: ArmTargetWords, now_ns: int) -> str:
+        """Take in a command; return why it is not obeyed, ``""`` if it is."""
+        age_ms = (now_ns - asked.t_ns) / 1e6
+        said = ""
+        if asked.session != self._session:
+            said = "it is of another session"
+        elif asked.sequence <= self._sequence:
+            said = f"number {asked.sequence} came after {self._sequence}"
+        elif age_ms > self._s.hold_ms:
+            said = f"it is {age_ms:.0f} ms old"
+        elif age_ms < -_AHEAD_MS:
+            said = f"it lies {-age_ms:.0f} ms in the future"
+        elif asked.engagements < self._engagements:
+            said = f"it is of hold {asked.engagements}, before {self._engagements}"
+        else:
+            said = asked.malformed()
+        if said:
+            self.refused, self.refusal = self.refused + 1, said
+            return said
+        self._age(now_ns)
+        self._last, self._sequence, self._engagements = asked, asked.sequence, asked.engagements
+        if self._lost_at is not None and asked.engagements > self._lost_at:
+            self._lost_at = None
+        return ""
+
+    def lose(self) -> None:
+        """Obey nothing until the operator takes hold anew, as after a fault."""
+        self._lost_at, self._rests = self._engagements, True
+
+    def order(self, now_ns: int) -> Order:
+        """Return the order to the arm now: follow, hold or rest."""
+        age_ms = self._age(now_ns)
+        last = self._last
+        if last is None:
+            return Order("rest", "no command yet")
+        if age_ms > self._s.stop_ms:
+            self._rests = True
+            return Order("rest", f"no command for more than {self._s.stop_ms:g} ms")
+        if last.state == "stopped" or last.place is None:
+            self._rests = True
+            return Order("rest", "it was stopped" if last.state == "stopped" else "nobody has taken hold yet")
+        if self._lost_at is not None:
+            return Order("rest" if self._rests else "hold", "the operator has to take hold anew")
+        if age_ms > self._s.hold_ms:
+            return Order(
+                "rest" if self._rests else "hold", f"no command for more than {self._s.hold_ms:g} ms"
+            )
+        self._rests = False
+        return Order("follow", "", last)
+
+    def _age(self, now_ns: int) -> float:
+        """Return how old the newest command is, and lose hold of the arm if that is too much."""
+        if self._last is None:
+            return 0.0
+        age_ms = (now_ns - self._last.t_ns) / 1e6
+        if age_ms > self._s.silent_ms and self._lost_at is None:
+            self._lost_at = self._engagements
+        return age_ms

@@ -1,0 +1,230 @@
+"""Run the arm's process: ``python -m tega.devices.arm.robot.process SETTINGS``, started by :mod:`tega.devices.arm.robot.driver`.
+
+The process reads the newest command, judges it, leads the arm and tells where it is, at a steady rate, with nothing
+else in it that could keep it. The end of its standard input means that the run is gone: the arm then rests at once.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import os
+import select
+import signal
+import socket
+import sys
+import time
+from collections import deque
+from typing import Any
+
+import msgspec
+
+from tega.devices.arm.robot.body import HandSeen, RobotBody
+from tega.devices.arm.robot.leash import Leash
+from tega.devices.arm.robot.messages import (
+    AppliedTarget,
+    ArmShutdown,
+    ArmStatusWords,
+    ArmTargetWords,
+    Failed,
+    Health,
+    Message,
+    Phase,
+    Ready,
+    Recover,
+    decode,
+    encode,
+)
+from tega.devices.arm.robot.slew import Slew
+from tega.errors import TegaError
+
+_MOST_BYTES = 4096
+_WINDOW_S = 1.0
+_REST_S = 3.0
+
+
+class ProcessSettings(msgspec.Struct, frozen=True):
+    """Settings of the arm's process, from its command line.
+
+    Attributes:
+        link: The socket, a file descriptor that it inherits.
+        session: Whose commands count.
+        body: Module and class of the arm.
+        options: The driver's options.
+        rate_hz: Of the loop.
+        speed_m_s: The target goes no faster.
+        turn_rad_s: Nor turns faster.
+    """
+
+    link: int
+    session: int
+    body: str
+    options: dict[str, Any]
+    rate_hz: float
+    speed_m_s: float
+    turn_rad_s: float
+
+
+class Loop:
+    """Judges commands and leads the arm at every tick, without the process around it.
+
+    Args:
+        settings: The settings.
+        body: The open arm.
+        leash: Judges the commands.
+    """
+
+    def __init__(self, settings: ProcessSettings, body: RobotBody, leash: Leash) -> None:
+        self._s, self._body, self._leash = settings, body, leash
+        self._slew: Slew | None = None
+        self._held: HandSeen | None = None
+        self._fault = ""
+        self._resting = False
+        self._ticks: deque[tuple[float, float]] = deque()
+        self._last_s: float | None = None
+        self._late = 0
+
+    def take(self, message: Message, now_ns: int) -> bool:
+        """Take in what the run says; return whether it leaves."""
+        if isinstance(message, ArmTargetWords):
+            self._leash.take(message, now_ns)
+        elif isinstance(message, Recover) and self._fault:
+            self._fault = self._body.recover()
+        return isinstance(message, ArmShutdown)
+
+    def tick(self, now_ns: int) -> ArmStatusWords:
+        """Go on, and return what there is to tell."""
+        dt_s = self._count(now_ns / 1e9)
+        body = self._body
+        seen = body.see()
+        order = self._leash.order(now_ns)
+        fault = body.fault()
+        if fault and not self._fault:
+            # What was asked before must not go on by itself once it is cleared.
+            self._leash.lose()
+            self._slew, self._resting = None, False
+            if body.in_control:
+                body.rest()
+        self._fault = fault or self._fault
+        if self._fault:
+            return self._told(seen, "faulted", self._fault)
+        if self._resting and body.in_control:
+            return self._told(seen, "resting", order.reason)
+        self._resting = False
+        if order.kind == "rest":
+            if body.in_control:
+                body.rest()
+                self._resting = True
+            self._slew = self._held = None
+            return self._told(seen, "resting" if self._resting else "ready", order.reason)
+        if self._slew is None:
+            body.begin()
+            self._slew = Slew(self._s.speed_m_s, self._s.turn_rad_s, seen.place, seen.turn)
+        velocities = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        if order.asked is not None and order.asked.place is not None and order.asked.turn is not None:
+            self._held = None
+            there = self._slew.toward(order.asked.place, order.asked.turn, dt_s)
+            if there:
+                velocities = (order.asked.velocity_m_s, order.asked.velocity_rad_s)
+        else:
+            # Where the arm is, not where it was going: whatever it pressed against is let alone.
+            self._held = self._held or seen
+            self._slew.toward(self._held.place, self._held.turn, dt_s)
+        body.lead(self._slew.place, self._slew.turn, *velocities)
+        return self._told(
+            seen, "following", order.reason, AppliedTarget(now_ns, self._slew.place, self._slew.turn)
+        )
+
+    def _told(
+        self, seen: HandSeen, phase: Phase, reason: str, led: AppliedTarget | None = None
+    ) -> ArmStatusWords:
+        return ArmStatusWords(
+            seen.t_ns, seen.place, seen.turn, phase, reason, self._leash.refusal, self._health(), led
+        )
+
+    def _count(self, now_s: float) -> float:
+        """Take note of a tick and return how long ago the last one was."""
+        period_s = 1 / self._s.rate_hz
+        dt_s = period_s if self._last_s is None else now_s - self._last_s
+        self._last_s = now_s
+        self._late += dt_s > 2 * period_s
+        self._ticks.append((now_s, dt_s))
+        while self._ticks[0][0] < now_s - _WINDOW_S:
+            self._ticks.popleft()
+        # After a pause the slew makes up for no more than two ticks.
+        return min(dt_s, 2 * period_s)
+
+    def _health(self) -> Health:
+        times = [dt_s for _, dt_s in self._ticks]
+        return Health(
+            rate_hz=len(times) / max(sum(times), 1e-9),
+            worst_ms=1e3 * max(times),
+            late=self._late,
+            refused=self._leash.refused,
+            success_rate=self._body.success_rate,
+        )
+
+
+def _run(settings: ProcessSettings, link: socket.socket, body: RobotBody) -> None:
+    loop = Loop(settings, body, Leash(settings.session))
+    period_s = 1 / settings.rate_hz
+    next_s = time.monotonic()
+    while True:
+        left_s = next_s - time.monotonic()
+        if left_s > 0:
+            ready, _, _ = select.select([sys.stdin, link], [], [], left_s)
+        else:
+            ready, _, _ = select.select([sys.stdin, link], [], [], 0)
+            next_s = max(next_s, time.monotonic() - period_s)
+        if sys.stdin in ready and not os.read(sys.stdin.fileno(), _MOST_BYTES):
+            return
+        if link in ready and _hear(link, loop):
+            return
+        if time.monotonic() >= next_s:
+            next_s += period_s
+            _tell(link, loop.tick(time.monotonic_ns()))
+
+
+def _hear(link: socket.socket, loop: Loop) -> bool:
+    """Take in all that waits; return whether the run leaves."""
+    while True:
+        try:
+            data = link.recv(_MOST_BYTES)
+        except BlockingIOError:
+            return False
+        except OSError:
+            return True
+        with contextlib.suppress(msgspec.DecodeError):
+            if loop.take(decode(data), time.monotonic_ns()):
+                return True
+
+
+def _tell(link: socket.socket, message: Message) -> None:
+    # A run that does not read is not waited for.
+    with contextlib.suppress(OSError):
+        link.send(encode(message))
+
+
+def main(words: list[str]) -> int:
+    """Run the arm's process; return 1 if the arm could not be opened or broke off."""
+    settings = msgspec.json.decode(words[0], type=ProcessSettings)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+    link = socket.socket(fileno=settings.link)
+    link.settimeout(0)
+    module, name = settings.body.split(":")
+    try:
+        body: RobotBody = getattr(importlib.import_module(module), name)(settings.options)
+        body.open()
+    except TegaError as error:
+        _tell(link, Failed(type(error).__name__, error.message, error.hint))
+        return 1
+    try:
+        _tell(link, Ready(body.facts))
+        _run(settings, link, body)
+    finally:
+        body.close()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

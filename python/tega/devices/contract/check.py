@@ -1,0 +1,159 @@
+"""Check what every driver does: it describes itself, finds devices, opens and closes."""
+
+from __future__ import annotations
+
+import json
+from functools import partial
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from tega.devices.base import (
+    ArmDriver,
+    Device,
+    DeviceInfo,
+    DiscoveringDevice,
+    EmgSource,
+    Found,
+    HandDriver,
+    HarmlessDevice,
+    InputSource,
+    Options,
+    SkippingSource,
+    SteeredHand,
+    TactileSource,
+    Tracker,
+    VestSink,
+)
+from tega.devices.contract.arm import check_arm, check_input, check_tracker
+from tega.devices.contract.rule import refuses, rule
+from tega.devices.contract.sinks import check_hand, check_sink
+from tega.devices.contract.sources import check_skip, check_source
+from tega.errors import DeviceUnavailableError
+from tega.haptics import vest_frame
+from tega.wire import allegro_torque_frames
+
+_PROTOCOLS: dict[str, tuple[type, ...]] = {
+    "tactile": (TactileSource,),
+    "emg": (EmgSource,),
+    "vest": (VestSink,),
+    "hand": (HandDriver, SteeredHand),
+    "input": (InputSource,),
+    "tracker": (Tracker,),
+    "arm": (ArmDriver,),
+}
+_LOOK_S = 1.0
+
+
+def check_driver(driver: type[Device], options: Options, *, most_items: int = 64) -> None:
+    """Put a driver through the whole contract.
+
+    Args:
+        driver: Its class.
+        options: Options under which it works here.
+        most_items: How many items of a live source to look at; a recording is read to its end.
+
+    Raises:
+        AssertionError: It breaks a rule; the message says which.
+    """
+    _check_description(driver, options)
+    _check_discover(driver, options)
+    _check_harmless(driver, options)
+    _check_lifecycle(driver, options)
+    device: Any = driver(options)
+    if isinstance(device, TactileSource | EmgSource):
+        check_source(device, most_items)
+        if isinstance(device, SkippingSource):
+            check_skip(device)
+    elif isinstance(device, SteeredHand):
+        check_hand(device)
+    elif isinstance(device, InputSource):
+        check_input(device)
+    elif isinstance(device, Tracker):
+        check_tracker(device, most_items)
+    elif isinstance(device, ArmDriver):
+        check_arm(device)
+    else:
+        check_sink(device)
+
+
+def _check_description(driver: type[Device], options: Options) -> None:
+    rule(driver.kind in _PROTOCOLS, f"kind is one of {', '.join(_PROTOCOLS)}")
+    rule(bool(driver.summary) and "\n" not in driver.summary, "summary is one line")
+    rule(issubclass(driver.options_type, Options), "options_type is a subclass of tega.devices.Options")
+    rule(isinstance(options, driver.options_type), "the options given are of the driver's options_type")
+    rule(not driver.requires or bool(driver.extra), "a driver that requires packages names the extra")
+
+
+def _check_discover(driver: type[Device], options: Options) -> None:
+    if not isinstance(driver, DiscoveringDevice):
+        return
+    try:
+        found = driver.discover(_LOOK_S)
+    except DeviceUnavailableError as error:
+        rule(bool(error.message), "discover says why it could not look")
+        return
+    name = driver(options).info.driver
+    for one in found:
+        rule(isinstance(one, Found), "discover gives Founds")
+        rule(bool(one.label), "what was found has a label")
+        rule(one.driver == name, "what was found names this driver")
+        rule(not one.hint or bool(one.problem), "a hint is for a problem")
+        try:
+            msgspec.convert(json.loads(json.dumps(one.options)), driver.options_type)
+        except (TypeError, msgspec.ValidationError) as error:
+            reason = f"what was found has options that could stand in a settings file: {error}"
+            rule(bool(one.problem), reason)
+
+
+def _check_harmless(driver: type[Device], options: Options) -> None:
+    if not isinstance(driver, HarmlessDevice):
+        return
+    harmless = driver.harmless(options)
+    if harmless is None:
+        return
+    rule(type(harmless) is driver.options_type, "harmless gives options of the driver's options_type")
+    rule(driver.harmless(harmless) == harmless, "harmless options are harmless already")
+    device: Any = driver(harmless)
+    with device:
+        rule(device.info.kind == driver.kind, "a driver opens with harmless options")
+    device.close()
+
+
+def _check_lifecycle(driver: type[Device], options: Options) -> None:
+    device = driver(options)
+    rule(isinstance(device, _PROTOCOLS[driver.kind]), f"meets the {driver.kind} protocol")
+    rule(isinstance(device.info, DeviceInfo), "info is readable while closed")
+    rule(device.info.kind == driver.kind, "info.kind is the driver's kind")
+    rule("/" not in device.info.label and "\\" not in device.info.label, "info.label is no path")
+    device.close()
+    refuses(
+        partial(_use, device),
+        DeviceUnavailableError,
+        "reading or writing while closed raises DeviceUnavailableError",
+    )
+    with device as entered:
+        rule(entered is device, "the context manager gives the device itself")
+        rule(device.info.driver == driver(options).info.driver, "info.driver does not change by opening")
+    device.close()
+    device.close()
+    with device:
+        _use(device)
+
+
+def _use(device: Any) -> None:
+    if isinstance(device, TactileSource | EmgSource):
+        device.read(0.0)
+    elif isinstance(device, VestSink) and device.info.kind == "vest":
+        device.write(0, vest_frame([0] * 4, [0] * 4))
+    elif isinstance(device, SteeredHand):
+        device.step(1)
+    elif isinstance(device, InputSource):
+        device.state()
+    elif device.info.kind == "tracker":
+        device.read(0)
+    elif isinstance(device, ArmDriver):
+        device.measured()
+    else:
+        device.write(0, allegro_torque_frames(np.zeros(16)))

@@ -1,0 +1,108 @@
+"""Check drivers and stages against their contracts, by their names."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+import traceback
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+from tega.devices.contract.check import check_driver
+from tega.devices.contract.stages import check_stage
+from tega.devices.registry import driver_class, driver_names
+from tega.errors import TegaError
+from tega.haptics.motor_layout import find_layout
+from tega.stages.registry import GROUPS, find_stages, stage_class, stage_names
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Check drivers and stages by name and print a line for each.
+
+    Returns:
+        0; 1 if one broke a rule, 2 if one could not be tried.
+    """
+    parser = argparse.ArgumentParser(
+        prog="python -m tega.devices.contract", description="Put drivers and stages through their contracts."
+    )
+    parser.add_argument("names", nargs="*", metavar="NAME", help="names of entry points; none: all of them")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        dest="sets",
+        help="an option of the driver or stage",
+    )
+    parser.add_argument(
+        "--real", action="store_true", help="TEGA's own drivers on the device itself, not on its emulator"
+    )
+    given = parser.parse_args(arguments)
+    if given.sets and len(given.names) != 1:
+        parser.error("--set needs the name of one driver or stage")
+    worst = 0
+    everything = [*driver_names(), *dict.fromkeys(name for group in GROUPS for name in stage_names(group))]
+    for name in given.names or everything:
+        if name in everything and name not in driver_names():
+            verdict, said = _try_stages(name, given.sets)
+        else:
+            verdict, said = _try_driver(name, given.sets, real=given.real)
+        worst = max(worst, {"ok": 0, "not tried": 0 if not given.names else 2, "broken": 1}[verdict])
+        sys.stdout.write(f"{verdict:<10} {name:<18} {said}\n")
+        sys.stdout.flush()
+    return worst
+
+
+def _try_stages(name: str, sets: Sequence[str]) -> tuple[str, str]:
+    """Check every stage of a name; return the verdict and what there is to say."""
+    from tega.config import stage_options
+
+    groups = find_stages(name)
+    try:
+        for group in groups:
+            if group == "layout":
+                check_stage(find_layout(name))
+            else:
+                check_stage(stage_class(group, name), stage_options(group, name, sets=sets))
+    except AssertionError as error:
+        return "broken", f"rule: {error}"
+    except TegaError as error:
+        return "not tried", str(error)
+    except Exception as error:  # whatever a stage in the making does
+        sys.stderr.write(traceback.format_exc())
+        return "broken", f"it raised {type(error).__name__}: {error}"
+    return "ok", f"{' and '.join(groups)}, {'with ' + ' '.join(sets) if sets else 'with its default options'}"
+
+
+def _try_driver(name: str, sets: Sequence[str], *, real: bool) -> tuple[str, str]:
+    """Check one driver; return the verdict and what there is to say."""
+    from tega.config import driver_options
+    from tega.runtime.checkout_tools import needs_tools
+
+    with ExitStack() as stack:
+        tree: dict[str, Any] = {}
+        where = "with its default options"
+        try:
+            driver = driver_class(name)
+            if sets:
+                where = f"with {' '.join(sets)}"
+            elif driver.__module__.startswith("tega.") and not real:
+                with needs_tools(f"python -m tega.devices.contract {name}"):
+                    from tega_emulators.benches import BENCHES, why_not
+                if reason := why_not(name):
+                    return "not tried", reason
+                where = BENCHES[name].summary
+                folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+                tree = stack.enter_context(BENCHES[name].start(folder))
+            check_driver(driver, driver_options(name, tree, sets=sets))
+        except AssertionError as error:
+            return "broken", f"rule: {error} ({where})"
+        except TegaError as error:
+            return "not tried", str(error)
+        except Exception as error:  # whatever a driver in the making does
+            sys.stderr.write(traceback.format_exc())
+            return "broken", f"it raised {type(error).__name__}: {error} ({where})"
+    return "ok", where

@@ -1,0 +1,167 @@
+"""Read EMG from any board that BrainFlow knows; its library talks to the board and stamps nothing for us."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+import warnings
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final
+
+import msgspec
+import numpy as np
+
+from tega.devices.base import Options
+from tega.devices.emg.live_emg import Arrived, LiveEmg, LiveEmgOptions
+from tega.errors import DeviceUnavailableError
+from tega.runtime.lifecycle import require
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+_BUFFER_S: Final = 10
+# Where the board's counter is known to go up by one a sample and to repeat after 256; of other boards several
+# samples share a number, or it repeats elsewhere, and only BrainFlow's arrival times are left.
+_COUNTS_TO_256: Final = frozenset({"SYNTHETIC_BOARD", "CYTON_BOARD"})
+_TURN: Final = 256
+
+
+class BrainFlowOptions(LiveEmgOptions, frozen=True, kw_only=True):
+    """Settings of :class:`BrainFlowEmg`; the ones that a board needs are in BrainFlow's list of boards.
+
+    Attributes:
+        board: BrainFlow's name of the board, such as ``GANGLION_BOARD``; ``SYNTHETIC_BOARD`` needs no hardware.
+        serial_port: Of a board on a serial port.
+        serial_number: Of a board that is known by its number.
+        mac_address: Of a board on Bluetooth.
+        ip_address: Of a board on the network.
+        ip_port: Of a board on the network.
+        other_info: What else a board wants to know.
+        master_board: Of ``STREAMING_BOARD``, which takes what another program streams: the board that program has,
+            such as ``CYTON_BOARD``. The program streams with ``add_streamer("streaming_board://225.1.1.1:6677")``, and
+            ``ip_address`` and ``ip_port`` are those.
+    """
+
+    board: str
+    serial_port: str = ""
+    serial_number: str = ""
+    mac_address: str = ""
+    ip_address: str = ""
+    ip_port: Annotated[int, msgspec.Meta(ge=0, le=65535)] = 0
+    other_info: str = ""
+    master_board: str = ""
+
+
+class BrainFlowEmg(LiveEmg):
+    """Takes samples out of BrainFlow's buffer as they come.
+
+    Missing samples are counted where the board's counter is understood (Cyton, synthetic board); of others only the
+    rate tells of a loss. BrainFlow says nothing when a board goes away: it is silent then, and given up after
+    ``silence_s``.
+    """
+
+    name: ClassVar[str] = "brainflow"
+    summary: ClassVar[str] = "any board that BrainFlow knows"
+    extra: ClassVar[str] = "brainflow"
+    requires: ClassVar[tuple[str, ...]] = ("brainflow",)
+    options_type: ClassVar[type[Options]] = BrainFlowOptions
+    counter_turn: ClassVar[int | None] = _TURN
+
+    def __init__(self, options: BrainFlowOptions) -> None:
+        super().__init__(options)
+        self._options = options
+        self._board: Any = None
+        self._error: type[Exception] = Exception
+        self._rows: list[int] = []
+        self._counter_row: int | None = None
+        self._last_count: int | None = None
+        self._stated_hz: float | None = None
+
+    def _start(self) -> None:
+        """Find out about the board, connect to it and start its stream.
+
+        Raises:
+            DeviceUnavailableError: No board has that name, it has no such channels, or it does not start.
+        """
+        o = self._options
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # it imports pkg_resources when its library is loaded
+            shim = require("brainflow.board_shim", driver=self.name, extra=self.extra)
+            codes = require("brainflow.exit_codes", driver=self.name, extra=self.extra)
+            shim.BoardShim.disable_board_logger()
+        # Of a stream the samples are those of the board that somebody else has.
+        described = o.master_board or o.board
+        for board in (o.board, described):
+            if board not in shim.BoardIds.__members__:
+                known = ", ".join(sorted(shim.BoardIds.__members__))
+                raise DeviceUnavailableError(
+                    f"brainflow: no board is called {board!r}", f"boards that this BrainFlow knows: {known}"
+                )
+        board_id, self._error = shim.BoardIds[o.board].value, codes.BrainFlowError
+        parameters = shim.BrainFlowInputParams()
+        if o.master_board:
+            parameters.master_board = shim.BoardIds[o.master_board].value
+        for name in ("serial_port", "serial_number", "mac_address", "ip_address", "ip_port", "other_info"):
+            setattr(parameters, name, getattr(o, name))
+        try:
+            said = shim.BoardShim.get_board_descr(shim.BoardIds[described].value)
+            self._rows = list(said.get("emg_channels") or said.get("eeg_channels") or ())
+            self._stated_hz = float(said["sampling_rate"])
+            self._counter_row = said.get("package_num_channel") if described in _COUNTS_TO_256 else None
+            self._last_count = None
+            self._board = shim.BoardShim(board_id, parameters)
+            self._board.prepare_session()
+            self._board.start_stream(max(1, round(_BUFFER_S * self._stated_hz)), "")
+        except self._error as error:
+            raise DeviceUnavailableError(
+                f"brainflow: {o.board} does not start: {error}",
+                "check power, cable and the options that this board needs",
+            ) from error
+        if not self._rows:
+            raise DeviceUnavailableError(f"brainflow: {o.board} has no EMG channels", "choose another board")
+
+    def _arrived(self) -> Arrived | None:
+        if self._board is None:
+            return None
+        try:
+            table: NDArray[np.float64] = self._board.get_board_data()
+        except self._error as error:
+            raise DeviceUnavailableError(
+                f"brainflow: {self._options.board} was lost: {error}",
+                "switch it off and on, then start again",
+            ) from error
+        if not table.shape[1]:
+            return None
+        samples = np.ascontiguousarray(table[self._rows].T, np.float64)
+        return Arrived(samples, self._missing(table), time.monotonic_ns())
+
+    def _missing(self, table: NDArray[np.float64]) -> NDArray[np.int64] | None:
+        """Return how many samples the board's counter says are missing before each."""
+        if self._counter_row is None:
+            return None
+        counts = table[self._counter_row].astype(np.int64)
+        before = counts[0] - 1 if self._last_count is None else self._last_count
+        self._last_count = int(counts[-1])
+        missing: NDArray[np.int64] = (np.diff(counts, prepend=before) - 1) % _TURN
+        return missing
+
+    def _stop(self) -> None:
+        board, self._board = self._board, None
+        if board is None:
+            return
+        # A board that has gone cannot be told to stop; its session is then over all the same.
+        with contextlib.suppress(self._error):
+            if board.is_prepared():
+                board.release_session()  # which stops the stream
+
+    def _rate_hz(self) -> float | None:
+        return self._stated_hz
+
+    def _all_channels(self) -> int:
+        return len(self._rows)
+
+    def _unit(self) -> str:
+        return "as BrainFlow gives it, mostly µV"
+
+    def _label(self) -> str:
+        return self._options.board

@@ -1,0 +1,43 @@
+"""Load the library of the Lab Streaming Layer as TEGA uses it, and convert its clock."""
+
+from __future__ import annotations
+
+import os
+import time
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from tega.runtime.lifecycle import require
+
+_LOOKS = 5
+
+EXTRA = "lsl"
+
+
+def load_lsl(who: str) -> Any:
+    """Import pylsl; where nobody has configured its library, only its errors are printed.
+
+    Args:
+        who: Who needs it, for the message.
+
+    Raises:
+        MissingExtraError: pylsl is not installed.
+    """
+    own = (Path("lsl_api.cfg"), Path.home() / "lsl_api" / "lsl_api.cfg", Path("/etc/lsl_api/lsl_api.cfg"))
+    if not any(file.exists() for file in own):
+        quiet = files("tega.devices.emg").joinpath("lsl_api.cfg")
+        # Read once, when the library is loaded.
+        os.environ.setdefault("LSLAPICFG", str(quiet))
+    return require("pylsl", driver=who, extra=EXTRA)
+
+
+def to_monotonic_s(lsl: Any) -> float:
+    """Return what to add to the library's clock for ours: 0 on Linux, where they are one; a constant elsewhere."""
+    looks: list[tuple[float, float]] = []
+    for _ in range(_LOOKS):
+        before_s, theirs_s, after_s = time.monotonic(), float(lsl.local_clock()), time.monotonic()
+        if before_s <= theirs_s <= after_s:  # one clock, for however long this thread was put aside
+            return 0.0
+        looks.append((after_s - before_s, (before_s + after_s) / 2 - theirs_s))
+    return min(looks)[1]  # of the shortest look

@@ -1,0 +1,102 @@
+"""Read EMG from any board that prints its samples as numbers, one sample a line: Arduino and its kind."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar
+
+import msgspec
+
+from tega.devices.base import Found, Options
+from tega.devices.emg.live_emg import Arrived
+from tega.devices.emg.live_serial import BaudRate, LiveSerialEmg, LiveSerialOptions
+from tega.devices.serial_boards import find_boards
+
+
+class SerialEmgOptions(LiveSerialOptions, frozen=True, kw_only=True):
+    """Settings of :class:`SerialEmg`.
+
+    Attributes:
+        rate_hz: Lines per second the board is programmed to print; proven when the source opens.
+        baud: Bits per second.
+        columns: Samples on a line, one per channel.
+        leading: Fields before them, such as a time stamp, that are dropped.
+        bits: Of the board's converter, so that saturation can be told; none means it is not looked for.
+    """
+
+    rate_hz: Annotated[float, msgspec.Meta(gt=0, le=100_000)]
+    baud: BaudRate = 115_200
+    columns: Annotated[int, msgspec.Meta(ge=1, le=64)] = 3
+    leading: Annotated[int, msgspec.Meta(ge=0, le=64)] = 0
+    bits: Annotated[int, msgspec.Meta(ge=8, le=24)] | None = None
+
+
+class SerialEmg(LiveSerialEmg):
+    """Lines of numbers from a serial port.
+
+    Lines carry no number of their own: a lost line is not seen, only that fewer come.
+    """
+
+    name: ClassVar[str] = "serial-emg"
+    summary: ClassVar[str] = "a board that prints samples as lines of numbers (Arduino, MyoWare, ...)"
+    options_type: ClassVar[type[Options]] = SerialEmgOptions
+
+    def __init__(self, options: SerialEmgOptions) -> None:
+        super().__init__(options)
+        self._options = options
+        self._n_rows = 0
+
+    @classmethod
+    def discover(cls, timeout_s: float) -> list[Found]:  # noqa: ARG003  # the system knows at once
+        """List the USB serial ports that may have a board behind them; opens none.
+
+        Raises:
+            MissingExtraError: pyserial is not installed.
+        """
+        return find_boards(cls.name, dongles=False)
+
+    def _start(self) -> None:
+        from tega.wire import AsciiEmgDecoder
+
+        o = self._options
+        self._connect(o.baud)
+        self._n_rows = 0
+        self._decoder = AsciiEmgDecoder(o.columns, leading=o.leading)
+
+    def _arrived(self) -> Arrived | None:
+        data, arrival_ns = self._received()
+        samples = self._decoder.feed(data)
+        self._n_rows += len(samples)
+        return Arrived(samples, None, arrival_ns) if len(samples) else None
+
+    def _rate_hz(self) -> float:
+        return self._options.rate_hz
+
+    def _all_channels(self) -> int:
+        return self._options.columns
+
+    def _unit(self) -> str:
+        return "as sent"
+
+    def _limits(self) -> tuple[float, float] | None:
+        bits = self._options.bits
+        return None if bits is None else (0.0, float(2**bits - 1))
+
+    def _own_notes(self) -> tuple[str, ...]:
+        notes = super()._own_notes()
+        if self._port is not None and (n := self._decoder.rejected_lines):
+            notes += (
+                f"{n} lines were no row of {self._options.columns} numbers, the last one {self._said()}",
+            )
+        return notes
+
+    def _instead(self) -> str:
+        if not self._n_bytes:
+            return ""
+        if not self._decoder.rejected_lines:
+            return "" if self._n_rows else f"{self._n_bytes} bytes came without a whole line among them"
+        fields = self._options.columns + self._options.leading
+        return f"a line of {fields} numbers was expected, the last one was {self._said()}"
+
+    def _said(self) -> str:
+        line = self._decoder.last_rejected[:40].decode("ascii", "replace").strip()
+        return repr(line) if line.isascii() and line.isprintable() else "no text: is baud the board's own?"

@@ -1,0 +1,134 @@
+"""Read EMG from Backyard Brains' Muscle SpikerShield and SpikerBox: ten bits a channel, two bytes each, no counter.
+
+The rate follows from the sketch's timer, which counts 199 steps of half a microsecond for each channel
+(BackyardBrains/SpikerShield, ``Muscle/Arduino Code/SixChannels``): 10,050 samples a second for one channel, 3350 for
+each of three.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Annotated, ClassVar, Final
+
+import msgspec
+import numpy as np
+
+from tega.devices.base import Options
+from tega.devices.emg.live_emg import Arrived
+from tega.devices.emg.live_serial import BaudRate, LiveSerialEmg, LiveSerialOptions
+from tega.devices.serial_port import POLL_S, SerialPort
+from tega.errors import DeviceUnavailableError
+
+_STEPS_HZ: Final = 2_000_000.0
+_STEPS_A_CHANNEL: Final = 199
+_LARGEST: Final = 1023
+_LOOK_S: Final = (
+    0.25  # how long the board is heard before it is told again; some 800 frames of three channels
+)
+_ENOUGH: Final = 20  # frames that show how many channels they have
+
+
+class SpikerOptions(LiveSerialOptions, frozen=True, kw_only=True):
+    """Settings of :class:`Spiker`.
+
+    Attributes:
+        baud: Bits per second.
+        columns: Channels that the board is told to send, 1 to 6; they share its converter.
+    """
+
+    baud: BaudRate = 230_400
+    columns: Annotated[int, msgspec.Meta(ge=1, le=6)] = 3
+
+
+class Spiker(LiveSerialEmg):
+    """A board that sends from the moment it has power, and is told how many channels.
+
+    Frames carry no number and no checksum: a lost one is not seen, only that fewer come. A frame of another length
+    than agreed is refused and counted.
+    """
+
+    name: ClassVar[str] = "spiker"
+    summary: ClassVar[str] = "Backyard Brains Muscle SpikerShield or SpikerBox"
+    options_type: ClassVar[type[Options]] = SpikerOptions
+
+    def __init__(self, options: SpikerOptions) -> None:
+        super().__init__(options)
+        self._options = options
+        self._waiting = b""
+
+    def _start(self) -> None:
+        """Tell the board how many channels to send, until it does.
+
+        It hears nothing while it starts, which opening the port may make it do.
+
+        Raises:
+            DeviceUnavailableError: It sends nothing, or another number of channels.
+        """
+        from tega.wire import SpikerDecoder
+
+        o = self._options
+        port, sent = self._connect(o.baud), 0
+        deadline = time.monotonic() + o.start_s
+        while sent != o.columns:
+            if time.monotonic() > deadline:
+                raise DeviceUnavailableError(
+                    f"spiker: {self._label()} {_words(sent)}, {o.columns} are asked for",
+                    "check port, baud and the board's sketch; columns is the number of channels to ask for",
+                )
+            port.write(f"c:{o.columns};\n".encode())
+            data = _hear(port)
+            sent = _n_channels(data)
+        self._decoder, self._waiting = SpikerDecoder(o.columns), data
+
+    def _arrived(self) -> Arrived | None:
+        data, arrival_ns = self._received()
+        samples = self._decoder.feed(self._waiting + data)
+        self._waiting = b""
+        return Arrived(samples.astype(np.float64), None, arrival_ns) if len(samples) else None
+
+    def _rate_hz(self) -> float:
+        return _STEPS_HZ / (_STEPS_A_CHANNEL * self._options.columns)
+
+    def _all_channels(self) -> int:
+        return self._options.columns
+
+    def _unit(self) -> str:
+        return "counts"
+
+    def _limits(self) -> tuple[float, float]:
+        return (0.0, float(_LARGEST))
+
+    def _own_notes(self) -> tuple[str, ...]:
+        notes = super()._own_notes()
+        if self._port is not None and (n := self._decoder.bad_frames):
+            notes += (f"{n} frames were no row of {self._options.columns} values",)
+        return notes
+
+    def _instead(self) -> str:
+        if not self._n_bytes:
+            return ""
+        return f"since it was opened {self._n_bytes} bytes came, {self._decoder.frames} frames among them"
+
+
+def _hear(port: SerialPort) -> bytes:
+    """Return the second half of what comes for a while: the first may be from before the board was told."""
+    data, until = b"", time.monotonic() + _LOOK_S
+    while time.monotonic() < until:
+        data += port.read()
+        time.sleep(POLL_S)
+    return data[len(data) // 2 :]
+
+
+def _n_channels(data: bytes) -> int:
+    """Return how many channels most frames in a stretch of the stream have; 0 where there are hardly any frames."""
+    starts = np.flatnonzero(np.frombuffer(data, np.uint8) & 0x80)
+    lengths = np.diff(starts)
+    if len(lengths) < _ENOUGH:
+        return 0
+    counts = np.bincount(lengths)
+    most = int(counts.argmax())
+    return most // 2 if most % 2 == 0 and 2 * counts[most] > len(lengths) else 0
+
+
+def _words(n_channels: int) -> str:
+    return f"sends {n_channels} channels" if n_channels else "sends no frames of a SpikerShield"

@@ -1,0 +1,1 @@
+"""Drivers of fingertip cameras and of recorded pictures."""

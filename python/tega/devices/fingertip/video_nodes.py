@@ -1,0 +1,137 @@
+"""Find cameras by the serial number that is printed on them, not by the order they were plugged in."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from tega.devices.sysfs import attribute
+from tega.errors import DeviceUnavailableError, MissingExtraError
+from tega.runtime.lifecycle import require
+from tega.runtime.opencv import load_cv2
+
+SYSFS = Path("/sys/class/video4linux")
+_NUMBERED = "camera:"
+_BACKENDS = {"win32": "CAP_MSMF", "darwin": "CAP_AVFOUNDATION"}
+
+
+class VideoNode(NamedTuple):
+    """A camera's capture node.
+
+    Attributes:
+        device: What to open, such as ``/dev/video2``; on Windows and macOS ``camera:2``.
+        name: What the kernel calls the camera.
+        serial: Its USB serial number; ``""`` where it has none.
+        revision: Its firmware revision, 0x0200 for 2.00; 0 where it is not known.
+        usb_id: Vendor and product, such as ``2833:0209``; ``""`` for a camera that is not on USB.
+        bus: Number of the USB bus it shares with others; ``""`` likewise.
+    """
+
+    device: str
+    name: str
+    serial: str
+    revision: int
+    usb_id: str = ""
+    bus: str = ""
+
+
+def video_nodes(sysfs: Path = SYSFS) -> list[VideoNode]:
+    """List the capture nodes of this machine; a camera's second node, for metadata, is left out.
+
+    Args:
+        sysfs: Where Linux lists them; other systems are asked for their numbered cameras.
+    """
+    if sys.platform != "linux":
+        return numbered_cameras(sys.platform)
+    nodes = []
+    for entry in sorted(sysfs.glob("video*"), key=lambda p: [int(n) for n in re.findall(r"\d+", p.name)]):
+        if attribute(entry / "index") not in {"0", ""}:
+            continue
+        # The node hangs on a USB interface; serial number and revision are the device's, one level up.
+        usb = (entry / "device").resolve().parent
+        revision = attribute(usb / "bcdDevice")
+        nodes.append(
+            VideoNode(
+                f"/dev/{entry.name}",
+                attribute(entry / "name"),
+                attribute(usb / "serial"),
+                int(revision, 16) if re.fullmatch(r"[0-9a-fA-F]{4}", revision) else 0,
+                ":".join(filter(None, (attribute(usb / "idVendor"), attribute(usb / "idProduct")))),
+                attribute(usb / "busnum"),
+            )
+        )
+    return nodes
+
+
+def numbered_cameras(
+    system: str, enumerate_cameras: Callable[[int], Iterable[Any]] | None = None
+) -> list[VideoNode]:
+    """List the cameras of Windows or macOS, in the order of the numbers that OpenCV opens them by.
+
+    Neither system tells a camera's serial number, so a camera is named by its number, which may change when cameras are
+    plugged in or out. Untried on either system.
+
+    Args:
+        system: As ``sys.platform`` names it.
+        enumerate_cameras: Lists the cameras of one way into OpenCV; that of cv2-enumerate-cameras when ``None``. Where
+            the package is not installed, no camera is listed.
+    """
+    if enumerate_cameras is None:
+        try:
+            enumerate_cameras = require(
+                "cv2_enumerate_cameras", driver="digit", extra="lab"
+            ).enumerate_cameras
+        except MissingExtraError:
+            return []
+    cv2 = load_cv2("digit")
+    return [
+        VideoNode(
+            f"{_NUMBERED}{camera.index}",
+            str(camera.name),
+            "",
+            0,
+            f"{camera.vid:04x}:{camera.pid:04x}" if camera.vid is not None and camera.pid is not None else "",
+        )
+        for camera in enumerate_cameras(getattr(cv2, _BACKENDS[system]))
+    ]
+
+
+def camera_place(source: str, system: str = sys.platform) -> tuple[str | int, str]:
+    """Return what OpenCV has to open for a source, and the name of the way in that it has to take.
+
+    Args:
+        source: ``/dev/video2``, ``camera:2``, or the address of a stream.
+        system: As ``sys.platform`` names it.
+    """
+    number = source.removeprefix(_NUMBERED)
+    if number != source and number.isdecimal():
+        if system in _BACKENDS:
+            return int(number), _BACKENDS[system]
+        source = f"/dev/video{number}"
+    return source, "CAP_V4L2" if source.startswith("/dev/") else "CAP_FFMPEG"
+
+
+def find_node(serial: str, sysfs: Path = SYSFS) -> VideoNode:
+    """Return the capture node of the camera with a serial number.
+
+    Args:
+        serial: As printed, such as ``D20641``.
+        sysfs: Where the kernel lists cameras.
+
+    Raises:
+        DeviceUnavailableError: No camera has it; the message lists those there are.
+    """
+    nodes = video_nodes(sysfs)
+    for node in nodes:
+        if node.serial == serial:
+            return node
+    there = ", ".join(f"{node.name} {node.serial or f'({node.device})'}" for node in nodes)
+    raise DeviceUnavailableError(
+        f"no camera has the serial number {serial!r}; there are: {there or 'none'}",
+        "check the cable (some only charge) and the number; a DIGIT needs about 3 s after plugging in"
+        if sys.platform == "linux"
+        else 'this system tells no serial numbers: name the camera by its number, source = "camera:0"',
+    )

@@ -1,0 +1,1 @@
+"""Drivers of the robot hand and of its CAN bus."""

@@ -1,0 +1,375 @@
+"""Steer an Allegro Hand v4 on the angles that it reports, over any CAN adapter that python-can knows."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+
+import msgspec
+import numpy as np
+
+from tega.devices.at_exit import closes_on_exit, last_words, release
+from tega.devices.base import DeviceInfo, Found, Kind, Options
+from tega.devices.hand.can_links import can_links, link_trouble
+from tega.devices.hand.hand_bus import bus_label
+from tega.devices.hand.hand_told import LET_GO
+from tega.errors import DeviceUnavailableError, InvalidValueError, WrongDeviceError
+from tega.hand import MOST_ADDED_LEVELS
+from tega.runtime.lifecycle import Opened
+from tega.safety.hand_alert import HandAlert
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tega.devices.hand.hand_ends import HandEnd, HandProcess
+    from tega.devices.hand.hand_told import HandNews, HandSpoken
+    from tega.hand.link import HandState, Received
+    from tega.wire import CanFrame
+
+
+_BITRATE = 1_000_000
+_START_S = 10.0
+_KEPT = 16_384
+# The hand's process tells how it is 125 times a second.
+_UNHEARD_S = 0.1
+_REFUSED = frozenset({"wrong-version", "wrong-side"})
+
+_Share = Annotated[float, msgspec.Meta(gt=0, le=1)]
+
+
+class AllegroOptions(Options, frozen=True):
+    """Settings of :class:`Allegro`.
+
+    Attributes:
+        interface: The adapter's name in python-can, such as ``socketcan``, ``pcan``, ``slcan``, ``virtual``.
+        channel: Which of its buses.
+        bitrate: Bits per second; ``socketcan`` is set with ``ip link`` instead.
+        bus: Further options, passed to ``can.Bus`` as they are.
+        device_id: The hand's number on its bus, 0 from the factory.
+        side: Which hand is mounted; the other one is refused.
+        poses: Pose file of the closure levels; ``None`` for the built-in ones.
+        torque_share: Ceiling of every torque, as a share of the vendor's limits.
+        kp: Torque units per rad; ``None`` for the built-in gains, 1.5 and 2 for the thumb.
+        kd: Torque units per rad/s; ``None`` for 0.08.
+        torque: Switch the motors on; without it the hand is only read.
+        silent_after_ms: Without a set of positions for so long the motors go off.
+        lowest_rate_hz: Sets of positions a second that are needed; the hand sends 333.
+        reconnects: How often a silent hand is looked for again, once a second.
+        guard: Have a further process let go of the hand if the one that steers it, or this one, is lost.
+    """
+
+    interface: str
+    channel: str | int
+    bitrate: Annotated[int, msgspec.Meta(gt=0, le=1_000_000)] = _BITRATE
+    bus: dict[str, Any] = msgspec.field(default_factory=dict)
+    device_id: Annotated[int, msgspec.Meta(ge=0, le=3)] = 0
+    side: Literal["right", "left"] = "right"
+    poses: Path | None = None
+    torque_share: _Share = 1.0
+    kp: Annotated[float, msgspec.Meta(gt=0, le=10)] | None = None
+    kd: Annotated[float, msgspec.Meta(ge=0, le=1)] | None = None
+    torque: bool = True
+    silent_after_ms: Annotated[float, msgspec.Meta(ge=10, le=10_000)] = 30.0
+    lowest_rate_hz: Annotated[float, msgspec.Meta(ge=0, le=1000)] = 250.0
+    reconnects: Annotated[int, msgspec.Meta(ge=0, le=100)] = 5
+    guard: bool = True
+
+
+class Allegro(Opened):
+    """Closes the loop on the hand's own angles, in a process of its own that the hand's own frames wake.
+
+    Opening it checks version and side before any torque, switches the motors on and holds the pose the hand is in
+    until :meth:`step` asks for a level. On every way out the torque fades within 0.2 s, then zero torque and SERVO
+    OFF are sent until the hand says that its motors are off. The process does so as well if this program is killed; a
+    further one if the process itself is, if this program stands still, or if the hand does not say so. A hand whose bus
+    is gone keeps its last torque as far as is known, so mount a switch.
+
+    python-can's ``virtual`` bus is inside this program, and so are its hand's loop and clock: in a thread.
+    """
+
+    kind: ClassVar[Kind] = "hand"
+    summary: ClassVar[str] = "Allegro Hand v4 over CAN, steered on the angles it reports"
+    extra: ClassVar[str] = "lab"
+    requires: ClassVar[tuple[str, ...]] = ("can",)
+    options_type: ClassVar[type[Options]] = AllegroOptions
+
+    label = "Allegro Hand v4: torques from the angles it reported"
+
+    def __init__(self, options: AllegroOptions) -> None:
+        self._options = options
+        self._end: HandEnd | None = None
+        self._warm: HandProcess | None = None
+        self._seen: HandNews | None = None
+        self._heard_s = 0.0
+        self._ready = threading.Event()
+        self._alert = HandAlert(self)
+        self._sent: deque[CanFrame] = deque(maxlen=_KEPT)
+        self._cycles: deque[tuple[int, int]] = deque(maxlen=_KEPT)
+        self.on_exchange: (
+            Callable[[int, tuple[float, float], Sequence[Received], Sequence[CanFrame], str], None] | None
+        ) = None
+        """Told, in a thread of the driver's, of every exchange: time, level and addition, frames received and to be
+        sent, and ``exchange``, ``release`` or ``abandon``. From these the same conversation can be held again. Set it
+        before the hand is opened."""
+
+    @classmethod
+    def discover(cls, timeout_s: float) -> list[Found]:  # noqa: ARG003  # the kernel knows at once
+        """List the CAN buses a hand may be on (Linux only); says nothing on them."""
+        found = []
+        for link in can_links():
+            problem, hint = link_trouble(link, bitrate=_BITRATE)
+            options = {"interface": "socketcan", "channel": link.name}
+            found.append(
+                Found(driver="allegro", label=link.name, options=options, problem=problem, hint=hint)
+            )
+        return found
+
+    @classmethod
+    def harmless(cls, options: AllegroOptions) -> AllegroOptions:
+        """The same settings with the motors off, so that the hand is only read."""
+        return msgspec.structs.replace(options, torque=False)
+
+    @property
+    def info(self) -> DeviceInfo:
+        """Name, version and serial number of the hand, as far as it has said them."""
+        notes: tuple[str, ...] = ()
+        if self._seen is not None and (state := self._seen.state).hardware:
+            notes = (f"version {state.hardware}, firmware {state.firmware}, serial SAH040{state.serial}",)
+        return DeviceInfo(
+            driver="allegro",
+            kind="hand",
+            label=self._label,
+            live=True,
+            rate_hz=1000 / 3,
+            unit="CAN frames",
+            notes=notes,
+        )
+
+    @property
+    def problem(self) -> str:
+        """Trouble of the hand now, while it can still be steered or may come back; ``""`` for none."""
+        return self._alert()
+
+    def warm_up(self) -> None:
+        """Start the hand's process, which makes ready meanwhile; the hand is not touched before :meth:`open`."""
+        if self._options.interface != "virtual":
+            from tega.devices.hand.hand_ends import HandProcess
+
+            self.close()
+            self._warm = HandProcess(self._options, self._take)
+            self._warm.warm_up()
+
+    def open(self) -> None:
+        """Open the bus, check the hand, and hold it where it is.
+
+        Raises:
+            WrongDeviceError: The hand is of another version or side.
+            DeviceUnavailableError: No adapter, no hand, or one that must not be steered; the message says which.
+            ConfigError: The pose file cannot be used.
+            MissingExtraError: python-can is not installed.
+        """
+        from tega.devices.hand.hand_ends import HandProcess, HandThread
+
+        warm, self._warm = self._warm, None
+        self.close()
+        self._seen = None
+        self._sent.clear()
+        self._cycles.clear()
+        self._ready.clear()
+        whole = self.on_exchange is not None
+        if self._options.interface == "virtual":
+            thread = HandThread(self._options, self._take, whole=whole)
+            thread.open()
+            self._end = thread
+        else:
+            process = warm or HandProcess(self._options, self._take)
+            process.open(whole=whole)
+            self._end = process
+        # A program that ends without closing must not leave the fingers pushing.
+        closes_on_exit(self.close)
+        try:
+            self._check(started=self._ready.wait(_START_S))
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Let go of the hand and close the bus."""
+        warm, self._warm = self._warm, None
+        if warm is not None:
+            warm.end()
+        end, self._end = self._end, None
+        if end is None:
+            return
+        from tega.devices.hand.hand_loop import CONFIRM_S, LEAVE_S
+
+        end.say(LET_GO)
+        try:
+            end.join(LEAVE_S + _START_S)
+        finally:
+            # An impatient Ctrl-C does not cut the letting go short.
+            end.join(LEAVE_S + CONFIRM_S)
+            end.end()
+            release(self.close)
+            self._tell_of_the_end()
+
+    def _tell_of_the_end(self) -> None:
+        """Tell, as the last words of the program, of a hand that has not confirmed that its motors are off."""
+        from tega.devices.hand.hand_guard import LONGEST_S
+
+        seen, self._seen = self._seen, None
+        if seen is None or seen.let_go:
+            return
+        guarded = self._options.guard and self._options.interface != "virtual"
+        tries = f"; another process goes on telling it to, for {LONGEST_S / 60:g} minutes" if guarded else ""
+        last_words(
+            f"USE THE HAND'S EMERGENCY SWITCH: {self._label}: the hand has not confirmed that its motors are off, "
+            f"so it may still be pushing{tries}"
+        )
+
+    @property
+    def _label(self) -> str:
+        """Adapter and bus, without a path."""
+        return bus_label(self._options.interface, self._options.channel)
+
+    @property
+    def pid(self) -> int:
+        """The number of the hand's process, for a look from outside; 0 where there is none."""
+        return getattr(self._end, "pid", 0)
+
+    @property
+    def guard_problem(self) -> str:
+        """Why nobody would let go of the hand if this program were killed now; ``""`` if somebody would."""
+        seen = self._seen
+        return "" if seen is None or not seen.guard_problem else f"hand: {seen.guard_problem}"
+
+    def step(self, level: float, added: float = 0.0) -> list[CanFrame]:
+        """Ask for a closure level; the hand's own process moves there.
+
+        Args:
+            level: Closure level, 1 to 5 with fractions between two poses.
+            added: What a reflex adds to it, 0 to 1 level.
+
+        Returns:
+            The frames sent to the hand since the last call.
+
+        Raises:
+            InvalidValueError: The level is not from 1 to 5, or the addition not from 0 to 1.
+            WrongDeviceError: Another hand has answered after a silence.
+            DeviceUnavailableError: Not open, or the hand was let go because of a fault; the message says which.
+        """
+        if not 1 <= level <= 5:
+            raise InvalidValueError(f"level = {level} is out of range: 1 (open) to 5 (tight)")
+        if not 0 <= added <= MOST_ADDED_LEVELS:
+            raise InvalidValueError(f"added = {added} levels is out of range: 0 to {MOST_ADDED_LEVELS:g}")
+        self._check().say(level, added)
+        return self._taken()
+
+    def limp(self) -> list[CanFrame]:
+        """Begin to let go and return the frames sent since the last call.
+
+        The torque fades within 0.2 s in the hand's own process; :meth:`close` waits for it. The frames of that time
+        come with the next call.
+        """
+        if self._end is not None:
+            self._end.say(LET_GO)
+        return self._taken()
+
+    @property
+    def angles_rad(self) -> NDArray[np.float64]:
+        """The hand's joint angles as last reported, float64 (16,), rad; NaN before the first report."""
+        seen = self._seen
+        return np.full(16, np.nan) if seen is None or seen.angles_rad is None else seen.angles_rad
+
+    @property
+    def silent(self) -> bool:
+        """Whether the joint angles are older than the watchdog allows, or the hand's process tells nothing any more."""
+        seen = self._seen
+        late = time.monotonic() - self._heard_s > _UNHEARD_S
+        return seen is None or seen.state.phase != "running" or late
+
+    @property
+    def target_rad(self) -> NDArray[np.float64] | None:
+        """Joint targets of the last cycle, float64 (16,), rad; ``None`` before the first."""
+        return None if self._seen is None else self._seen.target_rad
+
+    def state(self) -> HandState:
+        """Return phase, version, temperatures and counters, as they were at most 50 ms ago.
+
+        Raises:
+            DeviceUnavailableError: The hand is not open.
+        """
+        if self._seen is None:
+            raise DeviceUnavailableError("allegro: the hand is not open", "open it first")
+        return self._seen.state
+
+    @property
+    def n_garbled(self) -> int:
+        """Pieces of the adapter's stream that were no frame."""
+        return 0 if self._seen is None else self._seen.n_garbled
+
+    @property
+    def n_unsent(self) -> int:
+        """Frames the adapter did not take; the next cycle sends new ones."""
+        return 0 if self._seen is None else self._seen.n_unsent
+
+    @property
+    def cycles(self) -> list[tuple[int, int]]:
+        """Of the last 16,384 cycles, when its torques were sent and how long after their frames, both in ns."""
+        return list(self._cycles)
+
+    def answered_ns(self, since_ns: int) -> tuple[int, int] | None:
+        """Return when a hand's report was in and when the torques that answer it left, at or after a monotonic time.
+
+        ``None`` if none have left since.
+        """
+        found = None
+        for k in range(1, len(self._cycles) + 1):
+            sent_ns, took_ns = self._cycles[-k]
+            if sent_ns < since_ns:
+                break
+            found = (sent_ns - took_ns, sent_ns)
+        return found
+
+    @property
+    def cpu_s(self) -> float:
+        """Processor time of the hand's loop up to its last cycle, seconds; 0 when closed."""
+        return 0.0 if self._seen is None else self._seen.cpu_s
+
+    def _taken(self) -> list[CanFrame]:
+        return [self._sent.popleft() for _ in range(len(self._sent))]
+
+    def _check(self, *, started: bool = True) -> HandEnd:
+        """Return the loop's end, if it can be asked for anything."""
+        end, seen = self._end, self._seen
+        if end is None:
+            raise DeviceUnavailableError("allegro: the hand is not open", "open it first")
+        trouble = "" if seen is None else seen.trouble
+        if seen is not None and seen.fault is not None:
+            wrong = WrongDeviceError if seen.fault.kind in _REFUSED else DeviceUnavailableError
+            raise wrong(f"allegro: {seen.fault.message}{trouble}", seen.fault.hint)
+        lost = "the hand's loop has ended" if seen is not None and seen.ended else end.lost
+        if lost:
+            raise DeviceUnavailableError(f"allegro: {lost}{trouble}", "open it again")
+        if not started:
+            raise DeviceUnavailableError(
+                f"allegro: the hand was not ready within {_START_S:g} s{trouble}",
+                "try again; then check the adapter",
+            )
+        return end
+
+    def _take(self, spoken: list[HandSpoken], seen: HandNews) -> None:
+        """Take what the loop tells."""
+        self._seen, self._heard_s = seen, time.monotonic()
+        for said in spoken:
+            self._sent.extend(said.taken)
+            if said.left_ns:
+                self._cycles.append((said.left_ns, said.left_ns - said.t_ns))
+            if self.on_exchange is not None:
+                self.on_exchange(said.t_ns, (said.level, said.added), said.received, said.out, said.action)
+        if seen.ready:
+            self._ready.set()

@@ -1,0 +1,263 @@
+"""Run a process that leaves a device safe when the program that uses the device is killed or stands still.
+
+The program starts it before anything of the device is switched on, and waits until it says ``ready``. It then writes a
+line ``.`` ten times a second, which the process answers in kind. A line ``done`` ends the process; the end of its input
+without one means that the program is gone.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import subprocess
+import sys
+import threading
+import time
+from queue import Empty, SimpleQueue
+from typing import TYPE_CHECKING, Final
+
+from tega.errors import DeviceUnavailableError
+from tega.runtime.child_process import end_child, own_group, python_command, python_environment
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+
+BEAT_S: Final = 0.1
+STUCK_S: Final = 1.0
+"""A program that was heard and then says nothing for so long stands still."""
+
+DEAF_S: Final = 2.0
+"""A process that has not answered for so long is taken for lost."""
+
+_READY_S: Final = 10.0
+_AGAIN_S: Final = 1.0
+_LEAVE_S: Final = 5.0
+_HAS_IT: Final = b"alone\n"
+# Processes that go on trying after this program has closed its device; kept so that nobody waits for them.
+_left: list[subprocess.Popen[bytes]] = []
+
+
+class GuardProcess:
+    """Starts and feeds the guard of a device from the program that it watches; one that is lost is replaced.
+
+    Args:
+        what: What it does, such as ``lets go of the hand``, for messages.
+        module: The module that it runs.
+        arguments: Words for it.
+
+    Raises:
+        DeviceUnavailableError: It does not start, so that the device must not be switched on.
+
+    Attributes:
+        n_lost: How many were lost.
+        problem: Why there is none now; ``""`` while there is one.
+    """
+
+    def __init__(self, what: str, module: str, *arguments: str) -> None:
+        self._what = what
+        self._words = python_command(module, *arguments)
+        self._closing, self._safe = threading.Event(), False
+        self._swap = threading.Lock()  # of the process, against the program's leaving
+        self._next_s = 0.0
+        self.n_lost = 0
+        self.problem = ""
+        self._asked_s = self._heard_s = time.monotonic()
+        self._process = self._start()
+        self._thread = threading.Thread(target=self._watch, name="tega-guard", daemon=True)
+        self._thread.start()
+
+    @property
+    def pid(self) -> int:
+        """The process's number."""
+        return self._process.pid
+
+    def beat(self) -> None:
+        """Tell the guard that the program is alive; returns at once, and does nothing most of the time."""
+        now_s = time.monotonic()
+        if now_s < self._next_s or self.problem:
+            return
+        self._next_s = now_s + BEAT_S
+        if self._asked_s - self._heard_s > DEAF_S:
+            self._process.kill()  # it stands still: the thread that watches it sees its end
+            return
+        self._asked_s = now_s
+        self._write(b".\n", self._process)
+
+    def dismiss(self) -> None:
+        """Tell the guard that the device has been left safe, and wait for its end."""
+        self._leave(safe=True)
+        self._thread.join(_LEAVE_S)
+
+    def leave_to_it(self) -> None:
+        """Leave the device to the guard: to it this looks as if the program were gone, and it goes on trying.
+
+        Waits until a guard has said that it has the device. One that was lost is replaced first; one that stands still
+        is ended and replaced.
+        """
+        self._leave(safe=False)
+        self._thread.join(DEAF_S)
+        if self._thread.is_alive() and not self.problem:
+            self._process.kill()  # it stands still: the thread that watches it starts another
+        self._thread.join(_READY_S)
+
+    def _leave(self, *, safe: bool) -> None:
+        with self._swap:
+            self._safe, process = safe, self._process
+            self._closing.set()
+        self._part_from(process)
+
+    def _part_from(self, process: subprocess.Popen[bytes]) -> None:
+        """End a process where the device has been left safe, else leave the device to it."""
+        if self._safe:
+            self._write(b"done\n", process)
+            end_child(process, _LEAVE_S)
+            return
+        _left.append(process)
+        if process.stdin is not None:
+            with contextlib.suppress(OSError):
+                process.stdin.close()
+
+    def _start(self) -> subprocess.Popen[bytes]:
+        process = subprocess.Popen(
+            self._words,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            **own_group(),
+            env=python_environment(),
+        )
+        late = threading.Timer(_READY_S, process.kill)
+        late.start()
+        said = process.stdout.readline() if process.stdout else b""
+        late.cancel()
+        if said.strip() != b"ready":
+            process.kill()
+            _forget(process)
+            raise DeviceUnavailableError(
+                f"the process that {self._what} did not start",
+                "its error output says why; nothing was switched on",
+            )
+        # Windows has no such pipes: what is written fits, since a process that hears nothing is ended after 2 s.
+        if process.stdin is not None and sys.platform != "win32":
+            os.set_blocking(process.stdin.fileno(), False)
+        self._asked_s = self._heard_s = time.monotonic()
+        return process
+
+    def _write(self, line: bytes, process: subprocess.Popen[bytes]) -> None:
+        if process.stdin is not None:
+            with contextlib.suppress(OSError, ValueError):  # it is gone: the thread that watches it sees that
+                os.write(process.stdin.fileno(), line)
+
+    def _watch(self) -> None:
+        """Hear the answers, and start another process when this one is gone."""
+        while True:
+            process, said = self._process, b""
+            if process.stdout is not None:
+                while line := process.stdout.readline():
+                    self._heard_s, said = time.monotonic(), line
+                process.stdout.close()
+            if self._closing.is_set() and (self._safe or said == _HAS_IT):
+                return  # else it was lost as the device was left to it
+            self.n_lost += 1
+            self.problem = f"the process that {self._what} was lost; another is being started"
+            _forget(process)
+            while self.problem and not self._safe:
+                try:
+                    process = self._start()
+                except (DeviceUnavailableError, OSError):
+                    time.sleep(_AGAIN_S)
+                    continue
+                # Until it has heard something it takes the device for switched off.
+                self._write(b".\n", process)
+                with self._swap:
+                    self._process, closing = process, self._closing.is_set()
+                if closing:
+                    self._part_from(process)
+                self.problem = ""
+
+
+def _forget(process: subprocess.Popen[bytes]) -> None:
+    end_child(process, _LEAVE_S)
+    if process.stdout is not None:
+        process.stdout.close()
+
+
+def stand_by(let_go: Callable[[Callable[[], bool]], None]) -> None:
+    """Wait, in the process, and leave the device safe if the program ends without a word or stands still.
+
+    Until it first hears something, nothing of the device is on, and it does nothing.
+
+    Args:
+        let_go: Leaves the device safe, or tries until nobody needs that any more; it is given what tells whether the
+            program goes on.
+    """
+    with contextlib.suppress(OSError):  # it has given up already, and its input has ended
+        os.write(sys.stdout.fileno(), b"ready\n")
+    pieces = hear()
+    heard, stuck, said = False, False, b""
+    while True:
+        piece = _next(pieces, STUCK_S if heard and not stuck else None)
+        said = (said + (piece or b""))[-64:]
+        if b"done" in said:
+            return
+        if piece:
+            answer(piece)
+            heard, stuck = True, False
+            continue
+        gone = piece is not None
+        if gone:
+            stay_alone()
+        if heard:
+            let_go(_never if gone else lambda: not pieces.empty())
+        if gone:
+            return
+        stuck = True
+
+
+def _next(pieces: SimpleQueue[bytes], timeout_s: float | None) -> bytes | None:
+    try:
+        return pieces.get(timeout=timeout_s)
+    except Empty:
+        return None
+
+
+def _never() -> bool:
+    return False
+
+
+def hear() -> SimpleQueue[bytes]:
+    """Return, in the process, a queue of what the program says, in pieces as they come; an empty one is the last.
+
+    A thread reads, since Windows cannot wait for a pipe and a time at once.
+    """
+    said: SimpleQueue[bytes] = SimpleQueue()
+    fd = sys.stdin.fileno()
+
+    def listen() -> None:
+        while True:
+            piece = os.read(fd, 4096)
+            said.put(piece)
+            if not piece:
+                return
+
+    threading.Thread(target=listen, name="tega-hears", daemon=True).start()
+    return said
+
+
+def stay_alone() -> None:
+    """Say, in the process, that the device is its own now, and let go of the outputs of the program that is gone.
+
+    Somebody may be reading them to their end.
+    """
+    with contextlib.suppress(OSError):
+        os.write(sys.stdout.fileno(), _HAS_IT)
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for number in (1, 2):
+        os.dup2(nowhere, number)
+    os.close(nowhere)
+
+
+def answer(chunk: bytes) -> None:
+    """Answer, in the process, what was heard, unless nobody listens any more."""
+    with contextlib.suppress(OSError):
+        os.write(sys.stdout.fileno(), b".\n" * chunk.count(b"."))

@@ -1,0 +1,237 @@
+"""Read and write a hand's CAN bus through python-can, frame by frame, and open it anew if it went away."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections import deque
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tega.devices.hand.slcan import slcan_bus
+from tega.errors import DeviceUnavailableError
+from tega.runtime.lifecycle import require
+from tega.runtime.reopening import Reopening
+
+if TYPE_CHECKING:
+    from tega.hand.link import Received
+    from tega.wire import CanFrame
+
+
+# Waiting for a frame ends this soon, so that silence is noticed in time.
+_WAIT_S = 0.002
+_ASK_S = 0.05
+# A frame that waits longer is dropped: the next cycle has a newer one.
+_SEND_S = 0.01
+_REOPEN_S = 1.0
+_MOST_FRAMES = 64
+# Buses that give their own frames back, which are then no other program's; python-can cannot tell them apart.
+_ECHOING = frozenset({"udp_multicast"})
+_MOST_ECHOES = 64
+
+
+def bus_label(interface: str, channel: str | int) -> str:
+    """Return adapter and bus, without a path."""
+    return f"{interface} {Path(str(channel)).name}"
+
+
+def can_message(can: Any, frame: CanFrame) -> Any:
+    """Return a frame as python-can's: classic CAN, an identifier of 11 bits."""
+    return can.Message(
+        arbitration_id=frame.id,
+        data=frame.data,
+        is_remote_frame=frame.remote,
+        is_extended_id=False,
+        is_fd=False,
+    )
+
+
+class HandBus:
+    """A bus on any adapter that python-can knows; one thread at a time uses it.
+
+    Args:
+        interface: The adapter's name in python-can.
+        channel: Which of its buses.
+        bitrate: Bits per second.
+        more: Further arguments of ``can.Bus``.
+
+    Attributes:
+        trouble: Why the adapter went away, to be put behind a message; ``""`` while it is there.
+        n_garbled: Pieces of the adapter's stream that were no frame.
+        n_unsent: Frames the adapter did not take.
+    """
+
+    def __init__(self, interface: str, channel: str | int, *, bitrate: int, more: Mapping[str, Any]) -> None:
+        self.settings: dict[str, Any] = {
+            "interface": interface,
+            "channel": channel,
+            "bitrate": bitrate,
+            **more,
+        }
+        """Arguments of ``can.Bus``."""
+        self.trouble = ""
+        self.n_garbled = self.n_unsent = 0
+        self._can: Any = None
+        self._bus: Any = None
+        self._again = Reopening(_REOPEN_S, _REOPEN_S)
+        self._echoes: deque[tuple[int, bytes, bool]] = deque(maxlen=_MOST_ECHOES)
+
+    @property
+    def label(self) -> str:
+        """Adapter and bus, without a path."""
+        return bus_label(self.settings["interface"], self.settings["channel"])
+
+    def load(self) -> None:
+        """Load python-can, which takes its time.
+
+        Raises:
+            MissingExtraError: It is not installed.
+        """
+        self._can = require("can", driver="allegro", extra="lab")
+
+    def open(self) -> None:
+        """Open the bus.
+
+        Raises:
+            DeviceUnavailableError: The adapter is not there, or refuses.
+            MissingExtraError: python-can is not installed.
+        """
+        self.load()
+        self._bus, self.trouble = self._opened(), ""
+
+    def drop(self) -> None:
+        """Close the bus, whatever state it is in."""
+        bus, self._bus = self._bus, None
+        if bus is not None:
+            with contextlib.suppress(self._can.CanError, OSError):
+                bus.shutdown()
+
+    def receive(self, *, may_reopen: bool) -> list[Received]:
+        """Return the frames that have come, after 2 ms at most.
+
+        Args:
+            may_reopen: Whether a bus that went away is opened again, tried once a second.
+        """
+        from tega.hand.link import Received
+
+        frames: list[Received] = []
+        if self._bus is None and not (may_reopen and self._reopened()):
+            time.sleep(_WAIT_S)
+            return frames
+        wait_s = _WAIT_S
+        for _ in range(
+            _MOST_FRAMES
+        ):  # garbled ones too: an adapter that pours out noise must not hold up the loop
+            try:
+                message = self._bus.recv(timeout=wait_s)
+            except (self._can.CanError, OSError) as error:
+                self.trouble = f" (the adapter failed: {error})"
+                self.drop()
+                break
+            except (ValueError, IndexError):
+                self.n_garbled += 1
+                continue
+            if message is None:
+                break
+            if self._echoes and self._is_echo(message):
+                continue
+            frames.append(
+                Received(
+                    message.arbitration_id,
+                    message.data,
+                    message.is_remote_frame,
+                    message.is_extended_id,
+                    message.is_error_frame,
+                )
+            )
+            wait_s = 0.0
+        return frames
+
+    def send(self, frames: Sequence[CanFrame]) -> list[CanFrame]:
+        """Send frames and return those that the adapter took."""
+        sent: list[CanFrame] = []
+        together = hasattr(self._bus, "send_together")
+        for part in [frames] if together else [[frame] for frame in frames]:
+            if self._bus is None:
+                break
+            messages = [can_message(self._can, frame) for frame in part]
+            try:
+                if together:
+                    self._bus.send_together(messages, timeout=_SEND_S)
+                else:
+                    self._bus.send(messages[0], timeout=_SEND_S)
+                sent += part
+                if self.settings["interface"] in _ECHOING:
+                    self._echoes += [(frame.id, bytes(frame.data), frame.remote) for frame in part]
+            except (self._can.CanError, OSError):
+                self.n_unsent += len(part)
+        return sent
+
+    def switch_off(self, frames: Sequence[CanFrame], *, device_id: int, patience_s: float) -> bool:
+        """Tell a hand to let go, again and again, until it says that its motors are off.
+
+        A hand does not tell its torques. It is asked behind the frames that take them away, and on a bus what was
+        sent first is heard first: an answer with SERVO OFF in it confirms both.
+
+        Args:
+            frames: What leaves it without force.
+            device_id: Its number on the bus.
+            patience_s: How long to try, seconds.
+
+        Returns:
+            Whether the hand has confirmed it.
+        """
+        from tega.wire import AllegroInfo, CanFrame, allegro_decode, allegro_request_info
+
+        question = allegro_request_info(device_id=device_id)
+        until_s, ask_s = time.monotonic() + patience_s, 0.0
+        while (now_s := time.monotonic()) < until_s:
+            if now_s >= ask_s and self._bus is not None:
+                ask_s = now_s + _ASK_S
+                self.send([*frames, question])
+            for got in self.receive(may_reopen=True):
+                said = allegro_decode(
+                    CanFrame(got.id, bytes(got.data), got.remote),
+                    device_id=device_id,
+                    extended=got.extended,
+                    error=got.error,
+                )
+                if ask_s and isinstance(said, AllegroInfo) and not said.servo_on:
+                    return True
+        return False
+
+    def _is_echo(self, message: Any) -> bool:
+        """Whether a message is one of the frames sent, given back by the bus; each is given back once."""
+        try:
+            self._echoes.remove((message.arbitration_id, bytes(message.data), message.is_remote_frame))
+        except ValueError:
+            return False
+        return True
+
+    def _reopened(self) -> bool:
+        """Open the adapter again, at most once a second; return whether it is open.
+
+        That alone moves nothing. The hand's link asks who is there before it sends torque, and after a fault it sends
+        none until a person has had the hand opened anew: nobody may be gripped by a bus that comes back by itself.
+        """
+        if not self._again.due():
+            return False
+        with contextlib.suppress(DeviceUnavailableError):
+            self._bus, self.trouble = self._opened(), ""
+        return self._bus is not None
+
+    def _opened(self) -> Any:
+        settings = dict(self.settings)
+        try:
+            if settings["interface"] == "slcan":
+                del settings["interface"]
+                return slcan_bus()(settings.pop("channel"), **settings)
+            return self._can.Bus(**settings)
+        except (self._can.CanError, OSError, ValueError, TypeError, ImportError) as error:
+            raise DeviceUnavailableError(
+                f"allegro: interface {self.settings['interface']!r} did not open "
+                f"{self.label.split()[-1]!r}: {error}",
+                "check the adapter and its name; a socketcan bus has to be up: "
+                "ip link set can0 up type can bitrate 1000000 restart-ms 100",
+            ) from error

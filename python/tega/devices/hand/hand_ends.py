@@ -1,0 +1,240 @@
+"""Run a hand's loop in a process of its own, or in a thread where its bus is inside this program."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import struct
+import subprocess
+import sys
+import threading
+import time
+from io import BufferedReader, BufferedWriter
+from typing import TYPE_CHECKING, Final
+
+from tega.devices.hand.hand_loop import LEAVE_S, HandLoop
+from tega.devices.hand.hand_told import WORD_S, HandOrders, Tell
+from tega.errors import DeviceUnavailableError
+from tega.runtime.child_process import end_child, own_group, python_command, python_environment
+from tega.runtime.object_pipe import receive_object, send_object, widen_pipe
+from tega.runtime.threads import realtime_allowed, run_realtime
+
+if TYPE_CHECKING:
+    from tega.devices.hand.allegro import AllegroOptions
+
+
+MAKES_READY: Final = "makes ready"
+"""What the process says after each stage of its start."""
+
+_START_S: Final = 20.0
+_SILENT_S: Final = 1.0
+_AWAY_S: Final = 0.2
+# Level and addition. What is so short a pipe takes as a whole or not at all.
+_WORD: Final = struct.Struct("<2d")
+
+
+class HandThread:
+    """The loop in a thread of this program.
+
+    Args:
+        options: The driver's settings.
+        tell: Told what the loop tells.
+        whole: Whether it tells every exchange.
+    """
+
+    def __init__(self, options: AllegroOptions, tell: Tell, *, whole: bool) -> None:
+        self._orders = HandOrders(heard=False)
+        self._loop = HandLoop(options, self._orders, tell, whole=whole)
+        self._thread: threading.Thread | None = None
+
+    def open(self) -> None:
+        """Open the bus, and begin; raises what :meth:`HandLoop.open` does."""
+        self._loop.open()
+        self._thread = threading.Thread(target=self._loop.run, name="allegro", daemon=True)
+        self._thread.start()
+
+    def say(self, level: float, added: float = 0.0) -> None:
+        """Ask for a level and what is added to it, or with ``LET_GO`` to let go; returns at once."""
+        self._orders.take(level, added)
+
+    def join(self, timeout_s: float) -> None:
+        """Wait for the loop's end."""
+        if self._thread is not None:
+            self._thread.join(timeout_s)
+
+    def end(self) -> None:
+        """Do nothing: the thread ends by itself."""
+
+    @property
+    def lost(self) -> str:
+        """Why the loop can be asked for nothing any more; ``""`` while it runs."""
+        return "" if self._thread is not None and self._thread.is_alive() else "the hand's thread has ended"
+
+
+def _patience(process: subprocess.Popen[bytes], stuck: threading.Event) -> threading.Timer:
+    """End a process that does not say within :data:`_START_S` how far it is, and say that this was done."""
+
+    def end() -> None:
+        stuck.set()
+        process.kill()
+
+    late = threading.Timer(_START_S, end)
+    late.start()
+    return late
+
+
+class HandProcess:
+    """The loop in a process of its own, which waits for nothing that this program does.
+
+    Args:
+        options: The driver's settings.
+        tell: Told what the loop tells, in a thread of its own.
+    """
+
+    def __init__(self, options: AllegroOptions, tell: Tell) -> None:
+        self._options, self._tell = options, tell
+        self._process: subprocess.Popen[bytes] | None = None
+        self._thread: threading.Thread | None = None
+        self._word: tuple[float, float] = (1, 0.0)
+        self._said_s = self._heard_s = self._looked_s = self._since_s = 0.0
+        self._broke = ""
+
+    @property
+    def pid(self) -> int:
+        """The process's number; 0 before it was started."""
+        return 0 if self._process is None else self._process.pid
+
+    def warm_up(self) -> None:
+        """Start it, and return at once; it makes ready, and touches nothing of the hand before :meth:`open`."""
+        self._process = subprocess.Popen(
+            python_command("tega.devices.hand.hand_program"),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env=python_environment(),
+            **own_group(),
+        )
+        assert isinstance(self._process.stdin, BufferedWriter)
+        widen_pipe(self._process.stdin)
+        with contextlib.suppress(OSError):  # it has ended: told of when the hand is opened
+            send_object(self._process.stdin, (self._options, realtime_allowed()))
+
+    def open(self, *, whole: bool) -> None:
+        """Return when the bus is open and the guard ready; raises what :meth:`HandLoop.open` does.
+
+        Args:
+            whole: Whether it tells every exchange.
+        """
+        if self._process is None:
+            self.warm_up()
+        process = self._process
+        assert process is not None
+        asked, said = process.stdin, process.stdout
+        assert isinstance(asked, BufferedWriter)
+        assert isinstance(said, BufferedReader)
+        stuck = threading.Event()
+        late = _patience(process, stuck)
+        try:
+            with contextlib.suppress(OSError):  # it has ended, and may have said why
+                send_object(asked, whole)
+            while (error := receive_object(said)) == MAKES_READY:
+                late.cancel()
+                late = _patience(process, stuck)
+        except (EOFError, OSError):
+            why = f"it said nothing for {_START_S:g} s" if stuck.is_set() else "its error output says why"
+            error = DeviceUnavailableError(
+                "allegro: the hand's process did not start", f"{why}; nothing was switched on"
+            )
+        except BaseException:
+            end_child(process, LEAVE_S)
+            said.close()
+            raise
+        finally:
+            late.cancel()
+        if error is not None:
+            end_child(process, LEAVE_S)
+            said.close()
+            raise error
+        # Windows has no such pipes: a process that takes no word is told of before one is full.
+        if sys.platform != "win32":
+            os.set_blocking(asked.fileno(), False)
+        self._heard_s = time.monotonic()
+        self._thread = threading.Thread(target=self._hear, args=(said,), name="allegro", daemon=True)
+        self._thread.start()
+
+    def say(self, level: float, added: float = 0.0) -> None:
+        """Ask for a level and what is added to it, or with ``LET_GO`` to let go; returns at once."""
+        if (level, added) != self._word or time.monotonic() - self._said_s >= WORD_S:
+            self._word = level, added
+            self._write()
+
+    def join(self, timeout_s: float) -> None:
+        """Wait for the loop's end."""
+        if self._thread is not None:
+            self._thread.join(timeout_s)
+
+    def end(self) -> None:
+        """End the process, by force where it does not end; its guard then lets go of the hand."""
+        if self._process is not None:
+            end_child(self._process, LEAVE_S)
+            self.join(LEAVE_S)
+            if self._process.stdout is not None and (self._thread is None or not self._thread.is_alive()):
+                self._process.stdout.close()
+
+    @property
+    def lost(self) -> str:
+        """Why the process can be asked for nothing any more; ``""`` while it goes on."""
+        if self._broke:
+            return self._broke
+        now_s = time.monotonic()
+        if now_s - self._looked_s > _AWAY_S:  # what has come since is still to be heard
+            self._since_s = now_s
+        self._looked_s = now_s
+        if (silent_s := now_s - max(self._since_s, self._heard_s)) > _SILENT_S:
+            return f"the hand's process has said nothing for {silent_s:.1f} s"
+        return ""
+
+    def _write(self) -> None:
+        self._said_s = time.monotonic()
+        process = self._process
+        if process is not None and process.stdin is not None:
+            with contextlib.suppress(OSError, ValueError):  # it is gone, or full of words: both are told of
+                os.write(process.stdin.fileno(), _WORD.pack(*self._word))
+
+    @run_realtime("act")
+    def _hear(self, said: BufferedReader) -> None:
+        """Hear the process until it ends, and have it hear that this program goes on."""
+        self._write()
+        try:
+            while True:
+                told = receive_object(said)
+                self._heard_s = time.monotonic()
+                if told:  # else that it goes on
+                    self._tell(*told)
+                if self._heard_s - self._said_s >= WORD_S:
+                    self._write()
+        except (EOFError, OSError):
+            process = self._process
+            code = None if process is None else process.poll()
+            self._broke = "the hand's process has ended" + ("" if code is None else f" ({code})")
+        except BaseException as error:  # of who is told; the next step can act on it
+            self._broke = f"the hand's process is heard no more ({type(error).__name__}: {error})"
+
+
+HandEnd = HandThread | HandProcess
+
+
+def read_words(fd: int, orders: HandOrders) -> None:
+    """Read, in the process, what the program asks, until it is gone.
+
+    Args:
+        fd: Its input.
+        orders: What is told.
+    """
+    rest = b""
+    while piece := os.read(fd, 4096):
+        rest += piece
+        whole = len(rest) - len(rest) % _WORD.size
+        for word in _WORD.iter_unpack(rest[:whole]):
+            orders.take(*word)
+        rest = rest[whole:]
+    orders.lose()

@@ -1,0 +1,222 @@
+"""Exchange frames with an Allegro Hand, on the hand's own time: bus, limits, watchdog and guard in one loop.
+
+:mod:`tega.devices.hand.hand_program` runs it as a program of its own, where no interpreter lock of the run's keeps it
+waiting. A bus inside the run's process, python-can's ``virtual``, has it in a thread.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from typing import TYPE_CHECKING, Final
+
+from tega.devices.hand.hand_bus import HandBus
+from tega.devices.hand.hand_guard import guard_hand
+from tega.devices.hand.hand_told import HandNews, HandOrders, HandSpoken, Tell
+from tega.hand.link import HandLink
+from tega.runtime.threads import run_realtime
+from tega.wire import allegro_limp_frames, allegro_set_period
+
+if TYPE_CHECKING:
+    from tega.devices.hand.allegro import AllegroOptions
+    from tega.devices.hand.guard_process import GuardProcess
+    from tega.hand.link import HandState
+    from tega.wire import CanFrame
+
+
+LEAVE_S: Final = 1.0
+"""Letting go takes no longer, on the loop's side."""
+
+# An adapter that was closed is opened again within a second.
+CONFIRM_S = 3.0
+"""For so long the hand is asked whether its motors are off."""
+
+_STATE_S: Final = 0.02
+_TELL_S: Final = 0.008
+
+
+class HandLoop:
+    """Steers one hand from its first request to its last SERVO OFF.
+
+    Args:
+        options: The driver's settings.
+        orders: What is asked.
+        tell: Told after each answer to the hand and each change, and twenty times a second; from the loop's thread.
+        whole: Whether every exchange is told with all that was received; else those in which something was sent.
+
+    Attributes:
+        whole: The same, until the loop runs.
+    """
+
+    def __init__(
+        self, options: AllegroOptions, orders: HandOrders, tell: Tell, *, whole: bool = False
+    ) -> None:
+        o = options
+        self._options, self._orders, self._tell, self.whole = o, orders, tell, whole
+        self._bus = HandBus(o.interface, o.channel, bitrate=o.bitrate, more=o.bus)
+        self._off: list[CanFrame] = [
+            *allegro_limp_frames(device_id=o.device_id),
+            allegro_set_period(0, device_id=o.device_id),
+        ]
+        self._link: HandLink
+        self._warm = False
+        self._guard: GuardProcess | None = None
+        self._n_guarded = 0
+        self._pushed, self._let_go, self._ready, self._died = False, True, False, ""
+        self._spoken: list[HandSpoken] = []
+        self._state: HandState | None = None
+        self._state_s = self._told_s = 0.0
+        self._cpu_s = 0.0
+
+    def warm_up(self) -> None:
+        """Make ready and start the guard; the bus is not touched.
+
+        Raises:
+            DeviceUnavailableError: The guard does not start.
+            ConfigError: The pose file cannot be used.
+            MissingExtraError: python-can is not installed.
+        """
+        from tega.hand import TORQUE_LIMITS, HandController
+        from tega.hand.poses import load_poses
+
+        o = self._options
+        controller = HandController(
+            poses_rad=None if o.poses is None else load_poses(o.poses),
+            kp=o.kp,
+            kd=o.kd,
+            torque_limits=TORQUE_LIMITS * o.torque_share,
+        )
+        self._link = HandLink(
+            controller,
+            device_id=o.device_id,
+            side=o.side,
+            torque=o.torque,
+            silent_after_ms=o.silent_after_ms,
+            lowest_rate_hz=o.lowest_rate_hz,
+            reconnects=o.reconnects,
+        )
+        self._bus.load()
+        # A bus inside this process ends with it.
+        if o.guard and o.torque and o.interface != "virtual":
+            self._guard = guard_hand(self._bus.settings, self._off, device_id=o.device_id)
+        self._warm = True
+
+    def open(self) -> None:
+        """Open the bus, and make ready before where that was not done; nothing is sent yet.
+
+        Raises:
+            DeviceUnavailableError: There is no adapter, or the guard does not start.
+            ConfigError: The pose file cannot be used.
+            MissingExtraError: python-can is not installed.
+        """
+        if not self._warm:
+            self.warm_up()
+        try:
+            self._bus.open()
+        except BaseException:
+            self.dismiss()
+            raise
+
+    @run_realtime("hand")
+    def run(self) -> None:
+        """Exchange frames until told to leave; then let go, and leave whatever happens."""
+        link, orders, leave_ns = self._link, self._orders, 0
+        try:
+            while not (link.released or (leave_ns and time.monotonic_ns() > leave_ns)):
+                if orders.gone or (leave_ns and link.phase == "faulted"):
+                    break
+                if orders.still() and not self._stood_still():
+                    break
+                frames = self._bus.receive(may_reopen=not orders.leaving.is_set())
+                t_ns = time.monotonic_ns()
+                self._cpu_s = time.thread_time()
+                if orders.leaving.is_set() and not leave_ns:
+                    link.release(t_ns)
+                    self._note(HandSpoken(t_ns, 0, [], [], "release"))
+                    leave_ns = t_ns + round(LEAVE_S * 1e9)
+                level, added = orders.asked
+                before = link.phase
+                out = link.exchange(frames, t_ns, level, added)
+                taken = self._bus.send(out) if out else []
+                answers = len(out) >= 4 and link.phase == "running"
+                left_ns = time.monotonic_ns() if answers else 0
+                if link.phase == "silent" != before:
+                    # Whoever else let go of the hand, as the guard does, has closed the adapter behind itself.
+                    self._bus.drop()
+                if out or self.whole:
+                    self._note(HandSpoken(t_ns, level, frames, out, "exchange", taken, left_ns, added))
+                if link.phase == "running" and self._options.torque:
+                    self._pushed, self._let_go = True, False
+                self._ready = self._ready or link.phase in {"running", "faulted"}
+                n_words, _ = orders.pulse()
+                if self._guard is not None and self._ready and n_words != self._n_guarded:
+                    # It hears of the run, not of this loop alone.
+                    self._n_guarded = n_words
+                    self._guard.beat()
+                if link.phase != before or t_ns * 1e-9 - self._told_s > _TELL_S:
+                    self._flush(t_ns)
+        except (
+            BaseException
+        ) as error:  # a panic of native code, too; told by the next step, which can act on it
+            self._died = f" ({type(error).__name__}: {error})"
+        finally:
+            # Whatever was sent before: a hand that hears this is without force.
+            last = link.abandon()
+            self._note(HandSpoken(time.monotonic_ns(), 0, [], last, "abandon", self._bus.send(last)))
+            self._ready = True
+            self._flush(time.monotonic_ns(), ended=True)
+            if self._pushed:
+                with contextlib.suppress(Exception):
+                    device_id = self._options.device_id
+                    self._let_go = self._bus.switch_off(self._off, device_id=device_id, patience_s=CONFIRM_S)
+            with contextlib.suppress(Exception):
+                self._bus.drop()
+            self.dismiss()
+            self._flush(time.monotonic_ns(), ended=True)
+
+    def _stood_still(self) -> bool:
+        """Wait for a run that stands still, as long as the guard sees to the hand; whether to go on."""
+        if self._guard is None or self._guard.problem:
+            return False
+        self._bus.drop()  # the guard may need it
+        self._orders.await_word()
+        return True
+
+    def dismiss(self) -> None:
+        """Dismiss the process that guards the hand if the hand has confirmed that its motors are off."""
+        guard = self._guard
+        if self._let_go:
+            if guard is not None:
+                guard.dismiss()
+        elif guard is not None:
+            guard.leave_to_it()
+
+    def _note(self, said: HandSpoken) -> None:
+        self._spoken.append(said if self.whole else said._replace(received=[]))
+
+    def _flush(self, t_ns: int, *, ended: bool = False) -> None:
+        """Tell what was said since the last time, and how it is now."""
+        link, spoken = self._link, self._spoken
+        self._spoken, self._told_s = [], t_ns * 1e-9
+        state = self._state
+        if state is None or state.phase != link.phase or self._told_s - self._state_s > _STATE_S or ended:
+            state, self._state_s = link.state(t_ns), self._told_s
+            self._state = state
+        guard = self._guard
+        self._tell(
+            spoken,
+            HandNews(
+                state=state,
+                fault=link.fault,
+                angles_rad=link.angles_rad,
+                target_rad=link.target_rad,
+                ready=self._ready,
+                trouble=self._died or self._bus.trouble,
+                guard_problem="" if guard is None else guard.problem,
+                n_garbled=self._bus.n_garbled,
+                n_unsent=self._bus.n_unsent,
+                cpu_s=self._cpu_s,
+                ended=ended,
+                let_go=self._let_go,
+            ),
+        )

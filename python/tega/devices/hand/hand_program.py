@@ -1,0 +1,95 @@
+"""Steer a hand as a program of its own: levels come in by its input, what is said with the hand goes to its output.
+
+:class:`~tega.devices.hand.hand_ends.HandProcess` starts it. Where its input ends without a word, the run was killed, and the
+hand is let go at once; where a run that goes on says nothing for a second, it stands still, and so does this: the
+process that guards the hand (:mod:`tega.devices.hand.hand_guard`) then lets go of it until the run goes on.
+"""
+
+from __future__ import annotations
+
+import gc
+import os
+import signal
+import sys
+import threading
+from contextlib import suppress
+from io import BufferedWriter, FileIO
+from queue import Empty, SimpleQueue
+from typing import Any
+
+from tega.devices.hand.hand_ends import MAKES_READY, read_words
+from tega.devices.hand.hand_loop import HandLoop
+from tega.devices.hand.hand_told import WORD_S, HandNews, HandOrders, HandSpoken
+from tega.runtime.object_pipe import receive_object, send_object
+from tega.runtime.threads import realtime, run_realtime, short_turns
+
+_LEAVE_S = 2.0
+
+_Told = tuple[list[HandSpoken], HandNews]
+
+
+@run_realtime("hand")
+def _pass_on(told: SimpleQueue[_Told | None], said: BufferedWriter) -> None:
+    """Tell the run, which may be slow, without keeping the hand waiting; and that this goes on, if that waits."""
+    while True:
+        what: _Told | tuple[()] | None = ()
+        with suppress(Empty):
+            what = told.get(timeout=WORD_S)
+        if what is None:
+            return
+        with suppress(OSError):  # the run was killed
+            send_object(said, what)
+
+
+def _makes_ready(said: BufferedWriter) -> None:
+    with suppress(OSError):  # the run has given up, which is seen where its word is waited for
+        send_object(said, MAKES_READY)
+
+
+def _steer(options: Any, *, asked: FileIO, orders: HandOrders, said: BufferedWriter) -> None:
+    """Make ready, wait until the run opens the hand, and steer it."""
+    told: SimpleQueue[_Told | None] = SimpleQueue()
+    loop = HandLoop(options, orders, lambda spoken, seen: told.put((spoken, seen)))
+    try:
+        _makes_ready(said)
+        loop.warm_up()
+        _makes_ready(said)
+        loop.whole = receive_object(asked)
+        loop.open()
+    except EOFError:  # the run has given up, or was killed, before it opened the hand
+        loop.dismiss()
+        return
+    except Exception as error:  # the run tells it
+        send_object(said, error)
+        return
+    send_object(said, None)
+    threading.Thread(target=read_words, args=(sys.stdin.fileno(), orders), daemon=True).start()
+    telling = threading.Thread(target=_pass_on, args=(told, said), daemon=True)
+    telling.start()
+    gc.collect()
+    gc.freeze()
+    loop.run()
+    told.put(None)
+    telling.join(_LEAVE_S)
+
+
+def main() -> None:
+    """Steer until the run says that it is over, or is no more."""
+    orders = HandOrders(heard=True)
+    # A key press ends the run, which then has the hand let go; a shutdown may ask this program as well.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, lambda *_: orders.leaving.set())
+    said = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a library prints is no answer
+    try:
+        # Not through a buffer, which would keep the words behind it.
+        asked = os.fdopen(os.dup(sys.stdin.fileno()), "rb", buffering=0)
+        options, allowed = receive_object(asked)
+    except EOFError:  # the run was killed as soon
+        return
+    with realtime(allowed=allowed), short_turns():
+        _steer(options, asked=asked, orders=orders, said=said)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,135 @@
+"""Define what a hand's loop is asked and what it tells: the driver in its own program, or the run through pipes."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tega.hand.link import HandFault, HandState, Received
+    from tega.wire import CanFrame
+
+
+class HandSpoken(NamedTuple):
+    """One exchange with a hand.
+
+    Attributes:
+        t_ns: When, monotonic clock.
+        level: Closure level asked for.
+        received: What came since the last one.
+        out: What was to be sent.
+        action: ``exchange``, ``release`` or ``abandon``.
+        taken: What of it the adapter took.
+        left_ns: When torques that answer a set of positions had left; 0 where none did.
+        added: What was added to the level.
+    """
+
+    t_ns: int
+    level: float
+    received: list[Received]
+    out: list[CanFrame]
+    action: str
+    taken: Sequence[CanFrame] = ()
+    left_ns: int = 0
+    added: float = 0.0
+
+
+class HandNews(NamedTuple):
+    """How it is with a hand and its loop.
+
+    Attributes:
+        state: Of the conversation.
+        fault: For which the hand was let go for good.
+        angles_rad: As last reported, float64 (16,); ``None`` before.
+        target_rad: Of the last cycle, likewise.
+        ready: Whether the hand is steered, or never will be.
+        trouble: Why the adapter went away, or what broke the loop off.
+        guard_problem: Why nobody would let go of the hand.
+        n_garbled: Pieces of the adapter's stream that were no frame.
+        n_unsent: Frames that the adapter did not take.
+        cpu_s: Processor time of the loop's thread.
+        ended: Whether the loop has ended.
+        let_go: Whether no motor was switched on, or the hand has confirmed that they are off.
+    """
+
+    state: HandState
+    fault: HandFault | None = None
+    angles_rad: NDArray[np.float64] | None = None
+    target_rad: NDArray[np.float64] | None = None
+    ready: bool = False
+    trouble: str = ""
+    guard_problem: str = ""
+    n_garbled: int = 0
+    n_unsent: int = 0
+    cpu_s: float = 0.0
+    ended: bool = False
+    let_go: bool = False
+
+
+Tell = Callable[[list[HandSpoken], HandNews], None]
+"""Told of the exchanges since the last call, and how it is after them."""
+
+LET_GO = 0.0
+"""The word, in place of a level, that has the hand let go."""
+
+WORD_S = 0.1
+"""A run says something so often, if only what it said before."""
+
+_STILL_S = 0.9
+
+
+class HandOrders:
+    """What a run asks of a hand's loop, in the loop's own program.
+
+    Args:
+        heard: Whether the run has to be heard again and again, since it may stand still by itself.
+
+    Attributes:
+        asked: Closure level asked for, and what is added to it.
+        leaving: Set once the hand is to be let go.
+        gone: Whether the run has ended without a word.
+    """
+
+    def __init__(self, *, heard: bool) -> None:
+        self._heard = heard
+        self.asked: tuple[float, float] = (1, 0.0)
+        self.leaving = threading.Event()
+        self.gone = False
+        self._n_words = 0
+        self._last_s = time.monotonic()
+        self._word = threading.Event()
+
+    def take(self, word: float, added: float) -> None:
+        """Take a level, or :data:`LET_GO`, and what is added; the loop sees both or neither."""
+        if word == LET_GO:
+            self.leaving.set()
+        else:
+            self.asked = word, added
+        self._last_s = time.monotonic()
+        self._n_words += 1
+        self._word.set()
+
+    def lose(self) -> None:
+        """Take note that the run is no more."""
+        self.gone = True
+        self.leaving.set()
+        self._word.set()
+
+    def pulse(self) -> tuple[int, float]:
+        """Return how many words came, and for how long none has, seconds; 0 where none has to."""
+        return self._n_words, time.monotonic() - self._last_s if self._heard else 0.0
+
+    def still(self) -> bool:
+        """Whether the run stands still: it has not left, and has said nothing for nine tenths of a second."""
+        return self.pulse()[1] > _STILL_S and not self.leaving.is_set()
+
+    def await_word(self) -> None:
+        """Wait until the run says something or is no more."""
+        while self.still():
+            self._word.clear()
+            self._word.wait(WORD_S)

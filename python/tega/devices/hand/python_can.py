@@ -1,0 +1,122 @@
+"""Send CAN frames to a hand over any adapter that python-can knows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+
+import msgspec
+
+from tega.devices.base import DeviceInfo, Kind, Options
+from tega.devices.hand.hand_bus import can_message
+from tega.errors import ConfigError, DeviceUnavailableError
+from tega.runtime.lifecycle import Opened, require
+
+if TYPE_CHECKING:
+    from tega.wire import CanFrame
+
+
+_NO_HARDWARE = frozenset({"virtual", "udp_multicast"})
+
+
+class PythonCanOptions(Options, frozen=True):
+    """Settings of :class:`PythonCan`.
+
+    Attributes:
+        interface: The adapter's name in python-can, such as ``virtual``, ``socketcan``, ``pcan``, ``slcan``.
+        channel: Which of its buses.
+        bitrate: Bits per second; the Allegro Hand uses 1,000,000. ``socketcan`` is set with ``ip link`` instead.
+        bus: Further options, passed to ``can.Bus`` as they are.
+        open_loop: Allow a bus with real hardware behind it. The torques come from an ideal joint model that
+            does not know where the real joints are.
+        send_timeout_s: How long a frame may wait for the adapter.
+    """
+
+    interface: str = "virtual"
+    channel: str | int = "tega"
+    bitrate: Annotated[int, msgspec.Meta(gt=0, le=1_000_000)] = 1_000_000
+    bus: dict[str, Any] = msgspec.field(default_factory=dict)
+    open_loop: bool = False
+    send_timeout_s: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.01
+
+
+def may_have_hardware(interface: str, channel: str | int) -> bool:
+    """Tell whether there may be a real hand on one of python-can's buses."""
+    return interface not in _NO_HARDWARE and not str(channel).startswith("vcan")
+
+
+class PythonCan(Opened):
+    """Sends classic CAN frames with 11-bit identifiers; never CAN FD."""
+
+    kind: ClassVar[Kind] = "hand"
+    summary: ClassVar[str] = "any CAN adapter python-can knows; 'virtual' needs no hardware"
+    extra: ClassVar[str] = "lab"
+    requires: ClassVar[tuple[str, ...]] = ("can",)
+    options_type: ClassVar[type[Options]] = PythonCanOptions
+
+    def __init__(self, options: PythonCanOptions) -> None:
+        self._options = options
+        self._bus: Any = None
+        self._can: Any = None
+
+    @classmethod
+    def harmless(cls, options: PythonCanOptions) -> PythonCanOptions:
+        """The options as they are: an open bus sends nothing by itself."""
+        return options
+
+    @property
+    def info(self) -> DeviceInfo:
+        """Name of the bus."""
+        o = self._options
+        return DeviceInfo(
+            driver="python-can", kind="hand", label=f"{o.interface}:{o.channel}", live=True, unit="CAN frames"
+        )
+
+    def open(self) -> None:
+        """Open the bus.
+
+        Raises:
+            ConfigError: Real hardware without ``open_loop``.
+            DeviceUnavailableError: The adapter or its bus is not there.
+            MissingExtraError: python-can is not installed.
+        """
+        o = self._options
+        self.close()
+        if may_have_hardware(o.interface, o.channel) and not o.open_loop:
+            raise ConfigError(
+                f"python-can: interface {o.interface!r} may have a real hand behind it, and these torques come from "
+                "a joint model that does not read the hand's angles",
+                "use interface = 'virtual', or set open_loop = true with the hand's power off or nothing attached",
+            )
+        self._can = require("can", driver="python-can", extra="lab")
+        try:
+            self._bus = self._can.Bus(interface=o.interface, channel=o.channel, bitrate=o.bitrate, **o.bus)
+        except (self._can.CanError, OSError, ValueError, TypeError, ImportError) as error:
+            raise DeviceUnavailableError(
+                f"python-can: interface {o.interface!r}, channel {o.channel!r} did not open: {error}",
+                "check the adapter and the names; interface = 'virtual' needs no hardware",
+            ) from error
+
+    def close(self) -> None:
+        """Close the bus."""
+        if self._bus is not None:
+            self._bus.shutdown()
+        self._bus = None
+
+    def write(self, t_ns: int, frames: Sequence[CanFrame]) -> Sequence[CanFrame]:  # noqa: ARG002  # a bus has no past
+        """Send frames in order.
+
+        Raises:
+            DeviceUnavailableError: The bus is not open, or did not take a frame in time.
+        """
+        if self._bus is None:
+            raise DeviceUnavailableError("python-can: the bus is not open", "open it first")
+        for frame in frames:
+            try:
+                self._bus.send(can_message(self._can, frame), timeout=self._options.send_timeout_s)
+            except (self._can.CanError, OSError) as error:
+                raise DeviceUnavailableError(
+                    f"python-can: frame {frame.id:#05x} was not sent within {self._options.send_timeout_s} s: {error}",
+                    "check that the hand is powered, the bus terminated, and its rate 1 Mbit/s",
+                ) from error
+        return frames

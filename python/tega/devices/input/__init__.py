@@ -1,0 +1,1 @@
+"""Drivers of pedals and other input devices."""

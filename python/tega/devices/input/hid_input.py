@@ -1,0 +1,318 @@
+"""Read input devices through hidapi in a thread that drains them: the newest state, presses, loss and return."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Annotated, Any, ClassVar
+
+import msgspec
+
+from tega.devices.base import DeviceInfo, Found, InputEvent, InputReading, Kind, Options
+from tega.devices.hid_device import hid_module
+from tega.devices.input.debounce import Debounce, Edge
+from tega.errors import DeviceUnavailableError
+from tega.runtime.lifecycle import Opened
+from tega.runtime.reopening import Reopening
+
+AT_REST = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+"""The motion of a device that nobody touches."""
+
+# A device is looked at this often when it says nothing: a tenth of the watchdogs that hang on it.
+_LOOK_MS = 10
+_REPORT_BYTES = 64
+_BACK_OFF_S = (0.25, 2.0)
+_LEAVE_S = 5.0
+_MOST_EVENTS = 1024
+
+
+def found_devices(driver: str, known: Mapping[tuple[int, int], str]) -> list[Found]:
+    """List the devices that are there and known, each once whatever number of interfaces it has.
+
+    Args:
+        driver: Whose they are.
+        known: Their names, by vendor and product number.
+
+    Raises:
+        MissingExtraError: hidapi is not installed.
+        DeviceUnavailableError: Another package hides it.
+    """
+    there = {(d["vendor_id"], d["product_id"], d["serial_number"]) for d in hid_module(driver).enumerate()}
+    return [
+        Found(
+            driver=driver,
+            label=f"{known[vendor, product]} {serial}".strip(),
+            options={"vendor_id": vendor, "product_id": product} | ({"serial": serial} if serial else {}),
+        )
+        for vendor, product, serial in sorted(there)
+        if (vendor, product) in known
+    ]
+
+
+class HidInputOptions(Options, frozen=True, kw_only=True):
+    """Settings that all input devices on USB have.
+
+    Attributes:
+        vendor_id: USB vendor number; none means those that are known.
+        product_id: USB product number; none means those that are known.
+        serial: Serial number; empty for the first one found.
+        silent_after_ms: While a button is held, without a report for so long it counts as released and the state is "no
+            data", until it is let go. A dead-man has to have it. Around 100 for a device that repeats its report while
+            held; with one that only tells of changes it is how often the button has to be pressed anew. None: never.
+    """
+
+    vendor_id: Annotated[int, msgspec.Meta(ge=0, le=0xFFFF)] | None = None
+    product_id: Annotated[int, msgspec.Meta(ge=0, le=0xFFFF)] | None = None
+    serial: str = ""
+    silent_after_ms: Annotated[float, msgspec.Meta(ge=20, le=10_000)] | None = None
+
+
+class InputCounts(msgspec.Struct, kw_only=True):
+    """Counts of the reports of an input device.
+
+    Attributes:
+        reports: Reports in all.
+        odd: Reports of a wrong length, of an unknown kind, or with impossible values; not used.
+        stalled: Times it fell silent in the middle of a motion or a press.
+        lost: Times it went away.
+    """
+
+    reports: int = 0
+    odd: int = 0
+    stalled: int = 0
+    lost: int = 0
+
+
+class HidInput(Opened):
+    """An input device on USB; a driver adds which one, what its reports mean, and what silence means.
+
+    A thread takes every report as it comes, so that none waits and the state is always the newest. A device that
+    goes away is at rest, with nothing held, from that moment on, and is looked for again after 0.25 s and then at
+    most every 2 s.
+
+    Args:
+        options: The settings.
+        hold_ms: How long a button's contact has to hold to count as pressed.
+
+    Attributes:
+        counts: What came.
+    """
+
+    kind: ClassVar[Kind] = "input"
+    extra: ClassVar[str] = "lab"
+    requires: ClassVar[tuple[str, ...]] = ("hid",)
+    name: ClassVar[str]
+
+    def __init__(self, options: HidInputOptions, *, hold_ms: float = 0.0) -> None:
+        self._settings = options
+        self._hold_ns = round(hold_ms * 1e6)
+        self._lock = threading.Lock()
+        self._leaving = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._found_as = ""
+        self._trouble = ""
+        self._there = False
+        self._is_stalled = False
+        self._heard_ns = 0
+        self._buttons = Debounce(self._hold_ns)
+        self._events: deque[InputEvent] = deque(maxlen=_MOST_EVENTS)
+        self._n_events = 0
+        self.counts = InputCounts()
+
+    # What a driver adds. All but the first two are called with the lock held, time in monotonic nanoseconds.
+
+    def _choose(self, found: Sequence[Mapping[str, Any]]) -> tuple[Mapping[str, Any], str] | None:
+        """Pick one of the devices that are there, and say what it is called."""
+        raise NotImplementedError
+
+    def _absence(self, found: Sequence[Mapping[str, Any]]) -> DeviceUnavailableError:
+        """Say that none of those that are there will do."""
+        raise NotImplementedError
+
+    def _take(self, report: bytes, t_ns: int) -> bool:
+        """Take a report; return whether it was understood."""
+        raise NotImplementedError
+
+    def _pass_time(self, t_ns: int) -> None:
+        """Look whether it has been silent for too long."""
+        raise NotImplementedError
+
+    def _mind_silence(self, t_ns: int) -> None:
+        """Let go of a button that is held in silence: no report tells a foot that stays from a frozen pedal."""
+        limit_ms = self._settings.silent_after_ms
+        if limit_ms is None or self._is_stalled or not self._buttons.held:
+            return
+        if t_ns - self._heard_ns > limit_ms * 1e6:
+            self._stall(t_ns)
+
+    def _come_to_rest(self) -> None:
+        """Forget every motion."""
+
+    def _motion(self) -> tuple[float, float, float, float, float, float]:
+        """Return the motion asked for."""
+        return AT_REST
+
+    def _own_notes(self) -> tuple[str, ...]:
+        """Return what else a reader of the results must know."""
+        return ()
+
+    # What is the same in all of them.
+
+    @property
+    def info(self) -> DeviceInfo:
+        """Description of the device, and what went wrong so far."""
+        counts, notes = self.counts, []
+        if counts.odd:
+            notes.append(f"{counts.odd} of {counts.reports} reports could not be read and were not used")
+        if counts.stalled:
+            notes.append(f"it fell silent in the middle of a motion or a press {counts.stalled} times")
+        if counts.lost:
+            notes.append(f"it was lost {counts.lost} times{self._trouble}")
+        return DeviceInfo(
+            driver=self.name,
+            kind="input",
+            label=self._settings.serial or self._found_as or self.name,
+            live=True,
+            unit="share of full deflection",
+            notes=(*notes, *self._own_notes()),
+        )
+
+    def state(self) -> InputReading:
+        """Return the device's state now.
+
+        Raises:
+            DeviceUnavailableError: It is not open.
+        """
+        self._require_open()
+        with self._lock:
+            live = self._there and not self._is_stalled
+            return InputReading(
+                self._heard_ns,
+                live,
+                self._motion() if live else AT_REST,
+                self._buttons.held if live else frozenset(),
+            )
+
+    def events(self) -> Sequence[InputEvent]:
+        """Return the buttons' events since the last call, oldest first.
+
+        Raises:
+            DeviceUnavailableError: It is not open.
+        """
+        self._require_open()
+        with self._lock:
+            events = tuple(self._events)
+            self._events.clear()
+        return events
+
+    def open(self) -> None:
+        """Find the device, open it and begin to read.
+
+        Raises:
+            DeviceUnavailableError: It is not there, or may not be opened.
+            MissingExtraError: hidapi is not installed.
+        """
+        self.close()
+        self.counts, self._trouble = InputCounts(), ""
+        self._events.clear()
+        self._n_events = 0
+        device = self._connect()
+        self._leaving.clear()
+        self._thread = threading.Thread(target=self._run, args=(device,), name=self.name, daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop reading and let the device go."""
+        thread, self._thread = self._thread, None
+        self._leaving.set()
+        if thread is not None:
+            thread.join(_LEAVE_S)
+
+    def _require_open(self) -> None:
+        if self._thread is None:
+            raise DeviceUnavailableError(f"{self.name} is not open", "open it first")
+
+    def _say(self, edges: Iterable[Edge]) -> None:
+        """Put events in the queue; with the lock held."""
+        for edge in edges:
+            self._events.append(InputEvent(edge.t_ns, self._n_events, edge.button, edge.pressed))
+            self._n_events += 1
+
+    def _stall(self, t_ns: int) -> None:
+        """Note that it stands still in the middle of something; with the lock held."""
+        self._is_stalled = True
+        self.counts.stalled += 1
+        self._release(t_ns)
+
+    def _release(self, t_ns: int) -> None:
+        """Let go of every button and forget every motion; with the lock held."""
+        self._come_to_rest()
+        self._say(self._buttons.take(t_ns, frozenset()))
+
+    def _connect(self) -> Any:
+        hid, o = hid_module(self.name), self._settings
+        there = [d for d in hid.enumerate() if o.serial in {"", d["serial_number"]}]
+        chosen = self._choose(there)
+        if chosen is None:
+            raise self._absence(there)
+        which, self._found_as = chosen
+        device = hid.device()
+        try:
+            device.open_path(which["path"])
+            device.set_nonblocking(1)
+        except OSError as error:
+            raise DeviceUnavailableError(
+                f"{self.name}: {self._found_as} is there but does not open: {error}",
+                "another program may have it, or its udev rule is missing: see docs/device-inputs.md",
+            ) from error
+        with self._lock:
+            self._there, self._is_stalled, self._heard_ns = True, False, time.monotonic_ns()
+        return device
+
+    def _run(self, device: Any) -> None:
+        """Read until told to leave; a device that goes away is opened again."""
+
+        def refused(error: Exception) -> None:
+            self._trouble = f": {getattr(error, 'message', error)}"
+
+        def use(open_device: Any) -> bool:
+            self._trouble = ""
+            self._drain(open_device)
+            return True
+
+        Reopening(*_BACK_OFF_S).serve(
+            device,
+            self._connect,
+            use,
+            lambda open_device: open_device.close(),
+            self._leaving.wait,
+            absent=DeviceUnavailableError,
+            refused=refused,
+        )
+        with self._lock:
+            self._there = False
+            self._release(time.monotonic_ns())
+
+    def _drain(self, device: Any) -> None:
+        """Take reports until the device fails or we are told to leave."""
+        while not self._leaving.is_set():
+            try:
+                report = bytes(device.read(_REPORT_BYTES, _LOOK_MS))
+            except (OSError, ValueError):
+                with self._lock:
+                    self.counts.lost += 1
+                    self._there = False
+                    self._release(time.monotonic_ns())
+                return
+            t_ns = time.monotonic_ns()
+            with self._lock:
+                if report:
+                    self.counts.reports += 1
+                    if self._take(report, t_ns):
+                        self._heard_ns = t_ns
+                    else:
+                        self.counts.odd += 1
+                self._pass_time(t_ns)
+                self._say(self._buttons.settle(t_ns))

@@ -1,0 +1,146 @@
+"""Read a foot pedal or any other switch on USB: a dead-man's switch while it is held, a marker when it is pressed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, ClassVar, Final, Literal
+
+import msgspec
+
+from tega.devices.base import Found, Options
+from tega.devices.input.hid_input import HidInput, HidInputOptions, found_devices
+from tega.errors import DeviceUnavailableError
+
+PEDALS: Final = {
+    (0x0C45, 0x7403): "PCsensor FootSwitch",
+    (0x0C45, 0x7404): "PCsensor FootSwitch",
+    (0x413D, 0x2107): "PCsensor FootSwitch",
+    (0x1A86, 0xE026): "PCsensor FootSwitch",
+    (0x3553, 0xB001): "PCsensor FootSwitch",
+}
+"""Keyboard-type pedals that are found without being named, by vendor and product number."""
+
+_USAGES: Final = {"keyboard": ((1, 6),), "joystick": ((1, 4), (1, 5))}
+_MODIFIERS: Final = tuple(
+    f"{side} {key}" for side in ("left", "right") for key in ("ctrl", "shift", "alt", "gui")
+)
+# Keys 1 to 3 of a keyboard's report are errors: too many keys, a failed self-test, unknown.
+_FIRST_KEY: Final = 4
+_BOOT_BYTES: Final = 8
+
+
+class PedalOptions(HidInputOptions, frozen=True, kw_only=True):
+    """Settings of :class:`Pedal`.
+
+    Attributes:
+        report: What it passes itself off as: a ``keyboard`` that types a key, or a ``joystick`` with buttons.
+        button_byte: Of a joystick, which byte of its report holds the buttons, one bit each, counted from 0; a
+            report number in front counts too.
+        debounce_ms: How long a contact has to hold to count as pressed; a release counts at once.
+    """
+
+    report: Literal["keyboard", "joystick"] = "keyboard"
+    button_byte: Annotated[int, msgspec.Meta(ge=0, le=63)] = 0
+    debounce_ms: Annotated[float, msgspec.Meta(ge=0, le=500)] = 20.0
+
+
+class Pedal(HidInput):
+    """Gives which buttons are down, without bounces, and every press with its time.
+
+    A keyboard's buttons are called by what they type (``b``, ``left ctrl``, ``key 0x3a``), a joystick's by number
+    (``1``). A pedal that is unplugged, or sends what cannot be read, is released at that moment. One that only
+    tells of changes and freezes while it is held differs in nothing on the wire from one that is held on: only
+    ``silent_after_ms`` ends that, and a dead-man has to have it. Keep an emergency stop in reach all the same.
+    """
+
+    name: ClassVar[str] = "pedal"
+    summary: ClassVar[str] = "foot pedal or switch on USB that passes itself off as a keyboard or a joystick"
+    options_type: ClassVar[type[Options]] = PedalOptions
+
+    def __init__(self, options: PedalOptions) -> None:
+        super().__init__(options, hold_ms=options.debounce_ms)
+        self._options = options
+
+    @classmethod
+    def discover(cls, timeout_s: float) -> list[Found]:  # noqa: ARG003  # the system knows at once
+        """List the pedals that are known by their vendor and product numbers.
+
+        Raises:
+            DeviceUnavailableError: hidapi is not installed, or is hidden by another package.
+        """
+        return found_devices(cls.name, PEDALS)
+
+    def _choose(self, found: Sequence[Mapping[str, Any]]) -> tuple[Mapping[str, Any], str] | None:
+        o = self._options
+        fitting = []
+        for device in found:
+            numbers = (device["vendor_id"], device["product_id"])
+            if o.vendor_id is None and o.product_id is None:
+                fits = bool(o.serial) or (o.report == "keyboard" and numbers in PEDALS)
+            else:
+                fits = o.vendor_id in {None, numbers[0]} and o.product_id in {None, numbers[1]}
+            if fits:
+                fitting.append(device)
+        fitting.sort(key=lambda d: (d.get("usage_page"), d.get("usage")) not in _USAGES[o.report])
+        if not fitting:
+            return None
+        numbers = (fitting[0]["vendor_id"], fitting[0]["product_id"])
+        return fitting[0], PEDALS.get(numbers, "{:04x}:{:04x}".format(*numbers))
+
+    def _absence(self, found: Sequence[Mapping[str, Any]]) -> DeviceUnavailableError:
+        o = self._options
+        there = ", ".join(sorted({f"{d['vendor_id']:04x}:{d['product_id']:04x}" for d in found})) or "none"
+        if o.vendor_id is None and o.product_id is None and not o.serial:
+            what = (
+                "no pedal that is known"
+                if o.report == "keyboard"
+                else "no vendor_id and product_id is set, so no joystick"
+            )
+            return DeviceUnavailableError(
+                f"pedal: {what} is there; input devices: {there}",
+                "set vendor_id and product_id, as lsusb shows them with 0x in front",
+            )
+        wanted = ":".join("any" if n is None else f"{n:04x}" for n in (o.vendor_id, o.product_id))
+        if o.serial:
+            wanted += f", serial number {o.serial},"
+        return DeviceUnavailableError(
+            f"pedal: no device {wanted} is there; input devices: {there}",
+            "plug it in, and see docs/device-inputs.md for the udev rule",
+        )
+
+    def _take(self, report: bytes, t_ns: int) -> bool:
+        down = self._keys(report) if self._options.report == "keyboard" else self._joystick(report)
+        if down is None:
+            # What it meant is unknown, and may have been that the foot is off.
+            if self._buttons.held:
+                self._is_stalled = True
+                self._release(t_ns)
+            return False
+        if self._is_stalled and down:
+            # What was held through the silence has to be let go before it counts again.
+            return True
+        self._is_stalled = False
+        self._say(self._buttons.take(t_ns, down))
+        return True
+
+    @staticmethod
+    def _keys(report: bytes) -> set[str] | None:
+        """Read a keyboard's report: modifiers, a byte of nothing, six keys; a report number 1 may stand in front."""
+        if len(report) == _BOOT_BYTES + 1 and report[0] == 1:
+            report = report[1:]
+        if len(report) != _BOOT_BYTES or report[1] != 0:
+            return None
+        keys = [key for key in report[2:] if key]
+        if any(key < _FIRST_KEY for key in keys):
+            return None
+        down = {name for bit, name in enumerate(_MODIFIERS) if report[0] >> bit & 1}
+        return down | {chr(ord("a") + k - 4) if k < 30 else f"key {k:#04x}" for k in keys}
+
+    def _joystick(self, report: bytes) -> set[str] | None:
+        if len(report) <= self._options.button_byte:
+            return None
+        mask = report[self._options.button_byte]
+        return {str(bit + 1) for bit in range(8) if mask >> bit & 1}
+
+    def _pass_time(self, t_ns: int) -> None:
+        self._mind_silence(t_ns)

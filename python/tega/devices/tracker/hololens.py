@@ -1,0 +1,290 @@
+"""Track the forearm by a HoloLens 2 that runs the hl2ss app: the wrist of one hand, and nothing else of it."""
+
+from __future__ import annotations
+
+import socket
+import struct
+import threading
+import time
+from typing import Annotated, ClassVar, Final, Literal
+
+import msgspec
+
+from tega.arm.pose import StampedPose
+from tega.devices.base import DeviceInfo, Options
+from tega.devices.device_clock import DeviceClock
+from tega.devices.tracker.tracker_thread import ThreadedTracker
+from tega.errors import DeviceUnavailableError, WrongDeviceError
+from tega.runtime.reopening import Reopening
+
+# One packet of the spatial input: time, size and validity, head and eyes, 26 joints of each hand.
+_PACKET_BYTES: Final = 1948
+_PAYLOAD_BYTES: Final = 1936
+_HEAD: Final = struct.Struct("<QII")
+_WRIST: Final = struct.Struct("<4f3ffi")
+_JOINT_BYTES: Final = 36
+_FIRST_JOINT: Final = {"left": 76, "right": 1012}
+_VALID: Final = {"left": 4, "right": 8}
+# The wrist is the second of the joints. No other is ever taken out of a packet: where fingers are is not read.
+_WRIST_NUMBER: Final = 1
+_EXACT: Final = 0
+
+_LOOK_S: Final = 0.05
+_BACK_OFF_S: Final = (0.25, 2.0)
+# The origin is where the head was when the app began: after a reconnection the same numbers may be another place. So
+# long, together with the pause before, that whoever steers has been told "lost" and takes hold anew.
+_ANEW_NS: Final = 350_000_000
+
+
+class HoloLensOptions(Options, frozen=True, kw_only=True):
+    """Settings of :class:`HoloLens`.
+
+    Attributes:
+        host: Address of the headset, as its settings or the hl2ss app show it.
+        port: Of the app's spatial input.
+        hand: Whose wrist.
+        guessed: Whether a wrist counts that the headset only guesses ("approximate") since it does not see it.
+        connect_s: How long to wait for the first packet.
+        silent_s: A connection that says nothing for so long is dropped and made anew: on a wireless network the other
+            end can be gone without a word.
+    """
+
+    host: str
+    port: Annotated[int, msgspec.Meta(ge=1, le=65535)] = 3812
+    hand: Literal["right", "left"] = "right"
+    guessed: bool = False
+    connect_s: Annotated[float, msgspec.Meta(gt=0, le=60)] = 3.0
+    silent_s: Annotated[float, msgspec.Meta(ge=0.2, le=60)] = 1.0
+
+
+class HoloLensCounts(msgspec.Struct, kw_only=True):
+    """Counts of packets and connections.
+
+    Attributes:
+        packets: Packets in all.
+        lost: Packets in which the hand was not tracked.
+        guessed: Packets in which its wrist was only guessed.
+        repeated: Packets with the pose or the time of the one before; they tell nothing new and are not passed on.
+        connections: Connections that were made.
+        silent: Connections dropped since nothing came.
+        broken: Connections dropped since what came was no packet, or ended within one.
+    """
+
+    packets: int = 0
+    lost: int = 0
+    guessed: int = 0
+    repeated: int = 0
+    connections: int = 0
+    silent: int = 0
+    broken: int = 0
+
+
+class HoloLens(ThreadedTracker):
+    """Reads the spatial input of the hl2ss app, port 3812, 60 packets a second, in a thread of its own.
+
+    Poses are in the headset's axes (``openxr``: y up, -z forward), stamped by its clock brought to ours; see
+    :class:`~tega.devices.device_clock.DeviceClock`. What was held up by the network is therefore as old as it is. A
+    wrist that is lost, or only guessed, gives a pose that is not valid. One that does not change to the last bit was
+    not measured anew, and gives none.
+
+    Args:
+        options: The settings.
+
+    Attributes:
+        counts: What came.
+        frame: Axes of the poses, a name of :data:`tega.arm.FRAMES`.
+    """
+
+    driver: ClassVar[str] = "hololens"
+    summary: ClassVar[str] = "HoloLens 2 with the hl2ss app: a wrist, over TCP"
+    extra: ClassVar[str] = ""
+    requires: ClassVar[tuple[str, ...]] = ()
+    options_type: ClassVar[type[Options]] = HoloLensOptions
+    frame: ClassVar[str] = "openxr"
+
+    def __init__(self, options: HoloLensOptions) -> None:
+        super().__init__()
+        self._options = o = options
+        self._offset = _FIRST_JOINT[o.hand] + _WRIST_NUMBER * _JOINT_BYTES
+        self._bit = _VALID[o.hand]
+        self._where = f"{o.host}:{o.port}"
+        self._clock = DeviceClock()
+        self._last: tuple[int, bytes] | None = None
+        self._anew_until_ns = 0
+        self._heard_ns = 0
+        self.counts = HoloLensCounts()
+
+    @property
+    def info(self) -> DeviceInfo:
+        """Description of the tracker."""
+        c, notes = self.counts, []
+        if c.packets and c.guessed > c.packets / 10:
+            notes.append(f"{c.guessed} of {c.packets} packets had a wrist that was only guessed")
+        if c.packets and c.lost > c.packets / 10:
+            notes.append(f"{c.lost} of {c.packets} packets had no {self._options.hand} hand")
+        if c.connections > 1:
+            notes.append(f"the connection was made anew {c.connections - 1} times")
+        return DeviceInfo(
+            driver=self.driver,
+            kind="tracker",
+            label=f"HoloLens at {self._where}",
+            live=True,
+            rate_hz=60.0,
+            unit="m",
+            notes=tuple(notes),
+        )
+
+    @property
+    def problem(self) -> str:
+        """Trouble with the connection now, for the operator; ``""`` for none."""
+        with self._lock:
+            if self._trouble:
+                return f"hololens: {self._trouble}"
+            away_s = (time.monotonic_ns() - self._heard_ns) / 1e9
+        return f"hololens: no packet for {away_s:.1f} s" if self._thread and away_s > 0.25 else ""
+
+    def open(self) -> None:
+        """Connect and wait for the first packet.
+
+        Raises:
+            DeviceUnavailableError: Nobody answers, or says nothing.
+            WrongDeviceError: What comes is no spatial input.
+        """
+        if self._thread is not None:
+            return
+        self.counts = HoloLensCounts()
+        self._poses.clear()
+        self._anew_until_ns = 0
+        self._leaving.clear()
+        link: socket.socket | None = None
+        try:
+            link = self._connect()
+            first = self._first_packet(link)
+        except (OSError, WrongDeviceError) as error:
+            if link is not None:
+                link.close()
+            if isinstance(error, WrongDeviceError):
+                raise
+            raise DeviceUnavailableError(
+                f"hololens: {self._where} cannot be reached: {error.strerror or error}",
+                "is the hl2ss app running on the headset, and is this its address?",
+            ) from error
+        self._take(first, time.monotonic_ns())
+        self._thread = threading.Thread(target=self._run, args=(link,), name="tega-hololens", daemon=True)
+        self._thread.start()
+
+    def _connect(self) -> socket.socket:
+        o = self._options
+        link = socket.create_connection((o.host, o.port), timeout=o.connect_s)
+        link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        return link
+
+    def _first_packet(self, link: socket.socket) -> bytes:
+        """Read one whole packet, so that a device that is none is refused when it is opened."""
+        data, until_s = b"", time.monotonic() + self._options.connect_s
+        while len(data) < _PACKET_BYTES:
+            link.settimeout(max(until_s - time.monotonic(), 1e-3))
+            try:
+                more = link.recv(_PACKET_BYTES - len(data))
+            except TimeoutError:
+                raise OSError(
+                    f"connected, but only {len(data)} of a packet's {_PACKET_BYTES} bytes came within "
+                    f"{self._options.connect_s:g} s"
+                ) from None
+            if not more:
+                raise OSError(f"it hung up after {len(data)} bytes")
+            data += more
+            if len(data) >= _HEAD.size and (said := self._foreign(data)):
+                raise WrongDeviceError(
+                    f"hololens: {self._where} answers, but {said}",
+                    "3812 is the port of hl2ss's spatial input; is another program there?",
+                )
+        return data
+
+    @staticmethod
+    def _foreign(packet: bytes) -> str:
+        size = _HEAD.unpack_from(packet)[1]
+        return "" if size == _PAYLOAD_BYTES else f"a packet of {size} bytes is none of spatial input's 1936"
+
+    def _run(self, link: socket.socket | None) -> None:
+        """Take packets until told to leave; a connection that is lost is made anew."""
+
+        def anew() -> socket.socket:
+            made = self._connect()
+            self._clock.forget()
+            self._last = None
+            self._anew_until_ns = 0
+            return made
+
+        def use(open_link: socket.socket) -> bool:
+            before = self.counts.packets
+            said = self._drain(open_link)
+            self._say(f"{said}, connecting again")
+            # One that takes connections and says nothing is not asked ever faster.
+            return self.counts.packets > before
+
+        def refused(error: Exception) -> None:
+            said = getattr(error, "strerror", None) or error
+            self._say(f"{self._where} cannot be reached: {said}")
+
+        Reopening(*_BACK_OFF_S).serve(
+            link, anew, use, lambda made: made.close(), self._leaving.wait, absent=OSError, refused=refused
+        )
+
+    def _drain(self, link: socket.socket) -> str:
+        """Take packets until the connection is lost or we are told to leave; return what became of it."""
+        link.settimeout(_LOOK_S)
+        data, heard_s = bytearray(), time.monotonic()
+        while not self._leaving.is_set():
+            try:
+                more = link.recv(1 << 16)
+            except TimeoutError:
+                if time.monotonic() - heard_s > self._options.silent_s:
+                    self.counts.silent += 1
+                    return f"nothing came for {self._options.silent_s:g} s"
+                continue
+            except OSError as error:
+                self.counts.broken += bool(data)
+                return f"the connection broke: {error.strerror or error}"
+            if not more:
+                self.counts.broken += bool(data)
+                return "the headset hung up"
+            heard_s, arrival_ns = time.monotonic(), time.monotonic_ns()
+            data += more
+            while len(data) >= _PACKET_BYTES:
+                packet = bytes(data[:_PACKET_BYTES])
+                del data[:_PACKET_BYTES]
+                if said := self._foreign(packet):
+                    # Without a mark to look for, a stream that is out of step stays so.
+                    self.counts.broken += 1
+                    return said
+                self._take(packet, arrival_ns)
+        return "left"
+
+    def _take(self, packet: bytes, arrival_ns: int) -> None:
+        """Take the wrist out of a packet."""
+        device_100ns, _, bits = _HEAD.unpack_from(packet)
+        record = packet[self._offset : self._offset + _JOINT_BYTES]
+        c, last = self.counts, self._last
+        with self._lock:
+            if not self._anew_until_ns:
+                c.connections += 1
+                self._anew_until_ns = arrival_ns + (_ANEW_NS if c.connections > 1 else 0)
+            self._heard_ns, self._trouble = arrival_ns, ""
+            c.packets += 1
+            there = bool(bits & self._bit)
+            if last is not None and (device_100ns == last[0] or (there and record == last[1])):
+                c.repeated += 1
+                return
+            n_leaps = self._clock.n_leaps
+            t_ns = self._clock.to_host_ns(100 * device_100ns, arrival_ns)
+            if self._clock.n_leaps > n_leaps:
+                self._anew_until_ns = arrival_ns + _ANEW_NS
+            # A wrist that is lost keeps its bytes; when it is back they may be the same and are new all the same.
+            self._last = device_100ns, record if there else b""
+            qx, qy, qz, qw, x, y, z, _radius, accuracy = _WRIST.unpack(record)
+            exact = accuracy == _EXACT
+            c.lost += not there
+            c.guessed += there and not exact
+            believed = there and (exact or self._options.guessed) and arrival_ns >= self._anew_until_ns
+            self._poses.append(StampedPose(t_ns, (x, y, z), (qx, qy, qz, qw), valid=believed))

@@ -1,0 +1,264 @@
+"""Track the forearm by whatever an OpenXR runtime tracks: a controller, a Vive tracker or a wrist."""
+
+from __future__ import annotations
+
+import os
+import queue
+import threading
+import time
+from typing import Annotated, Any, ClassVar, Final, Literal
+
+import msgspec
+
+from tega.arm.pose import StampedPose
+from tega.devices.base import DeviceInfo, Options
+from tega.devices.tracker.openxr_session import Located, XrSession
+from tega.devices.tracker.tracker_thread import ThreadedTracker
+from tega.errors import DeviceUnavailableError
+from tega.runtime.lifecycle import require
+from tega.runtime.reopening import Reopening
+
+_BACK_OFF_S: Final = (0.25, 2.0)
+# After a reconnection, a recentring or a time out of focus the same numbers may be another place. So long, whoever
+# steers is told "lost" and takes hold anew.
+_ANEW_NS: Final = 350_000_000
+_SILENT_S: Final = 0.25
+_STATES: Final = {
+    "unknown": "the runtime has not begun the session",
+    "idle": "the runtime keeps the session idle: is the headset on, and awake?",
+    "ready": "the runtime has begun the session and not brought it into focus; one that never does is too old, such as"
+    " Monado from before December 2023",
+    "stopping": "the runtime ends the session",
+}
+_Outcome = queue.SimpleQueue[DeviceUnavailableError | None]
+_OUT_OF_FOCUS: Final = "another OpenXR program, or the runtime's menu, has the focus"
+
+
+class OpenXrOptions(Options, frozen=True, kw_only=True):
+    """Settings of :class:`OpenXr`.
+
+    Attributes:
+        source: What is on the forearm: the ``grip`` or the ``aim`` of a controller, the ``wrist`` of a hand that the
+            headset sees, or a Vive ``tracker``.
+        hand: Whose controller or wrist.
+        role: Of the Vive tracker, as it is set in the runtime.
+        base: Where the origin is: where the head was (``local``), or on the floor in the middle of the room
+            (``stage``).
+        rate_hz: How often the runtime is asked.
+        connect_s: How long to wait for the runtime to begin the session.
+    """
+
+    source: Literal["grip", "aim", "wrist", "tracker"] = "grip"
+    hand: Literal["right", "left"] = "right"
+    role: Literal["handheld_object", "right_elbow", "left_elbow", "right_wrist", "left_wrist"] = "right_elbow"
+    base: Literal["local", "stage"] = "local"
+    rate_hz: Annotated[float, msgspec.Meta(ge=10, le=500)] = 90.0
+    connect_s: Annotated[float, msgspec.Meta(gt=0, le=60)] = 5.0
+
+
+class OpenXrCounts(msgspec.Struct, kw_only=True):
+    """Counts of the runtime's answers and sessions.
+
+    Attributes:
+        poses: Answers in all.
+        lost: Answers that knew no place or no turn.
+        guessed: Answers that were valid and not tracked.
+        repeated: Answers with the pose of the one before; they tell nothing new and are not passed on.
+        connections: Sessions that were begun.
+        recentred: Changes of the origin that the runtime announced.
+    """
+
+    poses: int = 0
+    lost: int = 0
+    guessed: int = 0
+    repeated: int = 0
+    connections: int = 0
+    recentred: int = 0
+
+
+class OpenXr(ThreadedTracker):
+    """Asks the active OpenXR runtime where something is, in a session without a picture and a thread of its own.
+
+    Poses are in OpenXR's axes (``openxr``: y up, -z forward) and for the time at which they were asked for, which is
+    their stamp. One is valid only where the runtime calls place and turn both valid *and* tracked. One that does not
+    change to the last bit was not measured anew, and gives none; nor does a session that is not in focus.
+
+    Args:
+        options: The settings.
+
+    Attributes:
+        counts: What came.
+        frame: Axes of the poses, a name of :data:`tega.arm.FRAMES`.
+    """
+
+    driver: ClassVar[str] = "openxr"
+    leave_s: ClassVar[float] = 2.0
+    summary: ClassVar[str] = "OpenXR runtime (Monado, WiVRn, SteamVR): controller, Vive tracker or wrist"
+    extra: ClassVar[str] = "openxr"
+    requires: ClassVar[tuple[str, ...]] = ("xr",)
+    options_type: ClassVar[type[Options]] = OpenXrOptions
+    frame: ClassVar[str] = "openxr"
+
+    def __init__(self, options: OpenXrOptions) -> None:
+        super().__init__()
+        self._options = o = options
+        what = {"grip": "controller", "aim": "controller's aim", "wrist": "wrist"}
+        self._what = f"tracker {o.role}" if o.source == "tracker" else f"{o.hand} {what[o.source]}"
+        self._session: XrSession | None = None
+        self._runtime, self._device, self._converts_times = "", "", True
+        self._heard_ns, self._anew_until_ns = 0, 0
+        self._last: Located | None = None
+        self._lost = ""
+        self.counts = OpenXrCounts()
+
+    @property
+    def info(self) -> DeviceInfo:
+        """Description of the tracker."""
+        c, notes = self.counts, []
+        if self._device:
+            notes.append(f"the runtime calls it {self._device}")
+        if not self._converts_times:
+            notes.append(
+                "the runtime does not tell its times in this machine's: poses may be some ms older than said"
+            )
+        if c.poses and c.guessed > c.poses / 10:
+            notes.append(f"{c.guessed} of {c.poses} poses were only guessed")
+        if c.poses and c.lost > c.poses / 10:
+            notes.append(f"{c.lost} of {c.poses} times the {self._what} was not seen")
+        if c.recentred:
+            notes.append(f"its origin was moved {c.recentred} times")
+        if c.connections > 1:
+            notes.append(f"the session was made anew {c.connections - 1} times, at last since {self._lost}")
+        return DeviceInfo(
+            driver=self.driver,
+            kind="tracker",
+            label=f"{self._what} through {self._runtime or 'OpenXR'}",
+            live=True,
+            rate_hz=self._options.rate_hz,
+            unit="m",
+            notes=tuple(notes),
+        )
+
+    @property
+    def problem(self) -> str:
+        """Trouble with the tracker now, for the operator; ``""`` for none."""
+        with self._lock:
+            if self._trouble:
+                return f"openxr: {self._trouble}"
+            away_s, device = (time.monotonic_ns() - self._heard_ns) / 1e9, self._device
+        if self._thread and away_s > _SILENT_S:
+            return f"openxr: {self._runtime} has not answered for {away_s:.1f} s"
+        if self._thread and not device and self._options.source != "wrist":
+            return f"openxr: the runtime has no {self._what}: is it switched on?"
+        return ""
+
+    def open(self) -> None:
+        """Connect to the runtime, and wait until it begins the session.
+
+        Raises:
+            DeviceUnavailableError: There is no runtime, it cannot do what is needed, or it does not begin.
+            MissingExtraError: pyopenxr is not installed.
+        """
+        if self._thread is not None:
+            return
+        # The loader writes on standard error whatever it is asked in vain; what it says is told here in words.
+        os.environ.setdefault("XR_LOADER_DEBUG", "none")
+        xr = require("xr", driver="openxr", extra=self.extra)
+        self.counts = OpenXrCounts()
+        self._poses.clear()
+        self._trouble, self._anew_until_ns, self._last = "", 0, None
+        # Of their own for each thread: one that a runtime never lets go finds that it has to leave.
+        self._leaving, outcome = threading.Event(), _Outcome()
+        thread = threading.Thread(
+            target=self._run, args=(xr, self._leaving, outcome), name="tega-openxr", daemon=True
+        )
+        thread.start()
+        refused: DeviceUnavailableError | None
+        try:
+            refused = outcome.get(timeout=self._options.connect_s)
+        except queue.Empty:
+            why = self._trouble or "the runtime does not answer"
+            refused = DeviceUnavailableError(
+                f"openxr: no session after {self._options.connect_s:g} s: {why}",
+                "wake the headset, and see whether the runtime's own window shows it; connect_s may be longer",
+            )
+        if refused is None:
+            self._thread = thread
+            return
+        self._leave(thread)
+        raise refused
+
+    def _run(self, xr: Any, leaving: threading.Event, outcome: _Outcome) -> None:
+        """Ask until told to leave; a session that is lost is made anew."""
+        again = Reopening(*_BACK_OFF_S)
+        while not leaving.is_set():
+            n_begun = self.counts.connections
+            session: XrSession | None = None
+            try:
+                session = XrSession(xr, self._options)
+                self._follow(session, leaving, outcome)
+            except DeviceUnavailableError as error:
+                if not self.counts.connections:
+                    outcome.put(error)
+                    return
+                why = error.message.removeprefix("openxr: ")
+                if self.counts.connections > n_begun:
+                    self._lost = why
+                    again.works()
+                self._say(f"{why}, connecting again")
+            finally:
+                if session is not None:
+                    session.close()
+            again.wait(leaving.wait)
+
+    def _follow(self, session: XrSession, leaving: threading.Event, outcome: _Outcome) -> None:
+        """Ask at the rate that is set, until told to leave or the session is over."""
+        state, next_s, is_counted = "", time.monotonic(), False
+        self._runtime, self._converts_times = session.runtime, session.converts_times
+        while not leaving.wait(max(next_s - time.monotonic(), 0.0)):
+            next_s = max(next_s + 1 / self._options.rate_hz, time.monotonic())
+            session.poll()
+            if session.state != state:
+                state = session.state
+                self._enter(state)
+            self._heard_ns, self._device = time.monotonic_ns(), session.device
+            if session.is_begun and not is_counted:
+                is_counted = True
+                self.counts.connections += 1
+                outcome.put(None)
+            now_ns = time.monotonic_ns()
+            self._take(session, session.locate(now_ns), now_ns)
+
+    def _enter(self, state: str) -> None:
+        """Take a state of the session."""
+        with self._lock:
+            self._trouble = "" if state == "focused" else _STATES.get(state, _OUT_OF_FOCUS)
+            # Out of focus the origin may have been moved without a word.
+            if state == "focused" and self.counts.poses:
+                self._anew_until_ns = time.monotonic_ns() + _ANEW_NS
+
+    def _take(self, session: XrSession, found: Located | None, now_ns: int) -> None:
+        """Take an answer."""
+        c = self.counts
+        with self._lock:
+            if session.anew_from_ns:
+                c.recentred += 1
+                self._anew_until_ns = max(self._anew_until_ns, session.anew_from_ns + _ANEW_NS)
+                session.anew_from_ns = 0
+            if found is None:
+                return
+            c.poses += 1
+            if not found.valid:
+                c.lost += 1
+                place, turn = (
+                    ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)) if self._last is None else self._last[:2]
+                )
+                self._poses.append(StampedPose(now_ns, place, turn, valid=False))
+                return
+            if found == self._last:
+                c.repeated += 1
+                return
+            self._last = found
+            c.guessed += not found.tracked
+            believed = found.tracked and now_ns >= self._anew_until_ns
+            self._poses.append(StampedPose(now_ns, *found[:2], valid=believed))

@@ -1,0 +1,91 @@
+"""Read, write and play forearm poses, a line each: ``t_s,x_m,y_m,z_m,qx,qy,qz,qw`` and, if wanted, ``valid`` (0, 1)."""
+
+from __future__ import annotations
+
+import csv
+import math
+from bisect import bisect_right
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from tega.arm.pose import StampedPose
+from tega.errors import RecordingError
+from tega.records import PoseNumbers
+from tega.runtime.files.foreign_file import read_words
+
+_COLUMNS = ["t_s", *PoseNumbers.table]
+
+
+def read_poses(path: Path) -> list[StampedPose]:
+    """Return the poses of a file; what is wrong with a pose is for the gate to see, not for the reader.
+
+    Raises:
+        RecordingError: The file is missing, has other columns, a word that is no number, or a time that is not
+            finite or earlier than the one before; the message names the line.
+    """
+    try:
+        rows = list(csv.reader(read_words(path, most_mib=1024).splitlines()))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise RecordingError(f"{path.name} cannot be read: {error}") from error
+    if not rows or rows[0] not in (_COLUMNS, [*_COLUMNS, "valid"]):
+        raise RecordingError(f"{path.name} does not begin with the line {','.join(_COLUMNS)}")
+    poses: list[StampedPose] = []
+    for number, row in enumerate(rows[1:], start=2):
+        try:
+            t_s, *numbers = map(float, row)
+        except ValueError as error:
+            raise RecordingError(f"{path.name}, line {number}: {error}") from error
+        if len(row) != len(rows[0]):
+            raise RecordingError(f"{path.name}, line {number}: {len(row)} numbers, not {len(rows[0])}")
+        if not math.isfinite(t_s) or abs(t_s) > 1e9:
+            raise RecordingError(f"{path.name}, line {number}: {t_s} s is no time")
+        t_ns = round(t_s * 1e9)
+        if poses and t_ns < poses[-1].t_ns:
+            raise RecordingError(f"{path.name}, line {number}: {t_s} s is earlier than the line before")
+        poses.append(StampedPose(t_ns, numbers[:3], numbers[3:7], valid=len(row) == 8 or numbers[7] == 1))
+    return poses
+
+
+def write_poses(path: Path, poses: Iterable[StampedPose]) -> None:
+    """Write poses so that :func:`read_poses` gives back the same numbers; times are kept to a nanosecond."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow([*_COLUMNS, "valid"])
+        for pose in poses:
+            numbers = [float(x) for x in (*pose.position_m, *pose.quaternion_xyzw)]
+            writer.writerow([f"{pose.t_ns / 1e9:.9f}", *map(repr, numbers), int(pose.valid)])
+
+
+class RecordedPoses:
+    """Plays poses at the times of their stamps, the first of them at the first call.
+
+    Args:
+        poses: What to play, in the order of their stamps.
+        delay_ns: They arrive so much later than they were measured.
+
+    Raises:
+        RecordingError: There are none.
+    """
+
+    def __init__(self, poses: Sequence[StampedPose], *, delay_ns: int = 0) -> None:
+        if not poses:
+            raise RecordingError("the recording has no poses")
+        self._poses, self._delay_ns = list(poses), delay_ns
+        self._stamps = [pose.t_ns - poses[0].t_ns for pose in poses]
+        self._next = 0
+        self._start_ns: int | None = None
+
+    @property
+    def done(self) -> bool:
+        """Whether all have been played."""
+        return self._next == len(self._poses)
+
+    def read(self, now_ns: int) -> Sequence[StampedPose]:
+        """Return what has arrived since the last call."""
+        if self._start_ns is None:
+            self._start_ns = now_ns
+        first = self._next
+        self._next = max(first, bisect_right(self._stamps, now_ns - self._start_ns - self._delay_ns))
+        return [
+            self._poses[i]._replace(t_ns=self._start_ns + self._stamps[i]) for i in range(first, self._next)
+        ]

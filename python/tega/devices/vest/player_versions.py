@@ -1,0 +1,221 @@
+"""Encode what is said to a bHaptics Player of version 2 or 3, and keep what its answers mean.
+
+Nothing here opens a socket: :class:`~tega.devices.vest.vest_player.PlayerVest` carries the messages.
+"""
+
+from __future__ import annotations
+
+import ssl
+from typing import ClassVar, Final, Literal, Protocol
+from urllib.parse import quote
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tega.devices.vest.vest_stream import HOLD_MS
+from tega.errors import WireError
+from tega.wire import (
+    player_v2_message,
+    player_v2_ping,
+    player_v2_status,
+    player_v2_stop,
+    sdk3_auth_message,
+    sdk3_dot_message,
+    sdk3_server_message,
+    sdk3_stop_message,
+    sdk3_stop_request,
+)
+
+__all__ = ["PlayerVersion", "PlayerVersion2", "PlayerVersion3"]
+
+_V2_PATH: Final = "/v2/feedbacks"
+_V3_PATH: Final = "/v3/feedback"
+_CLIENT: Final = "1.0.1"  # what a client that the vendor published for this version calls itself
+_REQUESTS: Final = 1 << 31  # a request's number fits into 31 bits, as those of the vendor's clients
+
+
+class PlayerVersion(Protocol):
+    """Version of the Player's websocket.
+
+    Attributes:
+        number: 2 or 3.
+        path: What it is asked for.
+        admitted: Whether the Player has let the program in.
+        has_vest: Whether it says that a vest is connected; ``None`` before it has said anything.
+        vest_name: What it calls the vest; ``""`` where it does not.
+        battery_percent: The vest's battery; ``None`` where it does not say.
+    """
+
+    number: ClassVar[int]
+    path: ClassVar[str]
+    admitted: bool
+    has_vest: bool | None
+    vest_name: str
+    battery_percent: int | None
+
+    def url(self, host: str) -> str:
+        """Return the address, with what the Player wants to know of the program."""
+        ...
+
+    @property
+    def tls(self) -> ssl.SSLContext | None:
+        """What its transport is encrypted with."""
+        ...
+
+    def hello(self) -> list[str]:
+        """Return what is said first; it ends whatever the vest does."""
+        ...
+
+    def frame(self, intensities: NDArray[np.uint8]) -> list[str]:
+        """Return the messages that play (40,) intensities, percent, for 200 ms, in place of what is played."""
+        ...
+
+    def stop(self) -> str:
+        """Return the message that ends everything."""
+        ...
+
+    def probe(self) -> str:
+        """Return a message that provokes a status and is not felt; ``""`` where there is none."""
+        ...
+
+    def hear(self, message: str) -> None:
+        """Take in a message of the Player.
+
+        Raises:
+            WireError: It is none.
+        """
+        ...
+
+
+class PlayerVersion2:
+    """Version 2: no account, no encryption, two constant keys; a status tells whether there is a vest.
+
+    Args:
+        port: Where the Player serves it.
+        app_name: Under which name it lists this program.
+    """
+
+    number: ClassVar[int] = 2
+    path: ClassVar[str] = _V2_PATH
+
+    def __init__(self, port: int, app_name: str) -> None:
+        self._port, self._name = port, quote(app_name, safe="")
+        self.admitted = True
+        self.has_vest: bool | None = None
+        self.vest_name = ""
+        self.battery_percent: int | None = None
+
+    def url(self, host: str) -> str:
+        """Return the address."""
+        return f"ws://{host}:{self._port}{_V2_PATH}?app_id={self._name}&app_name={self._name}"
+
+    @property
+    def tls(self) -> ssl.SSLContext | None:
+        """None."""
+        return None
+
+    def hello(self) -> list[str]:
+        """End everything, and ask for a status."""
+        return [self.stop(), self.probe()]
+
+    def frame(self, intensities: NDArray[np.uint8]) -> list[str]:
+        """Return both panels under their keys: a frame replaces what its key plays."""
+        return [player_v2_message(intensities, duration_ms=HOLD_MS)]
+
+    def stop(self) -> str:
+        """Return ``turnOffAll``."""
+        return player_v2_stop()
+
+    def probe(self) -> str:
+        """Return an empty frame for a foot: the status is not sent regularly."""
+        return player_v2_ping()
+
+    def hear(self, message: str) -> None:
+        """Take in a status."""
+        self.has_vest = "Vest" in player_v2_status(message).connected_positions
+
+
+class PlayerVersion3:
+    """Version 3: a program with an id and a key of the vendor's; the Player tells name, link and battery of the vest.
+
+    The certificate of the Player is of its own making, so it proves nothing and is not asked; nothing but the key and
+    frames goes that way. A ping of this version makes devices vibrate, outside of anybody's budget: it is never sent.
+
+    Args:
+        port: Where the Player serves it.
+        app_id: The program's id.
+        api_key: Its key.
+        motor_values: How many values a frame has.
+    """
+
+    number: ClassVar[int] = 3
+    path: ClassVar[str] = _V3_PATH
+
+    def __init__(self, port: int, app_id: str, api_key: str, motor_values: Literal[40, 32]) -> None:
+        self._port, self._app_id, self._api_key, self._motor_values = port, app_id, api_key, motor_values
+        self._request = 0
+        self.admitted = False
+        self.has_vest: bool | None = None
+        self.vest_name = ""
+        self.battery_percent: int | None = None
+
+    def url(self, host: str) -> str:
+        """Return the address, which holds the key: it belongs into no message."""
+        app_id, key = quote(self._app_id, safe=""), quote(self._api_key, safe="")
+        return f"wss://{host}:{self._port}{_V3_PATH}?workspace_id={app_id}&api_key={key}&version={_CLIENT}"
+
+    @property
+    def tls(self) -> ssl.SSLContext | None:
+        """TLS 1.2 or later, whoever the other end is."""
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+        context.minimum_version = ssl.TLSVersion.TLSv1_2
+        context.check_hostname = False
+        context.verify_mode = ssl.CERT_NONE
+        return context
+
+    def hello(self) -> list[str]:
+        """Introduce the program, and end everything."""
+        return [sdk3_auth_message(self._app_id, self._api_key), self.stop()]
+
+    def frame(self, intensities: NDArray[np.uint8]) -> list[str]:
+        """Return a new request and the end of the one before: how the Player mixes two is not published.
+
+        A frame without a lit motor is an end of everything.
+        """
+        before = self._request
+        if not intensities.any():
+            return [self.stop()]
+        self._request = before % (_REQUESTS - 1) + 1
+        values, request = self._motor_values, self._request
+        played = sdk3_dot_message(intensities, request_id=request, duration_ms=HOLD_MS, motors=values)
+        return [played, sdk3_stop_request(before)] if before else [played]
+
+    def stop(self) -> str:
+        """Return ``SdkStopAll``."""
+        return sdk3_stop_message()
+
+    def probe(self) -> str:
+        """Do nothing: the Player tells of its devices by itself."""
+        return ""
+
+    def hear(self, message: str) -> None:
+        """Take in a message: only a Player that has let the program in tells of its devices."""
+        said = sdk3_server_message(message)
+        self.admitted = self.admitted or said.kind in {"ServerReady", "ServerDevices"}
+        if said.kind != "ServerDevices":
+            return
+        vests = sorted((d for d in said.devices if d.is_vest), key=lambda d: not d.connected)
+        self.has_vest = bool(vests) and vests[0].connected
+        self.vest_name = vests[0].name if vests else ""
+        self.battery_percent = vests[0].battery_percent if self.has_vest else None
+
+
+def heard(version: PlayerVersion, message: str | bytes) -> bool:
+    """Give a message to a version; return whether it could be read."""
+    if isinstance(message, bytes):
+        return False
+    try:
+        version.hear(message)
+    except WireError:
+        return False
+    return True

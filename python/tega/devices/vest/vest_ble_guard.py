@@ -1,0 +1,124 @@
+"""Silence a Bluetooth vest whose program was killed or stands still.
+
+A vest is thought to hold its last frame for ever, and BlueZ keeps the connection of a program that died. So a second
+process waits beside the one that drives the vest (:mod:`tega.devices.hand.guard_process`), and hears from the vest's thread
+ten times a second. If its input ends without a word, the program is gone, or could not silence the vest; if it hears
+nothing for a second, the program stands still. It then takes the connection over, writes zeros and disconnects, and
+tries that for ten minutes, or until a program that stood still goes on, which connects anew. Nothing helps where both
+are killed, the adapter is pulled out, or the vest is out of reach.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+import time
+from functools import partial
+from typing import TYPE_CHECKING, Any, Final
+
+from tega.devices.at_exit import last_words
+from tega.devices.hand.guard_process import GuardProcess, stand_by
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+MOTORS: Final = "6e40000a-b5a3-f393-e0a9-e50e24dcca9e"
+"""The characteristic that takes motor frames."""
+
+_LONGEST_S: Final = 600.0  # for so long it tries
+
+_CALL_S: Final = 5.0
+_REST_S: Final = 1.0
+
+
+def guard_vest(address: str, path: str) -> GuardProcess:
+    """Start the process that guards a vest, and return it when it is ready.
+
+    Args:
+        address: The vest's address.
+        path: Its path on the system's message bus, where there is one: a connected vest cannot be found by scanning.
+
+    Raises:
+        DeviceUnavailableError: It does not start.
+    """
+    return GuardProcess("silences the vest", "tega.devices.vest.vest_ble_guard", address, path)
+
+
+class VestWatch:
+    """Keep what outlives a link to a vest: the process that silences it, and whether it is silent.
+
+    Attributes:
+        guard: The process; ``None`` before the first link.
+        silent: Whether zeros were the last that the vest is known to have taken, and nothing was sent since.
+        confirmed: Whether the vest itself has answered behind those zeros.
+    """
+
+    def __init__(self) -> None:
+        self.guard: GuardProcess | None = None
+        self.silent = True
+        self.confirmed = False
+        self._of = ("", "")
+
+    def over(self, address: str, path: str) -> None:
+        """Have a process watch over a vest."""
+        if self.guard is not None and self._of != (address, path):
+            self.end()
+        if self.guard is None:
+            self.guard, self._of, self.silent = guard_vest(address, path), (address, path), True
+            self.beat()  # until it has heard something it takes the vest for silent
+
+    def beat(self) -> None:
+        """Tell the process that the program is alive."""
+        if self.guard is not None:
+            self.guard.beat()
+
+    def end(self) -> None:
+        """Dismiss the process if the vest is known to be silent; else leave the vest to it, and say so."""
+        guard, self.guard = self.guard, None
+        if guard is None:
+            return
+        if self.silent:
+            guard.dismiss()
+            return
+        guard.leave_to_it()
+        last_words(
+            f"USE THE VEST'S SWITCH: {self._of[0]}: it has not confirmed that its motors rest, so it may still be "
+            f"vibrating; another process goes on telling it to, for {_LONGEST_S / 60:g} minutes"
+        )
+
+
+async def _silence(address: str, path: str) -> None:
+    from bleak import BleakClient
+    from bleak.backends.device import BLEDevice
+
+    vest: Any = BLEDevice(address, None, {"path": path, "props": {}}) if path else address
+    async with asyncio.timeout(_CALL_S), BleakClient(vest) as client:
+        await client.write_gatt_char(MOTORS, bytes(20), response=False)
+
+
+def let_go(address: str, path: str, given_up: Callable[[], bool]) -> None:
+    """Silence the vest, or try that until nobody needs it any more."""
+    from bleak.exc import BleakError
+
+    until_s = time.monotonic() + _LONGEST_S
+    while time.monotonic() < until_s:
+        try:
+            asyncio.run(_silence(address, path))
+        except (BleakError, OSError, EOFError, AssertionError):
+            # A refusal comes at once; out of reach for a moment is not given up.
+            if given_up():
+                return
+            time.sleep(_REST_S)
+            continue
+        return
+
+
+def main() -> None:
+    """Wait, and silence the vest if its program ends without a word or stands still."""
+    import bleak  # noqa: F401  # there is no time for that later
+
+    stand_by(partial(let_go, sys.argv[1], sys.argv[2]))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,56 @@
+"""Open a vest with what is left of its wearer's daily dose: every path that makes a motor vibrate goes through here."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from tega.devices.base import BudgetedVest, RepeatingVest
+from tega.devices.registry import driver_class
+from tega.safety.dose_file import KeptDose
+
+if TYPE_CHECKING:
+    from tega.config import CalibrationConfig, VestConfig
+    from tega.devices.base import VestSink
+
+
+NAMELESS: Final = "nameless-vest-dose.json"
+"""File, in the folder of calibrations, of those who wore the vest without being named."""
+
+
+def dose_file(calibration: CalibrationConfig) -> Path | None:
+    """Return the dose file of the person that settings name, or of whoever is not named; ``None`` without a folder."""
+    if calibration.person is None:
+        return None if calibration.folder is None else calibration.folder / NAMELESS
+    from tega.setup.calibration.person import whose
+
+    person, calibrations = whose(calibration)
+    return calibrations.person(person) / "vest-dose.json"
+
+
+@contextmanager
+def worn_vest(section: VestConfig, file: Path | None) -> Iterator[VestSink]:
+    """Open the vest of some settings, with what is left of its wearer's day.
+
+    Whatever makes a motor vibrate opens the vest here: a run, a played one, a study, calibration, ``identify``, the
+    measurement of a motor's onset.
+
+    Args:
+        section: The settings; a driver is set.
+        file: The wearer's file (:func:`dose_file`); ``None`` for one whose day is kept nowhere.
+
+    Raises:
+        CalibrationError: The file cannot be read.
+        TegaError: The vest cannot be opened.
+    """
+    vest: VestSink = driver_class(str(section.driver), "vest")(section.options)
+    if isinstance(vest, RepeatingVest):
+        vest.keep_alive_s = section.keep_alive_s
+    with ExitStack() as stack:
+        if isinstance(vest, BudgetedVest) and file is not None:
+            # Who is not named may be any of those who are, and begins where the one who had most of it left off.
+            may_be = sorted(file.parent.glob("people/*/vest-dose.json")) if file.name == NAMELESS else []
+            stack.enter_context(KeptDose(file, vest.budget, may_be=may_be))
+        yield stack.enter_context(vest)

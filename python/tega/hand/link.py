@@ -1,0 +1,223 @@
+"""Hold the whole conversation with an Allegro Hand, without a bus: frames and the time in, frames to send out.
+
+:class:`HandLink` decodes what was received, checks the hand's version, watches silence, lost frames and heat, moves
+between closure levels and encodes the torques, in one native call. A driver adds the bus and the clock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+import msgspec
+
+from tega import _native
+from tega.wire import CanFrame
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tega.hand.motion import HandController
+
+
+class Received(NamedTuple):
+    """A frame as an adapter gives it.
+
+    Attributes:
+        id: The identifier.
+        data: The payload.
+        remote: Whether it is a request.
+        extended: Whether the identifier has 29 bits.
+        error: Whether it is an error frame of the controller.
+    """
+
+    id: int
+    data: bytes | bytearray
+    remote: bool = False
+    extended: bool = False
+    error: bool = False
+
+
+class HandFault(NamedTuple):
+    """Fault for which the hand was let go for good.
+
+    Attributes:
+        kind: One word, such as ``wrong-version``, ``no-answer``, ``too-hot``, ``silent``, ``frozen``.
+        message: What was seen.
+        hint: What to do.
+    """
+
+    kind: str
+    message: str
+    hint: str
+
+
+class HandCounts(msgspec.Struct, frozen=True, kw_only=True):
+    """Counts of what happened on the bus so far.
+
+    Attributes:
+        sets: Sets of 16 joint angles used.
+        incomplete: Sets in which a finger's frame was missing.
+        copies: Frames that came twice.
+        late: Gaps of more than 9 ms, in which the last torque was held.
+        silences: Times the hand fell silent and its motors went off.
+        jumps: Sets not used since a joint jumped.
+        malformed: Known messages of the wrong length.
+        unknown: Frames of the hand's kind that are no message it has.
+        others: Error frames, requests, other devices' frames.
+    """
+
+    sets: int
+    incomplete: int
+    copies: int
+    late: int
+    silences: int
+    jumps: int
+    malformed: int
+    unknown: int
+    others: int
+
+
+class HandState(NamedTuple):
+    """State of the conversation with a hand.
+
+    Attributes:
+        phase: ``listening``, ``identifying``, ``checking``, ``running``, ``silent``, ``releasing``, ``stopped`` or
+            ``faulted``.
+        hardware: Version, such as ``4.2``; ``""`` before the hand has answered.
+        firmware: Version, such as ``4.6``.
+        serial: Serial number without its ``SAH040``.
+        palm_c: Temperature of the palm board, °C.
+        servo_on: What the hand says; some firmware is said to ignore SERVO ON and OFF.
+        joints_c: Joint temperatures, °C; ``None`` where a sensor does not answer.
+        heat_share: Share of the torque limits that the temperature leaves.
+        counts: What happened so far.
+    """
+
+    phase: str
+    hardware: str
+    firmware: str
+    serial: str
+    palm_c: int | None
+    servo_on: bool
+    joints_c: list[int | None]
+    heat_share: float
+    counts: HandCounts
+
+
+class HandLink:
+    """A conversation with one hand, from the first request to the last SERVO OFF.
+
+    Before torque: 50 ms of listening for another program, INFORMATION (version 4, the side asked for, no temperature
+    fault), zero torque and SERVO OFF, periods of 3 ms, 34 sets of positions looked at. To a hand that is not the one
+    that was meant nothing but the request is sent.
+
+    Args:
+        controller: Gains, limits and poses; it is copied.
+        device_id: The hand's number on its bus, 0 to 3.
+        side: Which hand is mounted.
+        torque: Whether to switch the motors on; without it the hand is only read.
+        silent_after_ms: Without a set of positions for so long the motors go off.
+        lowest_rate_hz: Sets of positions a second that are needed.
+        reconnects: How often a silent hand is looked for again, once a second.
+
+    Raises:
+        InvalidValueError: A number is out of range.
+        WireError: ``device_id`` is above 3.
+    """
+
+    def __init__(
+        self,
+        controller: HandController,
+        *,
+        device_id: int = 0,
+        side: Literal["right", "left"] = "right",
+        torque: bool = True,
+        silent_after_ms: float = 30.0,
+        lowest_rate_hz: float = 250.0,
+        reconnects: int = 5,
+    ) -> None:
+        """Begin nothing yet; the first :meth:`exchange` does."""
+        self._link = _native.HandLink(
+            controller._native,  # noqa: SLF001  # two halves of one module
+            device_id=device_id,
+            left=side == "left",
+            torque=torque,
+            silent_after_ns=round(silent_after_ms * 1e6),
+            lowest_rate_hz=lowest_rate_hz,
+            reconnects=reconnects,
+        )
+
+    def exchange(
+        self, frames: Sequence[Received], t_ns: int, level: float, added: float = 0.0
+    ) -> list[CanFrame]:
+        """Take what was received and return what is to be sent, in order.
+
+        Args:
+            frames: Since the last call; may be none.
+            t_ns: Time of a clock that never goes back, ns.
+            level: Closure level asked for, 1 to 5 with fractions between two poses.
+            added: What a reflex adds to it, 0 to :data:`tega.hand.motion.MOST_ADDED_LEVELS`; nothing while the hand is let go.
+
+        Raises:
+            InvalidValueError: Level or addition is out of range; nothing has changed then.
+        """
+        return [
+            CanFrame(*sent) for sent in self._link.exchange(list(frames), t_ns, float(level), float(added))
+        ]
+
+    def release(self, t_ns: int) -> None:
+        """Let go: the torque limits go to zero within 0.2 s, then motors and reports go off. Go on exchanging."""
+        self._link.release(t_ns)
+
+    def abandon(self) -> list[CanFrame]:
+        """Return the frames that leave the hand without force and silent at once; none for a hand not identified."""
+        return [CanFrame(*sent) for sent in self._link.abandon()]
+
+    @property
+    def phase(self) -> str:
+        """Phase of the conversation, one of :class:`HandState`."""
+        return self._link.phase
+
+    @property
+    def released(self) -> bool:
+        """Whether the hand was let go and all is said."""
+        return self._link.released
+
+    @property
+    def fault(self) -> HandFault | None:
+        """Fault for which the hand was let go for good."""
+        fault = self._link.fault
+        return None if fault is None else HandFault(*fault)
+
+    @property
+    def angles_rad(self) -> NDArray[np.float64] | None:
+        """The last joint angles used, float64 (16,); ``None`` before the first."""
+        return self._link.angles_rad
+
+    @property
+    def target_rad(self) -> NDArray[np.float64] | None:
+        """Joint targets of the last cycle, float64 (16,); ``None`` before the first."""
+        return self._link.target_rad
+
+    @property
+    def torques(self) -> NDArray[np.float64]:
+        """The last torques, float64 (16,), in units of full duty."""
+        return self._link.torques
+
+    def state(self, t_ns: int) -> HandState:
+        """Return the state of the conversation at a time."""
+        info, link = self._link.info, self._link
+        hardware, firmware, _, palm_c, status = info or (0, 0, 0, None, 0)
+        return HandState(
+            phase=link.phase,
+            hardware=f"{hardware >> 8}.{hardware & 255}" if info else "",
+            firmware=f"{firmware >> 8}.{firmware & 255}" if info else "",
+            serial=link.serial,
+            palm_c=palm_c,
+            servo_on=bool(status & 1),
+            joints_c=link.joints_c,
+            heat_share=link.heat_share(t_ns),
+            counts=HandCounts(**link.counts),
+        )

@@ -1,0 +1,146 @@
+"""Describe the Allegro right hand with a DIGIT pad on each fingertip, as an MJCF fragment.
+
+Kinematics, masses and limits are the vendor's published ones; links are capsules. Frame ``palm``: at the base of
+the middle finger, +x out of the palm, +y towards the index finger, +z towards the fingertips. Joints are in the
+order of :data:`tega.hand.motion.JOINT_NAMES`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from tega.hand.motion import JOINT_LIMITS_RAD, TORQUE_LIMITS
+from tega.wire import HAND_FINGERS
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+FULL_DUTY_NM: Final = 1.0
+"""Torque of a joint at full motor duty, N·m. Nominal: what the vendor's drivers call it. The older hand's data sheet
+gives 0.7 at 7.5 V; version 4 runs at 12 V. No source measures it."""
+
+TORQUE_LIMITS_NM: Final = TORQUE_LIMITS * FULL_DUTY_NM
+"""The vendor's limits of each joint, N·m, float64 (16,)."""
+
+MOUNT_M: Final = 0.095 + 0.015
+"""Flange to ``palm`` along the hand's axis: the hand's base, and an adapter of assumed thickness."""
+
+PAD_RADIUS_M: Final = 0.012
+"""Of the fingertip's rounding across the finger; along it the pad is straight."""
+
+PAD_HALF_LENGTH_M: Final = 0.010
+"""Half of that straight part."""
+
+# From tega.hand.motion.JointModel: 9.52 rad/s at full duty without load, reached with a time constant of 0.07 s.
+_DAMPING: Final = FULL_DUTY_NM / 9.52
+_ARMATURE: Final = 0.07 * _DAMPING
+_STOP_MARGIN_RAD: Final = 0.1
+_LINK_RADIUS_M: Final = 0.011
+_SHORT_M: Final = 0.03
+
+# name: base position, base rotation (quaternion of the published roll, pitch, yaw)
+_BASES: Final = {
+    "index": ("0 0.0435 -0.001542", "0.99904822 -0.04361939 0 0"),
+    "middle": ("0 0 0.0007", "1 0 0 0"),
+    "ring": ("0 -0.0435 -0.001542", "0.99904822 0.04361939 0 0"),
+    "thumb": ("-0.0182 0.019333 -0.045987", "0.47771442 -0.52133381 -0.52133381 -0.47771442"),
+}
+# length of a link along z, mass, next joint's place
+_FINGER_LINKS: Final = ((0.0164, 0.0119), (0.0540, 0.0650), (0.0384, 0.0355), (0.0267, 0.0096 + 0.0168))
+_THUMB_LINKS: Final = ((0.0455, 0.0176), (0.0177, 0.0119), (0.0514, 0.0380), (0.0423, 0.0388 + 0.0168))
+_FINGER_AXES: Final = ("0 0 1", "0 1 0", "0 1 0", "0 1 0")
+_THUMB_AXES: Final = ("-1 0 0", "0 0 1", "0 1 0", "0 1 0")
+_THUMB_SECOND: Final = "-0.027 0.005 0.0399"
+
+
+def joint_names() -> list[str]:
+    """Return the 16 joints' names in the model, in the hand's order."""
+    return [f"{finger}{joint}" for finger in HAND_FINGERS for joint in range(4)]
+
+
+def joint_places() -> tuple[
+    NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]
+]:
+    """Return where the joints are in the palm's frame with all angles 0, by finger in the hand's order.
+
+    Returns:
+        Place (4, 3), metres, and rotation (4, 3, 3) of each finger's first joint; the joints' axes (4, 4, 3); and from
+        each joint to the next, from the last one to the middle of the pad (4, 4, 3), metres. All float64.
+    """
+    bases_m, turns, axes, offsets_m = [], [], [], []
+    for name in HAND_FINGERS:
+        thumb = name == "thumb"
+        links, around = (_THUMB_LINKS, _THUMB_AXES) if thumb else (_FINGER_LINKS, _FINGER_AXES)
+        ways = [np.array([0.0, 0.0, length]) for length, _mass in links]
+        if thumb:
+            ways[0] = _numbers(_THUMB_SECOND)
+        ways[3] += [PAD_RADIUS_M, 0.0, -PAD_HALF_LENGTH_M]
+        place, turn = (_numbers(text) for text in _BASES[name])
+        w, *axis = turn.tolist()
+        cross = np.cross(np.eye(3), axis)
+        bases_m.append(place)
+        turns.append(np.eye(3) + 2 * w * cross + 2 * cross @ cross)
+        axes.append([_numbers(text) for text in around])
+        offsets_m.append(ways)
+    return np.array(bases_m), np.array(turns), np.array(axes), np.array(offsets_m)
+
+
+def _numbers(text: str) -> NDArray[np.float64]:
+    return np.array([float(word) for word in text.split()])
+
+
+def _finger(number: int, name: str) -> str:
+    thumb = name == "thumb"
+    links, axes = (_THUMB_LINKS, _THUMB_AXES) if thumb else (_FINGER_LINKS, _FINGER_AXES)
+    text, close = "", ""
+    for joint, ((length, mass), axis) in enumerate(zip(links, axes, strict=True)):
+        if joint == 0:
+            pos, quat = _BASES[name]
+        elif thumb and joint == 1:
+            pos, quat = _THUMB_SECOND, "1 0 0 0"
+        else:
+            pos, quat = f"0 0 {links[joint - 1][0]}", "1 0 0 0"
+        low, high = JOINT_LIMITS_RAD[4 * number + joint]
+        # The printed limits lie that far inside the stops.
+        text += (
+            f'<body name="{name}_link{joint}" pos="{pos}" quat="{quat}">'
+            f'<joint name="{name}{joint}" axis="{axis}" range="{low - _STOP_MARGIN_RAD} {high + _STOP_MARGIN_RAD}" '
+            f'limited="true" damping="{_DAMPING}" armature="{_ARMATURE}"/>'
+        )
+        geom = f'<geom name="{name}_geom{joint}" type="capsule" mass="{mass}"'
+        if thumb and joint == 0:
+            text += f'{geom} class="still" size="0.015" fromto="-0.018 0.005 0 -0.018 0.005 0.03"/>'
+        elif joint == 3:
+            middle = length - PAD_HALF_LENGTH_M
+            text += (
+                f'<geom name="{name}_pad" class="finger{number}" type="capsule" mass="{mass}" '
+                f'size="{PAD_RADIUS_M} {PAD_HALF_LENGTH_M}" pos="0 0 {middle}" rgba="0.95 0.95 0.92 1"/>'
+                f'<site name="{name}_pad" pos="{PAD_RADIUS_M} 0 {middle}"/>'
+            )
+        else:
+            # The shortest links lie between longer ones and need no contacts of their own.
+            touching, shorter = ("still", 0.0) if length < _SHORT_M else (f"finger{number}", 0.005)
+            text += f'{geom} class="{touching}" size="{_LINK_RADIUS_M} {length / 2 - shorter}" pos="0 0 {length / 2}"/>'
+        close += "</body>"
+    return text + close
+
+
+def hand_body() -> str:
+    """Return the hand's bodies, to stand inside the flange's."""
+    fingers = "".join(_finger(number, name) for number, name in enumerate(HAND_FINGERS))
+    return (
+        f'<body name="palm" pos="0 0 {MOUNT_M}">'
+        '<geom name="palm" class="palm" type="box" size="0.0204 0.0565 0.0475" pos="-0.0093 0 -0.0475" mass="0.4154"/>'
+        '<site name="palm"/>'
+        f"{fingers}</body>"
+    )
+
+
+def hand_actuators() -> str:
+    """Return one torque motor a joint, limited as the vendor's driver does."""
+    return "".join(
+        f'<motor name="{name}" joint="{name}" ctrlrange="{-limit} {limit}" ctrllimited="true"/>'
+        for name, limit in zip(joint_names(), TORQUE_LIMITS_NM, strict=True)
+    )

@@ -1,0 +1,172 @@
+"""Describe where the motors of a vest, a sleeve or a belt sit: one table a layout.
+
+A layout is a stage of the group ``tega.layouts``: an object of :class:`MotorLayout`, found by its name through an entry
+point. Rows count from the top, columns from the wearer's left, each from 0 and for each face by itself.
+
+Example:
+    >>> from tega.haptics.motor_layout import find_layout
+    >>> x16 = find_layout("x16")
+    >>> len(x16.motors), x16.motors[0]
+    (16, Motor(face='front', row=0, column=0, number=0, place_mm=None))
+"""
+
+from __future__ import annotations
+
+from functools import cached_property, lru_cache
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tega import _native
+from tega.errors import ConfigError, DeviceUnavailableError, InvalidValueError
+
+__all__ = ["PAPER32", "SHIPPED", "X16", "X40", "Face", "Mirror", "Motor", "MotorLayout", "find_layout"]
+
+Face = Literal["front", "back"]
+Mirror = Literal["none", "back", "all"]
+
+# A frame reaches a device as the motors of a 40-motor vest; a layout says which of them are its own.
+MOST_MOTORS = 40
+
+
+class Motor(NamedTuple):
+    """One motor and its place.
+
+    Attributes:
+        face: ``"front"`` or ``"back"``; a sleeve or a belt may have one face only.
+        row: Row on its face, 0 at the top.
+        column: Column on its face, 0 at the wearer's left.
+        number: Its number at the device, 0 to 39.
+        place_mm: Place on its face, (right, down) from its upper left corner, mm; ``None`` where it is not known.
+    """
+
+    face: Face
+    row: int
+    column: int
+    number: int
+    place_mm: tuple[float, float] | None = None
+
+
+class MotorLayout:
+    """The motors of a layout, in the order of a frame's intensities.
+
+    Args:
+        name: Its name, as settings give it.
+        summary: What it is, in one line.
+        motors: One entry a motor, 1 to 40.
+
+    Raises:
+        InvalidValueError: There is no motor or more than 40, two have one number or one place, or a face, row, column
+            or number is out of range.
+
+    Example:
+        >>> belt = MotorLayout("belt", "four motors", [Motor("front", 0, c, c) for c in range(4)])
+        >>> belt.columns("front"), belt.columns("back")
+        (4, 0)
+    """
+
+    def __init__(self, name: str, summary: str, motors: tuple[Motor, ...] | list[Motor]) -> None:
+        self.name = name
+        self.summary = summary
+        self.motors = tuple(Motor(*motor) for motor in motors)
+        _check(name, self.motors)
+
+    def __repr__(self) -> str:
+        """Name and size."""
+        return f"MotorLayout({self.name!r}, {len(self.motors)} motors)"
+
+    @cached_property
+    def numbers(self) -> NDArray[np.uint8]:
+        """Number of each motor at the device, uint8 (n,), read-only."""
+        numbers = np.array([motor.number for motor in self.motors], np.uint8)
+        numbers.flags.writeable = False
+        return numbers
+
+    def columns(self, face: Face) -> int:
+        """Return the number of columns of a face."""
+        return 1 + max((motor.column for motor in self.motors if motor.face == face), default=-1)
+
+    def rows(self, face: Face) -> int:
+        """Return the number of rows of a face."""
+        return 1 + max((motor.row for motor in self.motors if motor.face == face), default=-1)
+
+    def mirrored(self, mirror: Mirror) -> MotorLayout:
+        """Return the same motors with the columns of the back, or of all faces, reversed.
+
+        Raises:
+            InvalidValueError: The mirroring is not ``"none"``, ``"back"`` or ``"all"``.
+        """
+        faces = {"none": set[str](), "back": {"back"}, "all": {"front", "back"}}.get(mirror)
+        if faces is None:
+            raise InvalidValueError(f'mirror = "{mirror}" is not known: choose none, back or all')
+        motors = [
+            motor._replace(column=self.columns(motor.face) - 1 - motor.column)
+            if motor.face in faces
+            else motor
+            for motor in self.motors
+        ]
+        return MotorLayout(self.name, self.summary, motors)
+
+
+def _check(name: str, motors: tuple[Motor, ...]) -> None:
+    said = f"layout {name!r}"
+    if not 1 <= len(motors) <= MOST_MOTORS:
+        raise InvalidValueError(f"{said} has {len(motors)} motors: 1 to {MOST_MOTORS} are possible")
+    for index, motor in enumerate(motors):
+        if motor.face not in {"front", "back"}:
+            raise InvalidValueError(f"{said}, motor {index}: face {motor.face!r} is neither front nor back")
+        if not (0 <= motor.number < MOST_MOTORS and 0 <= motor.row < MOST_MOTORS and motor.column >= 0):
+            raise InvalidValueError(f"{said}, motor {index}: row, column and number are 0 to 39: {motor}")
+        if motor.column >= MOST_MOTORS:
+            raise InvalidValueError(f"{said}, motor {index}: row, column and number are 0 to 39: {motor}")
+    for what, seen in (
+        ("number", [motor.number for motor in motors]),
+        ("place", [(motor.face, motor.row, motor.column) for motor in motors]),
+    ):
+        if len(set(seen)) < len(seen):
+            raise InvalidValueError(f"{said}: two motors have one {what}")
+
+
+def _shipped(name: Literal["paper32", "x40", "x16"], summary: str) -> MotorLayout:
+    numbers = _native.layout_motors(name).tolist()
+    half = len(numbers) // 2
+    motors = [
+        Motor("front" if i < half else "back", i % half // 4, i % 4, number)
+        for i, number in enumerate(numbers)
+    ]
+    return MotorLayout(name, summary, motors)
+
+
+PAPER32 = _shipped("paper32", "4 × 4 motors on each face of a 40-motor vest (the paper's)")
+X40 = _shipped("x40", "all 40 motors of a vest: 5 rows of 4 on each face")
+X16 = _shipped("x16", "a 16-motor vest: 2 rows of 4 on each face")
+
+SHIPPED: dict[str, MotorLayout] = {layout.name: layout for layout in (PAPER32, X40, X16)}
+"""The layouts that come with TEGA, by name."""
+
+
+@lru_cache(maxsize=64)
+def find_layout(name: str) -> MotorLayout:
+    """Return the layout of a name.
+
+    Raises:
+        InvalidValueError: No installed package brings one of that name.
+        MissingExtraError: Its module needs a package that is not installed.
+        DeviceUnavailableError: What is registered under the name is no layout, or one of another name.
+    """
+    if name in SHIPPED:
+        return SHIPPED[name]
+    from tega.runtime.plugins import find_plugin, load_plugin
+
+    try:
+        entry = find_plugin("tega.layouts", "layout", name)
+    except ConfigError as error:
+        raise InvalidValueError(f'layout = "{name}" is not known: {error.message}', error.hint) from None
+    found = load_plugin(entry, "layout")
+    if not isinstance(found, MotorLayout) or found.name != name:
+        raise DeviceUnavailableError(
+            f"layout {name!r} is registered as {entry.value!r}, which is no MotorLayout of that name",
+            "register an object of tega.haptics.motor_layout.MotorLayout whose name is the entry point's",
+        )
+    return found

@@ -1,0 +1,132 @@
+"""Publish an arm's turns: all that a turn took in, so that it can be computed again, and poses for viewers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tega.arm.frames import ToBase
+from tega.arm.rotation import from_matrix
+from tega.devices.base import TellingArm
+from tega.records import (
+    ArmHealth,
+    ArmMeasured,
+    ArmSent,
+    ArmTarget,
+    ArmTurn,
+    ForearmPose,
+    PoseNumbers,
+    PoseRecord,
+    TrackerAxes,
+)
+
+if TYPE_CHECKING:
+    from tega.arm.pose import ArmCommand, StampedPose
+    from tega.arm.settings import MappingSettings
+    from tega.arm.turn import Turn
+    from tega.devices.base import ArmDriver
+    from tega.records.bus import Bus
+
+
+# Names of the two coordinate frames.
+_BASE, _TRACKER = "arm_base", "tracker"
+
+_HEALTH_NS = 1_000_000_000
+
+
+class ArmRecords:
+    """Publishes every turn of what leads an arm.
+
+    Args:
+        bus: Told.
+        start_ns: Start of the session on the monotonic clock.
+        mapping: How the tracker's axes become the base's.
+    """
+
+    def __init__(self, bus: Bus, start_ns: int, mapping: MappingSettings) -> None:
+        self._bus, self._start_ns, self._mapping = bus, start_ns, mapping
+        self._begun = False
+        self._measured_ns = self._led_ns = self._health_ns = -1
+
+    def turn(self, turn: Turn, command: ArmCommand, arm: ArmDriver) -> None:
+        """Publish a turn and what came of it."""
+        t_ns = turn.t_ns - self._start_ns
+        if not self._begun:
+            self._begun = True
+            self._axes(t_ns)
+        poses = tuple(self._numbers(pose) for pose in turn.poses)
+        for pose in poses:
+            if pose.valid and np.isfinite([*pose.position, *pose.quaternion]).all():
+                self._pose(ForearmPose, t_ns, _TRACKER, pose)
+        self._bus.publish(self._row(turn, command, arm, poses))
+        if (seen := turn.measured) is not None and seen.t_ns != self._measured_ns:
+            self._measured_ns = seen.t_ns
+            self._pose(ArmMeasured, t_ns, _BASE, self._numbers(seen))
+        if command.target is not None:
+            place, turned = (tuple(numbers.tolist()) for numbers in command.target)
+            self._pose(ArmTarget, t_ns, _BASE, PoseNumbers(t_ns, place, turned))
+        led = arm.led() if isinstance(arm, TellingArm) else None
+        if led is not None and led.t_ns != self._led_ns:
+            self._led_ns = led.t_ns
+            self._pose(ArmSent, t_ns, _BASE, self._numbers(led))
+        if t_ns - self._health_ns >= _HEALTH_NS or self._health_ns < 0:
+            self._health_ns = t_ns
+            h = arm.health
+            health = ArmHealth(
+                t_ns=t_ns,
+                rate_hz=h.rate_hz,
+                worst_ms=h.worst_ms,
+                late=h.late,
+                refused=h.refused,
+                success_rate=-1.0 if h.success_rate is None else h.success_rate,
+            )
+            self._bus.publish(health)
+
+    def _row(
+        self, turn: Turn, command: ArmCommand, arm: ArmDriver, poses: tuple[PoseNumbers, ...]
+    ) -> ArmTurn:
+        return ArmTurn(
+            t_ns=turn.t_ns - self._start_ns,
+            poses=poses,
+            clutch=turn.clutch,
+            dead_man=turn.dead_man,
+            may_move=turn.may_move,
+            measured=() if turn.measured is None else (self._numbers(turn.measured),),
+            stopped=turn.stopped,
+            cleared=turn.cleared,
+            state=command.state,
+            reason=command.reason,
+            holds=command.engagements,
+            target=() if command.target is None else tuple(np.concatenate(command.target).tolist()),
+            velocity=(*command.velocity_m_s.tolist(), *command.velocity_rad_s.tolist()),
+            phase=arm.phase,
+        )
+
+    def _numbers(self, pose: StampedPose) -> PoseNumbers:
+        return PoseNumbers(
+            pose.t_ns - self._start_ns,
+            _listed(pose.position_m),
+            _listed(pose.quaternion_xyzw),
+            bool(pose.valid),
+        )
+
+    def _pose(self, kind: type[PoseRecord], t_ns: int, frame: str, pose: PoseNumbers) -> None:
+        if len(pose.position) == 3 and len(pose.quaternion) == 4:
+            place, turned = pose.position, pose.quaternion
+            self._bus.publish(
+                kind(t_ns=pose.t_ns, taken_ns=t_ns, frame=frame, position=place, quaternion=turned)
+            )
+
+    def _axes(self, t_ns: int) -> None:
+        """Tell viewers how the tracker's axes lie; a mapping that mirrors is no turn, and is left out."""
+        matrix = ToBase(self._mapping).matrix
+        if np.linalg.det(matrix) > 0:
+            turned = tuple(from_matrix(matrix).tolist())
+            self._bus.publish(TrackerAxes(t_ns=t_ns, parent=_BASE, child=_TRACKER, quaternion=turned))
+
+
+def _listed(numbers: Any) -> tuple[float, ...]:
+    """Return a place or a turn as numbers; none where it is neither, which no gate lets pass."""
+    array = np.asarray(numbers, np.float64)
+    return tuple(array.tolist()) if array.ndim == 1 else ()

@@ -1,0 +1,75 @@
+"""Tell a display what an arm does, where its hand is, and what the operator holds."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from tega.arm.pose import ArmCommand, ArmState
+    from tega.arm.turn import Turn
+    from tega.devices.arm.robot.messages import Health
+    from tega.devices.base import ArmDriver
+
+
+class ArmView(NamedTuple):
+    """View of an arm at one moment.
+
+    Attributes:
+        state: Of the chain.
+        reason: Why it is so.
+        phase: What the arm itself does.
+        clutch: Whether the clutch is pressed.
+        dead_man: Whether the dead-man switch is held.
+        hand_m: Where the hand is, base's axes; ``None`` before that is known.
+        behind_mm: How far it is from its target; ``None`` without one.
+        health: Of the arm's loop.
+    """
+
+    state: ArmState
+    reason: str
+    phase: str
+    clutch: bool
+    dead_man: bool
+    hand_m: tuple[float, float, float] | None
+    behind_mm: float | None
+    health: Health
+
+    @property
+    def words(self) -> str:
+        """Words for the arm, in one line: what it does, why, and how its loop runs."""
+        health = self.health
+        took = "" if health.success_rate is None else f", robot took {100 * health.success_rate:.0f} %"
+        return (
+            f"{self.state}: {self.reason} "
+            f"({self.phase}, {health.rate_hz:.0f} Hz, worst {health.worst_ms:.0f} ms{took})"
+        )
+
+    @property
+    def place(self) -> str:
+        """Words for the hand's place, and how far it is behind its target."""
+        if self.hand_m is None:
+            return "not known yet"
+        x, y, z = self.hand_m
+        behind = "" if self.behind_mm is None else f", {self.behind_mm:.0f} mm from its target"
+        return f"{x:+.3f} {y:+.3f} {z:+.3f} m{behind}"
+
+    @property
+    def switches(self) -> str:
+        """Words for the switches that the operator holds."""
+        return (
+            f"clutch {'pressed' if self.clutch else 'open'}, dead-man {'held' if self.dead_man else 'let go'}"
+        )
+
+
+def look(turn: Turn, command: ArmCommand, arm: ArmDriver) -> ArmView:
+    """Return the view of an arm's turn."""
+    hand_m = behind_mm = None
+    if turn.measured is not None:
+        x, y, z = map(float, turn.measured.position_m)
+        hand_m = x, y, z
+        if command.target is not None:
+            behind_mm = 1e3 * math.dist(hand_m, command.target.position_m.tolist())
+    return ArmView(
+        command.state, command.reason, arm.phase, turn.clutch, turn.dead_man, hand_m, behind_mm, arm.health
+    )

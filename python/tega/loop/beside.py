@@ -1,0 +1,156 @@
+"""Run further metrics and decoders on the pictures and samples of a run, recorded beside the connected ones.
+
+They subscribe to what the sources deliver and publish what they would have said. Nothing of it reaches vest or hand.
+In a run with real time they work in threads of their own; what they are too slow for is dropped and counted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, Any
+
+from tega.devices.base import EmgChunk
+from tega.loop.inbox.sources import BlockMeter, SourceReport
+from tega.records import BesideContact, BesideIntent, EmgSamples, Picture
+from tega.records.bus import Backlog
+from tega.runtime.threads import run_realtime
+from tega.stages.choose import finger_metric, muscle_decoder
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tega.config import SessionConfig
+    from tega.config.calibration import EmgMaxima, TouchMaxima
+    from tega.loop.inbox.prepared import Prepared
+    from tega.records.bus import Bus
+    from tega.stages.base import Metric
+
+__all__ = ["look_on", "open_beside"]
+
+# Pictures that may wait: a second of four fingers at 60 Hz would be 55 MB.
+_MOST_PICTURES = 60
+_MOST_CHUNKS = 4096
+
+
+def open_beside(stack: ExitStack, config: SessionConfig, prepared: Prepared, bus: Bus) -> None:
+    """Have the stages of ``stages.beside`` look on.
+
+    Args:
+        stack: Ends their threads.
+        config: The settings.
+        prepared: Baselines, maxima and sources of the run.
+        bus: Tells pictures and samples, and is told what they say.
+
+    Raises:
+        TegaError: A stage refuses what it is given.
+    """
+    maxima = None if prepared.muscles is None else prepared.muscles.maxima
+    look_on(
+        stack,
+        config,
+        bus,
+        baselines={name: finger.baseline for name, finger in prepared.fingers.items()},
+        touch=prepared.calibration.touch,
+        muscles=maxima,
+        live=prepared.muscles is not None and prepared.muscles.source.info.live,
+        real=config.session.pace == "real",
+    )
+
+
+def look_on(
+    stack: ExitStack,
+    config: SessionConfig,
+    bus: Bus,
+    *,
+    baselines: Mapping[str, NDArray[np.uint8]],
+    touch: Callable[[str], TouchMaxima | None],
+    muscles: EmgMaxima | None,
+    live: bool = False,
+    real: bool = False,
+) -> None:
+    """Have stages look on wherever pictures and samples are told.
+
+    Args:
+        stack: Ends their threads.
+        config: The settings.
+        bus: Tells pictures and samples, and is told what they say.
+        baselines: Untouched pictures, by finger.
+        touch: Gives the maxima of a finger.
+        muscles: Those of the muscles; ``None`` without EMG.
+        live: Whether the samples come from a device that runs on its own clock.
+        real: Whether they work in threads of their own.
+
+    Raises:
+        TegaError: A stage refuses what it is given.
+    """
+    used: dict[str, int] = {}
+    for wanted in config.stages.beside:
+        n = used[wanted.name] = used.get(wanted.name, 0) + 1
+        stage = wanted.name if n == 1 else f"{wanted.name}-{n}"
+        how: dict[str, Any] = {"name": f"beside {stage}", "vital": not real}
+        if real:
+            most = _MOST_PICTURES if wanted.group == "metric" else _MOST_CHUNKS
+            how["backlog"] = Backlog(f"beside-{stage}", most=most, rank=run_realtime("beside"))
+            stack.callback(how["backlog"].close)
+        if wanted.group == "metric":
+            preset = config.session.preset
+            metrics = {
+                name: finger_metric(wanted.stages, preset, name, baseline, touch(name))
+                for name, baseline in baselines.items()
+            }
+            bus.subscribe(Picture, _Measuring(stage, metrics, bus), **how)
+        elif muscles is not None:
+            decoder = muscle_decoder(wanted.stages, config.session.preset, muscles)
+            meter = BlockMeter(decoder, SourceReport(), maxima=muscles, live=live)
+            bus.subscribe(EmgSamples, _Decoding(stage, meter, bus), **how)
+
+
+class _Measuring:
+    """A metric of every finger."""
+
+    def __init__(self, stage: str, metrics: Mapping[str, Metric], bus: Bus) -> None:
+        self._stage, self._bus, self._metrics = stage, bus, metrics
+
+    def __call__(self, picture: Picture) -> None:
+        """Measure a picture."""
+        metric = self._metrics.get(picture.finger)
+        if metric is None:
+            return
+        contact = metric.update(picture.image, picture.t_ns)
+        self._bus.publish(
+            BesideContact(
+                stage=self._stage,
+                finger=picture.finger,
+                t_ns=picture.t_ns,
+                in_contact=contact.in_contact,
+                eda=contact.eda,
+                cci=contact.cci,
+                peak=contact.peak,
+                centroid_xy=contact.centroid_xy,
+                more=contact.more,
+            )
+        )
+
+
+class _Decoding:
+    """A decoder of the muscles."""
+
+    def __init__(self, stage: str, meter: BlockMeter, bus: Bus) -> None:
+        self._stage, self._bus, self._meter = stage, bus, meter
+
+    def __call__(self, given: EmgSamples) -> None:
+        """Decode samples."""
+        samples = given.samples.reshape(-1, given.n_channels)
+        for block in self._meter.take(EmgChunk(given.t_ns, given.first_index, samples)):
+            self._bus.publish(
+                BesideIntent(
+                    stage=self._stage,
+                    t_ns=block.t_ns,
+                    channels=block.channels,
+                    level=block.level,
+                    closure=block.closure,
+                    confidence=block.confidence,
+                )
+            )

@@ -1,0 +1,191 @@
+"""Watch the condition of muscles and electrodes: fatigue by the median frequency, moved electrodes by their pattern.
+
+Both are looked at once a second, from the seconds in which a muscle works. A tired muscle's spectrum moves down: told
+where the median frequency of a channel has fallen and still falls. An electrode that has moved measures another muscle,
+so the channels share the effort otherwise than at the run's beginning. Nothing is changed by it: it is told and
+recorded, and a person decides. It is a function of the samples, however they are cut into chunks.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy import fft  # it would else be imported by the first look, in the middle of a run
+
+from tega.records import MuscleCondition
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tega.config.calibration import EmgMaxima
+    from tega.devices.base import EmgChunk
+
+FELL_SHARE: Final = 0.15
+"""By so much a median frequency has to have fallen to be told, of its value in the run's first 20 s of effort."""
+SLOPE_PERCENT_PER_MIN: Final = -1.0
+"""And it has to fall by more than this."""
+MOVED: Final = 0.35
+"""From so large a change of pattern on electrodes are told to have moved."""
+LOWEST_RATE_HZ: Final = 400.0
+"""Below it the spectrum of EMG is cut off where it falls, and no median frequency is told."""
+_EFFORT = 0.15
+_BAND_HZ = (20.0, 450.0)
+_FIRST_S = 20
+_NEWEST_S = 10
+# A weak effort is shared among the muscles otherwise than a strong one: each is compared with its own kind.
+_STRONG = 0.3
+_FIRST_PATTERNS_S, _PATTERNS_S = 8, 5
+_MOST_S = 300
+
+
+def median_frequency(samples: NDArray[np.float64], rate_hz: float) -> NDArray[np.float64]:
+    """Return the frequency that halves the power of each channel from 20 to 450 Hz.
+
+    Args:
+        samples: float64 (n, channels), all of them numbers.
+        rate_hz: Samples per second.
+
+    Returns:
+        float64 (channels,), Hz; NaN for a channel without any power there.
+
+    Example:
+        >>> at_s = np.arange(1000) / 1000
+        >>> median_frequency(np.sin(2 * np.pi * 80 * at_s)[:, np.newaxis], 1000.0).round()
+        array([80.])
+    """
+    centred = (samples - samples.mean(axis=0)) * np.hanning(len(samples))[:, np.newaxis]
+    hz = fft.rfftfreq(len(samples), 1 / rate_hz)
+    inside = (hz >= _BAND_HZ[0]) & (hz <= min(_BAND_HZ[1], 0.45 * rate_hz))
+    power = np.cumsum(np.abs(fft.rfft(centred, axis=0)[inside]) ** 2, axis=0)
+    found = np.full(samples.shape[1], np.nan)
+    for k in np.flatnonzero(power[-1] > 0):
+        found[k] = hz[inside][np.searchsorted(power[:, k], power[-1, k] / 2)]
+    return found
+
+
+class ConditionWatch:
+    """Watches one source as its samples come.
+
+    Args:
+        maxima: What counts as full, and what the samples are.
+    """
+
+    def __init__(self, maxima: EmgMaxima) -> None:
+        self._names, self._full = maxima.channels, np.array(maxima.maxima)
+        self._raw, self._rate_hz = maxima.kind == "raw", maxima.rate_hz
+        self._n_window = max(2, round(maxima.rate_hz))
+        self._waiting: list[NDArray[np.float64]] = []
+        self._n_waiting = 0
+        self._n_samples = self._next_index = 0
+        self._frequencies: list[deque[tuple[float, float]]] = [deque(maxlen=_MOST_S) for _ in self._names]
+        self._first: list[list[float]] = [[] for _ in self._names]
+        self._patterns: dict[bool, deque[NDArray[np.float64]]] = {
+            strong: deque(maxlen=_FIRST_PATTERNS_S) for strong in (False, True)
+        }
+        self._usual: dict[bool, NDArray[np.float64] | None] = {False: None, True: None}
+
+    def take(self, chunk: EmgChunk) -> list[MuscleCondition]:
+        """Take the next samples; return the condition at the end of each second of effort that they complete.
+
+        A second in which samples are missing is passed over.
+        """
+        found, samples = [], chunk.samples
+        if chunk.first_index > self._next_index:
+            self._waiting, self._n_waiting = [], 0
+            self._n_samples += chunk.first_index - self._next_index
+        self._next_index = chunk.first_index + len(samples)
+        while len(samples):
+            part, samples = np.split(samples, [self._n_window - self._n_waiting])
+            self._waiting.append(part)
+            self._n_waiting += len(part)
+            self._n_samples += len(part)
+            if self._n_waiting == self._n_window:
+                window = np.concatenate(self._waiting)
+                self._waiting, self._n_waiting = [], 0
+                if (one := self._look(window, chunk.t_ns)) is not None:
+                    found.append(one)
+        return found
+
+    def _look(self, window: NDArray[np.float64], t_ns: int) -> MuscleCondition | None:
+        if not (np.abs(window) < 1e100).all():
+            return None
+        away = np.abs(window - window.mean(axis=0)) if self._raw else window
+        shares = np.maximum(away.mean(axis=0) / self._full, 0.0)
+        works = shares >= _EFFORT
+        if not works.any():
+            return None
+        median_hz = np.full(len(self._names), np.nan)
+        if self._raw and self._rate_hz >= LOWEST_RATE_HZ:
+            median_hz[works] = median_frequency(window[:, works], self._rate_hz)
+        at_min = self._n_samples / self._rate_hz / 60
+        for k in np.flatnonzero(np.isfinite(median_hz)):
+            self._frequencies[k].append((at_min, float(median_hz[k])))
+            if len(self._first[k]) < _FIRST_S:
+                self._first[k].append(float(median_hz[k]))
+        slopes = [self._slope(k) for k in range(len(self._names))]
+        change = self._pattern_change(shares)
+        return MuscleCondition(
+            t_ns=t_ns,
+            median_hz=tuple(median_hz.tolist()),
+            slope_percent_per_min=tuple(slopes),
+            pattern_change=change,
+            said="; ".join([*self._tired(slopes), *self._moved(change)]),
+        )
+
+    def _slope(self, k: int) -> float:
+        """Return the slope of a channel's median frequency: the middle of those of pairs half a course apart."""
+        seen = np.array(self._frequencies[k])
+        half = len(seen) // 2
+        if len(self._first[k]) < _FIRST_S or len(seen) < 2 * _FIRST_S:
+            return math.nan
+        steps = seen[half : 2 * half] - seen[:half]
+        return float(np.median(steps[:, 1] / steps[:, 0]) / np.median(self._first[k]) * 100)
+
+    def _tired(self, slopes: Sequence[float]) -> list[str]:
+        said = []
+        for name, slope, first, seen in zip(self._names, slopes, self._first, self._frequencies, strict=True):
+            if not slope < SLOPE_PERCENT_PER_MIN:  # NaN is not either
+                continue
+            newest = [hz for _, hz in list(seen)[-_NEWEST_S:]]
+            fell = 1 - float(np.median(newest) / np.median(first))
+            if fell >= FELL_SHARE:
+                said.append(
+                    f"{name}: tired: its median frequency fell by {100 * fell:.0f} %; let the arm rest"
+                )
+        return said
+
+    def _pattern_change(self, shares: NDArray[np.float64]) -> float:
+        """Return how far the channels' shares are from the usual ones, 0 to 1: half the sum of the differences."""
+        if len(self._names) < 2:
+            return math.nan
+        strong = bool(shares.mean() >= _STRONG)
+        patterns, usual = self._patterns[strong], self._usual[strong]
+        patterns.append(shares / shares.sum())
+        if usual is None:
+            if len(patterns) == _FIRST_PATTERNS_S:
+                self._usual[strong] = _middle(list(patterns))
+                patterns.clear()
+            return math.nan
+        if len(patterns) < _PATTERNS_S:
+            return math.nan
+        now = _middle(list(patterns)[-_PATTERNS_S:])
+        return float(np.abs(now - usual).sum() / 2)
+
+    @staticmethod
+    def _moved(change: float) -> list[str]:
+        if not change > MOVED:  # NaN is not either
+            return []
+        return [
+            "electrodes have moved or come loose: recalibrate in ten seconds (tega-teleop emg recalibrate)"
+        ]
+
+
+def _middle(patterns: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Return the median share of each channel, all of them together 1."""
+    middle = np.median(patterns, axis=0)
+    found: NDArray[np.float64] = middle / middle.sum()
+    return found

@@ -1,0 +1,115 @@
+"""Look at hand and arm as the detector of slips does: closure, height of the fingertips, height of the arm's end."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from tega.devices.base import SteeredHand, optional
+from tega.hand.poses import ClosureScale, load_poses
+from tega.loop.hand import HAND_TICK_NS
+from tega.records import HandLook
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tega.config import SessionConfig
+    from tega.loop.arm import Steering
+
+
+# The rule was fitted on looks 10 ms apart; a hand's process tells angles every 8 ms.
+LOOK_NS: Final = 3 * HAND_TICK_NS
+
+
+class HandLooks:
+    """Looks at hand and arm every 9 ms.
+
+    A look is whole or empty: where hand or arm tells nothing that is fresh, or a number is not finite, the detector is
+    told neither, and goes by touch alone.
+
+    Args:
+        angles_rad: Returns the measured joint angles, float64 (16,), rad; ``None`` where none are fresh.
+        height_m: Returns the height of the arm's end, metres; ``None`` likewise.
+        closure: Reads the closure off the angles.
+        now_ns: Returns the time since the start of the session, nanoseconds.
+    """
+
+    def __init__(
+        self,
+        angles_rad: Callable[[], NDArray[np.float64] | None],
+        height_m: Callable[[], float | None],
+        closure: ClosureScale,
+        now_ns: Callable[[], int],
+    ) -> None:
+        from tega.hand.tips import tip_heights_mm  # a run without looks begins without it
+
+        self._angles_rad, self._height_m, self._closure, self._now_ns = angles_rad, height_m, closure, now_ns
+        self._tips_mm = tip_heights_mm
+        self._due_ns = 0
+
+    def __call__(self, t_ns: int, level: float) -> HandLook | None:
+        """Return the look of a tick; ``None`` where it is too early for one.
+
+        Args:
+            t_ns: The tick.
+            level: Closure level that the hand is asked for, with what a reflex adds.
+        """
+        now_ns = self._now_ns()
+        if now_ns < self._due_ns:
+            return None
+        # Ticks that are made up for see one and the same hand: looked at once, at its own time. Half a tick of lateness
+        # does not put off the next look.
+        self._due_ns = now_ns + LOOK_NS - HAND_TICK_NS // 2
+        angles_rad, height_m = self._angles_rad(), self._height_m()
+        if angles_rad is None or height_m is None:
+            return HandLook(t_ns=t_ns, seen_ns=now_ns)
+        if not (math.isfinite(height_m) and np.isfinite(angles_rad).all()):
+            return HandLook(t_ns=t_ns, seen_ns=now_ns)
+        return HandLook(
+            t_ns=t_ns,
+            seen_ns=now_ns,
+            level=level,
+            closure=self._closure(angles_rad),
+            height_m=height_m,
+            tips_mm=self._tips_mm(angles_rad),
+        )
+
+
+def hand_closure(config: SessionConfig) -> ClosureScale:
+    """Return what reads the closure off the joint angles of the settings' hand.
+
+    Raises:
+        ConfigError: Its pose file cannot be used.
+    """
+    poses = getattr(config.hand.options, "poses", None)
+    return ClosureScale(None if poses is None else load_poses(poses))
+
+
+def fresh_angles_rad(hand: SteeredHand) -> NDArray[np.float64] | None:
+    """Return a hand's joint angles, float64 (16,), rad; ``None`` while it is silent or they are not finite."""
+    if optional(hand, "silent"):
+        return None
+    angles_rad = np.asarray(hand.angles_rad, np.float64)
+    return angles_rad if angles_rad.shape == (16,) and np.isfinite(angles_rad).all() else None
+
+
+def open_looks(
+    config: SessionConfig, *, hand: SteeredHand | None, arm: Steering | None, now_ns: Callable[[], int]
+) -> HandLooks | None:
+    """Make the looks of a run; ``None`` where hand or arm is not measured, or the settings want touch alone.
+
+    Args:
+        config: The settings.
+        hand: The hand that measures its joints.
+        arm: What leads the arm.
+        now_ns: Returns the time since the start of the session, nanoseconds.
+
+    Raises:
+        ConfigError: The hand's pose file cannot be used.
+    """
+    if hand is None or arm is None or config.stages.slips == "touch":
+        return None
+    return HandLooks(lambda: fresh_angles_rad(hand), arm.height_m, hand_closure(config), now_ns)

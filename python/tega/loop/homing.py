@@ -1,0 +1,215 @@
+"""Move arm and hand to their start between trials: through the chain of every motion, while the dead-man is held."""
+
+from __future__ import annotations
+
+import time
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, Final
+
+import msgspec
+import numpy as np
+
+from tega.arm.pose import Pose
+from tega.arm.settings import FilterSettings, MappingSettings
+from tega.arm.way_to_start import SPEED_M_S, TURN_RAD_S, WayToStart
+from tega.devices.base import SteeredHand, optional
+from tega.devices.registry import driver_class
+from tega.errors import ConfigError
+from tega.hand import CLOSURE_POSES_RAD
+from tega.hand.poses import ClosureScale, load_poses
+from tega.loop.arm import open_arm
+from tega.loop.sinks import open_inputs
+from tega.records import ArmTurn
+from tega.records.bus import Bus
+
+if TYPE_CHECKING:
+    from tega.config import SessionConfig
+    from tega.config.sections import ArmConfig
+    from tega.setup.calibration.guide import Shows
+
+TOLD_S: Final = 3.0
+"""So long it is told before anything may move."""
+PATIENCE_S: Final = 30.0
+"""So long the dead-man is waited for."""
+OPEN_RAD: Final = 0.2
+"""A hand none of whose joints is farther from the open pose is called open."""
+_LEVELS_PER_S = 2.0
+_LOOK_S = 0.02
+# The arm itself comes after its target: it rests once its place has changed by no more for so long, or after a while.
+_SETTLE_S, _STILL_M, _LONGEST_S = 1.0, 0.0005, 5.0
+# What leads the arm tells of itself a hundred times a second; a hand is opened by nothing older.
+_FRESH_S = 0.2
+
+
+class Settling:
+    """Tells when an arm has come to rest, which lags behind its target as far as its spring or its machine lets it."""
+
+    def __init__(self) -> None:
+        self._there_s: float | None = None
+        self._still_s = self._off_m = 0.0
+
+    def rests(self, now_s: float, *, there: bool, off_m: float) -> bool:
+        """Take in whether the target is at its goal, and how far the arm is from it, metres; tell whether it rests."""
+        if not there:
+            self._there_s = None
+            return False
+        if self._there_s is None:
+            self._there_s, self._still_s, self._off_m = now_s, now_s, off_m
+        if abs(off_m - self._off_m) > _STILL_M:
+            self._still_s, self._off_m = now_s, off_m
+        return now_s - self._still_s >= _SETTLE_S or now_s - self._there_s >= _LONGEST_S
+
+
+def go_to_start(
+    config: SessionConfig, shows: Shows, *, told_s: float = TOLD_S, bus: Bus | None = None
+) -> str:
+    """Move the arm to ``arm.start_m`` and open the hand, then let go of both.
+
+    People are told first. Nothing moves before ``told_s`` are over, nor while the dead-man, and the clutch where there
+    is one, is not held, nor while no process guards the hand; the arm is bound by its workspace, clip, limits and
+    watchdogs, and goes at 0.1 m/s at most.
+
+    Args:
+        config: The settings, with an arm that has a start.
+        shows: Told what goes on; whatever it raises ends the motion.
+        told_s: How long people are told before anything may move.
+        bus: Told of every turn of the arm.
+
+    Returns:
+        How far from its start the arm is, and the hand from its open pose, in words.
+
+    Raises:
+        ConfigError: The settings have no arm with a start, or something that the arm needs is missing.
+        DeviceUnavailableError: A device is missing, went away or is at fault.
+        TimeoutError: Nobody held the dead-man for :data:`PATIENCE_S`.
+    """
+    arm = config.arm
+    if arm is None or (start := arm.start) is None:
+        raise ConfigError("the arm has no start to go to", "set arm.start_m")
+    replace = msgspec.structs.replace
+    config = replace(config, arm=_unsteered(arm), session=replace(config.session, pace="real"))
+    with ExitStack() as stack:
+        way = WayToStart(start)
+        bus = Bus() if bus is None else bus
+        bus.subscribe(ArmTurn, way.saw, vital=True)
+        steering = open_arm(
+            stack,
+            config,
+            open_inputs(stack, config),
+            tracker=way,
+        )
+        hand = _Opening(stack, config)
+        told_until_s = time.monotonic() + told_s
+        steering.start(
+            bus,
+            time.monotonic_ns(),
+            may_move=lambda: time.monotonic() >= told_until_s and not hand.unguarded,
+        )
+        stack.callback(steering.stop)
+        last_s = held_s = time.monotonic()
+        settling = Settling()
+        while True:
+            now_s = time.monotonic()
+            follows = way.state == "following" and now_s - way.seen_s < _FRESH_S
+            held_s = now_s if follows else max(held_s, told_until_s)
+            if now_s - held_s > PATIENCE_S:
+                raise TimeoutError(f"nobody held the dead-man switch for {PATIENCE_S:g} s: {way.reason}")
+            if now_s < told_until_s:
+                shows.show("THE ARM WILL MOVE: everybody out of its reach", (), told_until_s - now_s)
+            elif problem := steering.problem or hand.unguarded:
+                shows.show(problem, (), None)
+            elif follows:
+                left_m = way.left_m or 0.0
+                shows.show(f"the arm moves to its start: {100 * left_m:.0f} cm to go", (), None)
+            else:
+                shows.show(
+                    f"hold the dead-man switch, and the arm moves to its start ({way.reason})", (), None
+                )
+            hand.look(now_s - last_s, may_move=follows and not hand.unguarded)
+            last_s = now_s
+            if settling.rests(now_s, there=follows and way.there and hand.is_open, off_m=way.off_m or 0.0):
+                break
+            time.sleep(_LOOK_S)
+        return f"the arm is at its start, {1000 * (way.off_m or 0.0):.0f} mm off" + hand.words
+
+
+def watch_arm(config: SessionConfig, seconds: float, *, bus: Bus) -> None:
+    """Open the arm of the settings and watch it for a while; nothing may move.
+
+    Args:
+        config: The settings, with an arm and its switches.
+        seconds: How long.
+        bus: Told of every turn of the arm.
+
+    Raises:
+        ConfigError: The settings have no arm, or something that it needs is missing.
+        DeviceUnavailableError: A device is missing, went away or is at fault.
+    """
+    if config.arm is None:
+        raise ConfigError("no arm is set", "set arm.driver")
+    replace = msgspec.structs.replace
+    config = replace(config, arm=_unsteered(config.arm), session=replace(config.session, pace="real"))
+    with ExitStack() as stack:
+        nowhere = WayToStart(Pose(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0])))
+        steering = open_arm(stack, config, open_inputs(stack, config), tracker=nowhere)
+        steering.start(bus, time.monotonic_ns(), may_move=lambda: False)
+        stack.callback(steering.stop)
+        time.sleep(seconds)
+
+
+def _unsteered(arm: ArmConfig) -> ArmConfig:
+    """Return the arm's settings for a way that is given in the base's own axes, no faster than such a way may be."""
+    limits = msgspec.structs.replace(
+        arm.limits,
+        speed_m_s=min(arm.limits.speed_m_s, SPEED_M_S),
+        turn_rad_s=min(arm.limits.turn_rad_s, TURN_RAD_S),
+    )
+    mapping = MappingSettings(frame="base", mirror=False)
+    return msgspec.structs.replace(arm, mapping=mapping, filter=FilterSettings(on=False), limits=limits)
+
+
+class _Opening:
+    """The hand of the settings, opened level by level while things may move; it keeps its pose meanwhile."""
+
+    def __init__(self, stack: ExitStack, config: SessionConfig) -> None:
+        self._hand: SteeredHand | None = None
+        self._level: float | None = None
+        if config.hand.driver is not None:
+            options = config.hand.options
+            made = driver_class(config.hand.driver, "hand")(options)
+            poses = getattr(options, "poses", None)
+            poses_rad = CLOSURE_POSES_RAD if poses is None else load_poses(poses)
+            self._closure, self._open_rad = ClosureScale(poses_rad), poses_rad[0]
+            if isinstance(made, SteeredHand):
+                self._hand = stack.enter_context(made)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether it was told its most open pose, or there is none."""
+        return self._hand is None or self._level == 1.0
+
+    @property
+    def unguarded(self) -> str:
+        """Why nobody would let go of the hand if this program were killed now; ``""`` if somebody would."""
+        return "" if self._hand is None else str(optional(self._hand, "guard_problem"))
+
+    @property
+    def words(self) -> str:
+        """What came of it, by the joint angles that the hand reports."""
+        if self._hand is None:
+            return ""
+        off_rad = float(np.abs(self._hand.angles_rad - self._open_rad).max())
+        if off_rad <= OPEN_RAD:
+            return f"; the hand is open, {off_rad:.2f} rad off"
+        return f"; the hand was told to open and is {off_rad:.2f} rad off"
+
+    def look(self, dt_s: float, *, may_move: bool) -> None:
+        """Go on opening it, or have it stay where it is."""
+        hand = self._hand
+        if hand is None:
+            return
+        if may_move:
+            before = self._closure(np.asarray(hand.angles_rad)) if self._level is None else self._level
+            self._level = max(1.0, before - _LEVELS_PER_S * dt_s)
+        if self._level is not None:
+            hand.step(self._level)

@@ -1,0 +1,282 @@
+"""Read a fingertip's pictures and measure them as they come, none of them twice."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Generator
+from typing import TYPE_CHECKING
+
+from tega.errors import DeviceUnavailableError, RecordingError, TegaError
+from tega.loop.inbox.picture_votes import PictureVotes
+from tega.loop.inbox.reader import READ_TIMEOUT_S, opened_again
+from tega.loop.inbox.sources import Contact, SourceReport
+from tega.loop.inbox.stuck_frames import STUCK_FRAMES, LastFrame
+from tega.stages.metrics import contact_metrics_of
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tega.devices.base import TactileFrame, TactileSource
+    from tega.stages.base import Metric
+    from tega.tactile import ContactMetrics
+
+__all__ = ["FrameMeter", "fed_contacts", "keeps_up", "measured_contacts"]
+
+# Rest after a live source gave the frame it had given before: one that does not wait for its next frame would
+# otherwise keep a core busy with asking.
+SEEN_REST_S = 0.001
+
+
+class FrameMeter:
+    """Measures the frames of one finger as they come, none of them twice.
+
+    Args:
+        baseline: The finger's untouched picture, uint8 (H, W, 3).
+        metric: Measures them.
+        report: Counted up along the way.
+        live: Whether the frames come from a sensor that runs on its own clock.
+        start_ns: The clock's time at the start of the session; subtracted from a live source's stamps.
+
+    Attributes:
+        metric: Measures them.
+        seq: Number of the newest frame; ``None`` before the first.
+        next_seq: Number of the frame that should come next.
+    """
+
+    def __init__(
+        self,
+        baseline: NDArray[np.uint8],
+        metric: Metric,
+        report: SourceReport,
+        *,
+        live: bool,
+        start_ns: int = 0,
+    ) -> None:
+        self._shape = baseline.shape
+        self.metric = metric
+        self._report = report
+        self._live = live
+        self._start_ns = start_ns if live else 0
+        self._last = LastFrame()
+        self._votes = PictureVotes(baseline)
+        self.seq: int | None = None
+        self.next_seq = 0
+
+    def take(self, frame: TactileFrame) -> Contact | None:
+        """Measure a frame.
+
+        Args:
+            frame: The next one of the source.
+
+        Returns:
+            Its time and metrics; ``None`` for a frame that came again under its number, or of a live sensor without
+            a vote (:mod:`tega.loop.inbox.picture_votes`).
+
+        Raises:
+            RecordingError: The frame is not of the baseline's size.
+        """
+        report, last = self._report, self._last
+        if frame.seq == self.seq:
+            report.n_duplicate += 1
+            return None
+        self.seq = frame.seq
+        metrics, may_vote = last.repeat(frame.image), True
+        if metrics is None:
+            self._check_size(frame)
+            # One that has no vote is not measured either: no metric learns from it.
+            may_vote = not self._live or self._votes.take(frame.image, frame.t_ns)
+            if may_vote:
+                metrics = self._measure(frame)
+                last.keep(frame.image, metrics)
+        else:
+            report.n_identical += 1
+        if self._live and self.next_seq == 0:
+            # Pictures of a camera that came while it warmed up, or before anybody read, are not missing in the run.
+            self.next_seq = frame.seq
+        report.n_missing += max(0, frame.seq - self.next_seq)
+        self.next_seq = frame.seq + 1
+        if self._live and last.n_equal >= STUCK_FRAMES:
+            report.n_stuck += 1
+            self._votes.frozen()
+        report.n_unfit += not may_vote
+        report.faults = (self._votes.fault,) if self._votes.fault else ()
+        if metrics is None or self._votes.fault:
+            return None
+        report.n_items += 1
+        return frame.t_ns - self._start_ns, metrics
+
+    def take_sums(self, seq: int, t_ns: int, sums: NDArray[np.int16]) -> Contact:
+        """Measure a picture that is not painted, by its sums over cells; it is taken to differ from the one before.
+
+        Args:
+            seq: Its number; not that of the one before.
+            t_ns: Its time.
+            sums: As for :meth:`tega.stages.Metric.update_sums` of a metric that ``reads_sums``.
+
+        Returns:
+            Its time and metrics.
+        """
+        report = self._report
+        self.seq = seq
+        report.n_missing += max(0, seq - self.next_seq)
+        self.next_seq = seq + 1
+        report.n_items += 1
+        return t_ns, contact_metrics_of(self.metric.update_sums(sums, t_ns))
+
+    def restart(self) -> None:
+        """Forget the numbers of a source that was opened again: it counts from wherever it likes."""
+        self.seq, self.next_seq, self._last = None, 0, LastFrame()
+
+    def _check_size(self, frame: TactileFrame) -> None:
+        if frame.image.shape != self._shape:
+            raise RecordingError(
+                f"{frame.name}: {_size(frame.image.shape)} pixels, its baseline has {_size(self._shape)}",
+                "give the baseline taken with the same sensor and mode",
+            )
+
+    def _measure(self, frame: TactileFrame) -> ContactMetrics:
+        return contact_metrics_of(self.metric.update(frame.image, frame.t_ns - self._start_ns))
+
+
+def fed_contacts(
+    meter: FrameMeter,
+    report: SourceReport,
+    take: Callable[[Contact], None],
+    fail: Callable[[BaseException], None],
+    *,
+    stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None,
+    prepare: Callable[[TactileFrame], None] = lambda _frame: None,
+    see: Callable[[TactileFrame, int], None] = lambda _frame, _received_ns: None,
+    tell: Callable[[TactileFrame, Contact], None] = lambda _frame, _contact: None,
+) -> Callable[[TactileFrame], None]:
+    """Return the function that a sensor's own thread calls with each picture; a bad one is dropped and counted.
+
+    Args:
+        meter: Measures them.
+        report: Counted up along the way.
+        take: Given time and metrics of each picture.
+        fail: Given what nobody expected; the sensor's thread goes on.
+        stamp: Told of each measured picture: its time, and the monotonic time it was received at.
+        prepare: Told of each picture, before it is looked at.
+        see: Told of each picture and of the monotonic time it was received at, when it was measured and what was
+            measured is on its way: whoever records it keeps nobody waiting.
+        tell: Told of each picture that was measured, with what was measured, in the thread that measures.
+    """
+
+    def measure(frame: TactileFrame) -> None:
+        received_ns = time.monotonic_ns()
+        try:
+            try:
+                prepare(frame)
+                if (contact := meter.take(frame)) is not None:
+                    stamp(contact[0], received_ns)
+                    take(contact)
+                    tell(frame, contact)
+            finally:
+                see(frame, received_ns)
+        except TegaError:
+            report.drop()
+        except BaseException as error:  # a panic of native code, too; the loop raises it
+            fail(error)
+
+    return measure
+
+
+def keeps_up(metric: Metric, baseline: NDArray[np.uint8], *, rate_hz: float | None) -> bool:
+    """Tell whether a metric takes less than half of the time between pictures; it has seen the baseline after that."""
+    if not rate_hz:
+        return False
+    took_s = []
+    for k in range(3):
+        begin_s = time.perf_counter()
+        metric.update(baseline, k * round(1e9 / rate_hz))
+        took_s.append(time.perf_counter() - begin_s)
+    return min(took_s) < 0.5 / rate_hz
+
+
+def measured_contacts(
+    source: TactileSource,
+    baseline: NDArray[np.uint8],
+    metric: Metric,
+    report: SourceReport,
+    *,
+    start_ns: int = 0,
+    stopped: Callable[[], bool] = lambda: False,
+    stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None,
+    prepare: Callable[[TactileFrame], None] = lambda _frame: None,
+    see: Callable[[TactileFrame, int], None] = lambda _frame, _received_ns: None,
+    tell: Callable[[TactileFrame, Contact], None] = lambda _frame, _contact: None,
+) -> Generator[Contact, None, int]:
+    """Measure the frames of a source.
+
+    In a recording a bad frame is an error. Of a live source it is dropped and counted. When the source goes away the
+    finger falls silent after 100 ms; it is opened again, once a second until that works or the run is over.
+
+    A frame that the source delivers again, by its number, is passed over. One with exactly the pixels of the frame
+    before it is not measured again. Of a live source the third and later of such frames in a row are not passed
+    on: the sensor is stuck, and its finger falls silent like any other without fresh frames until pixels change.
+
+    Args:
+        source: An open source.
+        baseline: Its untouched picture, uint8 (H, W, 3).
+        metric: Measures its frames.
+        report: Counted up along the way.
+        start_ns: The clock's time at the start of the session; subtracted from a live source's stamps.
+        stopped: Tells when to give up.
+        stamp: Told of each measured frame: its time, and the monotonic time it was received at.
+        prepare: Told of each frame that was read, before it is looked at.
+        see: Likewise, with the monotonic time it was received at.
+        tell: Told of each frame that was measured, with what was measured, in the thread that measures.
+
+    Yields:
+        Time and metrics of each frame.
+
+    Returns:
+        When the source ended, in nanoseconds.
+
+    Raises:
+        RecordingError: A recorded frame is unreadable or not of the baseline's size.
+    """
+    live, end_ns = source.info.live, 0
+    meter = FrameMeter(baseline, metric, report, live=live, start_ns=start_ns)
+    while not (stopped() or source.ended):
+        try:
+            frame = source.read(READ_TIMEOUT_S)
+            if frame is None:
+                continue
+            received_ns = time.monotonic_ns()
+            prepare(frame)
+            see(frame, received_ns)
+            if live and frame.seq == meter.seq:
+                time.sleep(SEEN_REST_S)
+            contact = meter.take(frame)
+        except DeviceUnavailableError as error:
+            if not live:
+                raise
+            report.lose(error.message)
+            found = opened_again(source, stopped)
+            if not found:
+                break
+            report.lost = ""
+            meter.restart()
+            continue
+        except TegaError:
+            if not live:
+                raise
+            report.drop()
+            continue
+        end_ns = frame.t_ns - start_ns if live else frame.t_ns
+        if contact is not None:
+            stamp(contact[0], received_ns)
+            tell(frame, contact)
+            yield contact
+    rate_hz = source.info.rate_hz
+    if not live and rate_hz:
+        end_ns = round(meter.next_seq * 1_000_000_000 / rate_hz)
+    report.end_ns = end_ns
+    return end_ns
+
+
+def _size(shape: tuple[int, ...]) -> str:
+    return "×".join(str(n) for n in (shape[1], shape[0], *shape[2:]))

@@ -1,0 +1,134 @@
+"""Read the operator's input devices in a run: their state now, and what was pressed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from tega import records
+from tega.devices.base import InputEvent, InputReading, InputSource
+
+if TYPE_CHECKING:
+    from tega.loop.pacing import Pacer
+    from tega.records.bus import Bus
+
+
+_AXES = ("x", "y", "z", "rx", "ry", "rz")
+
+
+class Seat(NamedTuple):
+    """An input device, and which of its buttons is meant.
+
+    Attributes:
+        source: The open device.
+        button: Which of its buttons; ``None`` for any.
+    """
+
+    source: InputSource
+    button: str | None
+
+
+class SeatSeen(NamedTuple):
+    """State of an input device at a look.
+
+    Attributes:
+        state: Its newest state.
+        held: Whether the button that is meant is down.
+        n_presses: How often it has gone down since the start.
+    """
+
+    state: InputReading
+    held: bool
+    n_presses: int
+
+    def words(self, seat: str) -> str:
+        """Say it in a few words: the six axes of ``motion``, whether a switch is held, or that there is no data."""
+        if not self.state.live:
+            return "no data"
+        if seat == "motion":
+            return "  ".join(f"{axis} {v:+.2f}" for axis, v in zip(_AXES, self.state.motion, strict=True))
+        presses = "1 press" if self.n_presses == 1 else f"{self.n_presses} presses"
+        return ("held" if self.held else "released") + (f", {presses}" if self.n_presses else "")
+
+
+class Inputs:
+    """Looks at all input devices of a run; no look ever waits for a device.
+
+    Args:
+        seats: The devices, by what they are for.
+
+    Attributes:
+        seen: What each said at the last look.
+    """
+
+    def __init__(self, seats: Mapping[str, Seat]) -> None:
+        self._seats = dict(seats)
+        self._no_data_looks = dict.fromkeys(seats, 0)
+        self._n_looks = 0
+        self.seen: dict[str, SeatSeen] = {}
+        self._said: dict[str, tuple[Any, ...]] = {}
+
+    @property
+    def seats(self) -> Mapping[str, Seat]:
+        """The devices, by what they are for."""
+        return self._seats
+
+    def look(self, bus: Bus, pacer: Pacer) -> None:
+        """Look at every device.
+
+        Args:
+            bus: Told of what a device says whenever that changes, and of every event of a button that is meant.
+            pacer: Knows the session's time.
+        """
+        if not self._seats:
+            return
+        events: dict[str, list[InputEvent]] = {}
+        self._n_looks += 1
+        seen = {}
+        for name, (source, button) in self._seats.items():
+            state = source.state()
+            events[name] = [e for e in source.events() if button in {None, e.button}]
+            before = self.seen[name].n_presses if name in self.seen else 0
+            held = bool(state.held) if button is None else button in state.held
+            seen[name] = SeatSeen(state, held, before + sum(e.pressed for e in events[name]))
+            self._no_data_looks[name] += not state.live
+        self.seen = seen
+        self._tell(events, bus, pacer)
+
+    def _tell(self, events: Mapping[str, list[InputEvent]], bus: Bus, pacer: Pacer) -> None:
+        for seat, seen in self.seen.items():
+            state = seen.state
+            said = state[1:]  # without the time at which the device was last heard
+            if self._said.get(seat) != said:
+                self._said[seat] = said
+                held = tuple(sorted(state.held))
+                t_ns = pacer.elapsed_ns()
+                bus.publish(
+                    records.InputState(seat=seat, t_ns=t_ns, live=state.live, motion=state.motion, held=held)
+                )
+        for seat, pressed in events.items():
+            for event in pressed:
+                t_ns = event.t_ns - pacer.start_ns
+                bus.publish(
+                    records.Button(
+                        seat=seat, t_ns=t_ns, seq=event.seq, button=event.button, pressed=event.pressed
+                    )
+                )
+                if seat == "marker" and event.pressed:
+                    bus.publish(records.Marker(t_ns=t_ns, text=event.button, source=seat))
+
+    def summary(self) -> dict[str, Any]:
+        """Return a run's summary of its inputs: driver, device, presses, share of the looks that found no data."""
+        return {
+            name: {
+                "driver": seat.source.info.driver,
+                "source": seat.source.info.label,
+                "presses": self.seen[name].n_presses if name in self.seen else 0,
+                "no_data_share": self._no_data_looks[name] / max(self._n_looks, 1),
+            }
+            for name, seat in self._seats.items()
+        }
+
+    def notes(self) -> list[str]:
+        """Return what a reader of the results must know."""
+        return [f"{name}: {note}" for name, seat in self._seats.items() for note in seat.source.info.notes]

@@ -1,0 +1,82 @@
+"""Define the prepared sources of a run, with their baselines and maxima."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tega.config.calibration import Calibration, EmgMaxima
+    from tega.devices.base import EmgSource, TactileSource
+    from tega.loop.inbox.sources import Contact, EmgBlock, SourceReport
+    from tega.loop.inbox.stream import Stream
+    from tega.records import HandLook
+    from tega.stages.base import Decoder
+
+
+class Finger(NamedTuple):
+    """One fingertip, ready to run.
+
+    Attributes:
+        source: Its open source.
+        baseline: Its untouched picture.
+        baseline_origin: Where that came from.
+        report: What becomes of the frames.
+        measured: All frames, where they had to be measured beforehand.
+        stream: What is known of the finger from somewhere else; its source is then not read.
+    """
+
+    source: TactileSource
+    baseline: NDArray[np.uint8]
+    baseline_origin: str
+    report: SourceReport
+    measured: list[Contact] | None = None
+    stream: Stream[Contact] | None = None
+
+
+class Muscles(NamedTuple):
+    """The EMG side, ready to run.
+
+    Attributes:
+        source: Its open source.
+        maxima: Its maxima and the conditions they hold under.
+        decoder: Samples to intents; ``None`` where they are made somewhere else.
+        report: What becomes of the samples.
+        stream: The levels, where they are known from somewhere else; its source is then not read.
+    """
+
+    source: EmgSource
+    maxima: EmgMaxima
+    decoder: Decoder | None
+    report: SourceReport
+    stream: Stream[EmgBlock] | None = None
+
+
+class Prepared(NamedTuple):
+    """Prepared sources of a run: fingers and muscles.
+
+    Attributes:
+        fingers: By name, thumb first.
+        muscles: The EMG side; ``None`` without EMG.
+        calibration: The maxima.
+        calibration_name: Base name of their file, or whose they are; ``""`` when they came from the recording.
+        warnings: What is to be known of them.
+        look: Gives at a tick, by the level asked for, the look at hand and arm where those are known from somewhere
+            else; hand and arm of the run are then not looked at.
+    """
+
+    fingers: Mapping[str, Finger]
+    muscles: Muscles | None
+    calibration: Calibration
+    calibration_name: str
+    warnings: tuple[str, ...] = ()
+    look: Callable[[int, float], HandLook | None] | None = None
+
+    @property
+    def sources(self) -> list[TactileSource | EmgSource]:
+        """All sources, thumb first, EMG last."""
+        found: list[TactileSource | EmgSource] = [finger.source for finger in self.fingers.values()]
+        return found if self.muscles is None else [*found, self.muscles.source]

@@ -1,0 +1,359 @@
+"""Read EMG samples and turn them into levels for the hand, and count what happens to a source's items."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Generator
+from typing import TYPE_CHECKING, NamedTuple
+
+import msgspec
+import numpy as np
+
+from tega.devices.base import EmgChunk, EmgSource, TactileFrame
+from tega.emg.votes import ChannelVotes
+from tega.errors import DeviceUnavailableError, InvalidValueError, ShapeError
+from tega.hand import joined_level, nearest_level
+from tega.loop.inbox.reader import READ_TIMEOUT_S, opened_again
+from tega.records import EmgSamples, Picture
+from tega.tactile import ContactMetrics
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tega.config.calibration import EmgMaxima
+    from tega.loop.emg_adaptation import ChannelAdaptation
+    from tega.records import Contact as ContactRecord
+    from tega.records import Intent
+    from tega.stages.base import Decoder
+
+
+# Of missing EMG samples at most this much is told to the filters, which start afresh after a tenth of a second.
+MOST_GAP_S = 1.0
+
+# Rates whose samples are a whole number of nanoseconds apart: their times need no rounding.
+_EVEN_HZ = frozenset({200.0, 250.0, 500.0, 1000.0, 2000.0, 4000.0})
+
+# The level before a fault is looked for among so many blocks; a fault is seen after two thirds of a second at most.
+_KEPT_BLOCKS = 256
+
+Contact = tuple[int, ContactMetrics]
+"""Time in nanoseconds, what was measured."""
+
+
+class EmgBlock(NamedTuple):
+    """Level or closure that a block of EMG asks for, as the loop passes it on.
+
+    Attributes:
+        t_ns: Time in nanoseconds.
+        channels: Level of each channel, 0 for one that cannot be believed.
+        level: Level of all together, 1 to 5.
+        closure: From 0 (open) to 1 (closed); ``None`` where the decoder knows levels only.
+        confidence: How sure the decoder is, 0 to 1; ``None`` where it does not say.
+    """
+
+    t_ns: int
+    channels: tuple[int, ...]
+    level: int
+    closure: float | None = None
+    confidence: float | None = None
+
+    @property
+    def wanted(self) -> float:
+        """Number that the hand is to be asked: the level, or the closure's place among the levels."""
+        return joined_level(self.level, self.closure)
+
+
+def metrics_of(contact: ContactRecord) -> ContactMetrics:
+    """Return the contact metrics of a contact's record."""
+    return ContactMetrics(**{name: getattr(contact, name) for name in ContactMetrics._fields})
+
+
+def picture_of(
+    finger: str,
+    frame: TactileFrame,
+    *,
+    received_ns: int | None = None,
+    start_ns: int = 0,
+    loaded: bool = False,
+) -> Picture:
+    """Return the record of a picture.
+
+    Args:
+        finger: Whose it is.
+        frame: The picture.
+        received_ns: The monotonic time at which it was received; ``None`` for one out of a file.
+        start_ns: The monotonic time at the start of the session.
+        loaded: Whether another finger bore a load.
+    """
+    t_ns = frame.t_ns if received_ns is None else frame.t_ns - start_ns
+    return Picture(
+        finger=finger,
+        image=frame.image,
+        t_ns=t_ns,
+        received_ns=t_ns if received_ns is None else received_ns - start_ns,
+        seq=frame.seq,
+        name=frame.name,
+        loaded=loaded,
+    )
+
+
+def samples_of(chunk: EmgChunk, *, live: bool, start_ns: int) -> EmgSamples:
+    """Return the record of EMG samples that were read just now; those out of a file were received long ago."""
+    t_ns = chunk.t_ns - start_ns if live else chunk.t_ns
+    received_ns = time.monotonic_ns() - start_ns if live else t_ns
+    return EmgSamples(
+        t_ns=t_ns,
+        received_ns=received_ns,
+        first_index=chunk.first_index,
+        n_channels=chunk.samples.shape[1],
+        samples=chunk.samples.ravel(),
+    )
+
+
+class SourceReport(msgspec.Struct, kw_only=True):
+    """Counts of a source's items: used, dropped, missing, lost.
+
+    Frames measured are ``n_items + n_stuck - n_identical``.
+
+    Attributes:
+        n_items: Frames or samples used.
+        n_dropped: Items of a live source that could not be used, or came faster than they were taken.
+        n_missing: Items that never came, by the gaps in their numbers.
+        n_duplicate: Frames delivered again under the number they had before; neither measured nor used.
+        n_identical: Frames with a number of their own and exactly the pixels of the one before; not measured.
+        n_stuck: Of those, from a live source, the third and later in a row: not used either.
+        n_unfit: Frames of a live source that were dark, torn, or between such ones: neither measured nor used.
+        lost: Why the source went away; ``""`` while it is there.
+        n_lost: How often it went away.
+        last_lost: Why it did last.
+        end_ns: When the source ended, once it has.
+        faults: Channels of EMG, or what of a camera, that have no vote now, with the reason.
+    """
+
+    n_items: int = 0
+    n_dropped: int = 0
+    n_missing: int = 0
+    n_duplicate: int = 0
+    n_identical: int = 0
+    n_stuck: int = 0
+    n_unfit: int = 0
+    lost: str = ""
+    n_lost: int = 0
+    last_lost: str = ""
+    end_ns: int | None = None
+    faults: tuple[str, ...] = ()
+
+    def drop(self) -> None:
+        """Count an item that was not used."""
+        self.n_dropped += 1
+
+    def lose(self, why: str) -> None:
+        """Note that the source went away."""
+        self.n_lost += 1
+        self.lost = self.last_lost = why
+
+
+class BlockMeter:
+    """Turns EMG samples into levels as they come.
+
+    Args:
+        decoder: Samples to intents.
+        report: Counted up along the way.
+        maxima: What counts as full, and what the samples are.
+        live: Whether the samples come from a device that runs on its own clock.
+        start_ns: The clock's time at the start of the session; subtracted from a live source's stamps.
+        adaptation: Adapts what the decoder is given; ``None`` for samples as they came.
+
+    Attributes:
+        end_ns: Time of the newest sample.
+    """
+
+    def __init__(
+        self,
+        decoder: Decoder,
+        report: SourceReport,
+        *,
+        maxima: EmgMaxima,
+        live: bool,
+        start_ns: int = 0,
+        adaptation: ChannelAdaptation | None = None,
+    ) -> None:
+        self._decoder = decoder
+        self._adaptation = adaptation
+        self._votes = ChannelVotes(maxima.rate_hz, maxima.tau, maxima.kind, maxima.channels, maxima.maxima)
+        # The faults that the report tells.
+        self._told = self._votes.faults
+        # Blocks that had a vote, with the number of samples at their end.
+        self._sound: deque[tuple[int, EmgBlock]] = deque(maxlen=_KEPT_BLOCKS)
+        self._names = maxima.channels
+        self._report = report
+        self._rate_hz = maxima.rate_hz
+        self._live = live
+        self._start_ns = start_ns if live else 0
+        self._n_samples = self._next_index = 0
+        self.end_ns = 0
+
+    def restart(self) -> None:
+        """Begin again with a source that was away: what it missed is a gap, whatever number it counts from."""
+        self._next_index = -round(MOST_GAP_S * self._rate_hz)
+
+    def take(self, chunk: EmgChunk) -> list[EmgBlock]:
+        """Take the next samples.
+
+        Samples that are missing before them, by their numbers, take their time: they are held for a tenth of a
+        second, and after that the channels are bad until samples come again.
+
+        Args:
+            chunk: The next samples, (n, channels), in the unit of the source.
+
+        Returns:
+            The blocks that they complete: none, one or more.
+
+        Raises:
+            ShapeError: The samples have another number of channels than the maxima.
+        """
+        samples, report, votes, adaptation = chunk.samples, self._report, self._votes, self._adaptation
+        n_missing = max(0, chunk.first_index - self._next_index)
+        if n_missing:
+            n_told = min(n_missing, round(MOST_GAP_S * self._rate_hz))
+            samples = np.concatenate([np.full((n_told, *samples.shape[1:]), np.nan), samples])
+        end_ns = chunk.t_ns - self._start_ns
+        times_ns = self._times_ns(len(samples), end_ns)
+        blocks, at = list[EmgBlock](), 0
+        while at < len(samples):
+            part = slice(at, at + votes.room)
+            voting = votes.take(samples[part])
+            at += len(voting)
+            self._n_samples += len(voting)
+            given = voting if adaptation is None else adaptation.take(voting)
+            made = [self._believed(intent) for intent in self._decoder.decode(given, times_ns[part])]
+            if adaptation is not None:
+                adaptation.decoded(made, int(times_ns[at - 1]))
+            blocks += made
+        report.n_items += len(chunk.samples)
+        report.n_missing += n_missing
+        self._next_index = chunk.first_index + len(chunk.samples)
+        self.end_ns = end_ns
+        if votes.faults is not self._told:
+            self._told = votes.faults
+            report.faults = tuple(f"{name}: {why}" for name, why in self._told.items())
+        return blocks
+
+    def _times_ns(self, n: int, end_ns: int) -> NDArray[np.int64]:
+        """Return the times of the next samples: of a live source when they came, of a recording when each was whole."""
+        if self._live:
+            times_ns = np.empty(n, np.int64)
+            times_ns.fill(end_ns)
+            return times_ns
+        first = self._n_samples + 1
+        if self._rate_hz in _EVEN_HZ:
+            period_ns = 1_000_000_000 // int(self._rate_hz)
+            return np.arange(first * period_ns, (first + n) * period_ns, period_ns)
+        return np.rint(np.arange(first, first + n) * 1_000_000_000 / self._rate_hz).astype(np.int64)
+
+    def _believed(self, intent: Intent) -> EmgBlock:
+        """Return what a decoder says, without the channels at fault; with none left, as before the fault began."""
+        faults = self._votes.faults
+        block = _block(intent, len(self._names))
+        if faults:
+            levels = zip(self._names, block.channels, strict=True)
+            block = block._replace(channels=tuple(0 if name in faults else level for name, level in levels))
+        if any(block.channels) and self._sound and self._votes.still:
+            # The next block tells whether this is a fault; until then its low level is not passed on.
+            last = self._sound[-1][1]
+            block = block._replace(level=last.level, closure=last.closure)
+        elif any(block.channels):
+            self._sound.append((self._n_samples, block))
+        elif (began := self._votes.began) is not None:
+            # What was made of samples before the fault was seen must not be what the hand holds.
+            before = next((sound for n, sound in reversed(self._sound) if n <= began), block)
+            block = block._replace(level=before.level, closure=before.closure)
+        return block
+
+
+def _block(intent: Intent, n_channels: int) -> EmgBlock:
+    """Return what a decoder says, checked: it may be anybody's.
+
+    Raises:
+        InvalidValueError: The level, the closure or the levels of the channels are out of range.
+    """
+    level, closure = intent.level, intent.closure
+    if closure is not None:
+        if not 0.0 <= closure <= 1.0:
+            raise InvalidValueError(f"the decoder asks for a closure of {closure!r}: 0 to 1 is possible")
+        level = nearest_level(closure)
+    if level not in {1, 2, 3, 4, 5}:
+        raise InvalidValueError(f"the decoder asks for level {level!r}: 1 to 5 are possible")
+    if len(intent.channels) != n_channels or not {0, 1, 2, 3, 4, 5}.issuperset(intent.channels):
+        raise InvalidValueError(
+            f"the decoder gives {intent.channels!r} for {n_channels} channels", "give a level 0 to 5 for each"
+        )
+    return EmgBlock(intent.t_ns, intent.channels, level, closure, intent.confidence)
+
+
+def grasp_blocks(
+    source: EmgSource,
+    decoder: Decoder,
+    report: SourceReport,
+    *,
+    maxima: EmgMaxima,
+    start_ns: int = 0,
+    stopped: Callable[[], bool] = lambda: False,
+    stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None,
+    see: Callable[[EmgChunk], None] = lambda _chunk: None,
+    adaptation: ChannelAdaptation | None = None,
+) -> Generator[EmgBlock, None, int]:
+    """Turn the samples of a source into levels, one per block.
+
+    A block of a recording is stamped with the time at which its last sample was complete, n/rate, however the
+    samples came in chunks. A block of a live source is stamped with the arrival of the chunk that completed it.
+
+    A live source that goes away is opened again, once a second until that works or the run is over.
+
+    Args:
+        source: An open source.
+        decoder: Samples to intents.
+        report: Counted up along the way.
+        maxima: What counts as full, and what the samples are.
+        start_ns: The clock's time at the start of the session; subtracted from a live source's stamps.
+        stopped: Tells when to give up.
+        stamp: Told of each block: its time, and the monotonic time at which its last samples were received.
+        see: Told of the samples that were read, before they are looked at.
+        adaptation: Adapts what the decoder is given; ``None`` for samples as they came.
+
+    Yields:
+        Time, level of each channel and fused level of each block.
+
+    Returns:
+        When the source ended, in nanoseconds.
+    """
+    live = source.info.live
+    meter = BlockMeter(decoder, report, maxima=maxima, live=live, start_ns=start_ns, adaptation=adaptation)
+    while not (stopped() or source.ended):
+        try:
+            chunk = source.read(READ_TIMEOUT_S)
+            if chunk is None:
+                continue
+            received_ns = time.monotonic_ns()
+            see(chunk)
+            blocks = meter.take(chunk)
+        except DeviceUnavailableError as error:
+            if not live:
+                raise
+            report.lose(error.message)
+            if not opened_again(source, stopped):
+                break
+            report.lost = ""
+            meter.restart()
+            continue
+        except ShapeError:
+            if not live:
+                raise
+            report.drop()
+            continue
+        for block in blocks:
+            stamp(block[0], received_ns)
+            yield block
+    report.end_ns = meter.end_ns
+    return meter.end_ns

@@ -1,0 +1,274 @@
+"""Measure how old each vest frame's camera frames and each hand command's EMG sample are, stage by stage.
+
+========  ==============================================================================================
+stage     from - to
+========  ==============================================================================================
+touch, of each camera frame that changes what the vest is told
+camera    the picture's capture stamp - our program has it in hand
+contact   - its contact is measured
+wait      - the loop makes a vest frame of it
+map       - the vest frame is made
+held      - the greatest rate of the vest's link lets it go
+hand-over - its bytes are handed to the transport
+own       contact, map and hand-over together: what we do, without what is waited for
+in-hand   all from having it in hand to the hand-over, every wait included; for this there is a budget
+whole     camera to hand-over
+skin      whole and the motor's onset, where that was measured: the middle of the bursts, added to every figure
+intent, of each block of EMG when it first steers the hand
+sample    the newest sample's stamp - our program has it
+levels    - the block's levels are known
+wait      - the loop tells the hand
+report    - the hand reports its joints, every 3 ms on its own clock; torques answer a report
+hand-over - its first torques are handed to the transport
+own       levels and hand-over together
+whole     sample to hand-over
+motion, of each block of EMG that first asks a resting hand for another closure
+sample, levels, wait as above
+joint     the hand was told - a joint of it was seen to move in the positions that it reports
+whole     sample to that motion
+========  ==============================================================================================
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+from tega.loop.inbox.histogram import Histogram
+from tega.records.bus import Bus
+from tega.records.latency import INTENT_STAGES, MOTION_STAGES, TOUCH_STAGES, Latency
+
+if TYPE_CHECKING:
+    from tega.config.motor_onset import MotorOnset
+    from tega.devices.base import StampingVest
+    from tega.loop.joint_motion import JointMotion
+
+
+__all__ = ["INTENT_STAGES", "MOTION_STAGES", "SKIN", "TOUCH_STAGES", "LatencyTrace"]
+
+SKIN: Final = "skin"
+"""The stage that the motor's onset is part of; there is none where that was not measured."""
+
+_LIVE_NS: Final = 5_000_000_000
+_TELL_NS: Final = 1_000_000_000
+_PENDING: Final = 64
+
+
+class LatencyTrace:
+    """Follows frames and blocks through the loop; nothing in it waits or grows.
+
+    Args:
+        now_ns: Time since the start of the session.
+        start_ns: The monotonic clock's time at that start.
+        budget_ms: What touch may take, 99 frames of 100, within five seconds: ``in-hand``, or ``own`` where the vest
+            is refreshed at a steady pace, whose waits are wanted.
+        steady: Whether it is.
+        vests: Those that tell what they hand over.
+        answered_ns: Tells when a hand's torques first left at or after a monotonic time, and first when the report that
+            they answer was in; ``None`` without such a hand.
+        joints: Watches the hand's reported positions; ``None`` without such a hand.
+        motor: What comes after the hand-over, as it was measured; ``None`` where it was not.
+        bus: Told of every frame and block that has arrived.
+
+    Attributes:
+        warning: What is over the budget now, and in which stage most of it goes; ``""`` for nothing.
+        last_warning: The newest that was not ``""``.
+        n_replaced: Camera frames that would have changed what is felt, but a newer one of the finger came before the
+            vest's link was free; they are in no percentile.
+        line: How it stands in one line, p50 and p99 of the whole run; made anew once a second.
+    """
+
+    def __init__(
+        self,
+        *,
+        now_ns: Callable[[], int],
+        start_ns: int,
+        budget_ms: float,
+        steady: bool = False,
+        vests: Sequence[StampingVest] = (),
+        answered_ns: Callable[[int], tuple[int, int] | None] | None = None,
+        joints: JointMotion | None = None,
+        motor: MotorOnset | None = None,
+        bus: Bus | None = None,
+    ) -> None:
+        self.motor = motor
+        self.now_ns = now_ns
+        self._start_ns = start_ns
+        self._budget_ns = budget_ms * 1e6
+        self._limited = "own" if steady else "in-hand"
+        self._vests = vests
+        self._answered_ns = answered_ns
+        self._coming: dict[str, deque[tuple[int, int, int]]] = {}
+        self._fresh: dict[str, tuple[int, int, int]] = {}
+        self._offered: dict[str, tuple[int, int]] = {}
+        self.n_replaced = 0
+        self._ticks: dict[int, dict[str, tuple[int, ...]]] = {}
+        self._felt: dict[str, int] = {}
+        self._block: tuple[int, ...] | None = None
+        self._joints = joints
+        self._asking: tuple[int, ...] | None = None
+        self.spreads = {
+            "touch": _spreads(TOUCH_STAGES),
+            "intent": _spreads(INTENT_STAGES),
+            "motion": _spreads(MOTION_STAGES),
+        }
+        self._live = _spreads(TOUCH_STAGES)
+        self._live_until_ns = _LIVE_NS
+        self._bus = Bus() if bus is None else bus
+        self.warning = self.last_warning = self.line = ""
+        self._told_ns = 0
+
+    def source(self, name: str) -> Callable[[int, int], None]:
+        """Return the function that a source's thread calls with an item's stamp and the monotonic time of receipt."""
+        coming = self._coming.setdefault(name, deque(maxlen=_PENDING))
+
+        def measured(t_ns: int, received_ns: int) -> None:
+            coming.append((t_ns, received_ns - self._start_ns, self.now_ns()))
+
+        return measured
+
+    def taken(self, name: str, t_ns: int) -> None:
+        """Note that the loop has taken in an item."""
+        coming = self._coming.get(name)
+        while coming:
+            item = coming.popleft()
+            if item[0] == t_ns:
+                self._fresh[name] = item
+                self._offered.pop(name, None)
+                if name == "emg":
+                    self._asking = item
+                return
+
+    def vest(self, tick_ns: int, began_ns: int, made_ns: int, *, changed: bool) -> None:
+        """Note that a vest frame was made of what is fresh, and collect what the transports have taken.
+
+        Args:
+            tick_ns: The time it is written with.
+            began_ns: When its making began.
+            made_ns: When it was made.
+            changed: Whether a vest shows something else with it; camera frames that change nothing do not count.
+        """
+        fresh = {name: item for name, item in self._fresh.items() if name != "emg"}
+        if fresh and changed:
+            # What waits in the driver and is sent with a newer frame has been made with the older one.
+            self._ticks[tick_ns] = {
+                name: (*item, *self._offered.setdefault(name, (began_ns, made_ns)))
+                for name, item in fresh.items()
+            }
+            if len(self._ticks) > _PENDING:
+                del self._ticks[next(iter(self._ticks))]
+            if not self._vests:
+                self._shown(tick_ns, 0, self.now_ns())
+        elif fresh:
+            # It changes nothing, unless it was offered before and is on its way.
+            for name in fresh.keys() - self._offered.keys():
+                del self._fresh[name]
+        for vest in self._vests:
+            for written_ns, free_ns, at_ns in vest.handed_over():
+                self._shown(written_ns, free_ns - self._start_ns, at_ns - self._start_ns)
+        if made_ns >= self._told_ns + _TELL_NS:
+            self._told_ns = made_ns
+            self.line = self._said()
+        if made_ns >= self._live_until_ns:
+            self.warning = self._over_budget()
+            self.last_warning = self.warning or self.last_warning
+            self._live, self._live_until_ns = _spreads(TOUCH_STAGES), made_ns + _LIVE_NS
+
+    @property
+    def n_unmoved(self) -> int:
+        """New closures after which no joint of the hand moved for a second; they are in no percentile."""
+        return 0 if self._joints is None else self._joints.n_unmoved
+
+    def commanded(self, level: float | None) -> None:
+        """Note that the hand is told the newest level, and look whether it has sent what it was told before, and moved.
+
+        Args:
+            level: What the muscles ask, 1 to 5; ``None`` where something else was told, as by a guard.
+        """
+        if self._joints is not None:
+            moved = self._joints.look(self.now_ns(), level, self._asking)
+            if moved is not None:
+                self._arrived("motion", "emg", moved)
+        if self._answered_ns is None:
+            return
+        if self._block is not None:
+            told_ns = self._block[-1] + self._start_ns
+            if (answer := self._answered_ns(told_ns)) is not None:
+                # A report that was in already when the hand was told was not waited for.
+                stamps_ns = (max(answer[0], told_ns) - self._start_ns, answer[1] - self._start_ns)
+                self._arrived("intent", "emg", (*self._block, *stamps_ns))
+                self._block = None
+        if self._block is None and (block := self._fresh.pop("emg", None)) is not None:
+            self._block = (*block, self.now_ns())
+
+    def _said(self) -> str:
+        said = []
+        for path, what, ours in (
+            ("touch", "camera to vest", self._limited),
+            ("intent", "muscle to hand", "own"),
+            ("motion", "muscle to joint", ""),
+        ):
+            whole = self.spreads[path]["whole"]
+            if whole.n:
+                said.append(f"{what} {whole.at(0.5) / 1e6:.0f} ms, p99 {whole.at(0.99) / 1e6:.0f}")
+                if ours:
+                    own = self.spreads[path][ours]
+                    said[-1] += f" (ours {own.at(0.5) / 1e6:.1f}, p99 {own.at(0.99) / 1e6:.1f})"
+                if path == "touch" and self.motor is not None:
+                    said[-1] += f", to the skin {whole.at(0.5) / 1e6 + self.motor.ms:.0f}"
+        return " · ".join(said)
+
+    def summary(self) -> dict[str, Any]:
+        """Return count and percentiles of every stage, milliseconds, by path; paths with nothing are left out."""
+        found = {
+            path: {stage: spread.summary_ms() for stage, spread in stages.items()}
+            for path, stages in self.spreads.items()
+            if stages["whole"].n
+        }
+        if self.motor is not None and "touch" in found:
+            found["touch"][SKIN] = self.motor.skin_ms(found["touch"]["whole"])
+        return found
+
+    def _shown(self, tick_ns: int, free_ns: int, handed_ns: int) -> None:
+        shown = self._ticks.pop(tick_ns, {})
+        replaced = set()
+        for older_ns in sorted((t_ns for t_ns in self._ticks if t_ns < tick_ns), reverse=True):
+            for name, item in self._ticks.pop(older_ns).items():
+                # What never left by itself has left with this frame, unless the finger has a newer picture in it.
+                if shown.setdefault(name, item)[0] != item[0] != self._felt.get(name):
+                    replaced.add((name, item[0]))
+        self.n_replaced += len(replaced)
+        for name, item in shown.items():
+            if (newest := self._fresh.get(name)) is not None and newest[0] == item[0]:
+                del self._fresh[name]
+                self._offered.pop(name, None)
+            # A frame that went out with two vest frames was felt with the first.
+            if self._felt.get(name) == item[0]:
+                continue
+            self._felt[name] = item[0]
+            self._arrived("touch", name, (*item, max(item[-1], free_ns), handed_ns))
+
+    def _arrived(self, path: str, source: str, stamps_ns: tuple[int, ...]) -> None:
+        way = Latency(path=path, source=source, stamps_ns=stamps_ns)
+        live = self._live if path == "touch" else None
+        for stage, ns in way.stages_ns().items():
+            self.spreads[path][stage].add(ns)
+            if live is not None:
+                live[stage].add(ns)
+        self._bus.publish(way)
+
+    def _over_budget(self) -> str:
+        limited = self._live[self._limited]
+        if not limited.n or limited.at(0.99) <= self._budget_ns:
+            return ""
+        stages = ["contact", "map", "hand-over"] + (["wait", "held"] if self._limited == "in-hand" else [])
+        worst = max(stages, key=lambda stage: self._live[stage].at(0.99))
+        return (
+            f"latency: our part of camera to vest takes {limited.at(0.99) / 1e6:.1f} ms (p99), "
+            f"{self._budget_ns / 1e6:g} ms are allowed; most in {worst!r}"
+        )
+
+
+def _spreads(stages: Sequence[str]) -> Mapping[str, Histogram]:
+    return {stage: Histogram() for stage in stages}

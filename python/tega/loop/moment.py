@@ -1,0 +1,188 @@
+"""Show the newest moment of a loop: put together once per vest tick for whoever has subscribed to it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+from tega.loop.hand import CommandedHand
+from tega.loop.touch import STALE_NS
+from tega.records import Event, Record
+
+if TYPE_CHECKING:
+    from tega.haptics import MotorLevels
+    from tega.loop.arm_view import ArmView
+    from tega.loop.hand import Hand
+    from tega.loop.inbox.inputs import Inputs, SeatSeen
+    from tega.loop.inbox.sources import Contact, EmgBlock
+    from tega.loop.latency import LatencyTrace
+    from tega.loop.loop_report import LoopReport
+    from tega.loop.touch import TouchLoop, TouchMoment
+    from tega.records.bus import Bus
+    from tega.safety.guard import Guard
+
+
+_EVENT_NS = 3_000_000_000
+
+
+class LoopView(NamedTuple):
+    """View of the loop, once per vest tick, and where there is a guard once more when it has stopped.
+
+    Attributes:
+        t_ns: Time since the start of the session.
+        contacts: The newest metrics of each finger, with their time; a finger without a frame yet is missing.
+        felt: What each finger feels now, thumb first.
+        vest: The frame of this tick; ``None`` without tactile sources.
+        block: The newest EMG block; ``None`` before the first.
+        angles_rad: The hand's 16 joint angles as measured or modelled; ``None`` without a hand.
+        counts: What was done since the start: frames of one finger (mean), EMG blocks, hand ticks, vest frames.
+        inputs: What the operator's input devices say, by what they are for.
+        state: Of the run, and why; ``""`` without a guard.
+        alerts: What is wrong, one sentence each.
+        latency: How old what is felt and done is, in one line; ``""`` where that is not traced.
+        arm: What the arm does and why, in one line; ``""`` without an arm.
+        seen_arm: More of the same; ``None`` where it is not known.
+        link: How the link to the other station is, in one line; ``""`` on one machine.
+        arm_height_m: Height of the arm's end as measured, metres over its base; ``None`` where that is not known.
+        event: The newest event of touch; ``None`` before the first.
+        target_rad: The 16 joint angles that the hand steers to; ``None`` where it does not tell them.
+        vest_condition: What the vest says of itself, such as name, link and battery; ``""`` where it says nothing.
+        reflex: What the hand is told beyond the person's own closure, and why; ``""`` without a reflex.
+    """
+
+    t_ns: int
+    contacts: Mapping[str, Contact]
+    felt: Sequence[TouchMoment]
+    vest: MotorLevels | None
+    block: EmgBlock | None
+    angles_rad: Sequence[float] | None
+    counts: Mapping[str, int]
+    inputs: Mapping[str, SeatSeen] = {}
+    state: str = ""
+    reason: str = ""
+    alerts: Sequence[str] = ()
+    latency: str = ""
+    arm: str = ""
+    seen_arm: ArmView | None = None
+    link: str = ""
+    arm_height_m: float | None = None
+    event: Event | None = None
+    target_rad: Sequence[float] | None = None
+    vest_condition: str = ""
+    reflex: str = ""
+
+    @property
+    def picture_to_vest_ms(self) -> dict[str, float]:
+        """How old, on average, the fresh pictures are that this tick's vest frame is made of, by the delay's name.
+
+        Milliseconds; empty where no finger has a fresh picture.
+        """
+        fresh = (self.t_ns - t_ns for t_ns, _ in self.contacts.values())
+        ages_ms = [age_ns / 1e6 for age_ns in fresh if age_ns <= STALE_NS]
+        return {"picture to vest": sum(ages_ms) / len(ages_ms)} if ages_ms else {}
+
+    @property
+    def newest_event(self) -> str:
+        """The newest event of touch in words, ``""`` once it is three seconds old."""
+        if self.event is None or (age_ns := self.t_ns - self.event.t_ns) > _EVENT_NS:
+            return ""
+        return f"{self.event.words}, {max(age_ns, 0) / 1e9:.1f} s ago"
+
+
+class Moment(Record, frozen=True, kw_only=True):
+    """View of the loop that is published; it has no topic, for it is made of records that have one.
+
+    Attributes:
+        t_ns: The tick of the vest, since the start of the session.
+        view: All of it.
+    """
+
+    t_ns: int
+    view: LoopView
+
+
+class Moments:
+    """Puts together the view of a loop for displays, and publishes it.
+
+    Args:
+        bus: Where to.
+        touch: What the fingers feel.
+        hand: Knows its joints' angles; ``None`` without EMG.
+        report: Counted up by the loop.
+        inputs: The operator's input devices.
+        guard: Knows the run's state.
+        trace: Knows how old what is felt and done is.
+        complete: Add what the loop does not know, one after the other.
+
+    Attributes:
+        event: The newest event of touch.
+    """
+
+    def __init__(
+        self,
+        bus: Bus,
+        touch: TouchLoop,
+        hand: Hand | None,
+        report: LoopReport,
+        *,
+        inputs: Inputs,
+        guard: Guard | None,
+        trace: LatencyTrace | None,
+        complete: Sequence[Callable[[LoopView], LoopView]],
+    ) -> None:
+        self._bus, self._touch, self._hand, self._report = bus, touch, hand, report
+        self._inputs, self._guard, self._trace, self._complete = inputs, guard, trace, complete
+        self._commanded = hand if isinstance(hand, CommandedHand) else None
+        self._shown: Moment | None = None
+        self.event: Event | None = None
+
+    @property
+    def wanted(self) -> bool:
+        """Whether anybody looks."""
+        return self._bus.wants(Moment)
+
+    def show(
+        self, t_ns: int, newest: Mapping[str, Contact], vest: MotorLevels | None, block: EmgBlock | None
+    ) -> None:
+        """Publish the moment of a tick."""
+        guard, trace = self._guard, self._trace
+        target_rad = None if self._commanded is None else self._commanded.target_rad
+        view = LoopView(
+            t_ns,
+            newest,
+            self._touch.fresh(t_ns),
+            vest,
+            block,
+            None if self._hand is None else self._hand.angles_rad.tolist(),
+            self._counts(),
+            inputs=self._inputs.seen,
+            event=self.event,
+            target_rad=None if target_rad is None else target_rad.tolist(),
+        )
+        if guard is not None:
+            view = view._replace(
+                state=guard.state,
+                reason=guard.reason,
+                alerts=tuple(guard.alerts.values()),
+                latency="" if trace is None else trace.line,
+            )
+        for complete in self._complete:
+            view = complete(view)
+        self._shown = Moment(t_ns=t_ns, view=view)
+        self._bus.publish(self._shown)
+
+    def stopped(self) -> None:
+        """Show the last moment as stopped: a display must not go on saying that things move."""
+        if self._shown is not None and self._guard is not None:
+            view = self._shown.view._replace(state="stopped", reason=self._guard.reason)
+            self._bus.publish(Moment(t_ns=self._shown.t_ns, view=view))
+
+    def _counts(self) -> dict[str, int]:
+        report = self._report
+        frames = sum(report.n_contacts.values()) // max(len(report.n_contacts), 1)
+        return {
+            "touch": frames,
+            "levels": report.n_blocks,
+            "hand": report.n_hand_ticks,
+            "vest": report.n_vest_ticks + report.n_vest_between,
+        }

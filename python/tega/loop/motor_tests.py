@@ -1,0 +1,139 @@
+"""Try single motors of the vest while a run is armed: asked for on the page, driven by the loop like any frame."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+from tega.haptics import MotorLevels
+from tega.records import TriedMotor
+
+if TYPE_CHECKING:
+    from tega.records.bus import Bus
+
+
+TEST_PERCENT: Final = 50
+"""How hard a motor is tried, percent; less where its limits allow less."""
+
+_LASTS_NS: Final = 500_000_000
+_ANSWER_S: Final = 1.0
+
+
+class MotorAnswer(NamedTuple):
+    """Answer to a click on a motor.
+
+    Attributes:
+        done: Whether the motor vibrates.
+        words: How hard, or why not.
+    """
+
+    done: bool
+    words: str
+
+
+def lit_frame(silence: MotorLevels, motor: int, percent: int) -> MotorLevels:
+    """Return a frame in which one motor is on.
+
+    Args:
+        silence: The frame in which all rest.
+        motor: Its place in the frame.
+        percent: How hard.
+    """
+    lit = np.zeros_like(silence.intensities)
+    lit[motor] = percent
+    lit.flags.writeable = False
+    return MotorLevels(silence.layout, lit)
+
+
+class MotorTests:
+    """Wishes to feel a motor, one at a time.
+
+    A wish is heard while the run is armed alone, and ends with that state. The frame goes the way of every frame:
+    through the driver's limits and into the day's dose of the person.
+    """
+
+    def __init__(self) -> None:
+        self._one = threading.Lock()
+        self._answered = threading.Event()
+        self._wanted: int | None = None
+        self._answer = MotorAnswer(done=False, words="")
+        self._running: tuple[int, int] | None = None  # motor, and until when
+
+    def ask(self, motor: int) -> MotorAnswer:
+        """Ask for a motor, and wait until the loop has answered; for any thread but the loop's.
+
+        Args:
+            motor: Its place in the frame, from 0.
+        """
+        if not self._one.acquire(blocking=False):
+            return MotorAnswer(done=False, words="not tried: another motor is")
+        try:
+            self._answered.clear()
+            self._wanted = motor
+            if not self._answered.wait(_ANSWER_S):
+                self._wanted = None
+                return MotorAnswer(done=False, words="not tried: the run drives no vest now")
+            return self._answer
+        finally:
+            self._one.release()
+
+    def frame(self, t_ns: int, frame: MotorLevels, *, refused: Callable[[], str], bus: Bus) -> MotorLevels:
+        """Return the frame of a tick, with the motor that is tried in it; called by the loop.
+
+        Args:
+            t_ns: The tick.
+            frame: The frame as it is without.
+            refused: Says why no motor may be tried now; ``""`` if one may, and ``frame`` is silent then.
+            bus: Told when a motor begins and ends.
+        """
+        if self._running is None and self._wanted is None:
+            return frame
+        why = refused()
+        wanted, self._wanted = self._wanted, None
+        if self._running is not None and (why or t_ns >= self._running[1]):
+            self.end(t_ns, bus)
+        if wanted is not None:
+            n_motors = len(frame.intensities)
+            if why:
+                self._tell(done=False, words=f"not tried: {why}")
+            elif self._running is not None:
+                self._tell(done=False, words="not tried: another motor is")
+            elif not 0 <= wanted < n_motors:
+                self._tell(
+                    done=False,
+                    words=f"not tried: motor {wanted} is none of 0 to {n_motors - 1} of {frame.layout}",
+                )
+            else:
+                self._running = wanted, t_ns + _LASTS_NS
+                bus.publish(TriedMotor(t_ns=t_ns, motor=wanted, percent=TEST_PERCENT))
+        return frame if self._running is None else lit_frame(frame, self._running[0], TEST_PERCENT)
+
+    def sent(self, t_ns: int, sent: MotorLevels | None, bus: Bus) -> None:
+        """Answer by what the vest was really sent; ``None`` where there is none."""
+        if self._running is None or self._answered.is_set():
+            return
+        motor = self._running[0]
+        percent = 0 if sent is None else int(sent.intensities[motor])
+        if percent:
+            self._tell(done=True, words=f"motor {motor} vibrates at {percent} %")
+            return
+        self.end(t_ns, bus)
+        why = (
+            "the run has no vest"
+            if sent is None
+            else "the vest is not reached, or its limits allow it no more"
+        )
+        self._tell(done=False, words=f"not tried: {why}")
+
+    def end(self, t_ns: int, bus: Bus) -> None:
+        """End a test, if there is one."""
+        running, self._running = self._running, None
+        if running is not None:
+            bus.publish(TriedMotor(t_ns=t_ns, motor=running[0], percent=0))
+
+    def _tell(self, *, done: bool, words: str) -> None:
+        self._answer = MotorAnswer(done=done, words=words)
+        self._answered.set()

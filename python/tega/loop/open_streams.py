@@ -1,0 +1,192 @@
+"""Build the loop's input streams and the latency trace."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from tega.devices.base import AnsweringHand, FeedingSource, StampingVest
+from tega.loop.inbox.frames import FrameMeter, fed_contacts, keeps_up, measured_contacts
+from tega.loop.inbox.reader import Reader
+from tega.loop.inbox.sources import Contact, EmgBlock, grasp_blocks, picture_of, samples_of
+from tega.loop.inbox.stream import LiveStream, PulledStream, Stream
+from tega.loop.joint_motion import JointMotion
+from tega.loop.latency import LatencyTrace
+from tega.records import EmgSamples, Picture
+from tega.stages.base import MeasuredPicture
+
+if TYPE_CHECKING:
+    from tega.config.motor_onset import MotorOnset
+    from tega.devices.base import EmgChunk, TactileFrame
+    from tega.loop.emg_adaptation import ChannelAdaptation
+    from tega.loop.inbox.prepared import Finger, Muscles, Prepared
+    from tega.loop.inbox.wake import Bell
+    from tega.loop.pacing import Pacer
+    from tega.loop.sinks import Sinks
+    from tega.loop.touching import RecordedFingers, Touching
+    from tega.records.bus import Bus
+    from tega.stages.base import Metric
+
+__all__ = ["contact_stream", "is_fed", "latency_trace", "level_stream"]
+
+
+def latency_trace(
+    prepared: Prepared,
+    sinks: Sinks,
+    pacer: Pacer,
+    *,
+    start_ns: int,
+    budget_ms: float,
+    steady: bool,
+    motor: MotorOnset | None,
+    bus: Bus,
+) -> LatencyTrace | None:
+    """Make the trace of frames and blocks through the loop, where there is something live to follow."""
+    if not any(source.info.live for source in prepared.sources):
+        return None
+    hand = sinks.steered
+    answering = hand if isinstance(hand, AnsweringHand) else None
+    return LatencyTrace(
+        now_ns=pacer.elapsed_ns,
+        start_ns=start_ns,
+        budget_ms=budget_ms,
+        steady=steady,
+        vests=[vest for vest in sinks.live_vests if isinstance(vest, StampingVest)],
+        answered_ns=None if answering is None else answering.answered_ns,
+        joints=None if answering is None else JointMotion(lambda: answering.angles_rad),
+        motor=motor,
+        bus=bus,
+    )
+
+
+def is_fed(finger: Finger, metric: Callable[[], Metric]) -> bool:
+    """Tell whether a finger's source has a thread of its own in which a metric keeps up; one is made to find out."""
+    source = finger.source
+    if not isinstance(source, FeedingSource) or finger.stream is not None or finger.measured is not None:
+        return False
+    return keeps_up(metric(), finger.baseline, rate_hz=source.info.rate_hz)
+
+
+def contact_stream(
+    stack: ExitStack,
+    name: str,
+    finger: Finger,
+    *,
+    metric: Metric | None,
+    fed: bool,
+    touching: Touching,
+    recorded: RecordedFingers,
+    start_ns: int,
+    trace: LatencyTrace | None,
+    bell: Bell | None,
+    bus: Bus,
+) -> Stream[Contact]:
+    """Make a finger's stream: what was measured beforehand, or a thread that measures as frames come.
+
+    Args:
+        stack: Ends it.
+        name: Of the finger.
+        finger: Its open source and baseline.
+        metric: Measures its pictures; ``None`` where that is done.
+        fed: Whether the source's own thread measures, as :func:`is_fed` says.
+        touching: Knows which other live fingers bear a load.
+        recorded: Measures the fingers that are recordings.
+        start_ns: The clock's time at the start of the session.
+        trace: Follows the pictures; ``None`` for nobody.
+        bell: Wakes the loop for a picture; ``None`` where it has its own pace.
+        bus: Told of every picture.
+    """
+    if finger.stream is not None:
+        return finger.stream
+    if finger.measured is not None:
+        return PulledStream(finger.measured, end_ns=finger.report.end_ns or 0)
+    assert metric is not None
+    live = finger.source.info.live
+    told: dict[str, Any] = {}
+    if trace is not None and live:
+        told["stamp"] = trace.source(name)
+
+    def look_beside(frame: TactileFrame) -> None:
+        metric.loaded = touching.beside(name, frame.t_ns - start_ns)
+
+    def see(frame: TactileFrame, received_ns: int) -> None:
+        if bus.wants(Picture):
+            at_ns = received_ns if live else None
+            picture = picture_of(name, frame, received_ns=at_ns, start_ns=start_ns, loaded=metric.loaded)
+            bus.publish(picture)
+
+    def tell(frame: TactileFrame, contact: Contact) -> None:
+        t_ns, metrics = contact
+        if live:
+            touching.note(name, t_ns, bears_load=metric.bears_load)
+        if bus.wants(MeasuredPicture):
+            bus.publish(
+                MeasuredPicture(finger=name, t_ns=t_ns, image=frame.image, metrics=metrics, metric=metric)
+            )
+
+    told |= {"see": see, "tell": tell}
+    if not live:
+        recorded.add(name, finger, metric, **told)
+        return PulledStream(recorded.contacts(name))
+    told["prepare"] = look_beside
+    produce = partial(
+        measured_contacts, finger.source, finger.baseline, metric, finger.report, start_ns=start_ns, **told
+    )
+    stream: LiveStream[Contact] = LiveStream(
+        on_loss=finger.report.drop, on_item=bell.ring if bell is not None else lambda: None
+    )
+    source = finger.source
+    if fed and isinstance(source, FeedingSource):
+        meter = FrameMeter(finger.baseline, metric, finger.report, live=True, start_ns=start_ns)
+        stack.callback(source.feed, None)
+        source.feed(
+            fed_contacts(meter, finger.report, stream.put, lambda error: stream.end(error=error), **told)
+        )
+    else:
+        reader = Reader(
+            name, lambda stopped: produce(stopped=stopped), stream.put, stream.end, rank="measure"
+        )
+        stack.callback(reader.close)
+    return stream
+
+
+def level_stream(
+    stack: ExitStack,
+    muscles: Muscles,
+    *,
+    start_ns: int,
+    trace: LatencyTrace | None,
+    bus: Bus,
+    adaptation: ChannelAdaptation | None = None,
+) -> Stream[EmgBlock]:
+    """Make the stream of EMG blocks; only a live source is worth a thread."""
+    if muscles.stream is not None or muscles.decoder is None:
+        assert muscles.stream is not None  # what makes no levels is given them
+        return muscles.stream
+    live = muscles.source.info.live
+
+    def see(chunk: EmgChunk) -> None:
+        if bus.wants(EmgSamples):
+            bus.publish(samples_of(chunk, live=live, start_ns=start_ns))
+
+    produce = partial(
+        grasp_blocks,
+        muscles.source,
+        muscles.decoder,
+        muscles.report,
+        maxima=muscles.maxima,
+        start_ns=start_ns,
+        see=see,
+        adaptation=adaptation,
+    )
+    if not live:
+        return PulledStream(produce())
+    if trace is not None:
+        produce = partial(produce, stamp=trace.source("emg"))
+    stream: LiveStream[EmgBlock] = LiveStream(on_loss=muscles.report.drop)
+    # It is short, and comes before the cameras: a block that waits for four of them is late.
+    reader = Reader("emg", lambda stopped: produce(stopped=stopped), stream.put, stream.end, rank="act")
+    stack.callback(reader.close)
+    return stream

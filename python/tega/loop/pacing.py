@@ -1,0 +1,137 @@
+"""Pace a loop by deadlines counted from the start, so that a late tick does not push the ones after it."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from typing import Final, Literal
+
+import msgspec
+
+from tega.devices.base import DeviceInfo
+from tega.errors import ConfigError
+from tega.loop.inbox.wake import Bell
+from tega.runtime.clock import Clock
+
+# A tick this late is made up for; beyond it, a burst of old commands would do more harm than a gap.
+CATCH_UP_NS = 100_000_000
+
+
+LATE_EDGES_NS: Final = tuple(round(1e6 * edge_ms) for edge_ms in (0.1, 0.2, 0.5, 1, 2, 3, 5, 10, 20, 50, 100))
+"""Upper bounds of the bins in which late ticks are counted, nanoseconds; one bin more has what is later still."""
+
+
+class PacingReport(msgspec.Struct, frozen=True, kw_only=True):
+    """Report of how well the clock was kept.
+
+    Attributes:
+        n_ticks: Deadlines waited for.
+        n_overruns: Of those, how many came later than one hand tick (3 ms).
+        n_skipped: Deadlines left out because the loop was more than 100 ms late.
+        worst_late_ms: The latest one, in milliseconds.
+        n_late: How many came how late, by the bins of :data:`LATE_EDGES_NS`.
+    """
+
+    n_ticks: int
+    n_overruns: int
+    n_skipped: int
+    worst_late_ms: float
+    n_late: tuple[int, ...]
+
+
+class Pacer:
+    """Waits for absolute deadlines on a clock; with a manual clock it never sleeps.
+
+    Args:
+        clock: The clock.
+        overrun_ns: From which lateness on a tick counts as an overrun.
+        bell: What may end a wait early; ``None`` where only deadlines count.
+
+    Attributes:
+        bell: The same.
+        late_ns: How late the newest tick was.
+        start_ns: The clock's time at the start.
+        tick_ns: The turn of the loop: the deadline last waited for, or when it was woken since.
+        n_waits: Deadlines waited for, with those left out.
+    """
+
+    def __init__(self, clock: Clock, *, overrun_ns: int = 3_000_000, bell: Bell | None = None) -> None:
+        self._clock = clock
+        self.bell = bell
+        self._overrun_ns = overrun_ns
+        self.start_ns = clock.now_ns()
+        self._n_ticks = self._n_overruns = self._n_skipped = 0
+        self._worst_ns = 0
+        self._n_late = [0] * (len(LATE_EDGES_NS) + 1)
+        self.late_ns = self.tick_ns = self.n_waits = 0
+
+    def start(self) -> int:
+        """Begin counting now, and return the clock's time of this moment in nanoseconds."""
+        self.start_ns = self._clock.now_ns()
+        return self.start_ns
+
+    def elapsed_ns(self) -> int:
+        """Return the time since the start."""
+        return self._clock.now_ns() - self.start_ns
+
+    def doze(self, t_ns: int) -> int:
+        """Wait for a deadline, or until something has come before it.
+
+        Args:
+            t_ns: The deadline, counted from the start.
+
+        Returns:
+            The time it is now where something has come, else the deadline, which :meth:`wait` then finds reached.
+        """
+        if self.bell is None or not self.bell.wait((t_ns - self.elapsed_ns()) * 1e-9):
+            return t_ns
+        now_ns = self.elapsed_ns()
+        if now_ns < t_ns:
+            self.tick_ns = now_ns
+            return now_ns
+        # Too late to be early. What has come may be newer than the deadline, and is looked for again after it.
+        self.bell.ring()
+        return t_ns
+
+    def wait(self, t_ns: int) -> bool:
+        """Wait for a deadline.
+
+        Args:
+            t_ns: The deadline, counted from the start.
+
+        Returns:
+            Whether the tick should be carried out; false when it is too late for it to make sense.
+        """
+        self._clock.sleep_until(self.start_ns + t_ns)
+        self.tick_ns = t_ns
+        self.n_waits += 1
+        self.late_ns = late_ns = self.elapsed_ns() - t_ns
+        self._n_late[bisect_left(LATE_EDGES_NS, late_ns)] += 1
+        if late_ns > CATCH_UP_NS:
+            self._n_skipped += 1
+            self._worst_ns = max(self._worst_ns, late_ns)
+            return False
+        self._n_ticks += 1
+        if late_ns > self._overrun_ns:
+            self._n_overruns += 1
+        self._worst_ns = max(self._worst_ns, late_ns)
+        return True
+
+    def report(self) -> PacingReport:
+        """Sum up how well the clock was kept."""
+        return PacingReport(
+            n_ticks=self._n_ticks,
+            n_overruns=self._n_overruns,
+            n_skipped=self._n_skipped,
+            worst_late_ms=self._worst_ns / 1e6,
+            n_late=tuple(self._n_late),
+        )
+
+
+def refuse_live(info: DeviceInfo, pace: Literal["fast", "real"]) -> None:
+    """Refuse a live device where the run does not wait for real time.
+
+    Raises:
+        ConfigError: The device is live, and the session's pace is ``fast``.
+    """
+    if pace == "fast" and info.live:
+        raise ConfigError(f"session.pace = 'fast', but {info.label} is live", "set session.pace = 'real'")

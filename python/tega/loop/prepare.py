@@ -1,0 +1,169 @@
+"""Prepare a run before its first tick: find baselines, and take maxima from a calibration or the recording."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
+
+from tega.config import DEFAULT_STAGES, SessionConfig
+from tega.config.calibration import Calibration, FingerMaxima, load_calibration
+from tega.config.calibration.records import utc_now
+from tega.config.calibration.store import refused_law
+from tega.devices.base import ComparingSource, EmgSource, TactileSource
+from tega.errors import CalibrationError
+from tega.loop.baseline import find_baseline
+from tega.loop.inbox.prepared import Finger, Muscles, Prepared
+from tega.loop.inbox.sources import Contact, SourceReport
+from tega.loop.touching import RecordedFingers
+from tega.setup.calibration.maxima import SELF_CALIBRATED, emg_conditions, emg_maxima, touch_maxima
+from tega.setup.calibration.person import calibrate_command, person_calibration
+from tega.stages.choose import block_s, chosen_stage, finger_metric, muscle_decoder
+
+_log = logging.getLogger(__name__)
+
+Progress = Callable[[str, int, int], None]
+"""Called with what is being done, how much is done and how much there is (0 where unknown)."""
+
+
+def prepare(
+    config: SessionConfig,
+    sources: Mapping[str, TactileSource],
+    emg: EmgSource | None,
+    *,
+    progress: Progress,
+    stop: Callable[[], bool],
+    settings: str = "SETTINGS.toml",
+) -> Prepared:
+    """Find baselines and maxima.
+
+    Without a calibration file every frame is measured here, once, and the run uses what was measured.
+
+    Args:
+        config: The settings.
+        sources: The open tactile sources, by finger.
+        emg: The open EMG source, if any.
+        progress: Told how many frames are measured.
+        stop: Asked whether to give up.
+        settings: How the settings file is named in the commands that are suggested.
+
+    Returns:
+        What the run starts with.
+
+    Raises:
+        RecordingError: A recording cannot be read.
+        CalibrationError: The calibration does not fit, or there is none and a source is live.
+        KeyboardInterrupt: ``stop`` said so.
+    """
+    preset, path = config.session.preset, config.calibration.file
+    conditions = None
+    if emg is not None and config.emg is not None:
+        conditions = emg_conditions(emg, config.emg.kind, block_s=block_s(config))
+    calibration: Calibration | None = None
+    name, warnings = "", tuple[str, ...]()
+    if path is not None:
+        calibration, name = load_calibration(path), path.name
+        calibration.check_fits(preset=preset, fingers=sources, emg=conditions, name=path.name)
+        command = calibrate_command(settings, "ID", "touch")
+        warnings = tuple(
+            said for one in sources for said in refused_law(one, calibration.touch(one), command)
+        )
+    elif config.calibration.person is not None:
+        calibration, name, warnings = person_calibration(
+            config, sources, emg, conditions, settings=settings, now=utc_now()
+        )
+    elif config.net is not None and config.net.station == "robot":
+        origin = "the maxima are at the operator's station"
+        calibration, name = Calibration(preset=preset, origin=origin, tactile=FingerMaxima()), "none"
+    else:
+        for what, source in (*sources.items(), ("emg", emg)):
+            if source is not None and source.info.live:
+                raise CalibrationError(
+                    f"{what}: {source.info.label} is live and the run has no calibration",
+                    f"{calibrate_command(settings, 'ID')}, then run with --person ID; or set calibration.file",
+                )
+    if sources and calibration is not None and (other := _other_metric(config)):
+        warnings = (*warnings, other)
+    for said in warnings:
+        _log.warning("warning: %s", said)
+    fingers = _prepare_fingers(config, sources, measure=calibration is None, progress=progress, stop=stop)
+    if stop():
+        raise KeyboardInterrupt
+    if calibration is None:
+        calibration = Calibration(
+            preset=preset,
+            origin=SELF_CALIBRATED,
+            tactile=FingerMaxima(**{name: touch_maxima(f.measured or []) for name, f in fingers.items()}),
+            emg=None if emg is None or conditions is None else emg_maxima(emg, conditions, preset=preset),
+        )
+    muscles = None
+    if emg is not None and (m := calibration.emg) is not None:
+        muscles = Muscles(emg, m, muscle_decoder(config.stages, preset, m), SourceReport())
+    return Prepared(fingers, muscles, calibration, name, warnings)
+
+
+def _other_metric(config: SessionConfig) -> str:
+    """Say that a calibration's touch maxima were not found with the metric that is used."""
+    preset = config.session.preset
+    chosen = chosen_stage("metric", config.stages, preset)
+    if chosen.name == DEFAULT_STAGES[preset]["metric"] and chosen.options == chosen.kind.options_type():
+        return ""
+    return (
+        f"the touch maxima were calibrated with the metric of preset {preset!r}, the run uses {chosen.name!r} with its "
+        "options: give stages.mapping.options.front_max and back_max"
+    )
+
+
+def to_be_read(prepared: Prepared) -> Prepared:
+    """Return a run's prepared sources, with frames that were measured beforehand to be read and measured again.
+
+    That is for a run whose pictures are wanted: the same frames, the same results.
+    """
+    fingers = dict(prepared.fingers)
+    for name, finger in prepared.fingers.items():
+        if finger.measured is not None:
+            finger.source.open()
+            fingers[name] = finger._replace(report=SourceReport(), measured=None)
+    return prepared._replace(fingers=fingers)
+
+
+def _prepare_fingers(
+    config: SessionConfig,
+    sources: Mapping[str, TactileSource],
+    *,
+    measure: bool,
+    progress: Progress,
+    stop: Callable[[], bool],
+) -> dict[str, Finger]:
+    """Find every baseline, one thread per finger, and measure every frame, in the order of their times, if asked to."""
+
+    def job(name: str) -> Finger:
+        baseline, origin = find_baseline(sources[name], config.tactile.in_use()[name].baseline, finger=name)
+        return Finger(sources[name], baseline, origin, SourceReport())
+
+    if not sources:
+        return {}
+    with ThreadPoolExecutor(max_workers=len(sources), thread_name_prefix="tega-measure") as pool:
+        fingers = dict(zip(sources, pool.map(job, sources), strict=True))
+    if measure:
+        total, recorded = sum(s.info.n_items or 0 for s in sources.values()), RecordedFingers()
+        measured: dict[str, list[Contact]] = {name: [] for name in fingers}
+        with closing(recorded):
+            for name, finger in fingers.items():
+                metric = finger_metric(config.stages, config.session.preset, name, finger.baseline)
+                recorded.add(name, finger, metric)
+            for found in recorded.measured(stop):
+                if found.contact is not None:
+                    measured[found.finger].append(found.contact)
+                    progress("measuring frames", sum(map(len, measured.values())), total)
+        fingers = {name: finger._replace(measured=measured[name]) for name, finger in fingers.items()}
+    for name, source in sources.items():
+        if isinstance(source, ComparingSource):
+            others = {
+                f"{other} ({f.source.info.label})": f.baseline
+                for other, f in fingers.items()
+                if other != name
+            }
+            source.compare_with(fingers[name].baseline, others)
+    return fingers

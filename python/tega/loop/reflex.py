@@ -1,0 +1,241 @@
+"""Say what the reflex adds to the closure that the person asks for, within bounds that no reflex can leave.
+
+The hand is told both, and takes the addition beside its moves from level to level (:class:`tega.hand.HandController`);
+its own limits of torque and speed come after it. The addition is 0 or
+more, so that it never opens a hand that holds; it is 0 as soon as the person opens the hand, and is taken back where
+the person loosens the grip, so that it never keeps hold of what the person lets go of.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from threading import Lock
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from tega.loop.hand_look import fresh_angles_rad, hand_closure
+from tega.records import Button, ReflexGrip
+from tega.stages.choose import grip_reflex
+
+if TYPE_CHECKING:
+    from tega.config import ReflexSection, SessionConfig
+    from tega.devices.base import SteeredHand
+    from tega.loop.moment import LoopView
+    from tega.records import Contact, Event
+    from tega.records.bus import Bus
+    from tega.stages.base import Reflex
+
+
+REFLEX_SEAT: Final = "reflex"
+# Up to here the person's own hand is as good as open: a decoder of shares seldom says exactly 1.
+_OPEN, _CLOSED = 1.25, 5.0
+# Who loosens the own grip by this much means to: an object that is let go of slips, and that is no cause. It is
+# forgotten by a level a second; less is the noise and slack of muscles.
+_LOOSENED, _FORGOTTEN_PER_S = 0.25, 1.0
+# What is taken back, since harm is near or authority is gone, is taken back this fast, levels a second.
+_BACK_LEVELS_PER_S: Final = 5.0
+# A loop that stood still does not make up for it.
+_LONGEST_STEP_S: Final = 0.05
+
+
+class ReflexDial:
+    """Holds the reflex's authority, which settings, page and button set; safe to ask and set from any thread.
+
+    Args:
+        authority: At the start, 0 to 1.
+    """
+
+    def __init__(self, authority: float) -> None:
+        self._lock = Lock()
+        self._authority, self._off = authority, False
+
+    @property
+    def authority(self) -> float:
+        """Share of the largest addition that the reflex may use now; 0 while the button has taken it away."""
+        with self._lock:
+            return 0.0 if self._off else self._authority
+
+    @authority.setter
+    def authority(self, wanted: float) -> None:
+        if math.isfinite(wanted):
+            with self._lock:
+                self._authority, self._off = min(max(wanted, 0.0), 1.0), False
+
+    def press(self) -> None:
+        """Take the authority away, or give it back."""
+        with self._lock:
+            self._off = not self._off
+
+    def listen(self, bus: Bus) -> None:
+        """Have the button of the seat ``reflex`` take the authority away and give it back."""
+        bus.subscribe(Button, self._pressed, name="reflex", vital=True)
+
+    def _pressed(self, button: Button) -> None:
+        if button.seat == REFLEX_SEAT and button.pressed:
+            self.press()
+
+
+class ReflexMoment(NamedTuple):
+    """Circumstances of the reflex at a tick, which a replay takes from the recording.
+
+    Attributes:
+        authority: Share of the largest addition that it may use, 0 to 1.
+        allowed: Whether the run is active: in a hold nothing is added.
+        measured: Closure of the hand by its joints, levels; ``None`` where no hand is measured.
+    """
+
+    authority: float
+    allowed: bool
+    measured: float | None
+
+
+class ReflexArc:
+    """Asks a reflex at every tick of the hand and adds what it wishes, bounded, to the person's own closure.
+
+    With authority A, bound B (levels) and wish w the addition a goes toward A · B · max(w, 0), up by
+    ``rise_levels_per_s`` and down by ``fall_levels_per_s`` at most, or by 5 levels a second where w < 0, authority was
+    lowered, the run is not active or the person loosens the own grip; own + a is 5 at most. It is asked
+    for nothing and adds nothing with A = 0 and a = 0; a = 0 at once where the person opens the hand (own closure 1.25
+    or less). The target is 0 without a finger that touches, and for up to a second after the own closure has fallen by
+    a quarter of a level or more.
+
+    Args:
+        reflex: The stage.
+        settings: Its bounds.
+        moment: Tells the circumstances of a tick, by its time in nanoseconds.
+        tell: Told of every tick at which it was asked or added something.
+
+    Attributes:
+        authority: Share of the largest addition that it might use at the last tick.
+        added: What is added now, levels.
+        n_added: Ticks at which something was added.
+        most_added: The largest addition so far, levels.
+    """
+
+    def __init__(
+        self,
+        reflex: Reflex,
+        settings: ReflexSection,
+        *,
+        moment: Callable[[int], ReflexMoment],
+        tell: Callable[[ReflexGrip], None] = lambda _told: None,
+    ) -> None:
+        self.reflex = reflex
+        self._s, self._moment, self._tell = settings, moment, tell
+        self._authority = self.authority = 0.0
+        self._t_ns: int | None = None
+        self._firmest = 0.0
+        self._events: list[Event] = []
+        self.added = self.most_added = 0.0
+        self.n_added = 0
+
+    def heard(self, events: Sequence[Event]) -> None:
+        """Take in events of touch, for the next tick."""
+        if self.reflex.wants_events:
+            self._events.extend(events)
+
+    def step(
+        self, t_ns: int, own: float, contacts: Callable[[], Mapping[str, Contact]]
+    ) -> tuple[float, float]:
+        """Return what the hand is to be told at a tick: the person's own level, and the addition.
+
+        Args:
+            t_ns: The tick.
+            own: Closure that the person asks for, levels 1 to 5 with fractions.
+            contacts: Gives the newest contact of every finger whose frame is fresh.
+        """
+        now = self._moment(t_ns)
+        authority = self.authority = now.authority
+        if authority <= 0 and self.added <= 0:
+            self._events.clear()
+            self._authority, self._t_ns, self._firmest = 0.0, t_ns, own
+            return own, 0.0
+        dt_s = 0.0 if self._t_ns is None else min(max((t_ns - self._t_ns) / 1e9, 0.0), _LONGEST_STEP_S)
+        fresh = contacts()
+        events, self._events = tuple(self._events), []
+        wish = _held(self.reflex.wish(t_ns, own, now.measured, fresh, events))
+        holding = own > _OPEN and any(contact.in_contact for contact in fresh.values())
+        self._firmest = max(own, self._firmest - _FORGOTTEN_PER_S * dt_s)
+        held_back = not now.allowed or self._firmest - own >= _LOOSENED
+        target = authority * self._s.most_levels * max(wish, 0.0) if holding and not held_back else 0.0
+        back = wish < 0 or held_back or authority < self._authority
+        added = min(max(target, self._fallen(dt_s, back=back)), self.added + self._s.rise_levels_per_s * dt_s)
+        if own <= _OPEN:
+            added = 0.0
+        self.added = min(max(added, 0.0), self._s.most_levels, _CLOSED - own)
+        if self.added <= target:
+            self._authority = authority
+        self._t_ns = t_ns
+        self.n_added += self.added > 0
+        self.most_added = max(self.most_added, self.added)
+        self._tell(
+            ReflexGrip(
+                t_ns=t_ns,
+                own=own,
+                added=self.added,
+                authority=authority,
+                allowed=now.allowed,
+                measured=now.measured,
+                wish=wish,
+                cause=self.reflex.cause,
+            )
+        )
+        return own, self.added
+
+    def shown(self, view: LoopView) -> LoopView:
+        """Add to a view of the loop what the hand is told beyond the person's own closure, and why."""
+        said = f"authority {self.authority:.0%}"
+        if self.added > 0:
+            said = f"+{self.added:.2f} levels told to the hand, {said}"
+            said += f" ({self.reflex.cause})" if self.reflex.cause else ""
+        return view._replace(reflex=said)
+
+    def _fallen(self, dt_s: float, *, back: bool) -> float:
+        """Return what is left of the addition after a step without a cause."""
+        rate = max(_BACK_LEVELS_PER_S, self._s.fall_levels_per_s) if back else self._s.fall_levels_per_s
+        return self.added - rate * dt_s
+
+
+def open_reflex(
+    config: SessionConfig,
+    bus: Bus,
+    fingers: Iterable[str],
+    *,
+    active: Callable[[], bool],
+    hand: SteeredHand | None,
+    authority: Callable[[], float | None] = lambda: None,
+) -> ReflexArc | None:
+    """Make the reflex of a run; ``None`` where the settings name none.
+
+    Args:
+        config: The settings.
+        bus: Tells the button, and is told of every addition.
+        fingers: Fingers that have a sensor.
+        active: Asked whether the run is active.
+        hand: The hand that measures its joints; ``None`` where there is none.
+        authority: Asked at each tick what a page wants; ``None`` for what settings and button say.
+    """
+    reflex, settings = grip_reflex(config.stages, config.session.preset, fingers), config.stages.reflex
+    if reflex is None:
+        return None
+    dial, wanted = ReflexDial(settings.authority), authority()
+    dial.listen(bus)
+    closure = hand_closure(config)
+
+    def moment(_t_ns: int) -> ReflexMoment:
+        nonlocal wanted
+        if (now := authority()) != wanted and now is not None:
+            wanted = dial.authority = now
+        if (share := dial.authority) <= 0 and arc.added <= 0:
+            return ReflexMoment(0.0, allowed=True, measured=None)
+        angles_rad = None if hand is None else fresh_angles_rad(hand)
+        measured = None if angles_rad is None else closure(angles_rad)
+        return ReflexMoment(share, active(), measured)
+
+    arc = ReflexArc(reflex, settings, moment=moment, tell=bus.publish)
+    return arc
+
+
+def _held(wish: float) -> float:
+    """Return a wish, which may be anybody's, within its range."""
+    return min(max(float(wish), -1.0), 1.0) if math.isfinite(wish) else 0.0

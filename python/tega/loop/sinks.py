@@ -1,0 +1,127 @@
+"""Open the vest, hand and output files that a session writes to, and its operator's input devices."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from tega.devices.base import HandDriver, SteeredHand, TellingHand, VestSink, optional
+from tega.devices.registry import driver_class
+from tega.devices.vest.worn_vest import dose_file, worn_vest
+from tega.errors import ConfigError
+from tega.hand import split_level
+from tega.loop.inbox.inputs import Inputs, Seat
+from tega.loop.pacing import refuse_live
+from tega.loop.tables import open_tables
+from tega.records import HandExchange, bus_frames
+
+if TYPE_CHECKING:
+    from tega.config import SessionConfig
+    from tega.devices.base import DeviceInfo
+    from tega.hand.link import Received
+    from tega.loop.inbox.prepared import Prepared
+    from tega.loop.moment import LoopView
+    from tega.records.bus import Bus
+    from tega.wire import CanFrame
+
+
+class Sinks(NamedTuple):
+    """Outputs of a run: vests, hand and files.
+
+    Attributes:
+        live_vests: The vest of the settings, if it is a real one.
+        vests: A vest of the settings that only records, the vest recorder.
+        hands: A hand of the settings that only takes frames, the CAN recorder.
+        steered: A hand of the settings that closes its own loop.
+        tables: What the tables of the output folder call themselves, vest and hand; empty without one.
+    """
+
+    live_vests: list[VestSink]
+    vests: list[VestSink]
+    hands: list[HandDriver]
+    steered: SteeredHand | None
+    tables: tuple[DeviceInfo, ...] = ()
+
+    def shown(self, view: LoopView) -> LoopView:
+        """Add what the real vest says of itself to a view of the loop."""
+        said = [optional(vest, "condition") for vest in self.live_vests]
+        return view._replace(vest_condition="; ".join(filter(None, said)))
+
+
+def open_inputs(stack: ExitStack, config: SessionConfig) -> Inputs:
+    """Open the operator's input devices."""
+    seats = {}
+    for name, c in config.input.in_use().items():
+        source = stack.enter_context(driver_class(c.driver, "input")(c.options))
+        refuse_live(source.info, config.session.pace)
+        seats[name] = Seat(source, c.button)
+    return Inputs(seats)
+
+
+def _open_vest(stack: ExitStack, config: SessionConfig) -> VestSink | None:
+    """Open the vest of the settings; a person's comes with what is left of the day's dose."""
+    if config.vest.driver is None:
+        return None
+    return stack.enter_context(worn_vest(config.vest, dose_file(config.calibration)))
+
+
+def open_sinks(
+    stack: ExitStack,
+    config: SessionConfig,
+    prepared: Prepared,
+    bus: Bus,
+    hand: HandDriver | SteeredHand | None,
+) -> Sinks:
+    """Open the outputs of a run: vest and hand, then the tables of the output folder."""
+    live_vests: list[VestSink] = []
+    vests: list[VestSink] = []
+    hands: list[HandDriver] = []
+    steered: SteeredHand | None = None
+    vest = _open_vest(stack, config)
+    if vest is not None and vest.info.live:
+        live_vests.append(vest)
+    elif vest is not None:
+        vests.append(vest)
+    if hand is not None:
+        _listen(hand, bus)
+        stack.enter_context(hand)
+        if isinstance(hand, SteeredHand):
+            if config.session.pace == "fast":
+                raise ConfigError(
+                    f"session.pace = 'fast', but {hand.info.label} is live", "set session.pace = 'real'"
+                )
+            steered = hand
+        else:
+            hands.append(hand)
+    tables = open_tables(stack, config, prepared, bus)
+    return Sinks(live_vests, vests, hands, steered, tables)
+
+
+def _listen(hand: Any, bus: Bus) -> None:
+    """Tell the bus of every exchange with a hand; before that is opened, so that none is missed."""
+    if not isinstance(hand, TellingHand) or not bus.wants(HandExchange):
+        return
+
+    def exchanged(
+        t_ns: int,
+        asked: tuple[float, float],
+        received: Sequence[Received],
+        sent: Sequence[CanFrame],
+        action: str,
+    ) -> None:
+        level, added = asked
+        whole, closure = split_level(level)
+        bus.publish(
+            HandExchange(
+                t_ns=t_ns,
+                level=whole,
+                closure=closure,
+                added=added,
+                received=bus_frames(received),
+                sent=bus_frames(sent),
+                action=action,
+            )
+        )
+
+    hand.on_exchange = exchanged

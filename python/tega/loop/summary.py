@@ -1,0 +1,281 @@
+"""Sum up a run: counts, rates, maxima and their origin, and everything that was lost or modelled.
+
+No time of day, host or folder is in a summary, so that equal runs give equal bytes.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+from tega.devices.base import optional
+from tega.errors import TegaError
+from tega.loop.hand import HAND_TICK_NS, ModelledAllegro
+from tega.loop.touch import STALE_NS
+from tega.recording.folder import SUMMARY_FORMAT
+from tega.runtime.files.whole_file import write_whole
+
+if TYPE_CHECKING:
+    from tega.config import Pace
+    from tega.haptics import Layout
+    from tega.loop.inbox.sources import SourceReport
+    from tega.loop.latency import LatencyTrace
+    from tega.loop.loop_report import LoopReport
+    from tega.loop.pacing import PacingReport
+    from tega.loop.reflex import ReflexArc
+    from tega.loop.rig import Rig
+
+
+class RunFacts(NamedTuple):
+    """Facts that a summary is made of.
+
+    Attributes:
+        rig: What the run was made of.
+        layout: Which motors the vest has.
+        pace: When the vest was told.
+        loop: What the loop counted.
+        pacing: How well the clock was kept.
+        trace: What followed frames and blocks through the loop; ``None`` where nothing was live.
+        real_time: Whether the loop's thread went ahead of others.
+        reflex: What added to the person's own closure; ``None`` without a reflex.
+    """
+
+    rig: Rig
+    layout: Layout
+    pace: Pace
+    loop: LoopReport
+    pacing: PacingReport
+    trace: LatencyTrace | None
+    real_time: bool
+    reflex: ReflexArc | None = None
+
+
+def summarise(state: RunFacts, *, error: BaseException | None = None) -> dict[str, Any]:
+    """Sum up a run.
+
+    Args:
+        state: Everything it was made of.
+        error: What ended it, if it failed.
+
+    Returns:
+        A tree of plain values, ready for JSON.
+    """
+    from tega import __version__
+
+    config, loop = state.rig.config, state.loop
+    summary: dict[str, Any] = {
+        "format": SUMMARY_FORMAT,
+        "version": 1,
+        "tega": __version__,
+        "preset": config.session.preset,
+        "ended": loop.ended,
+        "duration_s": loop.end_ns / 1e9,
+    }
+    if error is not None:
+        summary["error"] = error.message if isinstance(error, TegaError) else type(error).__name__
+    summary["calibration"] = {
+        "origin": state.rig.prepared.calibration.origin,
+        "file": state.rig.prepared.calibration_name or None,
+        "self_calibrated": not state.rig.prepared.calibration_name,
+    }
+    summary["tactile"] = {finger: _finger(state, finger) for finger in state.rig.prepared.fingers}
+    summary["emg"] = _emg(state)
+    summary["vest"] = {
+        "layout": state.layout,
+        "rate_hz": config.vest.rate_hz,
+        "pace": state.pace,
+        "frames": loop.n_vest_ticks + loop.n_vest_between,
+        **_spared(state),
+        **({} if state.trace is None else {"replaced": state.trace.n_replaced}),
+        "sinks": _drivers(state, "vest"),
+    }
+    summary["hand"] = {
+        "model": ModelledAllegro.label if state.rig.sinks.steered is None else state.rig.sinks.steered.label,
+        "rate_hz": 1e9 / HAND_TICK_NS,
+        "ticks": loop.n_hand_ticks,
+        "level_s": {str(level): ticks * HAND_TICK_NS / 1e9 for level, ticks in loop.level_ticks.items()},
+        **({} if state.trace is None else {"unmoved": state.trace.n_unmoved}),
+        "sinks": _drivers(state, "hand"),
+    }
+    if (reflex := state.reflex) is not None:
+        summary["hand"]["reflex"] = {
+            "name": config.stages.reflex.name,
+            "authority": reflex.authority,
+            "added_s": reflex.n_added * HAND_TICK_NS / 1e9,
+            "most_added_levels": reflex.most_added,
+        }
+    if inputs := state.rig.inputs.summary():
+        summary["inputs"] = inputs
+    if state.rig.steering is not None:
+        summary["arm"] = state.rig.steering.summary()
+    if state.rig.station is not None:
+        summary["net"] = state.rig.station.summary()
+    if state.rig.cameras is not None:
+        summary["scene"] = state.rig.cameras.summary()
+    if config.session.pace == "real":
+        pacing = state.pacing
+        summary["pacing"] = {
+            "ticks": pacing.n_ticks,
+            "overruns": pacing.n_overruns,
+            "skipped": pacing.n_skipped,
+            "worst_late_ms": pacing.worst_late_ms,
+            "late": pacing.n_late,
+            "real_time": state.real_time,
+        }
+    summary["safety"] = state.rig.guard.summary()
+    if state.trace is not None:
+        summary["latency_ms"] = state.trace.summary()
+        if state.rig.sinks.live_vests:
+            motor = state.trace.motor
+            summary["motor_onset"] = None if motor is None else motor._asdict() | {"said": motor.words}
+    summary["notes"] = _notes(state)
+    return summary
+
+
+def _spared(state: RunFacts) -> dict[str, int]:
+    """Count how many frames the real vests were sent, and how many they showed already."""
+    loop, worn = state.loop, state.rig.sinks.live_vests
+    given = (loop.n_vest_ticks + loop.n_vest_between) * len(worn)
+    spared = min(given, sum(optional(vest, "spared") for vest in worn))
+    return {"sent": given - spared, "skipped": spared}
+
+
+def _finger(state: RunFacts, name: str) -> dict[str, Any]:
+    finger, loop = state.rig.prepared.fingers[name], state.loop
+    info, maxima = finger.source.info, state.rig.prepared.calibration.touch(name)
+    return {
+        "driver": info.driver,
+        "source": info.label,
+        "rate_hz": info.rate_hz,
+        "frames": loop.n_contacts[name],
+        "dropped": finger.report.n_dropped,
+        "missing": finger.report.n_missing,
+        "duplicate": finger.report.n_duplicate,
+        "identical": finger.report.n_identical,
+        "stuck": finger.report.n_stuck,
+        "unfit": finger.report.n_unfit,
+        "silent_s": loop.n_stale_ticks[name] / state.rig.config.vest.rate_hz,
+        "baseline": finger.baseline_origin,
+        "cci_max": None if maxima is None else maxima.cci_max,
+        "eda_max": None if maxima is None else maxima.eda_max,
+    }
+
+
+def _emg(state: RunFacts) -> dict[str, Any] | None:
+    muscles = state.rig.prepared.muscles
+    if muscles is None:
+        return None
+    maxima = muscles.maxima
+    return {
+        "driver": muscles.source.info.driver,
+        "source": muscles.source.info.label,
+        "kind": maxima.kind,
+        "rate_hz": maxima.rate_hz,
+        "tau": maxima.tau,
+        "channels": list(maxima.channels),
+        "maxima": list(maxima.maxima),
+        "samples": muscles.report.n_items,
+        "blocks": state.loop.n_blocks,
+        "dropped": muscles.report.n_dropped,
+        "missing": muscles.report.n_missing,
+        "held_samples": [] if muscles.decoder is None else list(muscles.decoder.held_samples),
+    }
+
+
+def _drivers(state: RunFacts, kind: Literal["vest", "hand"]) -> list[str]:
+    """Name what vests or hands were told, tables last."""
+    sinks = state.rig.sinks
+    if kind == "vest":
+        infos = [sink.info for sink in (*sinks.live_vests, *sinks.vests)]
+    else:
+        infos = [hand.info for hand in (*([] if sinks.steered is None else [sinks.steered]), *sinks.hands)]
+    return [info.driver for info in (*infos, *(table for table in sinks.tables if table.kind == kind))]
+
+
+def _notes(state: RunFacts) -> list[str]:
+    """Say in sentences what a reader of the tables has to know."""
+    notes = []
+    end_ns, net = state.loop.end_ns, state.rig.config.net
+    robot = net is not None and net.station == "robot"
+    if not state.rig.prepared.calibration_name:
+        notes.append(f"maxima {state.rig.prepared.calibration.origin}")
+    notes += state.rig.prepared.warnings
+    for name, finger in state.rig.prepared.fingers.items():
+        maxima = state.rig.prepared.calibration.touch(name)
+        if robot and maxima is None:
+            pass  # the vest is somewhere else, and so is what counts as full
+        elif maxima is None or maxima.eda_max is None:
+            notes.append(f"{name}: no press was seen, so it has no maxima and its columns stay silent")
+        elif maxima.cci_max is None:
+            notes.append(
+                f"{name}: no contact was large enough for a CCI maximum, so its front column stays silent"
+            )
+        notes += [f"{name}: {note}" for note in finger.source.info.notes]
+        notes += _repeats(name, finger.report, live=finger.source.info.live)
+        notes += _ending(name, finger.report, end_ns, f"silent {STALE_NS / 1e6:g} ms later")
+    if (muscles := state.rig.prepared.muscles) is not None:
+        notes += [f"emg: {note}" for note in muscles.source.info.notes]
+        held = () if muscles.decoder is None else muscles.decoder.held_samples
+        for name, n_held in zip(muscles.maxima.channels, held, strict=False):
+            if n_held:
+                notes.append(
+                    f"emg: {name}: {n_held} samples were missing or no numbers; the one before was held"
+                )
+        notes += _ending("emg", muscles.report, end_ns, _lost_emg(state))
+    if state.trace is not None and state.trace.last_warning:
+        notes.append(state.trace.last_warning)
+    notes += [f"vest: {note}" for vest in state.rig.sinks.live_vests for note in vest.info.notes]
+    notes += state.rig.inputs.notes()
+    if state.rig.cameras is not None:
+        notes += state.rig.cameras.notes()
+    elif state.rig.config.scene:
+        notes.append("scene: no camera was opened: the run was neither recorded nor shown")
+    if state.rig.steering is not None:
+        notes += [f"arm: {note}" for note in state.rig.steering.notes()]
+    return notes
+
+
+def _lost_emg(state: RunFacts) -> str:
+    safety, muscles = state.rig.config.safety, state.rig.prepared.muscles
+    if muscles is None or not muscles.source.info.live or safety.then == "keep":
+        return "its last level held to the end"
+    return f"its last level held for {safety.hold_ms / 1e3:g} s, then the hand opens"
+
+
+def _repeats(name: str, report: SourceReport, *, live: bool) -> list[str]:
+    """Say that pixels stood still, which the noise of a sensor does not let them."""
+    notes = []
+    if report.n_unfit:
+        notes.append(
+            f"{name}: {report.n_unfit} pictures were dark or torn; not used, and the finger was silent"
+        )
+    if report.n_duplicate and not live:  # a live source may well be asked faster than it takes pictures
+        notes.append(f"{name}: {report.n_duplicate} frames came again under the same number; used once")
+    if report.n_stuck:
+        notes.append(
+            f"{name}: stuck: {report.n_stuck} frames were the third or later in a row with the same pixels; "
+            "not used, so the finger fell silent where they went on"
+        )
+    elif report.n_identical:
+        notes.append(
+            f"{name}: {report.n_identical} frames have exactly the pixels of the one before, "
+            "as a sensor's raw frames never do; used"
+        )
+    return notes
+
+
+def _ending(name: str, report: SourceReport, run_end_ns: int, then: str) -> list[str]:
+    """Say that a source went away or ended before the run did."""
+    if report.lost:
+        return [f"{name}: lost: {report.lost}; {then}"]
+    if report.n_lost:
+        return [f"{name}: lost {report.n_lost} times and found again, at last: {report.last_lost}"]
+    if report.end_ns is not None and report.end_ns < run_end_ns:
+        return [f"{name}: ended at {report.end_ns / 1e9:.3f} s, {then}"]
+    return []
+
+
+def write_summary(summary: dict[str, Any], path: Path) -> None:
+    """Write a summary as JSON, keys in their order, one newline at the end."""
+    write_whole(path, json.dumps(summary, indent=2, ensure_ascii=False) + "\n")

@@ -1,0 +1,228 @@
+"""Turn what the fingertips see into what the wearer feels: the back loop."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from collections.abc import Mapping as AnyMapping
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from tega import _native
+from tega.errors import InvalidValueError
+from tega.haptics import FINGERS, MotorLevels
+from tega.haptics.motor_layout import find_layout
+from tega.records import Event
+from tega.stages.base import Mapping, VestSetup
+from tega.stages.columns import ColumnsMapping, ColumnsOptions
+from tega.stages.metrics import contact_record
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from tega.config.calibration import TouchMaxima
+    from tega.haptics import FeltMap, Layout, Mirror
+    from tega.records import Contact, HandLook
+    from tega.stages.events import DetectedEvent, Detector
+    from tega.tactile import ContactMetrics
+
+
+# A frame older than this says nothing about the present: the finger's columns fall silent.
+STALE_NS = 100_000_000
+
+# Events between two frames of the vest; more than these are no events of a grasp.
+_MOST_EVENTS = 1024
+
+
+class TouchMoment(NamedTuple):
+    """Shares and intensities that one frame gives the wearer.
+
+    Attributes:
+        cci_norm: CCI as a share of its maximum, 0 to 1.
+        eda_norm: EDA as a share of its maximum, 0 to 1.
+        front: Intensity of the finger's front column, 0 to 100 (Eq 7, 8); 0 where the mapping shows no columns.
+        back: Intensity of its back column, 0 to 100 (Eq 9).
+    """
+
+    cci_norm: float
+    eda_norm: float
+    front: float
+    back: float
+
+
+_NOTHING = TouchMoment(0.0, 0.0, 0.0, 0.0)
+
+
+class TouchLoop:
+    """Turns contact metrics into vest frames, by a mapping.
+
+    A finger whose newest frame is older than 100 ms is not shown to the mapping. With the columns of Eq 7 to 9, one
+    that is not in contact or that has no maximum is silent: intensity 0, not the 1 that Eq 7 gives at rest.
+
+    Args:
+        maxima: What counts as full, by finger; the fingers in use are its keys.
+        layout: Which motors the vest has.
+        mirror: Which faces have their columns reversed.
+        felt: Evens out what the wearer feels; ``None`` sends the law's own intensities.
+        mapping: Makes the mapping; ``None`` for that of Eq 7 to 9.
+
+    Attributes:
+        found: Events that the newest frame showed; none unless the mapping wants them or :meth:`find_events` was
+            called.
+    """
+
+    def __init__(
+        self,
+        maxima: AnyMapping[str, TouchMaxima],
+        *,
+        layout: Layout,
+        mirror: Mirror = "none",
+        felt: FeltMap | None = None,
+        mapping: Callable[[VestSetup], Mapping] | None = None,
+    ) -> None:
+        self._layout: Layout = layout
+        self._maxima = {
+            finger: {
+                name: full for name, full in (("cci", m.cci_max), ("eda", m.eda_max)) if full is not None
+            }
+            for finger, m in maxima.items()
+        }
+        table = find_layout(layout)
+        self._n_motors = len(table.motors)
+        self._silence = self._made(np.zeros(self._n_motors))
+        setup = VestSetup(table.mirrored(mirror), tuple(maxima), self._maxima, felt)
+        self.mapping = ColumnsMapping(setup, ColumnsOptions()) if mapping is None else mapping(setup)
+        # A mapping that knows what the wearer feels has said already what each motor is to do.
+        self._felt = None if self.mapping.evens_out else felt
+        self._events: deque[Event] = deque(maxlen=_MOST_EVENTS)
+        self._detector: Detector | None = None
+        self.found: Sequence[Event] = ()
+        if self.mapping.wants_events:
+            self.find_events()
+        self._newest: dict[str, tuple[int, TouchMoment, Contact]] = {}
+
+    def find_events(self) -> None:
+        """Look for events from now on, whether or not the mapping wants them."""
+        from tega.stages.events import Detector
+
+        self._detector = self._detector or Detector()
+
+    def update(self, finger: str, t_ns: int, metrics: ContactMetrics) -> TouchMoment:
+        """Take one measured frame.
+
+        Args:
+            finger: Whose it is.
+            t_ns: Its time in nanoseconds.
+            metrics: What was measured.
+
+        Returns:
+            What it means to the wearer as long as it is fresh.
+        """
+        contact = contact_record(finger, t_ns, metrics)
+        felt = _NOTHING
+        if metrics.in_contact:
+            maxima = self._maxima[finger]
+            cci_norm = _share(metrics.cci, maxima.get("cci"))
+            eda_norm = _share(float(metrics.eda), maxima.get("eda"))
+            felt = TouchMoment(cci_norm, eda_norm, *self.mapping.columns(finger, contact))
+        self._newest[finger] = (t_ns, felt, contact)
+        if self._detector is not None:
+            self.found = _events(self._detector, finger, t_ns, metrics)
+            if self.mapping.wants_events:
+                self._events.extend(self.found)
+        return felt
+
+    def look(self, look: HandLook) -> Sequence[Event]:
+        """Take in a look at hand and arm; return the slips that it shows."""
+        if self._detector is None:
+            return ()
+        found = self._detector.hand(
+            look.seen_ns / 1e9,
+            level=look.level,
+            closure=look.closure,
+            height_m=look.height_m,
+            tips_mm=dict(zip(FINGERS, look.tips_mm, strict=False)),
+        )
+        slips = [_event(one, look.t_ns) for one in found if one.kind == "slip"]
+        if self.mapping.wants_events:
+            self._events.extend(slips)
+        return slips
+
+    def fresh(self, t_ns: int) -> Sequence[TouchMoment]:
+        """Return what each finger feels at a time, thumb first; nothing where its frame is too old."""
+        fresh = [_NOTHING] * len(FINGERS)
+        for finger, (_, felt, _) in self._seen_lately(t_ns):
+            fresh[FINGERS.index(finger)] = felt
+        return fresh
+
+    def fresh_contacts(self, t_ns: int) -> dict[str, Contact]:
+        """Return the newest contact of every finger whose frame is not too old at a time."""
+        return {finger: contact for finger, (_, _, contact) in self._seen_lately(t_ns)}
+
+    def frame(self, t_ns: int) -> MotorLevels:
+        """Return the vest frame for a time.
+
+        Raises:
+            InvalidValueError: The mapping gave no finite number for every motor.
+        """
+        contacts = self.fresh_contacts(t_ns)
+        events = tuple(self._events)
+        self._events.clear()
+        return self.shown(t_ns, contacts, events)
+
+    def shown(self, t_ns: int, contacts: AnyMapping[str, Contact], events: Sequence[Event]) -> MotorLevels:
+        """Return the vest frame of some contacts and events: what the mapping shows, as its wearer feels it evenly.
+
+        Raises:
+            InvalidValueError: The mapping gave no finite number for every motor.
+        """
+        frame = self._made(self.mapping.levels(t_ns, contacts, events))
+        return frame if self._felt is None else self._felt.apply(frame)
+
+    def silence(self) -> MotorLevels:
+        """Return the frame in which every motor rests."""
+        return self._silence
+
+    def _made(self, levels: ArrayLike) -> MotorLevels:
+        """Return the frame of what the mapping gave, which may be anybody's."""
+        numbers = np.asarray(levels, np.float64)
+        hint = "it has to return a number of percent for every motor of the layout"
+        if numbers.shape != (self._n_motors,):
+            raise InvalidValueError(
+                f"the mapping gave {numbers.shape} levels for {self._n_motors} motors", hint
+            )
+        try:
+            intensities = _native.vest_percents(numbers)
+        except InvalidValueError as error:
+            raise InvalidValueError(f"the mapping gave what is not finite: {error.message}", hint) from error
+        intensities.flags.writeable = False
+        return MotorLevels(self._layout, intensities)
+
+    def _seen_lately(self, t_ns: int) -> list[tuple[str, tuple[int, TouchMoment, Contact]]]:
+        """Return the fingers whose newest frame is not too old; a finger without one is not felt."""
+        return [(finger, newest) for finger, newest in self._newest.items() if t_ns - newest[0] <= STALE_NS]
+
+
+def _events(detector: Detector, finger: str, t_ns: int, metrics: ContactMetrics) -> Sequence[Event]:
+    """Return the events that a frame shows."""
+    from tega.stages.events import ShearFrame, TouchFrame
+
+    if (shear := ShearFrame.of({value.name: value.value for value in metrics.more})) is not None:
+        detector.shear(t_ns / 1e9, finger, shear)
+    touch = TouchFrame(metrics.in_contact, metrics.eda, metrics.mass, metrics.peak, *metrics.centroid_xy)
+    return [_event(found, t_ns) for found in detector.touch(t_ns / 1e9, finger, touch)]
+
+
+def _event(found: DetectedEvent, t_ns: int) -> Event:
+    return Event(
+        t_ns=t_ns,
+        finger=found.finger,
+        kind=found.kind,
+        confidence=found.confidence,
+        began_ns=min(round(found.t_s * 1e9), t_ns),
+    )
+
+
+def _share(value: float, maximum: float | None) -> float:
+    return 0.0 if maximum is None else min(max(value / maximum, 0.0), 1.0)

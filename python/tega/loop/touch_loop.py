@@ -1,0 +1,45 @@
+"""Make the touch loop, from fingertip to vest, that the settings ask for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from tega.config import DEFAULT_LAYOUT
+from tega.config.calibration import Calibration, TouchMaxima
+from tega.haptics import FeltMap
+from tega.loop.touch import TouchLoop
+from tega.stages.choose import vest_mapping
+
+if TYPE_CHECKING:
+    from tega.config import SessionConfig
+
+
+def touch_loop(
+    config: SessionConfig, calibration: Calibration, fingers: Iterable[str], *, find_events: bool = False
+) -> TouchLoop:
+    """Make the back loop that settings and a calibration ask for.
+
+    Args:
+        config: The settings.
+        calibration: What counts as full.
+        fingers: Those in use.
+        find_events: Whether to look for events whatever the mapping wants; the run's first tick then need not load what
+            finds them.
+    """
+    vest = config.vest
+    maxima = {finger: calibration.touch(finger) or TouchMaxima() for finger in fingers}
+    felt = None
+    if (vest.threshold, vest.step) != (0.0, 1.0):
+        felt = FeltMap(threshold=vest.threshold, step=vest.step)
+    preset = config.session.preset
+    loop = TouchLoop(
+        maxima,
+        layout=vest.layout or DEFAULT_LAYOUT[preset],
+        mirror=vest.mirror,
+        felt=felt,
+        mapping=vest_mapping(config.stages, preset),
+    )
+    if find_events:
+        loop.find_events()
+    return loop

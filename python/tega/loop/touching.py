@@ -1,0 +1,196 @@
+"""Tell each finger's metric whether another finger bears a load: in a live run, and in recordings read side by side."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Generator, Iterator
+from typing import TYPE_CHECKING, Final, NamedTuple, cast
+
+from tega.loop.inbox.frames import measured_contacts
+from tega.loop.inbox.reader import READ_TIMEOUT_S, ReadAhead
+from tega.loop.touch import STALE_NS
+
+if TYPE_CHECKING:
+    from tega.devices.base import DeviceInfo, TactileFrame, TactileSource
+    from tega.loop.inbox.prepared import Finger
+    from tega.loop.inbox.sources import Contact
+    from tega.stages.base import Metric
+
+
+# Pictures that are decoded before their turn, for each finger.
+_AHEAD: Final = 8
+
+
+class Touching:
+    """Knows which fingers bear a load while each is measured by a thread of its own.
+
+    Whether a finger is loaded when a picture is measured hangs on how far the other threads are: it is recorded with
+    the picture, so that a replay measures alike.
+    """
+
+    def __init__(self) -> None:
+        self._since_ns: dict[str, int] = {}
+
+    def note(self, finger: str, t_ns: int, *, bears_load: bool) -> None:
+        """Take note of what a finger's picture of a time has shown."""
+        if bears_load:
+            self._since_ns[finger] = t_ns
+        else:
+            self._since_ns.pop(finger, None)
+
+    def beside(self, finger: str, t_ns: int) -> bool:
+        """Return whether another finger bears a load by a picture that is not older than 100 ms at a time."""
+        others = tuple(self._since_ns.items())  # threads note meanwhile
+        return any(other != finger and t_ns - seen_ns <= STALE_NS for other, seen_ns in others)
+
+
+class _Found(NamedTuple):
+    """Measurement of a finger; without a contact the finger's recording ends, at a time."""
+
+    finger: str
+    contact: Contact | None
+    end_ns: int = 0
+
+
+class RecordedFingers:
+    """Measures the recordings of several fingers in the order of their pictures' times.
+
+    Every finger is told what the others bear up to then, as in a live run, so that the same recordings give the same
+    contacts. Each recording is read by a thread of its own, a few pictures ahead.
+    """
+
+    def __init__(self) -> None:
+        self._touching = Touching()
+        self._pictures: dict[str, _TimedPictures] = {}
+        self._contacts: dict[str, Generator[Contact, None, int]] = {}
+        self._waiting: dict[str, deque[Contact]] = {}
+        self._ends_ns: dict[str, int] = {}
+        self._read: ReadAhead[_Found] | None = None
+
+    def add(
+        self,
+        name: str,
+        finger: Finger,
+        metric: Metric,
+        *,
+        see: Callable[[TactileFrame, int], None] = lambda _frame, _received_ns: None,
+        tell: Callable[[TactileFrame, Contact], None] = lambda _frame, _contact: None,
+    ) -> None:
+        """Add a finger, before anything is measured.
+
+        Args:
+            name: Of the finger.
+            finger: Its open source, which is not live, its baseline and report.
+            metric: Measures its pictures.
+            see: Told of each picture and when it was received, before it is measured, when the metric knows whether it
+                is ``loaded``.
+            tell: Told of each picture that was measured, with what was measured.
+        """
+
+        def look_beside(frame: TactileFrame) -> None:
+            metric.loaded = self._touching.beside(name, frame.t_ns)
+
+        def tell_others(frame: TactileFrame, contact: Contact) -> None:
+            self._touching.note(name, contact[0], bears_load=metric.bears_load)
+            tell(frame, contact)
+
+        self._pictures[name] = pictures = _TimedPictures(name, finger.source)
+        self._waiting[name] = deque()
+        self._contacts[name] = measured_contacts(
+            cast("TactileSource", pictures),  # what is not live is not opened again
+            finger.baseline,
+            metric,
+            finger.report,
+            prepare=look_beside,
+            see=see,
+            tell=tell_others,
+        )
+
+    def measured(self, stopped: Callable[[], bool]) -> Iterator[_Found]:
+        """Measure all pictures in the order of their times, in the thread that asks.
+
+        Args:
+            stopped: Asked between two pictures whether to give up.
+
+        Raises:
+            RecordingError: A picture is unreadable or not of its baseline's size.
+        """
+        left = dict(self._contacts)
+        while left and not stopped():
+            name = min(left, key=lambda finger: self._pictures[finger].next_ns())
+            try:
+                yield _Found(name, next(left[name]))
+            except StopIteration as stop:
+                del left[name]
+                yield _Found(name, None, stop.value)
+
+    def contacts(self, name: str) -> Generator[Contact, None, int]:
+        """Yield a finger's contacts; return when its recording ended, nanoseconds.
+
+        Another thread measures ahead of whoever asks. What the other fingers' pictures give meanwhile waits for them.
+
+        Raises:
+            RecordingError: As by :meth:`measured`.
+        """
+        waiting = self._waiting[name]
+        while True:
+            while not waiting and name not in self._ends_ns:
+                self._read = self._read or ReadAhead("recordings", self.measured)
+                found = next(self._read)
+                if found.contact is None:
+                    self._ends_ns[found.finger] = found.end_ns
+                else:
+                    self._waiting[found.finger].append(found.contact)
+            if not waiting:
+                return self._ends_ns[name]
+            yield waiting.popleft()
+
+    def close(self) -> None:
+        """Stop all threads: first the one that waits for the others."""
+        if self._read is not None:
+            self._read.close()
+        for pictures in self._pictures.values():
+            pictures.close()
+
+
+class _TimedPictures:
+    """A recording's pictures, of which the next one's time is known before it is measured."""
+
+    def __init__(self, name: str, source: TactileSource) -> None:
+        self._info = source.info
+
+        def frames(stopped: Callable[[], bool]) -> Iterator[TactileFrame]:
+            while not (stopped() or source.ended):
+                if (frame := source.read(READ_TIMEOUT_S)) is not None:
+                    yield frame
+
+        self._frames = ReadAhead(name, frames, capacity=_AHEAD)
+        self._next: TactileFrame | None = None
+        self._over = False
+
+    @property
+    def info(self) -> DeviceInfo:
+        return self._info
+
+    @property
+    def ended(self) -> bool:
+        self._look()
+        return self._over
+
+    def next_ns(self) -> int:
+        """Return when the next picture was taken; of a recording that is over, before all others."""
+        self._look()
+        return -1 if self._next is None else self._next.t_ns
+
+    def read(self, _timeout_s: float) -> TactileFrame | None:
+        self._look()
+        frame, self._next = self._next, None
+        return frame
+
+    def close(self) -> None:
+        self._frames.close()
+
+    def _look(self) -> None:
+        if self._next is None and not self._over:
+            self._next = next(self._frames, None)
+            self._over = self._next is None

@@ -1,0 +1,100 @@
+"""Collect the streams, vests and alerts that a run's guard watches."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import TYPE_CHECKING
+
+from tega.config import SessionConfig
+from tega.devices.base import EmgSource, optional
+from tega.safety.clock_step import ClockStep
+from tega.safety.guard import Guard, Watched
+
+if TYPE_CHECKING:
+    from tega.loop.arm import Steering
+    from tega.loop.condition import MuscleAlert
+    from tega.loop.inbox.prepared import Prepared
+    from tega.loop.inbox.sources import SourceReport
+    from tega.loop.sinks import Sinks
+    from tega.recording.session import Recording
+    from tega.records.bus import Bus
+    from tega_link.station import Station
+    from tega_markers import RunMarkers
+    from tega_scene.filmed_run import RunCameras
+
+
+def watch_over(
+    config: SessionConfig,
+    prepared: Prepared,
+    sinks: Sinks,
+    bus: Bus,
+    recording: Recording | None,
+    *,
+    markers: RunMarkers | None,
+    go: Callable[[], bool],
+    steering: Steering | None,
+    station: Station | None,
+    condition: MuscleAlert | None = None,
+    cameras: RunCameras | None = None,
+) -> Guard:
+    """Make the guard of the live devices; recordings are not lost and need nobody.
+
+    ``go`` is asked all the time whether an armed run may become active; the others are what the run has open.
+    """
+    alerts: dict[str, Callable[[], str]] = {"subscribers": bus.problem}
+    streams = [
+        Watched(
+            name,
+            "tactile",
+            finger.source.info.rate_hz,
+            finger.report,
+            partial(optional, finger.source, "faults"),
+        )
+        for name, finger in prepared.fingers.items()
+        if finger.source.info.live
+    ]
+    if (m := prepared.muscles) is not None and m.source.info.live:
+        streams.append(Watched("emg", "emg", m.maxima.rate_hz / m.maxima.tau, m.report))
+        alerts["signal"] = partial(_signal, m.source)
+        alerts["votes"] = partial(_votes, m.report)
+    if condition is not None:
+        alerts["muscles"] = lambda: condition.said
+
+    needs: dict[str, Callable[[], str]] = {}
+    worn = sinks.live_vests
+    vests = {"vest": lambda: all(optional(vest, "reached") for vest in worn)} if worn else {}
+    if recording is not None:
+        alerts["recording"] = recording.problem
+    if cameras is not None:
+        alerts["scene"] = cameras.problem
+    if markers is not None:
+        alerts["markers"] = markers.problem
+    if config.session.pace == "real":
+        alerts["clock"] = ClockStep()
+    if steering is not None:
+        alerts["arm"] = lambda: steering.problem
+    hands = [*sinks.hands, *([] if sinks.steered is None else [sinks.steered])]
+    if hands:
+        alerts["hand"] = lambda: _first(hands, "problem")
+        needs["hand's guard"] = lambda: _first(hands, "guard_problem")
+    if station is not None:
+        needs["link"], alerts["station"] = station.missing, station.alert
+        alerts["sending"] = station.unsent
+    return Guard(config.safety, streams=streams, vests=vests, go=go, alerts=alerts, needs=needs)
+
+
+def _first(hands: Sequence[object], name: str) -> str:
+    """Return the first thing that one of the hands says under this name; empty where all are silent."""
+    return next(filter(None, (optional(hand, name) for hand in hands)), "")
+
+
+def _signal(source: EmgSource) -> str:
+    """Say what is wrong with the newest second of a live amplifier's signal, as far as its driver looks."""
+    faults = optional(source, "faults")
+    return f"emg: {'; '.join(faults)}" if faults else ""
+
+
+def _votes(report: SourceReport) -> str:
+    """Say which channels have no vote, and why."""
+    return f"emg: no vote for {'; '.join(report.faults)}" if report.faults else ""

@@ -1,0 +1,91 @@
+"""Compute the arm's commands again from the forearm poses as they came, and compare them bit for bit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from tega.arm.chain import ArmChain
+from tega.arm.pose import ArmCommand, StampedPose
+from tega.arm.settings import ArmSettings, MappingSettings
+from tega.arm.turn import Turn, lead
+from tega.errors import RecordingError
+from tega.recording.replay.compare import Comparison, compare
+from tega.recording.replay.recorded import Head, Recorded, read_recorded
+
+_POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
+_SPEEDS = ("x", "y", "z", "about_x", "about_y", "about_z")
+
+
+def arm_settings(head: Head) -> ArmSettings:
+    """Return the settings of a recorded run's chain."""
+    tree = head.tree.get("arm", {})
+    return msgspec.convert({k: tree[k] for k in ArmSettings.__struct_fields__ if k in tree}, ArmSettings)
+
+
+def compare_arm(recorded: Recorded, settings: ArmSettings) -> list[Comparison]:
+    """Give a new chain what every turn took in, and compare what comes of it; nothing for a run without an arm.
+
+    Args:
+        recorded: The recording.
+        settings: Of the new chain.
+    """
+    if not recorded.turns:
+        return []
+    chain = ArmChain(settings)
+    ours, theirs = [], []
+    for row in recorded.turns:
+        command = lead(chain, _turn(row))
+        ours.append((row.t_ns, _told(row)))
+        theirs.append((row.t_ns, _commanded(command)))
+    n = recorded.n_early.get("arm", 0)
+    return [compare("/arm/turn", ours[n:], theirs[n:])]
+
+
+def _turn(row: Any) -> Turn:
+    return Turn(
+        row.t_ns,
+        tuple(_pose(pose) for pose in row.poses),
+        clutch=row.clutch,
+        dead_man=row.dead_man,
+        may_move=row.may_move,
+        measured=_pose(row.measured[0]) if row.measured else None,
+        stopped=row.stopped,
+        cleared=row.cleared,
+    )
+
+
+def _pose(pose: Any) -> StampedPose:
+    return StampedPose(pose.t_ns, list(pose.position), list(pose.quaternion), valid=pose.valid)
+
+
+def _told(row: Any) -> dict[str, Any]:
+    said = {"state": row.state, "reason": row.reason, "holds": row.holds}
+    return said | _named("target", _POSE, row.target) | _named("velocity", _SPEEDS, row.velocity)
+
+
+def _commanded(command: ArmCommand) -> dict[str, Any]:
+    said = {"state": command.state, "reason": command.reason, "holds": command.engagements}
+    target = [] if command.target is None else np.concatenate(command.target).tolist()
+    speeds = [*command.velocity_m_s.tolist(), *command.velocity_rad_s.tolist()]
+    return said | _named("target", _POSE, target) | _named("velocity", _SPEEDS, speeds)
+
+
+def _named(what: str, names: tuple[str, ...], numbers: Any) -> dict[str, float]:
+    return {f"{what}_{name}": number for name, number in zip(names, numbers, strict=False)}
+
+
+def forearm(path: Path) -> tuple[MappingSettings, list[StampedPose]]:
+    """Return how a recorded run turned forearm poses into the base's axes, and the poses as they came.
+
+    Raises:
+        RecordingError: It cannot be read, or no forearm was tracked in it.
+    """
+    recorded = read_recorded(path, pictures_wanted=lambda _head: False)
+    poses = [_pose(pose) for row in recorded.turns for pose in row.poses]
+    if not poses:
+        raise RecordingError(f"{path.name}: no forearm was tracked in it", "name a run with an [arm]")
+    return arm_settings(recorded.head).mapping, poses

@@ -1,0 +1,333 @@
+"""Measure a recording's raw streams again, and pair the results with when the loop took them in."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+
+from tega.arm.settings import ArmSettings
+from tega.config import STAGE_GROUPS, load_config
+from tega.config.calibration import load_calibration
+from tega.errors import TegaError
+from tega.loop.beside import look_on
+from tega.loop.emg_adaptation import ChannelAdaptation, read_switches
+from tega.loop.inbox.frames import FrameMeter
+from tega.loop.inbox.sources import (
+    BlockMeter,
+    Contact,
+    EmgBlock,
+    SourceReport,
+    metrics_of,
+    picture_of,
+    samples_of,
+)
+from tega.recording.replay.arm import arm_settings
+from tega.recording.replay.recorded import Head, Recorded, without_devices
+from tega.records import Adaptation, AdaptationSwitch, BesideContact, BesideIntent
+from tega.records.bus import Bus
+from tega.stages.attached import with_attached
+from tega.stages.base import MeasuredPicture
+from tega.stages.choose import (
+    Chosen,
+    chosen_stage,
+    finger_metric,
+    is_outside,
+    metric_told,
+    muscle_decoder,
+)
+
+if TYPE_CHECKING:
+    from tega.config import SessionConfig
+    from tega.config.calibration import Calibration, EmgMaxima
+    from tega.devices.base import EmgChunk, TactileFrame
+
+
+class PictureError(msgspec.Struct, frozen=True):
+    """Errors of contacts measured in JPEG pictures against those recorded from the pictures themselves.
+
+    Attributes:
+        finger: Whose pictures.
+        compared: Frames compared.
+        contact_changed: Frames in which contact is seen in one of them only.
+        eda_mean_px: Mean error of the area over all frames, pixels.
+        eda_max_px: The largest.
+        cci_mean: Mean error of the concentration.
+        cci_max: The largest.
+    """
+
+    finger: str
+    compared: int
+    contact_changed: int
+    eda_mean_px: float
+    eda_max_px: float
+    cci_mean: float
+    cci_max: float
+
+
+class Measured:
+    """Measures the raw streams of a recording again; its methods are for ``read_recorded``.
+
+    Args:
+        other: Settings whose preset, calibration, kind of EMG, vest and hand take the place of the run's own.
+        sets: Single settings that do, as ``key=value``: preset, stages, vest, hand.
+        lookers: Told of each picture that is measured as it was then.
+
+    Attributes:
+        config: The settings of the run, as changed.
+        calibration: Its maxima, likewise.
+        contacts: By finger, as a live loop would get them.
+        blocks: Levels likewise.
+        pixels: By finger and picture: stamp, checksum as recorded, checksum now.
+        arm: Settings of the arm's chain, likewise.
+        metric: What measures the pictures.
+        outside: Whether the levels came from a decoder in another process.
+        same_metric: Whether the recording's contacts were measured by this version of it.
+        changed: What of the settings is not the run's own, in words.
+        adaptations: Gains and offsets of EMG, as the samples and the recorded switches give them.
+        beside: What the stages beside the connected ones say, by topic.
+    """
+
+    def __init__(
+        self, other: Path | None = None, sets: Sequence[str] = (), lookers: Bus | None = None
+    ) -> None:
+        self._other, self._sets = other, tuple(sets)
+        self._lookers = Bus() if lookers is None else lookers
+        self.config: SessionConfig
+        self.calibration: Calibration
+        self.contacts: dict[str, list[Contact]] = {}
+        self.blocks: list[EmgBlock] = []
+        self.pixels: dict[str, list[tuple[int, dict[str, int], dict[str, int]]]] = {}
+        self.changed: list[str] = []
+        self.adaptations: list[Adaptation] = []
+        self.beside: dict[str, list[BesideContact | BesideIntent]] = {}
+        self._bus: Bus | None = None
+        self.arm = ArmSettings()
+        self.metric: Chosen
+        self.same_metric = True
+        self.outside = False
+        self._exact = False
+        self._meters: dict[str, FrameMeter] = {}
+        self._muscles: BlockMeter | None = None
+
+    def begin(self, head: Head) -> None:
+        """Take what is known before the first picture."""
+        self.config, self.calibration, self.arm = head.config, head.calibration, arm_settings(head)
+        kind = head.tree.get("emg", {}).get("kind", "raw")
+        if self._other is not None or self._sets:
+            kind = self._change(head, kind)
+        for finger, baseline in head.baselines.items():
+            # A picture out of a JPEG has no bits of its own to compare with the one before.
+            live = head.sources[finger].live and head.lossless
+            config = self.config
+            metric = finger_metric(
+                config.stages, config.session.preset, finger, baseline, self.calibration.touch(finger)
+            )
+            self._meters[finger] = FrameMeter(baseline, metric, SourceReport(), live=live)
+            self.contacts[finger], self.pixels[finger] = [], []
+        self.metric = chosen_stage("metric", self.config.stages, self.config.session.preset)
+        now = metric_told(self.config.stages, self.config.session.preset)
+        then = head.facts.get("metric", f"{self.metric.name} 1")
+        self.same_metric = then == now or then.partition(" ")[0] != self.metric.name
+        self._exact = head.lossless and self.same_metric
+        if not self.same_metric:
+            self.changed.append(f"metric: {then} -> {now}, so contacts are those recorded")
+        emg = self.calibration.emg
+        self.outside = chosen_stage("decoder", self.config.stages, self.config.session.preset).kind.outside
+        if "emg" in head.sources and emg is not None and not self.outside:
+            used = msgspec.structs.replace(emg, kind=kind)
+            kept = head.files if self._other is None else {}
+            with with_attached(self.config.stages, kept) as stages:
+                decoder = muscle_decoder(stages, self.config.session.preset, used)
+            self._muscles = BlockMeter(
+                decoder,
+                SourceReport(),
+                maxima=used,
+                live=head.sources["emg"].live,
+                adaptation=self._adaptation(head, used),
+            )
+        self._look_on(head, None if emg is None else msgspec.structs.replace(emg, kind=kind))
+
+    def _adaptation(self, head: Head, used: EmgMaxima) -> ChannelAdaptation | None:
+        """Make the adaptation of the run, with its switches as the run read them."""
+        settings = self.config.stages.adaptation
+        if not settings.on:
+            return None
+        return ChannelAdaptation(
+            used, settings, switches=read_switches(head.switches), tell=self._adapted_again
+        )
+
+    def _adapted_again(self, told: Adaptation | AdaptationSwitch) -> None:
+        if isinstance(told, Adaptation):
+            self.adaptations.append(told)
+
+    def _look_on(self, head: Head, muscles: EmgMaxima | None) -> None:
+        """Have the stages beside the connected ones look on again."""
+        beside = tuple(one for one in self.config.stages.beside if not is_outside(one))
+        if not beside:
+            return
+        stages = msgspec.structs.replace(self.config.stages, beside=beside)
+        self._bus = Bus()
+        self._bus.subscribe(BesideContact, lambda said: self._said(said, said.finger), vital=True)
+        self._bus.subscribe(BesideIntent, lambda said: self._said(said, "emg"), vital=True)
+        with ExitStack() as stack:  # nothing in it has a thread of its own
+            look_on(
+                stack,
+                msgspec.structs.replace(self.config, stages=stages),
+                self._bus,
+                baselines=head.baselines,
+                touch=self.calibration.touch,
+                muscles=muscles if "emg" in head.sources else None,
+                live="emg" in head.sources and head.sources["emg"].live,
+            )
+
+    def _said(self, said: BesideContact | BesideIntent, finger: str) -> None:
+        self.beside.setdefault(f"/beside/{said.stage}/{finger}", []).append(said)
+
+    def _change(self, head: Head, kind: str) -> Any:
+        """Take over what other settings say of the computation, and note it."""
+        if self._other is None:
+            other = without_devices(head.tree, self._sets)
+        else:
+            other = load_config(self._other, sets=self._sets).config
+        if other.calibration.file is not None:
+            self.calibration = load_calibration(other.calibration.file)
+            if self.calibration != head.calibration:
+                self.changed.append(f"calibration: {other.calibration.file.name}")
+        vest = msgspec.structs.replace(other.vest, driver=None, options={})
+        hand = msgspec.structs.replace(other.hand, driver=None, options={})
+        adapted = other.stages.adaptation
+        for name, old, new in (
+            ("session.preset", head.config.session.preset, other.session.preset),
+            ("emg.kind", kind, kind if other.emg is None else other.emg.kind),
+            *((f"vest.{f}", getattr(head.config.vest, f), getattr(vest, f)) for f in vest.__struct_fields__),
+            *((f"stages.{f}", _told(head.config, f), _told(other, f)) for f in STAGE_GROUPS),
+            *(
+                (f"stages.adaptation.{f}", getattr(head.config.stages.adaptation, f), getattr(adapted, f))
+                for f in adapted.__struct_fields__
+            ),
+            *(
+                (f"stages.reflex.{f}", getattr(head.config.stages.reflex, f), getattr(other.stages.reflex, f))
+                for f in other.stages.reflex.__struct_fields__
+            ),
+            *((f"hand.{f}", getattr(head.config.hand, f), getattr(hand, f)) for f in hand.__struct_fields__),
+        ):
+            if old != new:
+                self.changed.append(f"{name}: {old} -> {new}")
+        if other.arm is not None and "arm" in head.tree:
+            for name in ArmSettings.__struct_fields__:
+                old, new = getattr(self.arm, name), getattr(other.arm.chain, name)
+                fields = (f for f in old.__struct_fields__ if getattr(old, f) != getattr(new, f))
+                self.changed += [f"arm.{name}.{f}: {getattr(old, f)} -> {getattr(new, f)}" for f in fields]
+            self.arm = other.arm.chain
+        session = msgspec.structs.replace(head.config.session, preset=other.session.preset)
+        self.config = msgspec.structs.replace(
+            head.config, session=session, vest=vest, hand=hand, stages=other.stages
+        )
+        return kind if other.emg is None else other.emg.kind
+
+    def frame(self, finger: str, frame: TactileFrame, told: Any) -> None:
+        """Measure a picture and note its checksum beside the one it had when it was taken."""
+        now = zlib.crc32(frame.image.tobytes())
+        if self._bus is not None:
+            self._bus.publish(picture_of(finger, frame))
+        self.pixels[finger].append((frame.t_ns, {"pixels_crc32": told.pixels_crc32}, {"pixels_crc32": now}))
+        meter = self._meters[finger]
+        meter.metric.loaded = getattr(told, "loaded", False)  # earlier recordings do not say
+        try:
+            contact = meter.take(frame)
+        except TegaError:  # a bad picture of a live sensor, dropped then as now
+            return
+        if contact is not None:
+            self.contacts[finger].append(contact)
+            # Else the contacts are those recorded, and this is not what they were measured in.
+            if self._exact and self._lookers.wants(MeasuredPicture):
+                t_ns, metrics = contact
+                self._lookers.publish(
+                    MeasuredPicture(
+                        finger=finger, t_ns=t_ns, image=frame.image, metrics=metrics, metric=meter.metric
+                    )
+                )
+
+    def chunk(self, chunk: EmgChunk) -> None:
+        """Take EMG samples."""
+        if self._bus is not None:
+            self._bus.publish(samples_of(chunk, live=False, start_ns=0))
+        if self._muscles is None:
+            return
+        try:
+            self.blocks += self._muscles.take(chunk)
+        except TegaError:
+            return
+
+
+def _told(config: SessionConfig, group: Any) -> str:
+    """Return a stage of the settings in words."""
+    chosen = chosen_stage(group, config.stages, config.session.preset)
+    options = ", ".join(f"{k} {v}" for k, v in msgspec.to_builtins(chosen.options, enc_hook=str).items())
+    return f"{chosen.name} ({options})" if options else chosen.name
+
+
+def measured_again(recorded: Recorded, measured: Measured) -> bool:
+    """Tell whether the pictures give the recorded contacts again to the last bit.
+
+    They do if they are as they were taken, the metric is of the version that measured them, and the recording begins
+    where the session did or the metric does not remember what came before.
+    """
+    begins = recorded.from_ns == 0 or not measured.metric.kind.memory
+    return recorded.head.lossless and begins and measured.same_metric
+
+
+def contact_items(recorded: Recorded, measured: Measured, finger: str) -> list[tuple[int, Contact]]:
+    """Pair every frame the loop took in with what is measured in it now, or was measured then."""
+    if not measured_again(recorded, measured):
+        return [(c.taken_ns, (c.t_ns, metrics_of(c))) for c in recorded.contacts[finger]]
+    again = dict(measured.contacts[finger])
+    n_early = recorded.n_early.get(finger, 0)  # of which there are no pictures
+    again |= {c.t_ns: metrics_of(c) for c in recorded.contacts[finger][:n_early]}
+    return [(c.taken_ns, (c.t_ns, again[c.t_ns])) for c in recorded.contacts[finger] if c.t_ns in again]
+
+
+def level_items(recorded: Recorded, measured: Measured) -> list[tuple[int, EmgBlock]]:
+    """Pair every block that the loop took in with what the samples say now; what came over a link is as it came."""
+    # Made at the operator's station by what is known there, or by another program.
+    if recorded.head.sources["emg"].driver == "net" or measured.outside:
+        return [
+            (row.taken_ns, EmgBlock(row.t_ns, row.channels, row.level, row.closure, row.confidence))
+            for row in recorded.levels
+        ]
+    items, blocks = [], iter(measured.blocks)
+    for row in recorded.levels:
+        for block in blocks:  # those between were lost on the way to the loop
+            if block[0] == row.t_ns:
+                items.append((row.taken_ns, block))
+                break
+    return items
+
+
+def picture_errors(recorded: Recorded, measured: Measured) -> list[PictureError]:
+    """Compare what is measured in JPEG pictures with what was measured in the pictures themselves."""
+    errors = []
+    for finger, contacts in recorded.contacts.items():
+        again = dict(measured.contacts[finger])
+        pairs = [(c, again[c.t_ns]) for c in contacts if c.t_ns in again]
+        eda = np.array([float(abs(a.eda - b.eda)) for a, b in pairs] or [0.0])
+        cci = np.array([abs(a.cci - b.cci) for a, b in pairs] or [0.0])
+        changed = sum(a.in_contact != b.in_contact for a, b in pairs)
+        errors.append(
+            PictureError(
+                finger,
+                len(pairs),
+                changed,
+                eda.mean().item(),
+                eda.max().item(),
+                cci.mean().item(),
+                cci.max().item(),
+            )
+        )
+    return errors

@@ -1,0 +1,179 @@
+"""Make a recording the input of a run: every item comes at the tick at which it came then."""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from tega.devices.base import DeviceInfo
+from tega.hand import split_level
+from tega.loop.inbox.prepared import Finger, Muscles, Prepared
+from tega.loop.inbox.sources import EmgBlock, SourceReport
+from tega.loop.loop import FIRST_LEVEL
+from tega.recording.replay.measured import contact_items, level_items
+from tega.recording.replay.playhead import PlayedItems
+from tega.runtime.files.foreign_file import tells_damage
+from tega.stages.attached import with_attached
+from tega.stages.choose import muscle_decoder
+
+if TYPE_CHECKING:
+    from tega.recording.replay.measured import Measured
+    from tega.recording.replay.play_clock import PlayClock
+    from tega.recording.replay.playhead import Playhead
+    from tega.recording.replay.recorded import Recorded
+    from tega.records import HandLook
+
+
+@tells_damage
+def played_input(
+    recorded: Recorded, measured: Measured, *, playhead: Playhead, lead_ns: int, note: str
+) -> Prepared:
+    """Make the prepared sources of a run from a recording.
+
+    Args:
+        recorded: The recording.
+        measured: What was measured in it again.
+        playhead: Says what of it is played.
+        lead_ns: What comes before it.
+        note: What a reader of the results must know.
+    """
+    head = recorded.head
+    playhead.begin(recorded.last_tick_ns if recorded.end is None else recorded.end[0], lead_ns)
+
+    def source(name: str, rate_hz: float | None) -> Any:
+        then = head.sources[name]
+        label = f"{then.driver} {then.label}"
+        return _Played(
+            DeviceInfo(
+                driver="recorded",
+                kind=then.kind,
+                label=label,
+                live=False,
+                rate_hz=rate_hz,
+                channels=then.channels,
+                unit=then.unit,
+                notes=(note,),
+            )
+        )
+
+    fingers = {}
+    for finger in recorded.contacts:
+        items = list(contact_items(recorded, measured, finger))
+        fingers[finger] = Finger(
+            source(finger, head.sources[finger].rate_hz),
+            head.baselines[finger],
+            "recording",
+            SourceReport(n_items=len(items)),
+            stream=PlayedItems(
+                [item for _, item in items],
+                [known for known, _ in items],
+                playhead=playhead,
+                stamped=lambda contact, t_ns: (t_ns, contact[1]),
+            ).stream,
+        )
+    muscles, emg = None, measured.calibration.emg
+    if "emg" in head.sources and emg is not None:
+        first, asked = _asked(recorded, level_items(recorded, measured), len(emg.channels))
+        with with_attached(measured.config.stages, head.files) as stages:
+            decoder = muscle_decoder(stages, measured.config.session.preset, emg)
+        muscles = Muscles(
+            source("emg", emg.rate_hz),
+            emg,
+            decoder,
+            SourceReport(),
+            stream=PlayedItems(
+                [block for _, block in asked],
+                [known for known, _ in asked],
+                playhead=playhead,
+                stamped=lambda block, t_ns: block._replace(t_ns=t_ns),
+                first=first,
+            ).stream,
+        )
+    name = head.facts["calibration"]
+    return Prepared(
+        fingers,
+        muscles,
+        measured.calibration,
+        "" if name == "self-calibrated" else name,
+        look=PlayedLooks(list(recorded.looks.values()), playhead) if recorded.looks else None,
+    )
+
+
+def _asked(
+    recorded: Recorded, items: Sequence[tuple[int, EmgBlock]], n_channels: int
+) -> tuple[EmgBlock, list[tuple[int, EmgBlock]]]:
+    """Return what the hand was asked for at first, and then: the muscles' level, or the one set against them."""
+    nothing = (0,) * n_channels
+    first = next((level for _, level, _ in recorded.hand), 0) or FIRST_LEVEL
+    asked: list[tuple[int, EmgBlock]] = []
+    imposed: float = 0
+    block = EmgBlock(0, nothing, FIRST_LEVEL)
+    changes: list[tuple[int, int, Any]] = [(taken, 0, block) for taken, block in items]
+    changes += [(t_ns, 1, level) for t_ns, level in recorded.imposed]
+    for tick_ns, is_imposed, what in sorted(changes, key=lambda change: change[:2]):
+        if is_imposed:
+            imposed = what
+        else:
+            block = what
+        at = block._replace(t_ns=tick_ns if is_imposed else block[0])
+        asked.append((tick_ns, _imposed(at, imposed) if imposed else at))
+    return _imposed(EmgBlock(0, nothing, FIRST_LEVEL), first), asked
+
+
+def _imposed(block: EmgBlock, level: float) -> EmgBlock:
+    """Return a block that asks for a level set against the muscles."""
+    whole, closure = split_level(level)
+    return block._replace(level=whole, closure=closure)
+
+
+class _Played:
+    """Stands for a source whose items are there already."""
+
+    def __init__(self, info: DeviceInfo) -> None:
+        self.info = info
+
+
+class PlayedLooks:
+    """Gives the recorded looks at hand and arm, each at the tick at which it came then.
+
+    Args:
+        looks: In the order of their times.
+        playhead: Says what of them is played.
+    """
+
+    def __init__(self, looks: Sequence[HandLook], playhead: Playhead) -> None:
+        self._looks, self._playhead = looks, playhead
+        self._n_jumps = playhead.n_jumps
+        self._next = bisect_left(looks, playhead.from_ns, key=lambda look: look.t_ns)
+
+    def __call__(self, t_ns: int, _level: float) -> HandLook | None:
+        """Return the look that is due at a tick of the run; ``None`` where none is."""
+        shift_ns = self._playhead.shift_ns
+        if self._n_jumps != self._playhead.n_jumps:
+            self._n_jumps = self._playhead.n_jumps
+            self._next = bisect_right(self._looks, t_ns - shift_ns, key=lambda look: look.t_ns)
+        if self._next >= len(self._looks) or self._looks[self._next].t_ns + shift_ns > t_ns:
+            return None
+        look = self._looks[self._next]
+        self._next += 1
+        return msgspec.structs.replace(look, t_ns=t_ns, seen_ns=look.seen_ns + shift_ns)
+
+
+class Switched:
+    """Says whether the motors may turn: when they did, and somebody else allows it."""
+
+    def __init__(
+        self, recorded: Recorded, clock: PlayClock, playhead: Playhead, other: Callable[[], bool]
+    ) -> None:
+        self._changes = [(t_ns, on) for _, on, t_ns in recorded.haptics]
+        self._clock, self._playhead = clock, playhead
+        self._other = other
+
+    def __call__(self) -> bool:
+        """Tell it for the tick that the clock is at."""
+        at_ns = self._clock.tick_ns - self._playhead.shift_ns
+        place = bisect_right(self._changes, at_ns, key=lambda change: change[0])
+        return (place == 0 or self._changes[place - 1][1]) and self._other()

@@ -1,0 +1,103 @@
+"""Play a recorded path of a forearm as a tracker would give it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal
+
+import msgspec
+
+from tega.arm.pose import StampedPose
+from tega.devices.base import DeviceInfo, Kind, Options
+from tega.devices.tracker.sources.recorded import RecordedPoses, read_poses
+from tega.errors import DeviceUnavailableError, RecordingError
+from tega.runtime.lifecycle import Opened
+
+
+class PosesFileOptions(Options, frozen=True, kw_only=True):
+    """Settings of :class:`PosesFile`.
+
+    Attributes:
+        file: A CSV with the columns ``t_s,x_m,y_m,z_m,qx,qy,qz,qw`` and if wanted ``valid``; or a session that was
+            recorded with an arm, or one trial of it (``.mcap``), whose forearm's poses are played as they came.
+        frame: Axes in which it was recorded; a session knows, and has to agree.
+        delay_ms: The poses arrive so late.
+    """
+
+    file: Path
+    frame: Literal["base", "openxr", "unity", "ros"] = "openxr"
+    delay_ms: Annotated[float, msgspec.Meta(ge=0, le=10_000)] = 0.0
+
+
+class PosesFile(Opened):
+    """Plays a recording at its own times, from the first read after it was opened; once it has ended no pose comes."""
+
+    kind: ClassVar[Kind] = "tracker"
+    summary: ClassVar[str] = "a recorded path of a forearm (CSV, or a session)"
+    extra: ClassVar[str] = ""
+    requires: ClassVar[tuple[str, ...]] = ()
+    options_type: ClassVar[type[Options]] = PosesFileOptions
+
+    def __init__(self, options: PosesFileOptions) -> None:
+        self._options = options
+        self._poses: RecordedPoses | None = None
+        self.frame: str = options.frame
+
+    @property
+    def info(self) -> DeviceInfo:
+        """Description of the recording."""
+        return DeviceInfo(
+            driver="poses-file",
+            kind="tracker",
+            label=self._options.file.name,
+            live=True,
+            unit="m",
+            notes=("the forearm's path is a recording",),
+        )
+
+    @property
+    def problem(self) -> str:
+        """Say that the recording is over, once it is; ``""`` before."""
+        done = self._poses is not None and self._poses.done
+        return f"poses-file: {self._options.file.name} has ended" if done else ""
+
+    def open(self) -> None:
+        """Read the file.
+
+        Raises:
+            RecordingError: It cannot be read, holds no poses, or is a session in other axes.
+            MissingExtraError: It is a session, and the extra ``record`` is not installed.
+        """
+        if self._poses is None:
+            delay_ns = round(self._options.delay_ms * 1e6)
+            self._poses = RecordedPoses(self._read_file(), delay_ns=delay_ns)
+
+    def _read_file(self) -> list[StampedPose]:
+        file = self._options.file
+        if file.suffix != ".mcap" and not file.is_dir():
+            return read_poses(file)
+        from tega.recording.mcap_folder import session_files
+        from tega.recording.replay.arm import forearm
+
+        mapping, poses = forearm(session_files(file)[0])
+        if mapping.frame != self.frame:
+            raise RecordingError(
+                f"poses-file: {file.name} was recorded in the axes {mapping.frame!r}, not {self.frame!r}",
+                f"set frame = {mapping.frame!r}, and arm.mapping.frame alike",
+            )
+        return poses
+
+    def close(self) -> None:
+        """Forget it."""
+        self._poses = None
+
+    def read(self, now_ns: int) -> Sequence[StampedPose]:
+        """Return the poses whose time has come since the last call.
+
+        Raises:
+            DeviceUnavailableError: It is not open.
+        """
+        if self._poses is None:
+            raise DeviceUnavailableError("poses-file: it is not open", "use it in a with block")
+        return self._poses.read(now_ns)

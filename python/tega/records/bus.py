@@ -1,0 +1,264 @@
+"""Deliver the records of a run: whoever knows a fact publishes its record, whoever wants it subscribes.
+
+A record is delivered at once, in the order of the subscriptions, in the thread that publishes it: the loop's for all
+that the loop does, a source's own for pictures and samples. A subscriber that may be slow takes its records from a
+:class:`Backlog`, in a thread of its own.
+
+A subscriber that fails is told of and left out from then on; the run goes on.
+
+Example:
+    >>> from tega.records.bus import Bus
+    >>> from tega.records import RunState
+    >>> bus, seen = Bus(), []
+    >>> bus.subscribe(RunState, lambda record: seen.append(record.state))
+    >>> bus.publish(RunState(t_ns=0, state="active", reason="all is there"))
+    >>> seen
+    ['active']
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import msgspec
+
+from tega.errors import TegaError
+
+__all__ = ["Backlog", "Bus", "told_drops"]
+
+_LOG = logging.getLogger(__name__)
+
+_DRAIN_S = 10.0
+_WAIT_S = 0.01
+# An alert of dropped records ends after this; how many there were stays in the recording and in the summary.
+TOLD_DROPS_S = 10.0
+
+Kind = TypeVar("Kind", bound=msgspec.Struct)
+
+
+class _Subscription:
+    def __init__(
+        self,
+        topic: type[msgspec.Struct],
+        function: Callable[[Any], object],
+        name: str,
+        *,
+        vital: bool,
+        backlog: Backlog | None,
+    ) -> None:
+        self.topic, self.function, self.name = topic, function, name
+        self.vital, self.backlog = vital, backlog
+        self.left_out = False
+
+
+class Bus:
+    """Delivers records to those who have subscribed to their kind."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._subscriptions: tuple[_Subscription, ...] = ()
+        self._of: dict[type[msgspec.Struct], tuple[_Subscription, ...]] = {}
+        self._backlogs: list[Backlog] = []
+        self._failed: dict[str, str] = {}
+
+    def subscribe(
+        self,
+        topic: type[Kind],
+        function: Callable[[Kind], object],
+        *,
+        name: str = "",
+        vital: bool = False,
+        backlog: Backlog | None = None,
+    ) -> None:
+        """Have a function called with every record of a kind from now on.
+
+        Args:
+            topic: The kind; subclasses belong to it, so :class:`~tega.records.Record` is all of them that have a
+                topic. One without is told only to who asks for its very kind.
+            function: Called with each record; nothing may be changed in one.
+            name: What to call the subscriber where it fails.
+            vital: Whether its failure is the publisher's, as in a computation where nobody steers a hand.
+            backlog: Where its records wait for it; ``None`` to be called at once.
+        """
+        made = _Subscription(topic, function, name or "subscriber", vital=vital, backlog=backlog)
+        with self._lock:
+            self._subscriptions = (*self._subscriptions, made)
+            self._of = {}
+            if backlog is not None and backlog not in self._backlogs:
+                self._backlogs.append(backlog)
+                backlog.start()
+
+    def wants(self, topic: type[msgspec.Struct]) -> bool:
+        """Tell whether anybody would be told of a record of exactly this kind."""
+        found = self._of.get(topic)  # asked for every tick and picture
+        return bool(self._found(topic) if found is None else found)
+
+    def publish(self, record: msgspec.Struct) -> None:
+        """Tell everybody who has subscribed.
+
+        Raises:
+            Exception: Whatever a vital subscriber raised.
+        """
+        for subscription in self._found(type(record)):
+            if subscription.backlog is not None:
+                subscription.backlog.put(self._deliver, subscription, record)
+            elif subscription.vital:
+                subscription.function(record)
+            else:
+                self._deliver(subscription, record)
+
+    def problem(self) -> str:
+        """Return which subscribers are left out or do not keep up, ``""`` while all is well."""
+        lost = [said for backlog in self._backlogs if (said := backlog.problem())]
+        return "; ".join([*self._failed.values(), *lost])
+
+    def _found(self, kind: type[msgspec.Struct]) -> tuple[_Subscription, ...]:
+        found = self._of.get(kind)
+        if found is None:
+            with self._lock:
+                found = tuple(
+                    s
+                    for s in self._subscriptions
+                    if issubclass(kind, s.topic) and (s.topic is kind or bool(getattr(kind, "topic", None)))
+                )
+                self._of[kind] = found
+        return found
+
+    def _deliver(self, subscription: _Subscription, record: msgspec.Struct) -> None:
+        if subscription.left_out:
+            return
+        try:
+            subscription.function(record)
+        except Exception as error:  # whoever looks on must not end what it looks at
+            self._leave_out(subscription, error)
+
+    def _leave_out(self, subscription: _Subscription, error: Exception) -> None:
+        said = _words(error)
+        with self._lock:
+            subscription.left_out = True
+            self._subscriptions = tuple(s for s in self._subscriptions if s is not subscription)
+            self._of = {}
+            first = subscription.name not in self._failed
+            self._failed.setdefault(subscription.name, f"{subscription.name}: {said}")
+        if first:
+            _LOG.warning("%s: %s; the run goes on", subscription.name, said)
+
+
+def _words(error: Exception) -> str:
+    if isinstance(error, TegaError):
+        return error.message
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror
+    return f"{type(error).__name__}: {error}"
+
+
+def told_drops(n_dropped: int, newest_s: float) -> str:
+    """Return how many records were dropped, ``""`` for none in the last ten seconds.
+
+    Args:
+        n_dropped: How many since the start.
+        newest_s: When the newest of them was, by the monotonic clock, seconds.
+    """
+    if not n_dropped or time.monotonic() - newest_s > TOLD_DROPS_S:
+        return ""
+    return f"{n_dropped} records dropped"
+
+
+class Backlog:
+    """Records that wait for a subscriber that may be slow, and the thread that hands them over in their order.
+
+    The tables, the displays, the markers and the stages beside the connected ones each have one.
+
+    Args:
+        name: Whose it is.
+        most: How many may wait; what comes beyond that is dropped and counted.
+        newest: Whether to drop the oldest then, for a display that shows what is so now; else what comes.
+        idle: Called in the thread, some hundred times a second, while nothing waits.
+        rank: Wraps what the thread does, such as :func:`tega.runtime.threads.run_realtime`.
+
+    Attributes:
+        n_put: Records that came.
+        n_dropped: Of these, those that were dropped.
+        waited_s: How long the one that was handed over last had waited.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        *,
+        most: int = 65_536,
+        newest: bool = False,
+        idle: Callable[[], object] = lambda: None,
+        rank: Callable[[Callable[[], None]], Callable[[], None]] = lambda work: work,
+    ) -> None:
+        self._name, self._most, self._newest, self._idle, self._rank = name, most, newest, idle, rank
+        self._waiting: deque[tuple[Callable[[Any, Any], None], Any, Any, float]] = deque()
+        self._closing = threading.Event()
+        self._thread: threading.Thread | None = None
+        self.n_put = self.n_dropped = 0
+        self._dropped_at_s = 0.0
+        self.waited_s = 0.0
+
+    def start(self) -> None:
+        """Begin to hand over, unless that has begun."""
+        if self._thread is None:
+            self._closing.clear()
+            self._thread = threading.Thread(
+                target=self._rank(self._work), name=f"tega-{self._name}", daemon=True
+            )
+            self._thread.start()
+
+    def put(self, deliver: Callable[[Any, Any], None], to: Any, record: object) -> None:
+        """Let a record wait until ``deliver(to, record)`` is called with it in the thread; returns at once."""
+        self.n_put += 1
+        if self._closing.is_set():
+            self._drop()
+            return
+        if len(self._waiting) >= self._most:
+            self._drop()
+            if not self._newest:
+                return
+            with contextlib.suppress(IndexError):  # the thread has just taken it
+                self._waiting.popleft()
+        self._waiting.append((deliver, to, record, time.monotonic()))
+
+    @property
+    def running(self) -> bool:
+        """Whether records are handed over."""
+        return self._thread is not None and self._thread.is_alive()
+
+    def problem(self) -> str:
+        """Return how many records were dropped while that goes on; ``""`` else, and where only the newest is wanted."""
+        dropped = "" if self._newest else told_drops(self.n_dropped, self._dropped_at_s)
+        return f"{self._name}: {dropped}, it does not keep up" if dropped else ""
+
+    def close(self) -> None:
+        """Wait for what is left, ten seconds at most, and end the thread."""
+        self._closing.set()
+        thread, self._thread = self._thread, None
+        if thread is not None:
+            thread.join(_DRAIN_S)
+
+    def _drop(self) -> None:
+        self.n_dropped += 1
+        self._dropped_at_s = time.monotonic()
+
+    def _work(self) -> None:
+        while True:
+            closing = self._closing.is_set()  # looked at first: nothing comes after it
+            try:
+                deliver, to, record, put_s = self._waiting.popleft()
+            except IndexError:
+                if closing:
+                    return
+                self._idle()
+                self._closing.wait(_WAIT_S)
+            else:
+                self.waited_s = time.monotonic() - put_s
+                deliver(to, record)

@@ -1,8 +1,0 @@
-"""Compute a recorded session again, and compare what comes out with what was recorded."""
-
-from __future__ import annotations
-
-from tega.replay.compare import Comparison, Difference
-from tega.replay.recompute import Replay, replay_file
-
-__all__ = ["Comparison", "Difference", "Replay", "replay_file"]

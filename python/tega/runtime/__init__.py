@@ -1,0 +1,1 @@
+"""Run a program: clocks, threads, child processes, plug-ins and optional packages."""

@@ -1,0 +1,120 @@
+"""Load OpenCV for the drivers, with one thread and quiet, and read pictures, strict about those cut short."""
+
+from __future__ import annotations
+
+import os
+import struct
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tega import _native
+from tega.errors import RecordingError
+from tega.runtime.files.foreign_file import load_npy, read_foreign
+from tega.runtime.lifecycle import require
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+IMAGE_SUFFIXES = frozenset({".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp"})
+# Of a file with one picture.
+_MOST_MIB = 256
+_PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+_AGAIN = "copy it again from its source, or take it out of the recording"
+
+
+def load_cv2(driver: str) -> Any:
+    """Import OpenCV for a driver, with its own threads off: each sensor already has a thread.
+
+    Raises:
+        MissingExtraError: OpenCV is not installed.
+    """
+    # FFmpeg writes what it thinks of a damaged stream to stderr; the driver says it better. Read at first use.
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+    # A header may state any size; memory for it is asked for before the first pixel is decoded.
+    os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(1 << 26))
+    # A network stream keeps what nobody has read: a few pictures, not the megabytes that the system would give it.
+    os.environ.setdefault("OPENCV_FFMPEG_CAPTURE_OPTIONS", "rtsp_transport;tcp|recv_buffer_size;16384")
+    cv2 = require("cv2", driver=driver, extra="lab")
+    cv2.setNumThreads(1)
+    return cv2
+
+
+def read_image(path: Path, *, driver: str) -> NDArray[np.uint8]:
+    """Read a picture as blue, green, red.
+
+    A file that was cut short is refused even where the decoder would return the part it got.
+
+    Args:
+        path: A PNG, JPEG, BMP, TIFF or WebP file, or an ``.npy`` array.
+        driver: Who asks, for the messages.
+
+    Returns:
+        uint8 (H, W, 3), blue, green, red, not turned by any orientation tag.
+
+    Raises:
+        RecordingError: The file is missing, cut short, or not a picture.
+        MissingExtraError: OpenCV is not installed.
+    """
+    try:
+        data = read_foreign(path, most_mib=_MOST_MIB)
+    except OSError as error:
+        raise RecordingError(
+            f"{path.name}: cannot be read: {error.strerror or error}", f"looked for {path}"
+        ) from error
+    if path.suffix.lower() == ".npy":
+        return _npy_image(path, data)
+    if data.startswith(_PNG_SIGNATURE) and (image := _png(path, data)) is not None:
+        return image
+    if (fault := _fault(data)) is not None:
+        raise RecordingError(f"{path.name}: {fault}", _AGAIN)
+    cv2 = load_cv2(driver)
+    flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
+    try:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
+    except cv2.error:
+        image = None
+    if image is None:
+        raise RecordingError(
+            f"{path.name}: not a picture that can be decoded ({len(data)} bytes)",
+            _AGAIN,
+        )
+    decoded: NDArray[np.uint8] = image
+    return decoded
+
+
+def _png(path: Path, data: bytes) -> NDArray[np.uint8] | None:
+    """Decode a PNG file, or refuse it where it is not whole; 16 bits or a palette: ``None``."""
+    try:
+        return _native.decode_png(data)
+    except RecordingError as error:
+        raise RecordingError(f"{path.name}: PNG cut short or damaged: {error.message}", _AGAIN) from error
+
+
+def _npy_image(path: Path, data: bytes) -> NDArray[np.uint8]:
+    array = load_npy(data, path.name)
+    if array.dtype != np.uint8 or array.ndim != 3 or array.shape[2] != 3:
+        raise RecordingError(
+            f"{path.name}: holds {array.dtype} {array.shape}, expected uint8 (height, width, 3) in blue, green, red",
+            "save the picture as OpenCV delivers it",
+        )
+    return np.ascontiguousarray(array)
+
+
+def _fault(data: bytes) -> str | None:
+    """Say what is wrong with an encoded picture as far as its container tells, or ``None``."""
+    if data.startswith(b"\xff\xd8"):
+        # Neither marker can occur inside entropy-coded data, so the picture's own end comes after its last scan.
+        if data.rfind(b"\xff\xd9") <= data.rfind(b"\xff\xda"):
+            return f"JPEG cut short: {len(data)} bytes and no end-of-image marker"
+    elif data.startswith(b"BM") and len(data) >= 6:
+        (size,) = struct.unpack_from("<I", data, 2)
+        if size > len(data):
+            return f"BMP cut short: {len(data)} bytes of {size}"
+    elif data.startswith(b"RIFF") and len(data) >= 8:
+        (size,) = struct.unpack_from("<I", data, 4)
+        if size + 8 > len(data):
+            return f"WebP cut short: {len(data)} bytes of {size + 8}"
+    return None

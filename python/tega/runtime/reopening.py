@@ -1,0 +1,152 @@
+"""Open a device again that went away: soon at first, then less and less often, for as long as it is wanted.
+
+Every driver and every reader that looks for a lost device takes its rests from here. What must not be opened again by
+itself does not: a hand that has found a fault, an arm that has stopped. A person stands beside those, and says when.
+
+Example:
+    >>> from tega.runtime.reopening import Reopening
+    >>> again, rests_s = Reopening(0.25, 2.0), []
+    >>> again.wait(lambda rest_s: rests_s.append(rest_s) or len(rests_s) == 5)
+    True
+    >>> again.wait(lambda rest_s: rests_s.append(rest_s) or len(rests_s) == 5)
+    True
+    >>> again.works()
+    >>> again.wait(lambda rest_s: rests_s.append(rest_s) or len(rests_s) == 5), rests_s
+    (True, [0.25, 0.5, 0.25])
+"""
+
+from __future__ import annotations
+
+import random
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+Over = Callable[[float], object]
+"""Waits so many seconds, or until the device is no longer wanted; returns whether it is no longer wanted."""
+
+_Link = TypeVar("_Link")
+
+
+class Reopening:
+    """Paces the tries to open one device again.
+
+    Args:
+        first_s: Rest before the first try after the device has worked.
+        most_s: Longest rest between two tries.
+        factor: By how much each rest is longer than the one before.
+        spread: Rests are longer or shorter by up to this share, so that several programs do not try in step.
+    """
+
+    def __init__(self, first_s: float, most_s: float, *, factor: float = 2.0, spread: float = 0.0) -> None:
+        self._first_s, self._most_s, self._factor, self._spread = first_s, most_s, factor, spread
+        self._rest_s = first_s
+        self._due_s = 0.0
+
+    def works(self) -> None:
+        """Note that the device gave something: it is looked for soon when it goes away next."""
+        self._rest_s = self._first_s
+        self._due_s = 0.0
+
+    def wait(self, over: Over) -> bool:
+        """Rest before the next try.
+
+        Args:
+            over: Waits, and returns whether the device is no longer wanted.
+
+        Returns:
+            Whether to try.
+        """
+        rest_s, self._rest_s = self._rest_s, min(self._factor * self._rest_s, self._most_s)
+        return not over(rest_s * random.uniform(1 - self._spread, 1 + self._spread))
+
+    def due(self) -> bool:
+        """Tell whether to try now, for a thread that must not rest; the next time is counted from here if so."""
+        now_s = time.monotonic()
+        if now_s < self._due_s:
+            return False
+        self._due_s = now_s + self._rest_s
+        self._rest_s = min(self._factor * self._rest_s, self._most_s)
+        return True
+
+    def open(
+        self,
+        open_device: Callable[[], _Link],
+        over: Over,
+        *,
+        absent: type[Exception] | tuple[type[Exception], ...],
+        refused: Callable[[Exception], object] = lambda _error: None,
+    ) -> _Link | None:
+        """Try until the device opens.
+
+        Args:
+            open_device: Opens it.
+            over: As for :meth:`wait`.
+            absent: Errors that say that it is not there yet; any other one is raised.
+            refused: Told each of them.
+
+        Returns:
+            What was opened; ``None`` when the device is no longer wanted.
+        """
+        while self.wait(over):
+            try:
+                return open_device()
+            except absent as error:
+                refused(error)
+        return None
+
+    def serve(
+        self,
+        link: _Link | None,
+        open_device: Callable[[], _Link],
+        use: Callable[[_Link], bool],
+        close: Callable[[_Link], object],
+        over: Over,
+        *,
+        absent: type[Exception] | tuple[type[Exception], ...],
+        refused: Callable[[Exception], object] = lambda _error: None,
+    ) -> None:
+        """Use a device until it is no longer wanted, and open it again whenever it goes away.
+
+        Args:
+            link: The open device to begin with; ``None`` to open it first.
+            open_device: Opens it.
+            use: Uses it until it goes away or is no longer wanted; returns whether it gave anything.
+            close: Lets go of it.
+            over: As for :meth:`wait`.
+            absent: As for :meth:`open`.
+            refused: Likewise.
+        """
+        while not over(0.0):
+            if link is None:
+                link = self.open(open_device, over, absent=absent, refused=refused)
+                if link is None:
+                    return
+            try:
+                if use(link):
+                    self.works()
+            finally:
+                close(link)
+            link = None
+        if link is not None:
+            close(link)
+
+
+def polled(stopped: Callable[[], bool], *, every_s: float) -> Over:
+    """Return an :data:`Over` of a function that only tells whether the device is no longer wanted.
+
+    Args:
+        stopped: Asked again and again while waiting.
+        every_s: How often, seconds.
+    """
+
+    def over(rest_s: float) -> bool:
+        until_s = time.monotonic() + rest_s
+        while not stopped():
+            left_s = until_s - time.monotonic()
+            if left_s <= 0:
+                return False
+            time.sleep(min(left_s, every_s))
+        return True
+
+    return over

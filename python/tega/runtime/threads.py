@@ -1,0 +1,227 @@
+"""Give the threads of a run real-time priority, in the right order, where the system allows it.
+
+On a busy machine a thread that has been woken may wait some milliseconds for a core, which is more than all it then
+does. Linux gives real-time threads theirs at once: to root, and to whoever ``ulimit -r`` allows a priority. Elsewhere,
+or without leave, or with ``session.realtime = false``, all goes on as before. The kernel keeps a twentieth of the time
+for others, whatever such a thread does, and processes that it starts are ordinary ones.
+
+=========== ======== =====================================================================================
+rank        priority whose
+=========== ======== =====================================================================================
+``hand``    9        the hand's process and who drains a serial port: nobody in the run waits for what they hold
+``act``     8        the loop, the vest's thread, the muscles', who hears the hand: short, and somebody waits for it
+``measure`` 6        a camera's: it looks at a picture and measures it, in less than a millisecond
+``beside``  4        everything else in the program, and the recorder's process
+``picture`` 2        coding a picture, which takes 1 to 2 ms without the interpreter lock
+=========== ======== =====================================================================================
+
+Whoever may hold the interpreter lock goes before whoever does not: a thread that loses its core while it holds the lock
+keeps all others waiting. So a camera's thread gives way only while it decodes (:func:`give_way`), and the recorder's
+while it encodes.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Final, Literal
+
+from tega.runtime.every import every
+
+Rank = Literal["hand", "act", "measure", "beside", "picture"]
+
+# Low among real-time threads: the kernel's own, of drivers and interrupts, go first.
+_PRIORITY: Final[dict[Rank, int]] = {"hand": 9, "act": 8, "measure": 6, "beside": 4, "picture": 2}
+_SWEEP_S = 1.0
+_TURN_S = 0.0005
+
+_state = {"allowed": True}
+
+
+@contextmanager
+def realtime(*, allowed: bool) -> Iterator[None]:
+    """Allow or forbid real-time priority, for this block and the whole program."""
+    before, _state["allowed"] = _state["allowed"], allowed
+    try:
+        yield
+    finally:
+        _state["allowed"] = before
+
+
+def realtime_allowed() -> bool:
+    """Whether real-time priority may be asked for, for a process of the same run to do likewise."""
+    return _state["allowed"]
+
+
+def spare_threads() -> None:
+    """Have NumPy and OpenCV, if imported after this, start no threads for matrices: in a run they would idle."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+
+@contextmanager
+def short_turns() -> Iterator[None]:
+    """Have a thread hold the interpreter lock for half a millisecond at most, for this block and the whole program.
+
+    Python lets it hold the lock for 5 ms, which is longer than a tick of the hand.
+    """
+    before_s = sys.getswitchinterval()
+    sys.setswitchinterval(min(before_s, _TURN_S))
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(before_s)
+
+
+@contextmanager
+def run_realtime(rank: Rank, *, inherited: bool = False) -> Iterator[bool]:
+    """Ask for real-time priority for the calling thread and this block.
+
+    Args:
+        rank: Before which other threads of the run it goes.
+        inherited: Threads that are started in the block keep it; none of them may start a process.
+
+    Yields:
+        Whether it was granted, or was so before.
+    """
+    if sys.platform != "linux" or not _possible():
+        yield False
+        return
+    before, how = os.sched_getscheduler(0), os.sched_getparam(0)
+    if _is_realtime(before) and how.sched_priority >= _PRIORITY[rank]:
+        yield True
+        return
+    if not _set(0, rank, inherited=inherited):
+        yield False
+        return
+    try:
+        yield True
+    finally:
+        os.sched_setscheduler(0, before, how)
+
+
+@contextmanager
+def give_way() -> Iterator[None]:
+    """Lower the calling thread to the rank ``picture`` for this block, which holds no interpreter lock for long.
+
+    A thread without a rank stays as it is.
+    """
+    if sys.platform != "linux" or not _possible():
+        yield
+        return
+    before, how = os.sched_getscheduler(0), os.sched_getparam(0)
+    if not _is_realtime(before):
+        yield
+        return
+    _set(0, "picture")
+    try:
+        yield
+    finally:
+        os.sched_setscheduler(0, before, how)
+
+
+def promote(thread: threading.Thread, rank: Rank) -> bool:
+    """Ask for another thread's real-time priority, such as a library's, until that ends; return whether it came."""
+    return _possible() and thread.native_id is not None and _set(thread.native_id, rank)
+
+
+@contextmanager
+def all_along() -> Iterator[None]:
+    """Give the rank ``beside`` to all threads that have none, and to those that begin, for this block."""
+    if not _possible():
+        yield
+        return
+    brought: set[int] = set()
+
+    def sweep() -> None:
+        for thread in threading.enumerate():
+            tid = thread.native_id
+            if tid is not None and _is_ordinary(tid) and promote(thread, "beside"):
+                brought.add(tid)
+
+    try:
+        with every(sweep, every_s=_SWEEP_S):
+            yield
+    finally:
+        for left in threading.enumerate():
+            if left.native_id in brought:
+                _ordinary(left.native_id)
+
+
+@contextmanager
+def restored() -> Iterator[None]:
+    """Give back the priority that a library takes for itself in this block, before every other program.
+
+    The video encoder SVT-AV1 does so where it runs as root: it puts the calling thread, and so every process that is
+    started from it afterwards, and all threads of its own before everything on the machine, a running loop included.
+    """
+    if sys.platform != "linux":
+        yield
+        return
+    before = {tid: how for tid in _threads() if (how := _how(tid)) is not None}
+    try:
+        yield
+    finally:
+        for tid in _threads():
+            how = _how(tid)
+            if how is None or how == before.get(tid) or how[0] & ~os.SCHED_RESET_ON_FORK != os.SCHED_FIFO:
+                continue  # ours are SCHED_RR
+            with suppress(OSError):  # it has ended
+                policy, priority = before.get(tid, (os.SCHED_OTHER, 0))
+                os.sched_setscheduler(tid, policy, os.sched_param(priority))
+
+
+def _threads() -> list[int]:
+    """Return all threads of this program, a library's as well."""
+    return [int(task.name) for task in Path("/proc/self/task").iterdir()]
+
+
+def _how(tid: int) -> tuple[int, int] | None:
+    if sys.platform != "linux":
+        return None
+    try:
+        return os.sched_getscheduler(tid), os.sched_getparam(tid).sched_priority
+    except OSError:  # it has ended
+        return None
+
+
+def _possible() -> bool:
+    return sys.platform == "linux" and _state["allowed"]
+
+
+def _is_realtime(policy: int) -> bool:
+    if sys.platform != "linux":
+        return False
+    return policy & ~os.SCHED_RESET_ON_FORK in {os.SCHED_FIFO, os.SCHED_RR}
+
+
+def _is_ordinary(tid: int) -> bool:
+    if sys.platform != "linux":
+        return True
+    try:
+        return os.sched_getscheduler(tid) & ~os.SCHED_RESET_ON_FORK == os.SCHED_OTHER
+    except OSError:  # it has ended
+        return False
+
+
+def _set(tid: int, rank: Rank, *, inherited: bool = False) -> bool:
+    if sys.platform != "linux":
+        return False
+    policy = os.SCHED_RR if inherited else os.SCHED_RR | os.SCHED_RESET_ON_FORK
+    try:
+        os.sched_setscheduler(tid, policy, os.sched_param(_PRIORITY[rank]))
+    except OSError:  # not allowed, or it has ended
+        return False
+    return True
+
+
+def _ordinary(tid: int) -> None:
+    if sys.platform != "linux":
+        return
+    try:
+        os.sched_setscheduler(tid, os.SCHED_OTHER, os.sched_param(0))
+    except OSError:  # it has ended
+        return

@@ -1,0 +1,1 @@
+"""Set up a lab: guided calibration and the check of every device."""

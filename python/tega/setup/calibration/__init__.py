@@ -1,0 +1,1 @@
+"""Calibrate fingertips, muscles, arm and vest for a person, step by step."""

@@ -1,0 +1,117 @@
+"""Check a person's calibration without a run, and without opening a device."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+from tega.config.calibration.folder import Part, device_name
+from tega.config.calibration.records import EmgRecord, TouchRecord, VestCalibration
+from tega.errors import CalibrationError
+from tega.setup.calibration.person import (
+    calibrate_command,
+    closed_info,
+    emg_warnings,
+    live_vest,
+    needed_record,
+    touch_warnings,
+    vest_warnings,
+    whose,
+)
+
+if TYPE_CHECKING:
+    from tega.config import SessionConfig
+    from tega.devices.base import DeviceInfo
+
+
+class CalibrationLook(NamedTuple):
+    """State of one part of a person's calibration.
+
+    Attributes:
+        what: The part: a finger, ``EMG``, ``vest``.
+        problem: What is wrong with it; ``""`` where nothing is.
+        command: What to run about that.
+        status: ``missing``: there is none; ``wrong``: it is not to be used; ``doubt``: it is, but old or with a note.
+    """
+
+    what: str
+    problem: str = ""
+    command: str = ""
+    status: Literal["doubt", "wrong", "missing"] = "doubt"
+
+
+def look_at(config: SessionConfig, *, settings: str, now: datetime) -> list[CalibrationLook]:
+    """Look at a person's records for the live devices of some settings, as far as they tell while they are closed.
+
+    Args:
+        config: The settings; ``calibration.person`` and ``calibration.folder`` are set.
+        settings: How their file is named in the commands that are suggested.
+        now: To tell the age.
+    """
+    person, folder = whose(config.calibration)
+    found: list[CalibrationLook] = []
+
+    def look(what: str, wanted: type[Any], info: DeviceInfo | None) -> Any:
+        if info is None or not info.live:
+            return None
+        part: Part = "touch" if wanted is TouchRecord else "emg"
+        try:
+            return needed_record(folder, person, wanted, info, what=what, settings=settings)
+        except CalibrationError as error:
+            there = folder.file(person, part, device_name(info)).is_file()
+            found.append(CalibrationLook(what, error.message, error.hint, "wrong" if there else "missing"))
+            return None
+
+    def warned(what: str, warnings: list[str]) -> None:
+        for warning in warnings:
+            said, begins, rest = warning.partition(": tega-teleop ")
+            found.append(CalibrationLook(what, said, f"tega-teleop {rest}" if begins else ""))
+        if not warnings:
+            found.append(CalibrationLook(what))
+
+    for finger, section in config.tactile.in_use().items():
+        info = closed_info(section.driver, "tactile", section.options)
+        if (record := look(finger, TouchRecord, info)) is not None:
+            warned(finger, touch_warnings(config, folder, finger, record, settings=settings, now=now))
+    if (emg := config.emg) is not None:
+        info = closed_info(emg.driver, "emg", emg.options)
+        if (record := look("EMG", EmgRecord, info)) is not None:
+            if (said := _other_way(record, config)) is not None:
+                found.append(
+                    CalibrationLook("EMG", said, calibrate_command(settings, person, "emg"), "wrong")
+                )
+            else:
+                warned("EMG", emg_warnings(record, config, settings=settings, now=now))
+    if (info := live_vest(config)) is not None and config.session.preset == "live":
+        try:
+            worn = folder.record(person, VestCalibration, device_name(info))
+            fit = "" if worn is None else f" ({worn.named_right} of {worn.named} places named right)"
+            warned(f"vest{fit}", vest_warnings(config, folder, person, settings=settings, now=now))
+        except CalibrationError as error:
+            command = calibrate_command(settings, person, "vest")
+            found.append(CalibrationLook("vest", f"vest: {error.message}", command, "wrong"))
+    return found
+
+
+def people_with_calibrations(config: SessionConfig, settings: str) -> list[str]:
+    """Return whose calibrations lie where those of some settings are kept."""
+    folder = config.calibration.folder or Path(settings).absolute().parent / "calibrations"
+    return sorted({file.parent.name for file in folder.glob("people/*/*.toml")})
+
+
+def _other_way(record: EmgRecord, config: SessionConfig) -> str | None:
+    """Say what was set in another way when the muscles were calibrated, as far as settings tell."""
+    from tega.setup.calibration.steps_emg import driver_settings
+
+    section = config.emg
+    if section is None:
+        return None
+    for what, then, today in (
+        ("driver", record.driver, section.driver),
+        ("kind", record.kind, section.kind),
+        ("settings", record.settings, driver_settings(section)),
+    ):
+        if then != today:
+            return f"EMG: {record.person} was calibrated with {what} = {then}, the settings have {today}"
+    return None

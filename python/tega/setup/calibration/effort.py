@@ -1,0 +1,237 @@
+"""Measure muscles at rest and at work: offset, rest and maxima by channel, and each electrode's muscle.
+
+Every number goes through the chain that a run uses (:func:`tega.emg.channel_maxima`), so that a maximum means in a
+run what it meant here. Values are in the source's unit.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections import Counter
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+import numpy as np
+
+from tega.devices.emg.emg_health import EmgHealth, swapped_channels
+from tega.emg import channel_maxima
+from tega.errors import CalibrationError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tega.devices.base import EmgChunk
+
+
+LEAST_RATIO = 3.0
+"""A maximum under so many times the rest has no room for five levels."""
+
+# Squeezes as strong as the person can agree within a quarter; a much weaker one was half-hearted.
+_AGREE = 0.6
+# Not still: the noisiest tenth of a second of rest far above its middle.
+_UNQUIET = 3.0
+# The rise of a squeeze is not its strength.
+_RISE_S = 0.5
+# A channel that rises by less than this share of its maximum has not answered.
+_ANSWER = 0.15
+
+# What is wrong while a muscle works is wrong at rest too, but an envelope at rest may well stand still.
+_Findings = Counter[str]
+
+
+class Chain(NamedTuple):
+    """Turns samples into block means.
+
+    Attributes:
+        rate_hz: Samples per second.
+        tau: Samples per block.
+        kind: What the samples are.
+        channels: Their names.
+    """
+
+    rate_hz: float
+    tau: int
+    kind: Literal["raw", "rectified", "envelope"]
+    channels: tuple[str, ...]
+
+    def level(self, samples: NDArray[np.float64], percentile: float) -> NDArray[np.float64]:
+        """Return a percentile of the block means of each channel, (channels,); 0 where it never moves."""
+        values = np.zeros(len(self.channels))
+        for k in range(len(self.channels)):
+            column = samples[:, k]
+            try:
+                values[k] = channel_maxima(
+                    column[np.isfinite(column)],
+                    self.rate_hz,
+                    tau=self.tau,
+                    kind=self.kind,
+                    percentile=percentile,
+                )[0]
+            except CalibrationError:  # too short, or it does not move
+                continue
+        return values
+
+
+def watch(chunks: Sequence[EmgChunk], chain: Chain, limits: tuple[float, float] | None) -> tuple[str, ...]:
+    """Say what is wrong with a stretch of signal, in the words of :mod:`tega.devices.emg.emg_health`.
+
+    A finding is told that is there for two half seconds and half of the time since it was first seen: mains can be
+    seen after two seconds only, and a jerk of the arm is no fault. Lost samples are told above 5 %.
+    """
+    health, seen, n_looks = EmgHealth(chain.rate_hz, chain.channels, limits=limits), _Findings(), 0
+    first_seen: dict[str, int] = {}
+    step = max(1, round(0.5 * chain.rate_hz))
+    samples = np.concatenate([c.samples for c in chunks]) if chunks else np.empty((0, len(chain.channels)))
+    first = chunks[0].first_index if chunks else 0
+    for at in range(0, len(samples) - step + 1, step):
+        part = chunks[0]._replace(first_index=first + at, samples=samples[at : at + step])
+        health.take(part)
+        seen.update(health.now)
+        for said in health.now:
+            first_seen.setdefault(said, n_looks)
+        n_looks += 1
+    least = min(2, n_looks)
+    words = [said for said, n in seen.items() if n >= least and 2 * n >= n_looks - first_seen[said]]
+    n_lost = sum(
+        max(0, b.first_index - a.first_index - len(a.samples)) for a, b in itertools.pairwise(chunks)
+    )
+    if n_lost > 0.05 * (len(samples) + n_lost):
+        words.insert(0, f"{n_lost} samples were lost: cable, battery, or radio out of reach")
+    return tuple(words)
+
+
+class RestEffort(NamedTuple):
+    """Muscles at rest.
+
+    Attributes:
+        offset: Mean of the samples, (channels,).
+        rest: Middle block mean, (channels,).
+        problems: Why it cannot be used, one sentence each.
+    """
+
+    offset: NDArray[np.float64]
+    rest: NDArray[np.float64]
+    problems: tuple[str, ...]
+
+
+def judge_quiet(
+    chunks: Sequence[EmgChunk], chain: Chain, *, limits: tuple[float, float] | None = None
+) -> RestEffort:
+    """Measure muscles at rest.
+
+    Args:
+        chunks: What came while the person rested.
+        chain: The conditions.
+        limits: Of the converter.
+
+    Raises:
+        CalibrationError: Nothing came.
+    """
+    samples = _samples(chunks)
+    middle, top = chain.level(samples, 50.0), chain.level(samples, 95.0)
+    problems = list(watch(chunks, chain, limits))
+    for name, quiet, loud in zip(chain.channels, middle, top, strict=True):
+        if loud > _UNQUIET * quiet > 0:
+            problems.append(f"{name}: not at rest all the time: let the arm lie, hand open")
+    return RestEffort(np.nanmean(samples, axis=0), middle, tuple(problems))
+
+
+class Squeezes(NamedTuple):
+    """Maxima of strong contractions, and what is wrong with them.
+
+    Attributes:
+        paper: Largest block mean, (channels,).
+        live: 95th percentile of the block means, (channels,).
+        problems: Why they cannot be used, one sentence each.
+    """
+
+    paper: NDArray[np.float64]
+    live: NDArray[np.float64]
+    problems: tuple[str, ...]
+
+
+def judge_squeezes(
+    squeezes: Sequence[Sequence[EmgChunk]],
+    rest: NDArray[np.float64],
+    chain: Chain,
+    *,
+    limits: tuple[float, float] | None = None,
+) -> Squeezes:
+    """Take the maxima of strong squeezes.
+
+    The first half second of each is its rise and is left out. The maxima are those of all of them together.
+
+    Args:
+        squeezes: What came during each.
+        rest: What the channels have at rest, (channels,).
+        chain: The conditions.
+        limits: Of the converter.
+
+    Raises:
+        CalibrationError: Nothing came during one.
+    """
+    steady = [_samples(chunks)[_rise(chunks, chain) :] for chunks in squeezes]
+    levels = np.array([chain.level(s, 50.0) for s in steady])
+    whole = np.concatenate(steady)
+    paper, live = chain.level(whole, 100.0), chain.level(whole, 95.0)
+    found = Counter(words for chunks in squeezes for words in set(watch(chunks, chain, limits)))
+    problems = [words for words, n in found.items() if 2 * n >= len(squeezes)]
+    for name, quiet, top in zip(chain.channels, rest, live, strict=True):
+        if top <= 0:
+            problems.append(f"{name}: no signal in any squeeze")
+        elif top < LEAST_RATIO * quiet:
+            problems.append(
+                f"{name}: a strong squeeze is only {top / quiet:.1f} times its rest, {LEAST_RATIO:g} are needed: "
+                "the electrode is off the muscle, or the rest was not one"
+            )
+    overall = (levels / np.maximum(levels.max(axis=0), 1e-12)).mean(axis=1)
+    for k, share in enumerate(overall):
+        if share < _AGREE * overall.max():
+            problems.append(
+                f"squeeze {k + 1} reached {share / overall.max():.0%} of the strongest: all as strong as you can"
+            )
+    return Squeezes(paper, live, tuple(problems))
+
+
+def judge_muscles(
+    movements: Sequence[Sequence[EmgChunk]],
+    rest: NDArray[np.float64],
+    maxima: NDArray[np.float64],
+    chain: Chain,
+) -> tuple[NDArray[np.float64], tuple[str, ...]]:
+    """Say which channel answered to which muscle.
+
+    Args:
+        movements: What came while the muscle of each channel worked alone, in the order of the channels.
+        rest: What the channels have at rest, (channels,).
+        maxima: And in a strong squeeze, (channels,).
+        chain: The conditions.
+
+    Returns:
+        How much each channel rose, as a share of its range, (muscles, channels), and what is wrong.
+
+    Raises:
+        CalibrationError: Nothing came during one.
+    """
+    span = np.maximum(maxima - rest, 1e-12)
+    drives = np.array([(chain.level(_samples(m)[_rise(m, chain) :], 50.0) - rest) / span for m in movements])
+    problems = []
+    if said := swapped_channels(np.maximum(drives, 0.0), chain.channels):
+        problems.append(said)
+    for k, name in enumerate(chain.channels):
+        if drives[k].max() < _ANSWER:
+            problems.append(
+                f"{name}: no channel answered to its muscle: move harder, or the electrode is off it"
+            )
+    return drives, tuple(problems)
+
+
+def _rise(chunks: Sequence[EmgChunk], chain: Chain) -> int:
+    n = sum(len(c.samples) for c in chunks)
+    return min(round(_RISE_S * chain.rate_hz), n // 4)
+
+
+def _samples(chunks: Sequence[EmgChunk]) -> NDArray[np.float64]:
+    if not sum(len(c.samples) for c in chunks):
+        raise CalibrationError("no EMG sample came", "check power and cable")
+    return np.concatenate([c.samples for c in chunks])

@@ -1,0 +1,116 @@
+"""Light one motor of a vest at a time, so that its wearer can say where it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tega.errors import DeviceUnavailableError, InvalidValueError
+from tega.haptics import Layout, MotorLevels, vest_frame
+from tega.runtime.clock import Clock
+
+if TYPE_CHECKING:
+    from tega.devices.base import VestSink
+
+
+_PERIOD_NS = 50_000_000  # well within a vest's watchdog
+
+
+def motor_place(motor: int) -> str:
+    """Say where a motor is felt.
+
+    Args:
+        motor: Its index, 0 to 39.
+
+    Example:
+        >>> motor_place(23)
+        "back, row 1 of 5 from the top, column 4 of 4 from the wearer's left"
+    """
+    panel, place = divmod(motor, 20)
+    row, column = divmod(place, 4)
+    side = ("front", "back")[panel]
+    return f"{side}, row {row + 1} of 5 from the top, column {column + 1} of 4 from the wearer's left"
+
+
+def light_motor(
+    vest: VestSink,
+    motor: int,
+    *,
+    layout: Layout,
+    percent: int,
+    duration_s: float,
+    clock: Clock,
+    stop: Callable[[], bool] = lambda: False,
+    told: Callable[[MotorLevels], None] = lambda _sent: None,
+) -> None:
+    """Drive one motor for a while, then none.
+
+    Args:
+        vest: An open vest.
+        motor: Index of the motor, as in :attr:`tega.haptics.MotorLevels.motors`.
+        layout: Which motors the vest has.
+        percent: How hard.
+        duration_s: How long.
+        clock: Time.
+        stop: Asked all the time whether to end early.
+        told: Told what the vest says it sent, of every frame but the silence at the end.
+
+    Raises:
+        InvalidValueError: The layout has no such motor.
+        DeviceUnavailableError: The vest did not show it all the time.
+    """
+    silent = vest_frame([0] * 4, [0] * 4, layout=layout)
+    lit = np.where(silent.motors == motor, np.uint8(percent), np.uint8(0)).astype(np.uint8)
+    if not lit.any():
+        known = ", ".join(str(m) for m in silent.motors)
+        raise InvalidValueError(
+            f"motor {motor} is not one of layout {layout!r} (or percent is 0)", f"it has {known}"
+        )
+    what = f"motor {motor}"
+    show_frame(
+        vest, MotorLevels(layout, lit), duration_s=duration_s, clock=clock, stop=stop, told=told, what=what
+    )
+
+
+def show_frame(
+    vest: VestSink,
+    frame: MotorLevels,
+    *,
+    duration_s: float,
+    clock: Clock,
+    what: str,
+    stop: Callable[[], bool] = lambda: False,
+    told: Callable[[MotorLevels], None] = lambda _sent: None,
+) -> None:
+    """Show a frame for a while, then none, also when it is interrupted.
+
+    Args:
+        vest: An open vest.
+        frame: What to show.
+        duration_s: How long.
+        clock: Time.
+        what: What it is, for the error.
+        stop: Asked all the time whether to end early.
+        told: Told what the vest says it sent, of every frame but the silence at the end.
+
+    Raises:
+        DeviceUnavailableError: The vest did not show it all the time.
+    """
+    silent = MotorLevels(frame.layout, np.zeros_like(frame.intensities))
+    start_ns = clock.now_ns()
+    shown = True
+    try:
+        for k in range(round(duration_s * 1e9) // _PERIOD_NS + 1):
+            clock.sleep_until(start_ns + k * _PERIOD_NS)
+            if stop():
+                break
+            sent = vest.write(k * _PERIOD_NS, frame)
+            told(sent)
+            shown = bool(sent.intensities.any() or not frame.intensities.any()) and shown
+    finally:
+        vest.write(clock.now_ns() - start_ns, silent)
+    if not shown:
+        notes = "; ".join(vest.info.notes) or "its link was down"
+        raise DeviceUnavailableError(f"the vest did not show {what} all the time: {notes}")

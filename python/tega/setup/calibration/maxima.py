@@ -1,0 +1,165 @@
+"""Derive maxima from the recording itself: what a run falls back on where no calibration is given.
+
+They know the whole recording before its first moment, so a self-calibrated run is not causal and says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Literal
+
+import msgspec
+import numpy as np
+
+from tega.config.calibration import EmgMaxima, TouchMaxima
+from tega.devices.base import EmgSource
+from tega.emg import channel_maxima
+from tega.errors import CalibrationError, ConfigError
+from tega.loop.inbox.reader import READ_TIMEOUT_S
+from tega.loop.inbox.sources import Contact
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+SELF_CALIBRATED = "self-calibrated from the recording, not causal"
+
+TAU_S = 0.1
+"""Length of an EMG block where no decoder says otherwise: 100 ms, as the presets have it."""
+
+TOUCH_PERCENTILE = 99.5
+"""One spike must not deaden the vest: the maximum is this percentile of the frames in contact."""
+
+HEADROOM = 1.3
+"""A hold may dent the gel more widely than a flat board in a guided press does; it shall still be felt to grow."""
+
+LEAST_CONTACT_PX = 30
+"""A CCI from fewer pixels than this says nothing about how sharp a press can be."""
+
+EMG_PERCENTILE = {"paper": 100.0, "live": 95.0}
+"""Which percentile of the block means counts as the maximum, by preset."""
+
+
+def touch_maxima(contacts: Sequence[Contact]) -> TouchMaxima:
+    """Derive a finger's maxima from its measured frames.
+
+    Args:
+        contacts: All frames of the recording.
+
+    Returns:
+        The 99.5 percentiles over the frames in contact; CCI only from contacts of at least 30 pixels. ``None``
+        where there are none.
+    """
+    touching = [metrics for _, metrics in contacts if metrics.in_contact]
+    return TouchMaxima(
+        cci_max=_percentile([m.cci for m in touching if m.eda >= LEAST_CONTACT_PX]),
+        eda_max=_percentile([float(m.eda) for m in touching]),
+    )
+
+
+def guided_maxima(contacts: Sequence[Contact]) -> TouchMaxima:
+    """Derive a finger's maxima from guided presses, round and flat.
+
+    Args:
+        contacts: Their frames.
+
+    Returns:
+        Those of :func:`touch_maxima`, EDA times :data:`HEADROOM`.
+    """
+    full = touch_maxima(contacts)
+    return full if full.eda_max is None else msgspec.structs.replace(full, eda_max=HEADROOM * full.eda_max)
+
+
+def _percentile(values: Sequence[float]) -> float | None:
+    if not values:
+        return None
+    maximum = float(np.percentile(values, TOUCH_PERCENTILE))
+    return maximum if maximum > 0 else None
+
+
+def block_length(rate_hz: float, block_s: float = TAU_S) -> int:
+    """Return the samples of a block.
+
+    Raises:
+        ConfigError: The rate is too low for a block to hold one sample.
+    """
+    tau = round(block_s * rate_hz)
+    if tau < 1:
+        raise ConfigError(
+            f"EMG rate_hz = {rate_hz:g}: a block of {block_s * 1000:g} ms holds no sample",
+            "give the samples per second of one channel",
+        )
+    return tau
+
+
+def emg_conditions(
+    source: EmgSource, kind: Literal["raw", "rectified", "envelope"], *, block_s: float = TAU_S
+) -> EmgMaxima:
+    """Describe an EMG source as far as a calibration depends on it; the maxima are left empty."""
+    info = source.info
+    if info.rate_hz is None:
+        raise ConfigError(f"EMG source {info.label!r} states no rate", "set rate_hz in its options")
+    return EmgMaxima(
+        kind=kind,
+        rate_hz=info.rate_hz,
+        tau=block_length(info.rate_hz, block_s),
+        channels=info.channels,
+        maxima=(),
+    )
+
+
+def emg_maxima(source: EmgSource, conditions: EmgMaxima, *, preset: Literal["paper", "live"]) -> EmgMaxima:
+    """Derive the channels' maxima from a whole recording, which is left at its beginning.
+
+    Args:
+        source: The open recording.
+        conditions: What :func:`emg_conditions` said of it.
+        preset: ``paper`` takes the largest block mean, ``live`` the 95th percentile.
+
+    Returns:
+        The conditions, with the maxima.
+
+    Raises:
+        CalibrationError: A channel never moves, or the recording is shorter than one block.
+    """
+    samples = held_samples(_all_samples(source))
+    source.open()
+    try:
+        maxima = channel_maxima(
+            samples,
+            conditions.rate_hz,
+            tau=conditions.tau,
+            kind=conditions.kind,
+            percentile=EMG_PERCENTILE[preset],
+        )
+    except CalibrationError as error:
+        said = f"EMG {source.info.label}, channels {', '.join(conditions.channels)}: {error.message}"
+        raise CalibrationError(said, error.hint) from error
+    values = tuple(float(m) for m in maxima)
+    return EmgMaxima(
+        kind=conditions.kind,
+        rate_hz=conditions.rate_hz,
+        tau=conditions.tau,
+        channels=conditions.channels,
+        maxima=values,
+    )
+
+
+def _all_samples(source: EmgSource) -> NDArray[np.float64]:
+    chunks = []
+    while not source.ended:
+        chunk = source.read(READ_TIMEOUT_S)
+        if chunk is not None:
+            chunks.append(chunk.samples)
+    return np.concatenate(chunks) if chunks else np.empty((0, len(source.info.channels)))
+
+
+def held_samples(samples: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Let a sample that is no number keep the value before it, as the running chain does."""
+    good = np.isfinite(samples)
+    if good.all():
+        return samples
+    rows = np.where(good, np.arange(len(samples))[:, None], -1)
+    last_good = np.maximum.accumulate(rows, axis=0)
+    first_good = np.argmax(good, axis=0)
+    return np.take_along_axis(samples, np.where(last_good < 0, first_good, last_good), axis=0)

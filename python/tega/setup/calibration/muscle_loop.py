@@ -1,0 +1,109 @@
+"""Read a calibrated person's muscles through the decoder that a run uses, block by block, without a hand."""
+
+from __future__ import annotations
+
+import time
+from types import TracebackType
+from typing import TYPE_CHECKING, Self
+
+from tega.config.calibration.folder import device_name
+from tega.config.calibration.records import utc_now
+from tega.devices.registry import driver_class
+from tega.errors import CalibrationError, ConfigError
+from tega.loop.inbox.sources import BlockMeter, SourceReport
+from tega.setup.calibration.maxima import emg_conditions
+from tega.setup.calibration.person import person_calibration
+from tega.stages.choose import block_s, muscle_decoder
+
+if TYPE_CHECKING:
+    from tega.config import SessionConfig
+    from tega.devices.base import EmgChunk
+    from tega.loop.inbox.sources import EmgBlock
+
+__all__ = ["MuscleLoop"]
+
+_READ_S = 0.05
+
+
+class MuscleLoop:
+    """EMG source and decoder of the settings, for as long as the ``with`` block lasts.
+
+    Args:
+        config: The settings, with ``calibration.person``.
+        settings: How the settings file is named in the commands that are suggested.
+        what: What needs the muscles, for the message where there are none.
+
+    Attributes:
+        chunks: The samples since :meth:`start`, as they came.
+        maxima: The person's calibration.
+        device: Serial number of the source, or what stands for one.
+        driver: Its driver.
+        start_ns: When :meth:`start` was called, on the monotonic clock.
+
+    Raises:
+        ConfigError: The settings have no EMG.
+        CalibrationError: The person is not calibrated on this source.
+        DeviceUnavailableError: The source is not there, or went away.
+    """
+
+    def __init__(self, config: SessionConfig, *, settings: str, what: str) -> None:
+        if config.emg is None:
+            raise ConfigError(
+                f"{what} needs muscles: the settings have no [emg]", "add it; see docs/device-emg.md"
+            )
+        self._config = config
+        self.chunks: list[EmgChunk] = []
+        self._source = driver_class(config.emg.driver, "emg")(config.emg.options)
+        self._kind, self._settings = config.emg.kind, settings
+
+    def __enter__(self) -> Self:
+        """Open the source and make the decoder."""
+        self._source.__enter__()
+        try:
+            self._calibrate()
+        except BaseException:
+            self._source.__exit__(None, None, None)
+            raise
+        return self
+
+    def _calibrate(self) -> None:
+        config, source = self._config, self._source
+        conditions = emg_conditions(source, self._kind, block_s=block_s(config))
+        personal = person_calibration(config, {}, source, conditions, settings=self._settings, now=utc_now())
+        maxima = personal.calibration.emg
+        if maxima is None:
+            raise CalibrationError(f"{personal.name}: has no EMG maxima", "calibrate")
+        self.maxima = maxima
+        self._decoder = muscle_decoder(config.stages, config.session.preset, maxima)
+        self.driver, self.device = source.info.driver, device_name(source.info)
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close the source."""
+        self._source.__exit__(kind, error, trace)
+
+    def start(self) -> None:
+        """Begin with what comes from now on."""
+        while self._source.read(0.0) is not None:
+            pass
+        self.start_ns = time.monotonic_ns()
+        self._meter = BlockMeter(
+            self._decoder, SourceReport(), maxima=self.maxima, live=True, start_ns=self.start_ns
+        )
+
+    @property
+    def gone_s(self) -> float:
+        """Seconds since :meth:`start`."""
+        return (time.monotonic_ns() - self.start_ns) * 1e-9
+
+    def blocks(self) -> list[EmgBlock]:
+        """Wait a twentieth of a second at most; return the blocks that were completed, oldest first."""
+        chunk = self._source.read(_READ_S)
+        if chunk is None:
+            return []
+        self.chunks.append(chunk)
+        return list(self._meter.take(chunk))

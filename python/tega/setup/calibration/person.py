@@ -1,0 +1,425 @@
+"""Apply a person's calibration to a run: what is used, what is refused, and what is warned of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from datetime import datetime, timedelta
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+import msgspec
+
+from tega.config.calibration.folder import CalibrationFolder, Part, device_name
+from tega.config.calibration.records import ArmRecord, EmgRecord, TouchRecord, VestCalibration
+from tega.config.calibration.store import Calibration, EmgMaxima, FingerMaxima, TouchMaxima, refused_law
+from tega.errors import CalibrationError, TegaError
+from tega.setup.calibration.wearing import site_motors
+
+if TYPE_CHECKING:
+    from tega.config import CalibrationConfig, LoadedConfig, SessionConfig
+    from tega.devices.base import DeviceInfo, EmgSource, TactileSource
+
+
+# By 5 % a rate is another than the one calibrated with: the same limit as for a device that lies about its rate.
+_RATE_TOLERANCE = 0.05
+_MOTORS = 40
+_HEADING_OLD_H = 12.0
+_FRAME_S = 1.0
+
+
+class Personal(NamedTuple):
+    """Calibration of a run from a person's records, with warnings.
+
+    Attributes:
+        calibration: The maxima.
+        name: What to call where they came from.
+        warnings: What is old, missing or was kept in spite of a problem; one sentence each.
+    """
+
+    calibration: Calibration
+    name: str
+    warnings: tuple[str, ...]
+
+
+def calibrate_command(settings: str, person: str, part: Part | None = None, *, refresh: bool = False) -> str:
+    """Return the command that makes a calibration, as it is typed."""
+    only = {
+        "touch": " --only tactile",
+        "emg": " --only emg",
+        "vest": " --only vest",
+        "arm": " --only arm",
+        None: "",
+    }[part]
+    return f"tega-teleop calibrate {settings} --person {person}{only}{' --refresh' if refresh else ''}"
+
+
+def person_calibration(
+    config: SessionConfig,
+    sources: Mapping[str, TactileSource],
+    emg: EmgSource | None,
+    conditions: EmgMaxima | None,
+    *,
+    settings: str,
+    now: datetime,
+) -> Personal:
+    """Take a person's maxima for the devices of a run.
+
+    Args:
+        config: The settings; ``calibration.person`` and ``calibration.folder`` are set.
+        sources: The open tactile sources, by finger.
+        emg: The open EMG source, if any.
+        conditions: What its calibration depends on.
+        settings: How the settings file is named in the commands that are suggested.
+        now: To tell the age.
+
+    Raises:
+        CalibrationError: A record is missing, or was made for another person, device or way of measuring; the
+            hint is the command to run.
+    """
+    person, folder = whose(config.calibration)
+    warnings: list[str] = []
+    fingers: dict[str, TouchMaxima] = {}
+    for finger, source in sources.items():
+        record = needed_record(
+            folder, person, TouchRecord, source.info, what=f"finger {finger!r}", settings=settings
+        )
+        _check_size(record, source, finger, command=calibrate_command(settings, person, "touch"))
+        fingers[finger] = record.live if config.session.preset == "live" else record.paper
+        warnings += touch_warnings(config, folder, finger, record, settings=settings, now=now)
+    muscles = None
+    if emg is not None and conditions is not None and config.emg is not None:
+        record_emg = needed_record(folder, person, EmgRecord, emg.info, what="EMG", settings=settings)
+        _check_emg(record_emg, conditions, config, command=calibrate_command(settings, person, "emg"))
+        maxima = record_emg.live_max if config.session.preset == "live" else record_emg.paper_max
+        muscles = msgspec.structs.replace(conditions, maxima=maxima)
+        warnings += emg_warnings(record_emg, config, settings=settings, now=now)
+    warnings += vest_warnings(config, folder, person, settings=settings, now=now)
+    warnings += _arm_warnings(config, folder, person, settings=settings, now=now)
+    return Personal(
+        Calibration(
+            preset=config.session.preset,
+            origin=f"calibration of {person}",
+            tactile=FingerMaxima(**fingers),
+            emg=muscles,
+        ),
+        f"calibration of {person}",
+        tuple(warnings),
+    )
+
+
+def whose(config: CalibrationConfig) -> tuple[str, CalibrationFolder]:
+    """Return person and folder of some settings.
+
+    Raises:
+        CalibrationError: They name none.
+    """
+    if config.person is None or config.folder is None:
+        raise CalibrationError("no person is named", "set calibration.person, or run with --person")
+    return config.person, CalibrationFolder(config.folder)
+
+
+def needed_record(
+    folder: CalibrationFolder, person: str, wanted: type[Any], info: DeviceInfo, *, what: str, settings: str
+) -> Any:
+    """Return a record that a run needs, or say what there is instead."""
+    part: Part = "touch" if wanted is TouchRecord else "emg"
+    command = calibrate_command(settings, person, part)
+    if not info.live:
+        raise CalibrationError(
+            f"{what}: {info.label} is a recording, for which {person} has no calibration",
+            "leave calibration.person out, or name calibration.file",
+        )
+    device = device_name(info)
+    try:
+        record = folder.record(person, wanted, device)
+    except CalibrationError as error:
+        raise CalibrationError(f"{what}: {error.message}", command) from error
+    if record is None:
+        instead = folder.others(person, part, device)
+        raise CalibrationError(
+            f"{what}: {person} has no calibration on {device}" + (f" ({instead})" if instead else ""), command
+        )
+    return record
+
+
+def _check_size(record: TouchRecord, source: TactileSource, finger: str, *, command: str) -> None:
+    frame = source.read(_FRAME_S)
+    if frame is None:  # no picture just now; the run says so
+        return
+    height, width = frame.image.shape[:2]
+    if (width, height) != (record.width_px, record.height_px):
+        raise CalibrationError(
+            f"finger {finger!r}: {record.person} was calibrated with pictures of {record.width_px}×{record.height_px}, "
+            f"the sensor gives {width}×{height}",
+            command,
+        )
+
+
+def _check_emg(record: EmgRecord, now: EmgMaxima, config: SessionConfig, *, command: str) -> None:
+    from tega.setup.calibration.steps_emg import driver_settings
+
+    section = config.emg
+    made_with: tuple[tuple[str, object, object], ...] = (
+        ("driver", record.driver, section.driver if section else ""),
+        ("kind", record.kind, now.kind),
+        ("channels", record.channels, now.channels),
+        ("tau", record.tau_samples, now.tau),
+        ("settings", record.settings, driver_settings(section) if section else ""),
+    )
+    for what, then, today in made_with:
+        if then != today:
+            raise CalibrationError(
+                f"EMG: {record.person} was calibrated with {what} = {_said(then)}, the run has {_said(today)}",
+                command,
+            )
+    if abs(record.rate_hz / now.rate_hz - 1) > _RATE_TOLERANCE:
+        raise CalibrationError(
+            f"EMG: {record.person} was calibrated at {record.rate_hz:g} samples/s, the run has {now.rate_hz:g}",
+            command,
+        )
+    lengths = {len(record.live_max), len(record.paper_max), len(record.channels)}
+    if len(lengths) > 1 or min(*record.live_max, *record.paper_max) <= 0:
+        raise CalibrationError(
+            f"EMG: the record of {record.person} does not have one maximum above 0 per channel", command
+        )
+
+
+def _said(value: object) -> str:
+    return ", ".join(map(str, value)) if isinstance(value, tuple) else str(value)
+
+
+def touch_warnings(
+    config: SessionConfig,
+    folder: CalibrationFolder,
+    finger: str,
+    record: TouchRecord,
+    *,
+    settings: str,
+    now: datetime,
+) -> list[str]:
+    """Say what is old about a fingertip's maxima and baseline, and what was noted with them."""
+    person, limits = record.person, config.calibration
+    command = calibrate_command(settings, person, "touch")
+    warnings = _old(f"{finger}: maxima", record.made, limits.touch_old_h, now, command)
+    gels = folder.gels(record.device)
+    baseline = config.tactile.in_use()[finger].baseline
+    newest = next((g for g in gels if g.picture == baseline), None)
+    if newest is not None:
+        refresh = calibrate_command(settings, person, refresh=True)
+        warnings += _old(f"{finger}: baseline", newest.record.made, limits.baseline_old_h, now, refresh)
+        warnings += [f"{finger}: {note}" for note in newest.record.notes]
+    warnings += refused_law(finger, record.live, command)
+    return warnings + [f"{finger}: {note}" for note in record.notes]
+
+
+def emg_warnings(record: EmgRecord, config: SessionConfig, *, settings: str, now: datetime) -> list[str]:
+    """Say that rest and maxima of the muscles are old, and what was noted with them."""
+    made = max(record.made, record.refreshed or record.made)
+    refresh = calibrate_command(settings, record.person, refresh=True)
+    warnings = _old("EMG", made, config.calibration.emg_old_h, now, refresh)
+    return warnings + [f"EMG calibration: {note}" for note in record.notes]
+
+
+def vest_warnings(
+    config: SessionConfig, folder: CalibrationFolder, person: str, *, settings: str, now: datetime
+) -> list[str]:
+    """Say that a vest's thresholds are old or not known: a run without them shows the law's own intensities."""
+    info = live_vest(config)
+    if info is None or config.session.preset != "live":
+        return []
+    device, command = device_name(info), calibrate_command(settings, person, "vest")
+    record = folder.record(person, VestCalibration, device)
+    vest = config.vest
+    if record is None:
+        if (vest.threshold, vest.step) != (0.0, 1.0):
+            return []  # given in the settings
+        instead = folder.others(person, "vest", device)
+        return [
+            f"vest: {person}'s threshold on {device} is not known"
+            + (f" ({instead})" if instead else "")
+            + f", so weak touch may not be felt: {command}"
+        ]
+    warnings = _old("vest", record.made, config.calibration.vest_old_h, now, command)
+    if record.layout != (vest.layout or "x40"):
+        warnings.append(f"vest: {person}'s threshold was found with layout {record.layout}: {command}")
+    return warnings + [f"vest: {note}" for note in record.notes]
+
+
+def _arm_warnings(
+    config: SessionConfig, folder: CalibrationFolder, person: str, *, settings: str, now: datetime
+) -> list[str]:
+    """Say that a heading is old: a headset that was started anew may call another way forward."""
+    info = _tracker_info(config)
+    record = None if info is None else folder.record(person, ArmRecord, device_name(info))
+    if record is None:
+        return []
+    return _old("arm: forward", record.made, _HEADING_OLD_H, now, calibrate_command(settings, person, "arm"))
+
+
+def _old(what: str, made: datetime, limit_h: float, now: datetime, command: str) -> list[str]:
+    age = now - made
+    if age <= timedelta(hours=limit_h):
+        return []
+    hours = age / timedelta(hours=1)
+    said = f"{hours:.0f} hours" if hours < 72 else f"{hours / 24:.0f} days"
+    return [f"{what}: {said} old, warned of after {limit_h:g} hours: {command}"]
+
+
+# Before anything is opened.
+
+
+def with_person(loaded: LoadedConfig, *, given: set[str]) -> LoadedConfig:
+    """Put a person's baselines and thresholds where the settings leave them open, and say where each value comes from.
+
+    A value that is given wins. Nothing is opened: devices are told apart by what they are called while closed.
+
+    Args:
+        loaded: Checked settings with ``calibration.person`` and ``calibration.folder``.
+        given: Dotted keys that somebody has set.
+
+    Raises:
+        InvalidValueError: The person's code cannot be one.
+    """
+    from tega.config import LoadedConfig, SettingValue, TactileSection
+
+    config, values = loaded.config, dict(loaded.values)
+    person, folder = whose(config.calibration)
+    folder.person(person)  # a code that cannot be one is refused here
+    found: dict[str, tuple[Any, str]] = {}
+
+    def readable(wanted: type[Any], info: DeviceInfo) -> Any:
+        """Read a record; what cannot be used is told by the run, which reads it again, and stops no calibration."""
+        try:
+            return folder.record(person, wanted, device_name(info))
+        except CalibrationError as error:
+            values[f"calibration.{info.kind}"] = SettingValue(error.message, "not used")
+            return None
+
+    for finger, section in config.tactile.in_use().items():
+        info = closed_info(section.driver, "tactile", section.options)
+        if info is None or not info.live:
+            continue
+        if gels := folder.gels(device_name(info)):
+            found[f"tactile.{finger}.baseline"] = (gels[-1].picture, folder.named(gels[-1].picture))
+        if (record := readable(TouchRecord, info)) is not None:
+            maxima = record.live if config.session.preset == "live" else record.paper
+            name = folder.named(folder.file(person, "touch", record.device))
+            for key in ("cci_max", "eda_max"):
+                values[f"calibration.{finger}.{key}"] = SettingValue(getattr(maxima, key), name)
+    if config.emg is not None and (info := closed_info(config.emg.driver, "emg", config.emg.options)):
+        emg = readable(EmgRecord, info) if info.live else None
+        if emg is not None:
+            name = folder.named(folder.file(person, "emg", emg.device))
+            top = emg.live_max if config.session.preset == "live" else emg.paper_max
+            values["calibration.emg.maxima"] = SettingValue(top, name)
+    vest_info = live_vest(config)
+    vest = None if vest_info is None else readable(VestCalibration, vest_info)
+    if vest is not None and config.session.preset == "live":
+        threshold, step = felt_by(vest)
+        name = folder.named(folder.file(person, "vest", vest.device))
+        found["vest.threshold"], found["vest.step"] = (threshold, name), (step, name)
+    tracker = _tracker_info(config)
+    found |= _of_the_heading(None if tracker is None else readable(ArmRecord, tracker), folder)
+    found |= _of_the_hand(config, folder, person)
+    changes: dict[str, Any] = {}
+    for key, (value, name) in found.items():
+        if key in given:
+            values[key] = SettingValue(values[key].value, f"{values[key].origin} (wins over {name})")
+        else:
+            values[key], changes[key] = SettingValue(value, name), value
+    tactile = TactileSection(
+        **{
+            f: msgspec.structs.replace(c, baseline=changes.get(f"tactile.{f}.baseline", c.baseline))
+            for f, c in config.tactile.in_use().items()
+        }
+    )
+    vest_section = msgspec.structs.replace(
+        config.vest,
+        threshold=changes.get("vest.threshold", config.vest.threshold),
+        step=changes.get("vest.step", config.vest.step),
+        mirror=changes.get("vest.mirror", config.vest.mirror),
+    )
+    arm = config.arm
+    if arm is not None:
+        forearm = changes.get("arm.mapping.forearm", arm.mapping.forearm)
+        yaws = {
+            k: changes.get(f"arm.mapping.{k}", getattr(arm.mapping, k)) for k in ("yaw_rad", "base_yaw_rad")
+        }
+        mapping = msgspec.structs.replace(arm.mapping, forearm=forearm, **yaws)
+        arm = msgspec.structs.replace(arm, mapping=mapping)
+    return LoadedConfig(msgspec.structs.replace(config, tactile=tactile, vest=vest_section, arm=arm), values)
+
+
+def _of_the_heading(record: ArmRecord | None, folder: CalibrationFolder) -> dict[str, tuple[Any, str]]:
+    """Return which way the person calls forward and sees the robot's base point, where that was found."""
+    if record is None:
+        return {}
+    name = folder.named(folder.file(record.person, "arm", record.device))
+    return {
+        "arm.mapping.yaw_rad": (record.yaw_rad, name),
+        "arm.mapping.base_yaw_rad": (record.base_yaw_rad, name),
+    }
+
+
+def _of_the_hand(config: SessionConfig, folder: CalibrationFolder, person: str) -> dict[str, tuple[Any, str]]:
+    """Return what follows from a person's hand: the forearm that leads the arm, and the side of the thumb's column."""
+    hand = folder.hand(person)
+    if hand is None:
+        return {}
+    name = folder.named(folder.person(person) / "person.toml")
+    found: dict[str, tuple[Any, str]] = {"vest.mirror": ("all" if hand == "left" else "none", name)}
+    if config.arm is not None:
+        found["arm.mapping.forearm"] = (hand, name)
+    return found
+
+
+def live_vest(config: SessionConfig) -> DeviceInfo | None:
+    """Return the description of the vest of some settings, if it is a real one."""
+    vest = config.vest
+    info = None if vest.driver is None else closed_info(vest.driver, "vest", vest.options)
+    return info if info is not None and info.live else None
+
+
+def _tracker_info(config: SessionConfig) -> DeviceInfo | None:
+    """Return the description of the tracker that leads the arm of some settings, if it is a real one."""
+    tracker = None if config.arm is None else config.arm.tracker
+    info = None if tracker is None else closed_info(tracker.driver, "tracker", tracker.options)
+    return info if info is not None and info.live else None
+
+
+def closed_info(
+    driver: str, kind: Literal["tactile", "emg", "vest", "tracker"], options: Any
+) -> DeviceInfo | None:
+    """Return the description that a device gives while it is closed."""
+    from tega.devices.registry import driver_class
+
+    try:
+        info: DeviceInfo = driver_class(driver, kind)(options).info
+    except TegaError:  # it needs to be opened, or a package is missing; the run will say so
+        return None
+    return info
+
+
+def felt_by(record: VestCalibration) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return threshold and step of each of the 40 motors, percent.
+
+    A motor where nothing was felt, or none was asked about, has the middle of the others: one dead motor must not
+    take the range of all. With nothing felt anywhere they are those of no calibration, 0 and 1.
+
+    Args:
+        record: What a person feels.
+    """
+    thresholds = _each_motor(record, record.threshold_percent)
+    steps = _each_motor(record, record.step_percent)
+    return thresholds or (0.0,) * _MOTORS, steps or (1.0,) * _MOTORS
+
+
+def _each_motor(record: VestCalibration, percent: tuple[float, ...]) -> tuple[float, ...] | None:
+    known = sorted(p for p in percent if p > 0)
+    if not known:
+        return None
+    values = [known[len(known) // 2]] * _MOTORS
+    for site, p in zip(record.sites, percent, strict=True):
+        for motor in site_motors(site):
+            if p > 0:
+                values[motor] = p
+    return tuple(values)

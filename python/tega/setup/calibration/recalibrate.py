@@ -1,0 +1,152 @@
+"""Calibrate muscles anew in ten seconds: five of rest, five of a fist, for the maxima and a learned model."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+from tega.devices.registry import driver_class
+from tega.errors import CalibrationError, ConfigError
+from tega.setup.calibration.refresh import kept_record, to_todays_scale
+from tega.setup.calibration.steps_emg import take_rest, take_squeezes
+from tega.stages.choose import chosen_stage
+from tega.stages.learned.learned import LearnedDecoder
+from tega.stages.learned.stage import LearnedOptions
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tega.config import SessionConfig
+    from tega.config.calibration.folder import CalibrationFolder
+    from tega.devices.base import EmgChunk
+    from tega.setup.calibration.guide import Guide
+    from tega.setup.calibration.times import Times
+
+
+HALF_S: Final = 5.0
+"""Rest takes so long, and so does effort."""
+# The rise of an effort is not yet the closure that was asked for.
+_RISE_S = 0.5
+# Electrodes that moved give other amplitudes: of 54 shifts simulated on recordings none left this range, and a third
+# left that of a refresh (docs/evidence/emg-decoders.md). Beyond it a channel is loose, or not on a muscle that closes.
+_LIMITS = (0.25, 4.0)
+# The least that a recalibrated model has to make of the very samples that it was fitted to.
+_REST_MOST, _EFFORT_LEAST = 0.25, 0.5
+
+
+class Recalibrated(NamedTuple):
+    """Files that a recalibration wrote.
+
+    Attributes:
+        record: Of the person's muscles, with today's rest and maxima.
+        model: Of the learned decoder, fitted to today; ``None`` where the settings' decoder needs none.
+    """
+
+    record: Path
+    model: Path | None
+
+
+def recalibrate(
+    config: SessionConfig,
+    person: str,
+    folder: CalibrationFolder,
+    guide: Guide,
+    *,
+    times: Times,
+    now: datetime,
+    model_out: Path | None = None,
+) -> Recalibrated:
+    """Put a calibrated person's muscles to today's scale, and a learned model too; nothing is written unless all fits.
+
+    Args:
+        config: The settings; their decoder says whether there is a model.
+        person: Whose calibration.
+        folder: Where it is kept.
+        guide: Shows and asks.
+        times: How long things take; rest and squeeze are five seconds of their own scale.
+        now: When this is.
+        model_out: Where the new model goes; ``None`` for a file beside the old one, with the time in its name.
+
+    Raises:
+        ConfigError: The settings have no EMG, or a learned decoder without a model, or there is no model to write.
+        CalibrationError: The person is not calibrated on this source, the model is of other muscles or a kernel, or
+            rest or effort cannot be used.
+        DeviceUnavailableError: The source is missing or went away.
+    """
+    if config.emg is None:
+        raise ConfigError(
+            "nothing to recalibrate: the settings have no [emg]", "add it; see docs/device-emg.md"
+        )
+    model = _model_of(config)
+    if model is None and model_out is not None:
+        raise ConfigError(
+            "there is no model to write: the settings' decoder is not learned",
+            'leave out --out, or set stages.decoder.name = "learned" and its model',
+        )
+    rested: list[EmgChunk] = []
+    worked: list[EmgChunk] = []
+    with driver_class(config.emg.driver, "emg")(config.emg.options) as source:
+        record, chain = kept_record(config, config.emg, person, folder, source)
+        if model is not None:
+            model.decoder.model.check_fits(
+                kind=chain.kind,
+                rate_hz=chain.rate_hz,
+                channels=chain.channels,
+                name=model.file.name,
+                person=person,
+            )
+        guide.part("Recalibrate", "Five seconds of rest, then one fist of five seconds. Ten seconds.")
+        quiet = take_rest(source, chain, guide, times, heard=rested)
+        maxima = take_squeezes(source, chain, quiet, guide, times, n=1, heard=worked)
+    new = to_todays_scale(record, quiet=quiet, maxima=maxima, limits=_LIMITS, guide=guide, now=now)
+    if model is None:
+        return Recalibrated(folder.keep(new), None)
+    effort = _samples(worked)[round(_RISE_S * chain.rate_hz) :]
+    fitted = _fitted(model, _samples(rested), effort)
+    written = model_out or model.file.with_name(f"{model.file.stem}-{now:%Y%m%d-%H%M%S}{model.file.suffix}")
+    fitted.save(written)
+    return Recalibrated(folder.keep(new), written)
+
+
+class _Named(NamedTuple):
+    """A model and its file."""
+
+    file: Path
+    decoder: LearnedDecoder
+
+
+def _model_of(config: SessionConfig) -> _Named | None:
+    """Return the model that the settings' decoder uses."""
+    options = chosen_stage("decoder", config.stages, config.session.preset).options
+    if not isinstance(options, LearnedOptions):
+        return None
+    if options.model is None:
+        raise ConfigError("decoder 'learned' names no model", "set stages.decoder.options.model to its file")
+    decoder = LearnedDecoder.load(options.model)
+    if decoder.model.model == "kernel":
+        raise CalibrationError(
+            f"{options.model.name}: a kernel is not fitted anew in ten seconds",
+            "practise for a minute, then fit it again: tega-teleop emg fit",
+        )
+    return _Named(options.model, decoder)
+
+
+def _fitted(model: _Named, rest: NDArray[np.float64], effort: NDArray[np.float64]) -> LearnedDecoder:
+    """Return the model fitted to rest and effort, if it then tells them apart."""
+    target = np.repeat([0.0, 1.0], [len(rest), len(effort)])
+    fitted = model.decoder.recalibrated(np.concatenate([rest, effort]), target)
+    at_rest, at_work = (float(np.median(LearnedDecoder(fitted.model).process(s))) for s in (rest, effort))
+    if at_rest > _REST_MOST or at_work < _EFFORT_LEAST:
+        raise CalibrationError(
+            f"{model.file.name}: fitted to today it makes closure {at_rest:.2f} of rest and {at_work:.2f} of effort, "
+            f"at most {_REST_MOST:g} and at least {_EFFORT_LEAST:g} are needed",
+            "practise for a minute, then fit a new one: tega-teleop practice, tega-teleop emg fit",
+        )
+    return fitted
+
+
+def _samples(chunks: list[EmgChunk]) -> NDArray[np.float64]:
+    return np.concatenate([chunk.samples for chunk in chunks])

@@ -1,0 +1,195 @@
+"""Refresh a calibration in twenty seconds, after electrodes or sensors were put on again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import datetime
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from tega.config.calibration.folder import CalibrationFolder, device_name
+from tega.config.calibration.records import EmgRecord, TouchRecord
+from tega.devices.registry import driver_class
+from tega.errors import CalibrationError, ConfigError
+from tega.setup.calibration.guide import Guide
+from tega.setup.calibration.steps_emg import (
+    Maxima,
+    Quiet,
+    chain_of,
+    driver_settings,
+    take_rest,
+    take_squeezes,
+)
+from tega.setup.calibration.steps_touch import take_baseline
+from tega.setup.calibration.times import Times
+from tega.stages.choose import block_s
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tega.config import EmgConfig, SessionConfig
+    from tega.devices.base import EmgSource
+    from tega.setup.calibration.effort import Chain
+
+
+_BASELINE_S, _REST_S, _SQUEEZE_S = 1.0, 4.0, 3.0
+# A channel beyond these is not the same electrode on the same muscle any more.
+_SCALE = (0.5, 2.0)
+
+
+def refresh(
+    config: SessionConfig,
+    person: str,
+    parts: Sequence[str],
+    folder: CalibrationFolder,
+    guide: Guide,
+    *,
+    times: Times,
+    now: datetime,
+) -> list[Path]:
+    """Take new baselines, and put EMG rest and maxima to today's scale by one squeeze.
+
+    Args:
+        config: The settings.
+        person: Whose calibration.
+        parts: What to refresh; vest, forearm and cameras need none.
+        folder: Where it is kept.
+        guide: Shows and asks.
+        times: How long things take.
+        now: When this is.
+
+    Returns:
+        The files written.
+
+    Raises:
+        ConfigError: Nothing of it can be refreshed.
+        CalibrationError: There is no calibration to refresh, or it has changed too much.
+        DeviceUnavailableError: A device is missing or went away.
+    """
+    if not any(part == "emg" or part.startswith("tactile.") for part in parts):
+        raise ConfigError(
+            "nothing to refresh: only fingertips and muscles change from day to day", "leave out --refresh"
+        )
+    files = []
+    guide.part(
+        "Refresh", "Everything off the fingertips, then rest, then one strong squeeze. Twenty seconds."
+    )
+    if any(part.startswith("tactile.") for part in parts):
+        guide.ready("Take everything off all fingertips")
+    quick = times._replace(
+        baseline_s=min(times.baseline_s, _BASELINE_S),
+        rest_s=min(times.rest_s, _REST_S),
+        squeeze_s=min(times.squeeze_s, _SQUEEZE_S),
+    )
+    for part in parts:
+        if part.startswith("tactile."):
+            finger = part.removeprefix("tactile.")
+            section = config.tactile.in_use()[finger]
+            with driver_class(section.driver, "tactile")(section.options) as source:
+                if folder.record(person, TouchRecord, device_name(source.info)) is None:
+                    raise _nothing(person, f"finger {finger!r}", device_name(source.info))
+                files.append(take_baseline(finger, source, folder, guide, quick, now=now, is_free=True).file)
+        elif part == "emg" and config.emg is not None:
+            files.append(_emg(config, config.emg, person, folder, guide, times=quick, now=now))
+    return files
+
+
+def _emg(
+    config: SessionConfig,
+    section: EmgConfig,
+    person: str,
+    folder: CalibrationFolder,
+    guide: Guide,
+    *,
+    times: Times,
+    now: datetime,
+) -> Path:
+    with driver_class(section.driver, "emg")(section.options) as source:
+        record, chain = kept_record(config, section, person, folder, source)
+        quiet = take_rest(source, chain, guide, times)
+        maxima = take_squeezes(source, chain, quiet, guide, times, n=1)
+    new = to_todays_scale(record, quiet=quiet, maxima=maxima, limits=_SCALE, guide=guide, now=now)
+    return folder.keep(new)
+
+
+def kept_record(
+    config: SessionConfig, section: EmgConfig, person: str, folder: CalibrationFolder, source: EmgSource
+) -> tuple[EmgRecord, Chain]:
+    """Return a person's calibration on an open source, and the chain by which it was made.
+
+    Raises:
+        CalibrationError: There is none, or it is of other channels or EMG settings.
+    """
+    record = folder.record(person, EmgRecord, device_name(source.info))
+    if record is None:
+        raise _nothing(person, "EMG", device_name(source.info))
+    chain = chain_of(source, section, block_s=block_s(config))
+    for what, then, now in (
+        ("channels", ", ".join(record.channels), ", ".join(chain.channels)),
+        ("kind", record.kind, chain.kind),
+        ("blocks, samples,", record.tau_samples, chain.tau),
+        ("driver settings", record.settings, driver_settings(section)),
+    ):
+        if then != now:
+            raise CalibrationError(
+                f"EMG: {person} was calibrated with {what} {then}, now it is {now}",
+                "set it back, or calibrate anew: tega-teleop calibrate",
+            )
+    return record, chain
+
+
+def to_todays_scale(
+    record: EmgRecord,
+    *,
+    quiet: Quiet,
+    maxima: Maxima,
+    limits: tuple[float, float],
+    guide: Guide,
+    now: datetime,
+) -> EmgRecord:
+    """Return a calibration of muscles with today's rest, and its maxima times what one squeeze gives today.
+
+    Args:
+        record: The calibration.
+        quiet: Today's rest.
+        maxima: Today's squeeze.
+        limits: How many times its old maximum a channel may give, at least and at most.
+        guide: Is told the scale.
+        now: When this is.
+
+    Raises:
+        CalibrationError: A channel gives too much or too little by far.
+    """
+    ratios = np.array(maxima.live) / np.array(record.live_max)
+    for name, ratio in zip(record.channels, ratios, strict=True):
+        if not limits[0] <= ratio <= limits[1]:
+            raise CalibrationError(
+                f"EMG: {name} gives {ratio:.1f} times what it gave at the calibration",
+                "look at its electrode, then calibrate anew: tega-teleop calibrate",
+            )
+    scale = float(f"{np.exp(np.log(ratios).mean()):.4g}")
+    new = msgspec.structs.replace(
+        record,
+        offset=quiet.offset,
+        rest=quiet.rest,
+        live_max=_times(record.live_max, ratios),
+        paper_max=_times(record.paper_max, ratios),
+        refreshed=now,
+        scale=float(f"{record.scale * scale:.4g}"),
+        notes=(*record.notes, *quiet.notes, *maxima.notes),
+    )
+    guide.say(f"EMG: today {scale:.2f} times the calibration's scale", tone="good")
+    return new
+
+
+def _times(values: tuple[float, ...], ratios: np.ndarray) -> tuple[float, ...]:
+    return tuple(float(f"{v * r:.6g}") for v, r in zip(values, ratios, strict=True))
+
+
+def _nothing(person: str, what: str, device: str) -> CalibrationError:
+    return CalibrationError(
+        f"{what}: {person} has no calibration on {device} to refresh",
+        "calibrate first: tega-teleop calibrate, without --refresh",
+    )

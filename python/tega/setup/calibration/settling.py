@@ -1,0 +1,58 @@
+"""Ask what to do where a calibration step finds a fault: repeat the step, keep its result, or give up."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TypeVar
+
+from tega.errors import CalibrationError
+from tega.setup.calibration.guide import Guide, Undecided
+
+_Result = TypeVar("_Result")
+
+
+def until_good(
+    guide: Guide,
+    what: str,
+    attempt: Callable[[], _Result],
+    problems: Callable[[_Result], Sequence[str]],
+    *,
+    can_keep: Callable[[_Result], bool] = lambda _result: True,
+) -> tuple[_Result, tuple[str, ...]]:
+    """Repeat a step until nothing is wrong with it, or the person keeps it as it is.
+
+    Args:
+        guide: Shows and asks.
+        what: Name of the step.
+        attempt: Does it.
+        problems: Says what is wrong with what it gave.
+        can_keep: Whether that can be kept in spite of it.
+
+    Returns:
+        What it gave, and the problems it was kept in spite of.
+
+    Raises:
+        CalibrationError: Something is wrong and nobody is there to decide.
+        KeyboardInterrupt: The person gives up.
+    """
+    while True:
+        result = attempt()
+        found = tuple(problems(result))
+        if not found:
+            return result, ()
+        for said in found:
+            guide.say(said, tone="bad")
+        answers = {"a": "again"}
+        if can_keep(result):
+            answers["k"] = "keep it as it is"
+        answers["q"] = "stop here"
+        try:
+            answer = guide.ask(f"{what}: what now?", answers)
+        except Undecided:
+            raise CalibrationError(
+                f"{what}: {'; '.join(found)}", "see to it, then run the same command"
+            ) from None
+        if answer == "q":
+            raise KeyboardInterrupt
+        if answer == "k":
+            return result, tuple(f"{what}, kept in spite of: {said}" for said in found)

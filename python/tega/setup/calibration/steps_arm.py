@@ -1,0 +1,178 @@
+"""Find which way the operator calls forward, and which way the robot's base points as the operator sees it.
+
+Forward comes from two movements of the forearm, the second of which checks the first; the base's way from an answer, or
+from a third movement.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+from tega.arm.heading import ForwardCheck, check_forward, kept_yaw, yaw_from_sweep
+from tega.arm.sweep import ForearmSweep
+from tega.errors import CalibrationError
+from tega.setup.calibration.guide import Bar, Guide, Undecided
+from tega.setup.calibration.settling import until_good
+
+if TYPE_CHECKING:
+    from tega.devices.base import Tracker
+
+WAIT_S: Final = 30.0
+"""How long a movement is waited for."""
+
+_LOOK_S: Final = 0.02
+_FULL_M: Final = 0.2
+
+_BASE_POINTS: Final = {"a": 0.0, "l": math.pi / 2, "t": math.pi, "r": -math.pi / 2}
+_BASE_ANSWERS: Final = {
+    "a": "away from you",
+    "t": "towards you",
+    "l": "to your left",
+    "r": "to your right",
+    "s": "another way, which you show by a movement",
+}
+
+
+class TakenHeading(NamedTuple):
+    """Heading of the operator's forward, and what its check said.
+
+    Attributes:
+        yaw_rad: As in ``arm.mapping.yaw_rad``.
+        check: Whether the second movement came out forward; ``None`` where it did not come to that.
+        problem: What went wrong before; ``""`` for nothing.
+    """
+
+    yaw_rad: float
+    check: ForwardCheck | None
+    problem: str = ""
+
+
+def take_heading(tracker: Tracker, guide: Guide, *, wait_s: float = WAIT_S) -> TakenHeading:
+    """Lead through both movements, again until the second comes out forward.
+
+    Args:
+        tracker: It, open.
+        guide: Shows and asks.
+        wait_s: How long each movement is waited for.
+
+    Raises:
+        CalibrationError: It does not, and nobody is there to try again.
+        KeyboardInterrupt: The person gives up.
+    """
+
+    def attempt() -> TakenHeading:
+        try:
+            guide.ready(
+                "Hold the forearm still where you work, facing the way you will look; then move it straight forward "
+                "by 20 cm and stop"
+            )
+            found = watch_sweep(tracker, wait_s, yaw_rad=None, shown=_shown(guide))
+            yaw_rad = kept_yaw(yaw_from_sweep(found.places, frame=tracker.frame))
+            guide.say(f"forward is {math.degrees(yaw_rad):+.0f}° off the tracker's own")
+            guide.ready("Go back and hold still; then move it forward once more: this is the check")
+            again = watch_sweep(tracker, wait_s, yaw_rad=yaw_rad, shown=_shown(guide))
+        except CalibrationError as error:
+            return TakenHeading(0.0, None, f"{error.message}: {error.hint}" if error.hint else error.message)
+        return TakenHeading(yaw_rad, check_forward(again.places, frame=tracker.frame, yaw_rad=yaw_rad))
+
+    def problems(taken: TakenHeading) -> tuple[str, ...]:
+        if taken.check is None:
+            return (taken.problem,)
+        return () if taken.check.ok else (taken.check.words,)
+
+    # A heading that its own check says is wrong would lead the arm another way than the person means.
+    taken, _ = until_good(guide, "forward", attempt, problems, can_keep=lambda _taken: False)
+    return taken
+
+
+def take_base_yaw(
+    tracker: Tracker, guide: Guide, *, yaw_rad: float, told_rad: float, wait_s: float = WAIT_S
+) -> float:
+    """Ask which way the robot's base points as the operator sees it, or measure it by a movement of the forearm.
+
+    Args:
+        tracker: It, open.
+        guide: Shows and asks.
+        yaw_rad: The operator's forward, as :func:`take_heading` found it.
+        told_rad: What the settings say, kept where nobody is there to answer.
+        wait_s: How long the movement is waited for.
+
+    Returns:
+        As in ``arm.mapping.base_yaw_rad``.
+
+    Raises:
+        CalibrationError: The movement says nothing, and nobody is there to try again.
+    """
+    try:
+        said = guide.ask(
+            "Seen from where you work, which way does the robot's base point, from its column to where its hand works?",
+            _BASE_ANSWERS,
+        )
+    except Undecided:
+        return told_rad
+    if said in _BASE_POINTS:
+        return kept_yaw(_BASE_POINTS[said])
+
+    def attempt() -> tuple[float, str]:
+        guide.ready("Hold the forearm still; then move it by 20 cm the way the robot's base points, and stop")
+        try:
+            found = watch_sweep(tracker, wait_s, yaw_rad=yaw_rad, shown=_shown(guide))
+            seen_rad = yaw_from_sweep(found.places, frame=tracker.frame) - yaw_rad
+        except CalibrationError as error:
+            return 0.0, f"{error.message}: {error.hint}" if error.hint else error.message
+        return kept_yaw(math.remainder(seen_rad, 2 * math.pi)), ""
+
+    (base_yaw_rad, _), _ = until_good(
+        guide, "base", attempt, lambda one: (one[1],) if one[1] else (), can_keep=lambda _one: False
+    )
+    guide.say(f"the base points {math.degrees(base_yaw_rad):+.0f}° to the left of your forward")
+    return base_yaw_rad
+
+
+def watch_sweep(
+    tracker: Tracker, seconds: float, *, yaw_rad: float | None, shown: Callable[[ForearmSweep, float], None]
+) -> ForearmSweep:
+    """Wait for a movement of the forearm that comes to rest.
+
+    Args:
+        tracker: It, open.
+        seconds: How long to wait.
+        yaw_rad: Which way is forward, as far as it is known.
+        shown: Called again and again with the movement so far and the seconds left.
+
+    Raises:
+        CalibrationError: There was none.
+    """
+    sweep = ForearmSweep(tracker.frame, yaw_rad=yaw_rad or 0.0)
+    tracker.read(time.monotonic_ns())  # what came before is not of this movement
+    end_s = time.monotonic() + seconds
+    while not sweep.done and (left_s := end_s - time.monotonic()) > 0:
+        for pose in tracker.read(time.monotonic_ns()):
+            sweep.take(pose)
+        shown(sweep, left_s)
+        time.sleep(_LOOK_S)
+    if sweep.done:
+        return sweep
+    if not sweep.places:
+        raise CalibrationError(
+            f"the forearm was not seen within {seconds:g} s",
+            tracker.problem or "is it in the tracker's sight?",
+        )
+    gone_cm = 100 * float(np.linalg.norm(sweep.gone_m))
+    raise CalibrationError(
+        f"no movement that came to rest was seen within {seconds:g} s; the forearm is {gone_cm:.0f} cm from its start",
+        "move it straight forward by 20 cm, then hold it still",
+    )
+
+
+def _shown(guide: Guide) -> Callable[[ForearmSweep, float], None]:
+    def show(sweep: ForearmSweep, left_s: float) -> None:
+        gone_m = float(np.linalg.norm(sweep.gone_m))
+        guide.show("FORWARD", [Bar("gone", min(1.0, gone_m / _FULL_M), f"{100 * gone_m:.0f} cm")], left_s)
+
+    return show

@@ -1,0 +1,316 @@
+"""Calibrate the muscles in steps: at rest, in strong squeezes, and one by one."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from datetime import datetime
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from tega.config.calibration.folder import device_name
+from tega.config.calibration.records import EmgRecord
+from tega.devices.base import optional
+from tega.errors import CalibrationError
+from tega.setup.calibration.effort import Chain, judge_muscles, judge_quiet, judge_squeezes
+from tega.setup.calibration.guide import Bar, Guide, Shows
+from tega.setup.calibration.maxima import TAU_S, emg_conditions
+from tega.setup.calibration.settling import until_good
+from tega.setup.calibration.times import Times
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tega.config import EmgConfig
+    from tega.devices.base import EmgChunk, EmgSource
+
+
+SQUEEZES = 3
+
+_READ_S = 0.05
+_SHOW_S = 0.1
+_LEAST_SHARE, _ALL_SHARE = 0.5, 0.9
+_LATE_S = 2.0
+
+# What was photographed in the paper; names are free (emg.muscles).
+_USUAL = ("ECR", "FCU", "FDS")
+_MOVEMENTS = {
+    "ECR": "bend the wrist back, fingers loose",
+    "ECU": "bend the wrist back and towards the little finger",
+    "ED": "stretch the fingers, wrist still",
+    "FCR": "bend the wrist forward and towards the thumb",
+    "FCU": "bend the wrist forward and towards the little finger",
+    "FDP": "curl the fingertips hard, wrist still",
+    "FDS": "curl the middle of the fingers, wrist still",
+    "FPL": "bend the tip of the thumb",
+}
+# Options that say where a device is or how it is watched, not what its numbers mean.
+_NOT_SETTINGS = {"port", "baud", "measure_s", "silence_s", "start_s", "channels", "rate_hz", "by", "value"}
+
+
+class Quiet(msgspec.Struct, frozen=True, kw_only=True):
+    """Offset and rest of the muscles by channel, and what was kept in spite of."""
+
+    offset: tuple[float, ...]
+    rest: tuple[float, ...]
+    notes: tuple[str, ...] = ()
+
+
+class Maxima(msgspec.Struct, frozen=True, kw_only=True):
+    """Maxima of the muscles in strong squeezes, by channel."""
+
+    live: tuple[float, ...]
+    paper: tuple[float, ...]
+    notes: tuple[str, ...] = ()
+
+
+def chain_of(source: EmgSource, config: EmgConfig, *, block_s: float = TAU_S) -> Chain:
+    """Return the chain that turns an open source's samples into block means of a length."""
+    conditions = emg_conditions(source, config.kind, block_s=block_s)
+    return Chain(conditions.rate_hz, conditions.tau, config.kind, conditions.channels)
+
+
+def muscle_names(config: EmgConfig, channels: Sequence[str]) -> tuple[str, ...]:
+    """Return the name of the muscle that each channel sits on.
+
+    Raises:
+        CalibrationError: As many muscles as channels were not named.
+    """
+    if not config.muscles:
+        return _USUAL if len(channels) == len(_USUAL) else tuple(f"the muscle under {c}" for c in channels)
+    if len(config.muscles) != len(channels):
+        raise CalibrationError(
+            f"emg.muscles names {len(config.muscles)}, the source has {len(channels)} channels",
+            "name one muscle per channel",
+        )
+    return config.muscles
+
+
+def driver_settings(config: EmgConfig) -> str:
+    """Return the driver's options that change the numbers, in one fixed order."""
+    options = msgspec.to_builtins(config.options) if isinstance(config.options, msgspec.Struct) else {}
+    return ", ".join(f"{k}={v}" for k, v in sorted(options.items()) if k not in _NOT_SETTINGS)
+
+
+def collect(
+    source: EmgSource,
+    seconds: float,
+    guide: Shows,
+    prompt: str,
+    *,
+    names: Sequence[str],
+    full: NDArray[np.float64] | None = None,
+) -> list[EmgChunk]:
+    """Collect samples for a while, showing them.
+
+    Args:
+        source: The open source.
+        seconds: How long.
+        guide: Shows.
+        prompt: What the person is to do.
+        names: Of the channels, for the bars.
+        full: What fills a bar, (channels,); ``None`` for the largest so far.
+
+    Raises:
+        CalibrationError: Less than half of the samples came.
+        DeviceUnavailableError: The source went away.
+    """
+    chunks: list[EmgChunk] = []
+    began_s, shown_s, top = time.monotonic(), 0.0, np.full(len(names), 1e-9)
+    n, expected = 0, seconds * (source.info.rate_hz or 0.0)
+    # Samples that come late, on a busy machine or from a slow adapter, are waited for.
+    while (gone_s := time.monotonic() - began_s) < seconds or (
+        n < _ALL_SHARE * expected and gone_s < seconds + _LATE_S
+    ):
+        chunk = source.read(_READ_S)
+        if chunk is not None:
+            chunks.append(chunk)
+            n += len(chunk.samples)
+        if gone_s - shown_s > _SHOW_S and chunks:
+            shown_s = gone_s
+            now = _swing(chunks[-20:])
+            top = np.maximum(top, now)
+            shares = now / (top if full is None else np.maximum(full, 1e-9))
+            bars = [
+                Bar(n, float(np.clip(s, 0, 1)), f"{v:.3g}")
+                for n, s, v in zip(names, shares, now, strict=True)
+            ]
+            guide.show(prompt, bars, max(0.0, seconds - gone_s))
+    if n < _LEAST_SHARE * expected:
+        raise CalibrationError(
+            f"{n} samples came in {seconds:g} s, about {expected:.0f} were expected", "check power and cable"
+        )
+    return chunks
+
+
+def _swing(chunks: list[EmgChunk]) -> NDArray[np.float64]:
+    """Mean distance from the mean over the last moments: enough for a bar."""
+    samples = np.concatenate([c.samples for c in chunks])
+    moved: NDArray[np.float64] = np.abs(samples - samples.mean(axis=0)).mean(axis=0)
+    return moved
+
+
+def drain(source: EmgSource) -> None:
+    """Throw away what came while nobody read."""
+    for _ in range(2000):
+        if source.read(0.0) is None:
+            return
+
+
+def take_rest(
+    source: EmgSource, chain: Chain, guide: Guide, times: Times, *, heard: list[EmgChunk] | None = None
+) -> Quiet:
+    """Measure the muscles at rest.
+
+    Args:
+        source: The open source.
+        chain: The conditions.
+        guide: Shows and asks.
+        times: How long things take.
+        heard: Filled with the samples that were judged.
+
+    Raises:
+        CalibrationError: They are not at rest, and nobody is there to decide.
+        DeviceUnavailableError: The source went away.
+    """
+
+    def attempt() -> Quiet:
+        guide.ready("Let the arm lie, hand open, and do nothing")
+        drain(source)
+        chunks = collect(source, times.rest_s, guide, "Rest", names=chain.channels)
+        if heard is not None:
+            heard[:] = chunks
+        found = judge_quiet(chunks, chain, limits=optional(source, "limits"))
+        return Quiet(offset=_rounded(found.offset), rest=_rounded(found.rest), notes=found.problems)
+
+    quiet, notes = until_good(guide, "rest", attempt, lambda q: q.notes)
+    guide.say(f"rest: {_list(chain.channels, quiet.rest)}", tone="good")
+    return msgspec.structs.replace(quiet, notes=notes)
+
+
+def take_squeezes(
+    source: EmgSource,
+    chain: Chain,
+    quiet: Quiet,
+    guide: Guide,
+    times: Times,
+    *,
+    n: int = SQUEEZES,
+    heard: list[EmgChunk] | None = None,
+) -> Maxima:
+    """Take the maxima of strong squeezes, with pauses.
+
+    Args:
+        source: The open source.
+        chain: The conditions.
+        quiet: What the channels have at rest.
+        guide: Shows and asks.
+        times: How long things take.
+        n: How many.
+        heard: Filled with the samples that were judged, of all of them.
+
+    Raises:
+        CalibrationError: They cannot be used, and nobody is there to decide.
+        DeviceUnavailableError: The source went away.
+    """
+    rest = np.array(quiet.rest)
+
+    def attempt() -> Maxima:
+        squeezes = []
+        for k in range(n):
+            if k and times.pause_s > 0:
+                collect(source, times.pause_s, guide, "Pause: let go and breathe", names=chain.channels)
+            which = f"Squeeze {k + 1} of {n}" if n > 1 else "Squeeze"
+            guide.ready(f"{which}: a fist, as strong as you can, until told to stop")
+            drain(source)
+            squeezes.append(collect(source, times.squeeze_s, guide, "SQUEEZE", names=chain.channels))
+            guide.say(f"{which.lower().partition(' of ')[0]}: let go")
+        if heard is not None:
+            heard[:] = [chunk for chunks in squeezes for chunk in chunks]
+        found = judge_squeezes(squeezes, rest, chain, limits=optional(source, "limits"))
+        return Maxima(live=_rounded(found.live), paper=_rounded(found.paper), notes=found.problems)
+
+    maxima, notes = until_good(
+        guide, "squeezes", attempt, lambda m: m.notes, can_keep=lambda m: min((*m.live, *m.paper)) > 0
+    )
+    guide.say(f"strong squeeze: {_list(chain.channels, maxima.live)}", tone="good")
+    return msgspec.structs.replace(maxima, notes=notes)
+
+
+def take_muscles(
+    source: EmgSource,
+    chain: Chain,
+    muscles: Sequence[str],
+    guide: Guide,
+    times: Times,
+    *,
+    quiet: Quiet,
+    maxima: Maxima,
+) -> tuple[tuple[tuple[float, ...], ...], tuple[str, ...]]:
+    """Have each muscle work alone and say which channel answers.
+
+    Returns:
+        How much each channel rose, one row a muscle, and what was kept in spite of.
+
+    Raises:
+        CalibrationError: Electrodes are exchanged or silent, and nobody is there to decide.
+        DeviceUnavailableError: The source went away.
+    """
+    rest, full = np.array(quiet.rest), np.array(maxima.live)
+
+    def attempt() -> tuple[NDArray[np.float64], tuple[str, ...]]:
+        movements = []
+        for name, muscle in zip(chain.channels, muscles, strict=True):
+            what = _MOVEMENTS.get(muscle, f"tense {muscle} alone")
+            guide.ready(f"{name} sits on {muscle}: {what}, about half as strong as you can")
+            drain(source)
+            movements.append(collect(source, times.movement_s, guide, what, names=chain.channels, full=full))
+        return judge_muscles(movements, rest, full, chain)
+
+    (drives, _), notes = until_good(guide, "muscles", attempt, lambda found: found[1])
+    guide.say("each muscle raises its own channel" if not notes else "kept as it is", tone="good")
+    return tuple(tuple(round(float(v), 3) for v in row) for row in drives), notes
+
+
+def emg_record(
+    source: EmgSource,
+    config: EmgConfig,
+    chain: Chain,
+    *,
+    quiet: Quiet,
+    maxima: Maxima,
+    answers: tuple[tuple[float, ...], ...],
+    person: str,
+    notes: tuple[str, ...],
+    now: datetime,
+) -> EmgRecord:
+    """Put together what the steps gave."""
+    return EmgRecord(
+        person=person,
+        device=device_name(source.info),
+        driver=source.info.driver,
+        made=now,
+        notes=(*quiet.notes, *maxima.notes, *notes),
+        kind=chain.kind,
+        rate_hz=chain.rate_hz,
+        tau_samples=chain.tau,
+        settings=driver_settings(config),
+        unit=source.info.unit,
+        channels=chain.channels,
+        muscles=muscle_names(config, chain.channels),
+        offset=quiet.offset,
+        rest=quiet.rest,
+        live_max=maxima.live,
+        paper_max=maxima.paper,
+        answers=answers,
+    )
+
+
+def _rounded(values: NDArray[np.float64]) -> tuple[float, ...]:
+    return tuple(float(f"{v:.6g}") for v in values)
+
+
+def _list(names: Sequence[str], values: Sequence[float]) -> str:
+    return ", ".join(f"{n} {v:.3g}" for n, v in zip(names, values, strict=True))

@@ -1,0 +1,228 @@
+"""Calibrate the vest in steps: where its columns are felt, from which level on, which increase is noticed.
+
+Nothing is shown above the ceiling, and after every vibration, answer, error or interruption the vest is at zero.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import partial
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from tega.haptics import Layout, MotorLevels, vest_frame
+from tega.runtime.clock import Clock, SystemClock
+from tega.setup.calibration.guide import Bar, Guide
+from tega.setup.calibration.identify import show_frame
+from tega.setup.calibration.settling import until_good
+from tega.setup.calibration.staircase import LEVEL_PERCENT, TOP_LEVEL, Ladder
+from tega.setup.calibration.times import Times
+from tega.setup.calibration.wearing import SITES, Wearing, judge_wearing, site_motors, site_place
+
+if TYPE_CHECKING:
+    from tega.devices.base import VestSink
+
+
+class FeltSite(msgspec.Struct, frozen=True, kw_only=True):
+    """Answers at one site: the level found, 0 for none, and how often nothing was felt to be something."""
+
+    level: int
+    n_false: int
+
+
+class Pulses:
+    """Vibrations at sites of a vest, never above a ceiling.
+
+    Args:
+        vest: The open vest.
+        layout: Which motors it has.
+        ceiling: The highest level, 1 to 15.
+        times: How long a vibration lasts.
+        clock: Time.
+    """
+
+    def __init__(
+        self, vest: VestSink, *, layout: Layout, ceiling: int, times: Times, clock: Clock | None = None
+    ) -> None:
+        self._vest = vest
+        self._layout: Layout = layout
+        self._silent = vest_frame([0] * 4, [0] * 4, layout=layout)
+        self.ceiling = ceiling
+        self._times = times
+        self._clock = clock or SystemClock()
+
+    def sites(self, *, each_motor: bool) -> tuple[str, ...]:
+        """Return the columns, or the motors, that this vest has."""
+        return tuple(f"m{m}" for m in self._silent.motors.tolist()) if each_motor else SITES
+
+    def one(self, site: str, level: int) -> None:
+        """Vibrate once; level 0 takes as long and does nothing.
+
+        Raises:
+            DeviceUnavailableError: The vest did not show it.
+        """
+        percent = LEVEL_PERCENT[min(level, self.ceiling)]
+        lit = np.isin(self._silent.motors, site_motors(site))
+        frame = MotorLevels(self._layout, np.where(lit, np.uint8(percent), np.uint8(0)).astype(np.uint8))
+        show_frame(
+            self._vest, frame, duration_s=self._times.pulse_s, clock=self._clock, what=site_place(site)
+        )
+
+    def pair(self, site: str, first: int, second: int) -> None:
+        """Vibrate twice, with a gap."""
+        self.one(site, first)
+        self._clock.sleep_until(self._clock.now_ns() + round(self._times.gap_s * 1e9))
+        self.one(site, second)
+
+    @contextmanager
+    def silence(self) -> Iterator[None]:
+        """Leave the vest at zero, however the block is left."""
+        try:
+            yield
+        finally:
+            self._vest.write(self._clock.now_ns(), self._silent)
+
+
+def take_wearing(pulses: Pulses, guide: Guide, *, seed: int) -> tuple[Wearing, tuple[str, ...]]:
+    """Show every column once, in an order of chance, and ask where it is felt.
+
+    Raises:
+        Undecided: Nobody is there to answer.
+        DeviceUnavailableError: The vest went away.
+    """
+    answers = dict.fromkeys(SITES, "") | {"f4": "front", "b4": "back", "n": "nothing felt", "r": "again"}
+
+    def attempt() -> Wearing:
+        guide.ready(
+            "Something will vibrate in one column at a time. Say where: f1 to f4 on the front, b1 to b4 on "
+            "the back, 1 at your own left"
+        )
+        said = {}
+        for site in random.Random(seed).sample(SITES, len(SITES)):
+            with pulses.silence():
+                said[site] = _asked(guide, "Where?", answers, partial(pulses.one, site, pulses.ceiling))
+        return judge_wearing(said)
+
+    wearing, notes = until_good(guide, "vest: places", attempt, lambda w: w.problems)
+    guide.say(f"vest: {wearing.n_right} of {wearing.n_asked} places named right", tone="good")
+    return wearing, notes
+
+
+def take_thresholds(
+    pulses: Pulses,
+    sites: tuple[str, ...],
+    done: Mapping[str, FeltSite],
+    guide: Guide,
+    *,
+    keep: Callable[[str, FeltSite], None],
+) -> None:
+    """Find at each site the lowest level that is felt.
+
+    Args:
+        pulses: Vibrations.
+        sites: Where.
+        done: What is known from before an interruption.
+        guide: Asks.
+        keep: Given each site's result at once.
+
+    Raises:
+        Undecided: Nobody is there to answer.
+        DeviceUnavailableError: The vest went away.
+    """
+    _each(
+        pulses,
+        sites,
+        done,
+        guide,
+        keep=keep,
+        title="threshold",
+        percent=lambda level: LEVEL_PERCENT[level],
+        ceiling=lambda _site: pulses.ceiling,
+        asking=_ask_felt,
+    )
+
+
+def take_steps(
+    pulses: Pulses,
+    sites: tuple[str, ...],
+    thresholds: Mapping[str, FeltSite],
+    done: Mapping[str, FeltSite],
+    guide: Guide,
+    *,
+    keep: Callable[[str, FeltSite], None],
+    seed: int,
+) -> None:
+    """Find at some sites the smallest increase that is noticed, half way between threshold and ceiling.
+
+    Args:
+        pulses: Vibrations.
+        sites: Where; one that is not felt, or hardly below the ceiling, is left out.
+        thresholds: By site.
+        done: What is known from before an interruption.
+        guide: Asks.
+        keep: Given each site's result at once.
+        seed: Of which of a pair is the stronger.
+
+    Raises:
+        Undecided: Nobody is there to answer.
+        DeviceUnavailableError: The vest went away.
+    """
+    chance = random.Random(seed)
+
+    def middle(site: str) -> int:
+        return (thresholds[site].level + pulses.ceiling) // 2
+
+    def asking(pulses: Pulses, guide: Guide, site: str, level: int) -> bool:
+        second = chance.random() < 0.5
+        pair = (middle(site), middle(site) + level) if second else (middle(site) + level, middle(site))
+        answers = {"1": "the first", "2": "the second", "s": "the same", "r": "again"}
+        said = _asked(guide, "Which was stronger?", answers, lambda: pulses.pair(site, *pair))
+        return said != "s" if level == 0 else said == ("2" if second else "1")
+
+    sites = tuple(s for s in sites if thresholds[s].level and middle(s) < pulses.ceiling)
+    _each(pulses, sites, done, guide, keep=keep, title="step", percent=lambda level: 100 * level / TOP_LEVEL,
+          ceiling=lambda site: pulses.ceiling - middle(site), asking=asking)  # fmt: skip
+
+
+def _each(
+    pulses: Pulses,
+    sites: tuple[str, ...],
+    done: Mapping[str, FeltSite],
+    guide: Guide,
+    *,
+    keep: Callable[[str, FeltSite], None],
+    title: str,
+    percent: Callable[[int], float],
+    ceiling: Callable[[str], int],
+    asking: Callable[[Pulses, Guide, str, int], bool],
+) -> None:
+    left = [site for site in sites if site not in done]
+    for k, site in enumerate(left):
+        ladder = Ladder(ceiling(site))
+        with pulses.silence():
+            while (level := ladder.level) is not None:
+                n_done = len(sites) - len(left) + k
+                bar = Bar(title, (n_done + ladder.share) / len(sites), f"{n_done} of {len(sites)}")
+                guide.show(f"{title}: {site_place(site)}", [bar], None)
+                ladder.answer(felt=asking(pulses, guide, site, level))
+        found = ladder.result()
+        keep(site, FeltSite(level=found.level or 0, n_false=found.n_false))
+        said = "nothing up to the ceiling" if found.level is None else f"{percent(found.level):.0f} %"
+        guide.say(f"{site_place(site)}: {title} {said}", tone="warn" if found.level is None else "good")
+
+
+def _ask_felt(pulses: Pulses, guide: Guide, site: str, level: int) -> bool:
+    answers = {"y": "yes", "n": "no", "r": "again"}
+    return _asked(guide, "Felt?", answers, lambda: pulses.one(site, level)) == "y"
+
+
+def _asked(guide: Guide, question: str, answers: Mapping[str, str], vibrate: Callable[[], None]) -> str:
+    """Vibrate and ask, again as often as that is the answer."""
+    while True:
+        vibrate()
+        if (said := guide.ask(question, answers)) != "r":
+            return said

@@ -1,0 +1,24 @@
+"""Find out what is wrong with a bench, why, and what to do about it.
+
+Without settings the four devices of the paper are looked for; with settings exactly what they name is opened through
+the drivers themselves, read for a moment and closed. Nothing here moves a hand or lets a vest vibrate.
+"""
+
+from __future__ import annotations
+
+from tega.setup.doctor.bench import look_around, look_for
+from tega.setup.doctor.findings import Examination, Finding, Status
+from tega.setup.doctor.lab_file import lab_settings
+from tega.setup.doctor.settings import examine
+from tega.setup.doctor.udev import udev_rules
+
+__all__ = [
+    "Examination",
+    "Finding",
+    "Status",
+    "examine",
+    "lab_settings",
+    "look_around",
+    "look_for",
+    "udev_rules",
+]

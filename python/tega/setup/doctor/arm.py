@@ -1,0 +1,125 @@
+"""Check arm and forearm tracker: whether they answer, versions fit and poses come. Nothing moves."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from tega.config import ArmConfig, SessionConfig
+from tega.devices import HarmlessDevice, driver_class
+from tega.devices.base import PreflightedArm
+from tega.errors import TegaError
+from tega.setup.doctor.case import DriverCase, failed
+from tega.setup.doctor.findings import Finding
+
+_LOOK_S = 1.5
+_STEP_S = 0.01
+
+
+def try_arm(case: DriverCase) -> list[Finding]:
+    """Ask a robot what can be known without moving it; a driver that opens without consequences is opened."""
+    driver: Any = driver_class(case.driver, "arm")
+    if isinstance(driver, PreflightedArm):
+        return _preflight(case, driver)
+    options = driver.harmless(case.options) if isinstance(driver, HarmlessDevice) else None
+    if options is None:
+        said = f"{case.driver} was not opened: its driver does not say how to without moving the arm"
+        return [case.told("", "doubt", said, todo=("try it in tega-teleop run, with the stop within reach",))]
+    arm = driver(options)
+    try:
+        with arm:
+            until_s = time.monotonic() + _LOOK_S
+            while (seen := arm.measured()) is None and time.monotonic() < until_s:
+                time.sleep(_STEP_S)
+            time.sleep(_LOOK_S / 3)  # so that its loop has a rate to tell
+            arm.measured()
+            health = arm.health
+    except TegaError as error:
+        return [failed(case, error, device=arm.info.label)]
+    label = arm.info.label
+    if seen is None:
+        return [case.told(label, "wrong", f"{case.driver} opened, and did not say where its hand is")]
+    x, y, z = map(float, seen.position_m)
+    said = f"{case.driver} is open; its hand is at {x:.3f} {y:.3f} {z:.3f} m"
+    measured = {"loop_hz": health.rate_hz, "worst_ms": health.worst_ms}
+    return [case.told(label, "fine", said, why="; ".join(arm.info.notes), measured=measured)]
+
+
+def _preflight(case: DriverCase, driver: PreflightedArm) -> list[Finding]:
+    try:
+        findings = driver.preflight(case.options)
+    except TegaError as error:
+        return [failed(case, error, device=getattr(case.options, "host", ""))]
+    device = getattr(case.options, "host", "")
+    good = "; ".join(what for ok, what, _ in findings if ok)
+    told = [case.told(device, "fine", good, why="asked without moving it")] if good else []
+    return told + [case.told(device, "wrong", what, todo=(fix,)) for ok, what, fix in findings if not ok]
+
+
+def try_tracker(case: DriverCase) -> list[Finding]:
+    """Open a tracker, listen for a moment, close it."""
+    tracker: Any = driver_class(case.driver, "tracker")(case.options)
+    poses: list[Any] = []
+    try:
+        with tracker:
+            until_s = time.monotonic() + _LOOK_S
+            while time.monotonic() < until_s:
+                poses += tracker.read(time.monotonic_ns())
+                time.sleep(_STEP_S)
+            problem, info = tracker.problem, tracker.info
+    except TegaError as error:
+        return [failed(case, error, device=tracker.info.label)]
+    seen = sum(pose.valid for pose in poses)
+    name = f"{case.driver} {info.label}"
+    measured = {"poses_hz": len(poses) / _LOOK_S, "seen_hz": seen / _LOOK_S}
+    if not poses:
+        why = problem or "; ".join(info.notes)
+        return [
+            case.told(info.label, "wrong", f"{name} opened, and gave no pose", why=why, measured=measured)
+        ]
+    if not seen:
+        said = f"{name} sends poses, and calls all of them lost"
+        todo = ("hold the tracked forearm where the tracker sees it, and look again",)
+        return [case.told(info.label, "doubt", said, why=problem, todo=todo, measured=measured)]
+    said = f"{name} sees the forearm, {seen / _LOOK_S:.0f} poses a second"
+    return [case.told(info.label, "fine", said, why=problem, measured=measured)]
+
+
+def check_arm(config: SessionConfig) -> list[Finding]:
+    """Look at what the settings of an arm need of the others."""
+    arm = config.arm
+    if arm is None:
+        return []
+    seats, findings = config.input.in_use(), []
+
+    def wrong(said: str, todo: str) -> None:
+        findings.append(Finding(check="arm", status="wrong", finding=said, todo=(todo,), driver=arm.driver))
+
+    if "dead_man" not in seats:
+        wrong(
+            "no dead-man switch is set, and without one a run leads no arm",
+            "set [input.dead_man], such as a pedal or a SpaceMouse's button",
+        )
+    if arm.tracker is None and "motion" not in seats:
+        wrong(
+            "nothing leads the arm: neither arm.tracker nor input.motion is set",
+            "set [arm.tracker], or [input.motion] with a SpaceMouse",
+        )
+    frame = _frame(arm)
+    if frame and frame != arm.mapping.frame:
+        wrong(
+            f"arm.mapping.frame is {arm.mapping.frame!r}, but what leads the arm gives poses in the axes {frame!r}",
+            f"set arm.mapping.frame = {frame!r}",
+        )
+    return findings
+
+
+def _frame(arm: ArmConfig) -> str:
+    """Return the axes of what leads the arm."""
+    if arm.tracker is None:
+        return "base"
+    try:
+        tracker: Any = driver_class(arm.tracker.driver, "tracker")(arm.tracker.options)
+    except TegaError:  # told where it is tried
+        return ""
+    return str(tracker.frame)

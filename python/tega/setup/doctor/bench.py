@@ -1,0 +1,269 @@
+"""Look on this machine for the four devices of the paper, without settings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Final, NamedTuple
+
+import msgspec
+
+from tega.devices import DiscoveringDevice, Found, driver_class, list_drivers
+from tega.devices.at_exit import closes_on_exit, release
+from tega.devices.base import Kind
+from tega.devices.fingertip.video_nodes import video_nodes
+from tega.errors import DeviceUnavailableError, MissingExtraError
+from tega.setup.doctor.arm import try_arm, try_tracker
+from tega.setup.doctor.case import DriverCase, late
+from tega.setup.doctor.emg import try_amplifier
+from tega.setup.doctor.findings import Examination, Finding
+from tega.setup.doctor.hand import try_hand
+from tega.setup.doctor.inputs import try_input
+from tega.setup.doctor.tactile import FoundCamera, crowded, try_camera
+from tega.setup.doctor.timeouts import in_time
+from tega.setup.doctor.vest import try_vest
+
+LOOK_S: Final = 3.5
+"""Deadline of looking for devices, all drivers side by side."""
+TRY_S: Final = 5.5
+"""Deadline of trying those that were found, all side by side."""
+
+ROLES: Final[Mapping[str, Kind]] = {"digit": "tactile", "emg": "emg", "vest": "vest", "allegro": "hand"}
+"""What is examined without settings, and the kind of its drivers."""
+
+
+class _Absent(NamedTuple):
+    """Report of a missing kind of device: what each driver did not see, and what to do."""
+
+    said: str
+    unseen: Mapping[str, str]
+    todo: tuple[str, ...]
+
+
+_ABSENT: Final = {
+    "digit": _Absent(
+        "No DIGIT is plugged in",
+        {"digit": "no camera and no USB device has a DIGIT's numbers, 2833:0209"},
+        (
+            "plug one in with a cable that carries data (some only charge: lights on, nothing in lsusb), wait 3 s, "
+            "look again",
+            'any other camera will do for a first try: driver digit with source = "/dev/video0"',
+        ),
+    ),
+    "emg": _Absent(
+        "No EMG amplifier was found",
+        {
+            "serial-emg": "there is no USB serial port",
+            "lsl-emg": "no Lab Streaming Layer stream of type EMG was heard",
+        },
+        (
+            "plug the board or dongle in and switch it on (a Cyton's dongle: switch at GPIO 6)",
+            "an amplifier with a program of its own: start its stream in that program",
+        ),
+    ),
+    "vest": _Absent(
+        "No vest answers",
+        {
+            "bhaptics-player": "no Player listens at 127.0.0.1:15881",
+            "bhaptics-ble": "no vest was heard over Bluetooth",
+            "hid-vest": "no board with TEGA's reports is on USB",
+        },
+        (
+            "through the vendor's software: start the bHaptics Player and pair the vest in it",
+            "by Bluetooth: switch the vest on, and close the Player and the phone's app, which would hold it",
+        ),
+    ),
+    "allegro": _Absent(
+        "There is no CAN bus, so no Allegro Hand",
+        {"allegro": "the kernel lists no CAN interface"},
+        (
+            "plug the CAN adapter in, then:\n"
+            "sudo ip link set can0 up type can bitrate 1000000 restart-ms 100\n"
+            "sudo ip link set can0 txqueuelen 100",
+            "an adapter that is no network interface (PCAN-Basic, Kvaser) can be tried with settings only",
+        ),
+    ),
+}
+
+
+class DriverLook(NamedTuple):
+    """Result of looking for one driver's devices.
+
+    Attributes:
+        kind: The driver's kind.
+        found: What is there.
+        could_not: Why looking was not possible; ``""`` where it was.
+        hint: What to do about that.
+        lacks_package: Whether it is a package that is not installed.
+    """
+
+    kind: str
+    found: Sequence[Found] = ()
+    could_not: str = ""
+    hint: str = ""
+    lacks_package: bool = False
+
+
+def look_for(deadline_s: float = LOOK_S) -> dict[str, DriverLook]:
+    """Ask every driver that can tell what is there for it; opens nothing.
+
+    Args:
+        deadline_s: How long all of them may take, side by side.
+
+    Returns:
+        By the driver's name, in the order of ``tega-teleop devices``; a driver that cannot tell is left out.
+    """
+    jobs: dict[str, Callable[[], DriverLook]] = {}
+    kinds: dict[str, str] = {}
+    for record in list_drivers():
+        if record.kind and isinstance(driver := driver_class(record.name), DiscoveringDevice):
+            kinds[record.name] = record.kind
+            jobs[record.name] = lambda kind=record.kind, driver=driver: _look(kind, driver, 0.8 * deadline_s)
+    return in_time(
+        jobs,
+        deadline_s,
+        lambda name, s: DriverLook(kinds[name], could_not=f"{name} did not answer within {s:g} s"),
+    )
+
+
+def _look(kind: str, driver: DiscoveringDevice, timeout_s: float) -> DriverLook:
+    try:
+        return DriverLook(kind, driver.discover(timeout_s))
+    except MissingExtraError as error:
+        return DriverLook(kind, could_not=error.message, hint=error.hint, lacks_package=True)
+    except DeviceUnavailableError as error:
+        return DriverLook(kind, could_not=error.message, hint=error.hint)
+    except Exception as error:  # somebody's driver: the others are still looked for
+        return DriverLook(kind, could_not=f"unexpected {type(error).__name__}: {error}")
+
+
+def look_around() -> Examination:
+    """Look for a DIGIT, an EMG amplifier, a vest and an Allegro Hand, and try what may be opened.
+
+    Takes at most :data:`LOOK_S` and :data:`TRY_S` seconds, whatever hangs.
+    """
+    looked = {name: there for name, there in look_for().items() if there.kind in ROLES.values()}
+    cases: list[DriverCase] = []
+    findings = _packages(looked)
+    for check, kind in ROLES.items():
+        for name, there in looked.items():
+            for found in there.found if there.kind == kind else ():
+                if found.problem or not found.may_open:
+                    findings.append(_seen(check, found))
+                    continue
+                options_type = driver_class(name).options_type
+                cases.append(DriverCase(check, kind, name, msgspec.convert(found.options, options_type)))
+    findings += try_all(cases, TRY_S)
+    for check, kind in ROLES.items():
+        if not any(f.check == check for f in findings):
+            of_kind = {name: there for name, there in looked.items() if there.kind == kind}
+            findings.append(_absent(check, of_kind))
+    order = ["packages", *ROLES]
+    findings.sort(key=lambda f: order.index(f.check))
+    return Examination(settings="", findings=tuple(findings))
+
+
+def try_all(cases: Sequence[DriverCase], deadline_s: float) -> list[Finding]:
+    """Try devices through their drivers, side by side.
+
+    Args:
+        cases: What to try.
+        deadline_s: How long all of them together may take.
+
+    Returns:
+        At least one finding for each, in their order, and then those about several together.
+    """
+    cameras: list[FoundCamera] = []
+
+    def attempt(case: DriverCase) -> list[Finding]:
+        try:
+            if case.kind == "tactile":
+                findings, camera = try_camera(case)
+                cameras.extend([camera] if camera is not None else [])
+                return findings
+            tries = {
+                "emg": try_amplifier,
+                "vest": try_vest,
+                "hand": try_hand,
+                "input": try_input,
+                "tracker": try_tracker,
+                "arm": try_arm,
+            }
+            return tries[case.kind](case)
+        except Exception as error:  # a driver's mistake is one finding, not the end of the examination
+            return [
+                Finding(
+                    check=case.check,
+                    status="wrong",
+                    finding=f"{case.driver} failed with an unexpected {type(error).__name__}: {error}",
+                    todo=("report it to whoever made the driver",),
+                    driver=case.driver,
+                )
+            ]
+
+    def job(case: DriverCase) -> Callable[[], list[Finding]]:
+        return lambda: attempt(case)
+
+    jobs = {n: job(case) for n, case in enumerate(cases)}
+    # Devices are opened in threads, and only the main one can see to it that SIGTERM closes them.
+    closes_on_exit(_nothing)
+    try:
+        answers = in_time(jobs, deadline_s, lambda n, s: [late(cases[n], s)])
+    finally:
+        release(_nothing)
+    return [finding for findings in answers.values() for finding in findings] + crowded(cameras)
+
+
+def _nothing() -> None:
+    """Stand for the devices that the threads hold."""
+
+
+def _seen(check: str, found: Found) -> Finding:
+    """Tell of something that was not opened."""
+    if found.problem:
+        return Finding(
+            check=check,
+            status="wrong",
+            finding=found.problem,
+            why=found.note,
+            todo=(found.hint,) if found.hint else (),
+            driver=found.driver,
+            device=found.label,
+        )
+    return Finding(
+        check=check,
+        status="doubt",
+        finding=f"seen and not opened: {found.label} ({found.driver})",
+        why=found.note,
+        todo=("tega-teleop init writes settings with it; then tega-teleop doctor lab.toml tries it",),
+        driver=found.driver,
+        device=found.label,
+    )
+
+
+def _packages(looked: Mapping[str, DriverLook]) -> list[Finding]:
+    """Tell once of the packages without which some drivers cannot look."""
+    lacking = {name: there for name, there in looked.items() if there.lacks_package}
+    if not lacking:
+        return []
+    return [
+        Finding(
+            check="packages",
+            status="missing",
+            finding="packages that drivers need are not installed",
+            why=f"these could not look for their devices: {', '.join(lacking)}",
+            todo=tuple(dict.fromkeys(there.hint for there in lacking.values() if there.hint)),
+        )
+    ]
+
+
+def _absent(check: str, looked: Mapping[str, DriverLook]) -> Finding:
+    said, unseen, todo = _ABSENT[check]
+    reasons = [what for name, what in unseen.items() if name in looked and not looked[name].could_not]
+    if check == "digit" and (others := ", ".join(f"{c.device} ({c.name})" for c in video_nodes())):
+        reasons.append(f"other cameras there are: {others}")
+    could_not = [there for there in looked.values() if there.could_not and not there.lacks_package]
+    reasons += dict.fromkeys(there.could_not for there in could_not)
+    if blind := ", ".join(name for name, there in looked.items() if there.lacks_package):
+        reasons.append(f"{blind} could not look")
+    hints = dict.fromkeys(there.hint for there in could_not if there.hint)
+    return Finding(check=check, status="missing", finding=said, why="; ".join(reasons), todo=(*todo, *hints))

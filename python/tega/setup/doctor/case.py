@@ -1,0 +1,112 @@
+"""Describe one device to try, and tell how opening it failed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from tega.devices.base import Kind
+from tega.errors import SampleRateError, TegaError, WrongDeviceError
+from tega.setup.doctor.findings import Finding, Status
+
+_PROC = Path("/proc")
+
+
+class DriverCase(NamedTuple):
+    """A driver and its settings.
+
+    Attributes:
+        check: What the findings are about, such as ``tactile.thumb``.
+        kind: Kind of the driver.
+        driver: Its name.
+        options: Its checked options.
+        baseline: Picture of the untouched gel, for a finger that has one.
+    """
+
+    check: str
+    kind: Kind
+    driver: str
+    options: Any
+    baseline: Path | None = None
+
+    def told(
+        self,
+        device: str,
+        status: Status,
+        said: str,
+        *,
+        why: str = "",
+        todo: tuple[str, ...] = (),
+        measured: dict[str, float] | None = None,
+    ) -> Finding:
+        """Return a finding about this device; see :class:`~tega.setup.doctor.findings.Finding`."""
+        return Finding(
+            check=self.check,
+            status=status,
+            finding=said,
+            why=why,
+            todo=todo,
+            driver=self.driver,
+            device=device,
+            measured=measured or {},
+        )
+
+
+def failed(
+    case: DriverCase,
+    error: TegaError,
+    *,
+    device: str = "",
+    status: Status | None = None,
+    why: str = "",
+    todo: tuple[str, ...] = (),
+) -> Finding:
+    """Return the finding for a device that could not be used.
+
+    Args:
+        case: What was tried.
+        error: What the driver says; its hint becomes what to do.
+        device: What the device is called.
+        status: How it is; by the kind of error when ``None``.
+        why: What is known beyond the error.
+        todo: What to do beyond the hint.
+    """
+    if status is None:
+        # The thing is there, but not the right one, not fast enough, or not for us.
+        wrong = isinstance(error, WrongDeviceError | SampleRateError)
+        status = "wrong" if wrong or isinstance(error.__cause__, PermissionError) else "missing"
+    steps = tuple(step for step in (error.hint, *todo) if step)
+    return case.told(device, status, error.message, why=why, todo=steps)
+
+
+def late(case: DriverCase, deadline_s: float) -> Finding:
+    """Return the finding for a device that did not answer in time."""
+    return case.told(
+        "",
+        "wrong",
+        f"{case.driver} was not done within {deadline_s:g} s",
+        why="the device, its driver or the machine is held up",
+        todo=("unplug it, plug it in again and look once more",),
+    )
+
+
+def holders(device: str, proc: Path = _PROC) -> list[str]:
+    """Name the programs that have a device open, as far as this user may see them (Linux only).
+
+    Args:
+        device: Its file, such as ``/dev/video0``.
+        proc: Where the kernel lists processes.
+
+    Returns:
+        Name and number of each, such as ``cheese (4711)``.
+    """
+    target, found = Path(device).resolve(), []
+    for process in sorted(proc.glob("[0-9]*")):
+        try:
+            has_it = any(link.resolve() == target for link in (process / "fd").iterdir())
+            name = (process / "comm").read_text().strip()
+        except OSError:
+            continue
+        if has_it:
+            found.append(f"{name} ({process.name})")
+    return found

@@ -1,0 +1,138 @@
+"""Judge a fingertip's gel: whether it is dark, dirty or worn, and whether its baseline still fits.
+
+Everything is judged in the sensor's own noise, which is measured in the pictures that it sends now.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tega.config.calibration.records import GelRecord, read_record
+from tega.errors import CalibrationError, TegaError
+from tega.runtime.opencv import read_image
+from tega.setup.calibration.gel import compare_gels, dark
+from tega.setup.doctor.case import failed
+from tega.tactile.tracker import TouchTracker, sensor_noise
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tega.setup.doctor.case import DriverCase
+    from tega.setup.doctor.findings import Finding
+
+
+LEAST_PICTURES = 10
+"""Fewer pictures say too little about a sensor's noise."""
+
+
+def look_at_gel(case: DriverCase, label: str, pictures: Sequence[NDArray[np.uint8]]) -> list[Finding]:
+    """Judge the gel by pictures that were taken while nothing should have touched it.
+
+    Args:
+        case: Whose it is; its ``baseline`` is what the gel is compared with.
+        label: What the sensor is called.
+        pictures: uint8 (H, W, 3) each, of one size, in the order they came.
+
+    Returns:
+        What is wrong; empty where nothing is, or there were fewer than ten pictures.
+    """
+    if case.baseline is None:
+        return _is_dark(case, label, pictures)
+    try:
+        baseline = read_image(case.baseline, driver=case.driver)
+    except TegaError as error:
+        return [failed(case, error, device=label, status="missing")]
+    sent = pictures[-1].shape
+    if baseline.shape != sent:
+        height, width = baseline.shape[:2]
+        said = f"the baseline {case.baseline.name} is {width}×{height}, {label} sends {sent[1]}×{sent[0]}"
+        why = "size or orientation was another when it was taken"
+        return [case.told(label, "wrong", said, why=why, todo=("take the baseline again",))]
+    return [*_is_dark(case, label, pictures), *_compared(case, label, pictures, baseline, case.baseline)]
+
+
+def _is_dark(case: DriverCase, label: str, pictures: Sequence[NDArray[np.uint8]]) -> list[Finding]:
+    if len(pictures) < LEAST_PICTURES:
+        return []
+    noise = max(_noise(pictures))
+    said = dark(_mean(pictures), noise)
+    if not said:
+        return []
+    why = "the gel's lights are off, weak or covered: touch moves the colours by less than their noise"
+    return [
+        case.told(label, "wrong", f"{case.driver} {label}: {said}", why=why, measured={"noise_counts": noise})
+    ]
+
+
+def _compared(
+    case: DriverCase,
+    label: str,
+    pictures: Sequence[NDArray[np.uint8]],
+    baseline: NDArray[np.uint8],
+    path: Path,
+) -> list[Finding]:
+    """Compare the gel with its baseline."""
+    if len(pictures) < LEAST_PICTURES:
+        return []
+    now, noise = _mean(pictures), max(_noise(pictures))
+    noise_then, when = noise, f"in {path.name}"
+    try:
+        record = read_record(path.with_suffix(".toml"), GelRecord)
+    except CalibrationError:
+        pass  # a picture that somebody took by other means
+    else:
+        noise_then, when = max(record.noise_counts), f"{record.made:%Y-%m-%d}"
+    change = compare_gels(now, baseline, noise_now=noise, noise_then=noise_then, when=when)
+    findings = [
+        case.told(
+            label,
+            "doubt",
+            f"{case.driver} {label}: {words}",
+            why="dirt, wear and aged lights look like touch, or hide it",
+            todo=(
+                "clean the gel with a lint-free cloth, then take its baseline again: tega-teleop calibrate --refresh",
+            ),
+            measured={"noise_counts": round(noise, 2), "wear_percent": round(100 * change.wear, 2)},
+        )
+        for words in change.words
+    ]
+    tracker = TouchTracker(baseline, noise=sensor_noise(pictures))
+    contact = tracker.update(now)
+    if contact.difference > contact.threshold:
+        findings.append(
+            case.told(
+                label,
+                "doubt",
+                f"{case.driver} {label}: the gel differs from its baseline by {contact.difference:.1f} times its "
+                f"noise, and touch is told from {contact.threshold:.1f} on",
+                why="something touches the gel, or the baseline is stale: gels and lights drift",
+                todo=(
+                    "take everything off the fingertip and look again",
+                    "take the baseline again if that stays",
+                ),
+                measured={"difference_noises": round(contact.difference, 2)},
+            )
+        )
+    return findings
+
+
+def _mean(pictures: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
+    total = np.zeros(pictures[0].shape, np.float64)
+    for picture in pictures:
+        total += picture
+    return np.rint(total / len(pictures)).astype(np.uint8)
+
+
+def _noise(pictures: Sequence[NDArray[np.uint8]]) -> list[float]:
+    """Return the standard deviation of a pixel in time, counts, blue, green, red."""
+    squares = np.zeros(3)
+    for before, after in pairwise(pictures):
+        squares += ((after.astype(np.float32) - before) ** 2).mean(axis=(0, 1))
+    # Two neighbours differ by the noise of both.
+    noise: list[float] = np.sqrt(squares / (2 * (len(pictures) - 1))).tolist()
+    return noise

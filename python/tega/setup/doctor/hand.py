@@ -1,0 +1,84 @@
+"""Check the hand: whether its bus is up, it is the right one, and it reports. Its motors stay off."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from tega.devices import HarmlessDevice, driver_class
+from tega.devices.base import ReportingHand
+from tega.devices.hand.can_links import can_links, link_trouble
+from tega.errors import TegaError
+from tega.setup.doctor.case import DriverCase, failed
+from tega.setup.doctor.findings import Finding
+
+_LOOK_S = 1.2
+"""Temperatures come twice a second."""
+_WARM_C = 60
+
+
+def try_hand(case: DriverCase) -> list[Finding]:
+    """Open a hand with its motors off, hear its reports for a moment, close it."""
+    driver = driver_class(case.driver, "hand")
+    if not isinstance(driver, HarmlessDevice):
+        said = f"{case.driver} was not opened: it does not say how to without force"
+        return [case.told("", "doubt", said)]
+    options = driver.harmless(case.options)
+    hand: Any = driver(case.options if options is None else options)
+    label = hand.info.label
+    if options is None:
+        return [case.told(label, "fine", f"{case.driver} needs no device; it was not opened")]
+    why, step = _bus(case)
+    if why:
+        return [case.told(label, "wrong", f"the hand cannot be reached: {why}", todo=(step,))]
+    try:
+        with hand:
+            measured = _look(hand)
+            info, joints_c = hand.info, hand.state().joints_c if isinstance(hand, ReportingHand) else []
+    except TegaError as error:
+        return [failed(case, error, device=label)]
+    said = (
+        f"the hand on {label} reports {measured.get('rate_hz', 0):.0f} times a second; its motors stayed off"
+    )
+    if not measured:
+        said = f"the bus {label} opens; this driver does not listen, so what is on it was not seen"
+    findings = [case.told(label, "fine", said, why="; ".join(info.notes), measured=measured)]
+    known = [c for c in joints_c if c is not None]
+    if joints_c and len(known) < len(joints_c):
+        said = f"{len(joints_c) - len(known)} of {len(joints_c)} joints report no temperature"
+        findings.append(case.told(label, "doubt", said))
+    if known and max(known) > _WARM_C:
+        said = f"a joint is at {max(known)} °C; its torque is reduced above {_WARM_C}, at 80 it is let go"
+        findings.append(case.told(label, "doubt", said, todo=("let it cool down",)))
+    return findings
+
+
+def _look(hand: Any) -> dict[str, float]:
+    """Count a hand's reports for a moment; a driver without a state has none."""
+    if not isinstance(hand, ReportingHand):
+        return {}
+    started_s, before = time.monotonic(), hand.state().counts.sets
+    time.sleep(_LOOK_S)
+    # What went wrong meanwhile is raised here.
+    hand.step(1)
+    state = hand.state()
+    passed_s = time.monotonic() - started_s
+    known = [c for c in state.joints_c if c is not None]
+    measured = {"rate_hz": round((state.counts.sets - before) / passed_s, 1)}
+    return measured | ({"warmest_joint_c": float(max(known))} if known else {})
+
+
+def _bus(case: DriverCase) -> tuple[str, str]:
+    """Say what is wrong with a bus of the kernel's, before anything is tried on it."""
+    if getattr(case.options, "interface", "") != "socketcan":
+        return "", ""
+    name = str(case.options.channel)
+    links = can_links()
+    link = next((there for there in links if there.name == name), None)
+    if link is not None:
+        return link_trouble(link, bitrate=case.options.bitrate)
+    others = ", ".join(there.name for there in links) or "none"
+    return (
+        f"there is no CAN bus {name!r}; there are: {others}",
+        "plug the adapter in (dmesg | tail says what became of it), or name another channel",
+    )

@@ -1,0 +1,63 @@
+"""Check pedals, switches and other inputs: whether they are there, open, and read as untouched."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from tega.devices import InputReading, InputSource, driver_class
+from tega.errors import TegaError
+from tega.setup.doctor.case import DriverCase, failed
+from tega.setup.doctor.findings import Finding
+
+_LOOK_S = 1.0
+_STEP_S = 0.02
+
+
+def try_input(case: DriverCase) -> list[Finding]:
+    """Open an input device, listen for a moment, close it. A device that hangs at rest is not told apart."""
+    source: Any = driver_class(case.driver, "input")(case.options)
+    try:
+        with source:
+            state = _listen(source)
+            info = source.info
+    except TegaError as error:
+        refused = isinstance(error.__cause__, OSError)
+        return [failed(case, error, device=source.info.label, status="wrong" if refused else None)]
+    name = f"{case.driver} {info.label}"
+    if not state.live:
+        why = "; ".join(info.notes)
+        said = f"{name} opened, and then had no data"
+        return [
+            case.told(
+                info.label,
+                "wrong",
+                said,
+                why=why,
+                todo=("let it go, check its cable or battery, look again",),
+            )
+        ]
+    doubts = [case.told(info.label, "doubt", f"{name}: {note}") for note in info.notes]
+    if touched := _touched(state):
+        why = "harmless if you touch it just now; else it would move or release something by itself"
+        said = f"{name} says that it is touched: {touched}"
+        return [
+            case.told(info.label, "doubt", said, why=why, todo=("let it go and look again",)),
+            *doubts,
+        ]
+    why = "at rest it says nothing: move it in tega-teleop run, which shows what it says"
+    return [case.told(info.label, "fine", f"{name} is open and at rest", why=why), *doubts]
+
+
+def _listen(source: InputSource) -> InputReading:
+    """Return what it says after a moment, or when it is lost."""
+    until_s = time.monotonic() + _LOOK_S
+    while (state := source.state()).live and time.monotonic() < until_s:
+        time.sleep(_STEP_S)
+    return state
+
+
+def _touched(state: InputReading) -> str:
+    """Say in words what is pushed or held; ``""`` for nothing."""
+    words = [f"{button} is down" for button in sorted(state.held)]
+    return ", ".join([*(["the cap is pushed or turned"] if any(state.motion) else []), *words])

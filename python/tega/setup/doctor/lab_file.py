@@ -1,0 +1,244 @@
+"""Write a settings file, filled in for devices that are plugged in, with comments on what else to set."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import tomlkit
+
+from tega.config import FINGERS
+from tega.devices import Found
+from tega.runtime.files.toml_text import toml_item, toml_value, tree_text
+from tega.setup.doctor.bench import DriverLook
+
+_HEAD = """\
+# A session on real devices. Lines that begin with # are switched off; take the # away to switch one on.
+# Check it:            tega-teleop config check {name}
+# Try the devices:     tega-teleop doctor {name}
+# Run it:              tega-teleop run {name}
+# Relative paths are relative to this file. Every key: docs/config.md
+
+[session]
+preset = "live"               # paper: the printed law; live: for people
+out_dir = "results"           # where the tables go
+"""
+
+_EMULATED = """\
+emulated = true               # in a study: a rehearsal only
+"""
+
+_CALIBRATION = """
+# What counts as full effort and full touch, for one person and these devices. A run on live devices needs it.
+{off}[calibration]
+{off}file = {file}
+"""
+
+_NO_FINGER = """
+# {table:<28}  # no sensor was found for it
+# driver = "digit"                # docs/device-digit.md
+# options = {{ serial = "D00000" }}   # the number printed on the sensor; source = "/dev/video0" for any camera
+"""
+
+_NO_EMG = """
+# [emg]                           # no amplifier was found
+# driver = "cyton"                # cyton, chords, spiker, serial-emg, lsl-emg: docs/device-emg.md
+# kind = "raw"                    # what it sends: raw, rectified, envelope
+# options = { port = "/dev/ttyUSB0" }
+"""
+
+_NO_VEST = """
+[vest]
+layout = "x40"                # paper32, x40, x16
+# driver = "bhaptics-player"      # no vest was found; without a driver the frames are only recorded
+# options = { host = "127.0.0.1", limit = 60 }   # limit: the highest percent ever sent
+# threshold = 15                  # the least percent that this person feels: docs/device-vest.md
+"""
+
+_NO_HAND = """
+[hand]
+# driver = "allegro"              # no CAN bus was found; without a driver the frames are only recorded
+# options = { interface = "socketcan", channel = "can0", side = "right", torque_share = 0.3 }
+"""
+
+_NO_MOTION = """
+# [input.motion]                  # no SpaceMouse was found: six axes for the arm, docs/device-inputs.md
+# driver = "spacemouse"
+"""
+
+_NO_PEDAL = """
+# [input.dead_man]                # no pedal that is known was found; any other, or a button of the SpaceMouse
+# driver = "pedal"
+# options = { vendor_id = 0x05f3, product_id = 0x00ff, report = "joystick", silent_after_ms = 5000 }   # lsusb
+"""
+
+_ARM = """
+{off}[arm]                           # the robot's arm, which cannot be looked for: docs/arm.md
+{off}driver = "{driver}"{gap}# franky, panda, bench-arm, simulated-arm: docs/device-arm.md
+{options}
+# [arm.tracker]                   # what sees the forearm; without it [input.motion], a SpaceMouse, leads
+# driver = "hololens"             # or "openxr", options = {{ source = "grip" }}: docs/device-tracker.md
+# options = {{ host = "192.168.1.20" }}
+
+{off}[arm.mapping]
+{off}frame = "base"                  # axes of what leads: base for a SpaceMouse, openxr for a headset
+# yaw_rad = 0.0                   # where forward is in the tracker's axes, from the calibration of the yaw
+# base_yaw_rad = 0.0              # which way the base points for the operator: 0 away, 1.57 left, 3.1415 towards
+
+{off}[arm.limits]
+{off}speed_m_s = 0.25
+
+# [input.clutch]                  # none: the dead-man, without which no arm is led, is the clutch too
+# driver = "spacemouse"
+# button = "right"
+
+# [input.recover]                 # pressed with the dead-man let go: the arm may go on after a fault
+# driver = "spacemouse"
+# button = "left"
+"""
+_OPTIONS: Mapping[str, str] = {
+    "franky": 'options = { host = "172.16.0.2", robot = "panda" }   # or fr3; tega-teleop arm check HOST asks it\n',
+    "panda": 'options = { host = "172.16.0.2" }\n',
+}
+
+# What a driver cannot find out by itself, and where to start.
+_MORE: Mapping[str, Mapping[str, tuple[Any, str]]] = {
+    "serial-emg": {
+        "rate_hz": (500.0, "lines a second that the board prints; measured, and refused if it is not so"),
+        "columns": (3, "numbers on a line"),
+        "bits": (10, "of the board's converter: 10, 12, 14; so that saturation is seen"),
+    },
+    "bhaptics-player": {"limit": (60, "the highest percent ever sent; raise it when all is well")},
+    "bhaptics-ble": {"limit": (60, "the highest percent ever sent; raise it when all is well")},
+    "hid-vest": {"limit": (60, "the highest percent ever sent; raise it when all is well")},
+    "pedal": {
+        "silent_after_ms": (
+            5000,
+            "100 where it repeats itself while held; else it has to be pressed anew this often",
+        ),
+    },
+    "allegro": {
+        "side": ("right", "right or left; the other one is refused"),
+        "torque_share": (0.3, "share of the torque limits; raise it when all is well"),
+    },
+}
+# Which of several drivers that found something is the likelier one.
+_PREFERRED = ("lsl-emg", "cyton", "bhaptics-player", "bhaptics-ble")
+
+
+def lab_settings(
+    looked: Mapping[str, DriverLook],
+    *,
+    name: str,
+    emulated: bool = False,
+    calibration: Path | None = None,
+    baselines: Mapping[str, Path] | None = None,
+    arm: str | dict[str, Any] | None = None,
+) -> str:
+    """Return the text of a settings file.
+
+    Args:
+        looked: What :func:`tega.setup.doctor.look_for` found.
+        name: Of the file, for the commands in it.
+        emulated: The devices are emulators, which the settings then say.
+        calibration: A calibration to name, relative to the file.
+        baselines: Pictures of the untouched gels to name, by finger, likewise.
+        arm: Name of an arm's driver to switch on, or its whole table; none leaves the arm's table as a comment.
+
+    Returns:
+        TOML that ``tega-teleop config check`` accepts.
+    """
+    file = toml_value(str(calibration or "calibration.toml"))
+    text = (
+        _HEAD.format(name=name)
+        + (_EMULATED if emulated else "")
+        + _CALIBRATION.format(off="" if calibration else "# ", file=file)
+    )
+    sensors = _found(looked, "tactile")
+    if sensors:
+        text += "\n# Which sensor is on which finger is a guess, in the order of their numbers: touch each and swap.\n"
+    for finger, sensor in zip(FINGERS, [*sensors[: len(FINGERS)], *[None] * len(FINGERS)], strict=False):
+        if sensor is None:
+            text += _NO_FINGER.format(table=f"[tactile.{finger}]")
+            continue
+        picture = (baselines or {}).get(finger)
+        untouched = _line("baseline", str(picture or f"{finger}.png"), "picture of the untouched gel")
+        text += _section(f"tactile.{finger}", sensor, untouched if picture else f"# {untouched}")
+    text += _left_over(sensors[len(FINGERS) :])
+    amplifiers = _found(looked, "emg")
+    kind = 'kind = "raw"                  # what it sends: raw, rectified, envelope\n'
+    text += _section("emg", amplifiers[0], kind) if amplifiers else _NO_EMG
+    text += _left_over(amplifiers[1:])
+    vests = _found(looked, "vest")
+    layout = 'layout = "x40"                # paper32, x40, x16\n'
+    text += _section("vest", vests[0], layout) if vests else _NO_VEST
+    text += _left_over(vests[1:])
+    hands = _found(looked, "hand")
+    text += _section("hand", hands[0], "") if hands else _NO_HAND
+    text += _left_over(hands[1:])
+    caps = _found(looked, "input", "spacemouse")
+    text += _section("input.motion", caps[0], "") if caps else _NO_MOTION
+    text += _left_over(caps[1:])
+    pedals = _found(looked, "input", "pedal")
+    text += _section("input.dead_man", pedals[0], "") if pedals else _NO_PEDAL
+    others = [one for one in _found(looked, "input") if one.driver not in {"spacemouse", "pedal"}]
+    return text + _left_over([*pedals[1:], *others]) + _arm(arm)
+
+
+def _arm(driver: str | dict[str, Any] | None) -> str:
+    """Return the arm's tables, switched off where no driver is named."""
+    if isinstance(driver, dict):
+        return "\n" + tree_text({"arm": driver})
+    off, name = ("# ", "franky") if driver is None else ("", driver)
+    options = f"{off}{_OPTIONS[name]}" if name in _OPTIONS else ""
+    gap = " " * max(1, 34 - len(f'{off}driver = "{name}"'))
+    return _ARM.format(off=off, driver=name, gap=gap, options=options)
+
+
+def _found(looked: Mapping[str, DriverLook], kind: str, driver: str | None = None) -> list[Found]:
+    """Return what was found of a kind, for one driver or any; the likelier and what can be opened first."""
+    found = [one for there in looked.values() if there.kind == kind for one in there.found]
+    found = [one for one in found if driver in {None, one.driver}]
+    return sorted(found, key=lambda one: (bool(one.problem), _rank(one.driver), not one.options))
+
+
+def _rank(driver: str) -> int:
+    return _PREFERRED.index(driver) if driver in _PREFERRED else len(_PREFERRED)
+
+
+def _section(table: str, found: Found, more: str) -> str:
+    """Return a table with a device filled in."""
+    text = "\n" + _comment(f"{found.label}{f': {found.note}' if found.note else ''}")
+    if found.problem:
+        text += _comment(f"Not usable yet: {found.problem}. {found.hint}")
+    text += f"[{table}]\n{_line('driver', found.driver)}{more}"
+    extra = {key: told for key, told in _MORE.get(found.driver, {}).items() if key not in found.options}
+    if found.options or extra:
+        text += f"\n[{table}.options]\n" + "".join(_line(key, value) for key, value in found.options.items())
+        text += "".join(_line(key, value, told) for key, (value, told) in extra.items())
+    return text
+
+
+def _line(key: str, value: Any, told: str = "") -> str:
+    """Return a key's line with what is told about it, in a column of its own."""
+    item = toml_item(value)
+    if told:
+        item.comment(told).trivia.comment_ws = " " * max(2, 27 - len(key) - len(item.as_string()))
+    return tomlkit.dumps({key: item})
+
+
+def _left_over(found: Iterable[Found]) -> str:
+    """Name what was found besides, to choose from."""
+    return "".join(
+        _comment(
+            f"also found: {one.label}: driver = {toml_value(one.driver)}, options = {toml_value(one.options)}"
+        )
+        for one in found
+    )
+
+
+def _comment(text: str) -> str:
+    """Return a text as comment lines; what a device calls itself may hold anything."""
+    lines = ("".join(c if c.isprintable() else " " for c in line) for line in text.splitlines())
+    return "".join(f"# {line}".rstrip() + "\n" for line in lines)

@@ -1,0 +1,109 @@
+"""Check the scene cameras of settings: whether each opens, and is filmed as fast as agreed beside the others."""
+
+from __future__ import annotations
+
+import time
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING, Final
+
+from tega.errors import TegaError
+from tega.setup.doctor.case import holders
+from tega.setup.doctor.findings import Finding
+from tega_scene.filming import Filming
+from tega_scene.layout import load_layout
+from tega_scene.lens import load_lens
+from tega_scene.settings import is_camera
+
+if TYPE_CHECKING:
+    from tega.config import SessionConfig
+    from tega_scene.settings import SceneConfig
+
+_LOOK_S, _ASKED_S = 2.0, 0.02
+# A camera that is open may send what it kept before what is of now.
+_FIRST_S: Final = 6.0
+_SLOW: Final = 0.9
+"""Share of the agreed rate below which pictures are missing."""
+
+
+def check_scene(config: SessionConfig) -> list[Finding]:
+    """Film two seconds with all cameras at once, and encode them, as a run does; nothing is kept.
+
+    Args:
+        config: The settings.
+    """
+    if not config.scene:
+        return []
+    with ThreadPoolExecutor(len(config.scene)) as pool:
+        return list(pool.map(_look, config.scene))
+
+
+def _look(camera: SceneConfig) -> Finding:
+    check, name = f"scene.{camera.name}", f"scene camera {camera.source}"
+    try:
+        if camera.lens is not None and camera.layout is not None:
+            lens = load_lens(camera.lens)
+            load_layout(camera.layout)
+            if (lens.width, lens.height) != camera.size:
+                return Finding(
+                    check=check,
+                    status="wrong",
+                    finding=f"{camera.lens.name} is of pictures of {lens.width}×{lens.height}, and the camera "
+                    f"films {camera.width}×{camera.height}",
+                    why="a lens is calibrated for one size",
+                    todo=("calibrate it anew with tega-teleop scene calibrate, or set that size",),
+                    device=camera.source,
+                )
+        film = Filming(camera, give=lambda _packets: None)
+        film.open()
+    except TegaError as error:
+        todo = (error.hint,) if error.hint else ()
+        node = f"/dev/video{camera.source}" if camera.source.isdecimal() else camera.source
+        busy = holders(node) if node.startswith("/dev/") else []
+        return Finding(
+            check=check,
+            status="wrong" if busy else "missing",
+            finding=error.message,
+            why=f"{', '.join(busy)} has {node} open" if busy else "",
+            todo=todo,
+            device=camera.source,
+        )
+    film.begin(0)
+    film.start()
+    begin_s = time.monotonic()
+    while film.is_alive and not film.tally.seen and time.monotonic() < begin_s + _FIRST_S:
+        time.sleep(_ASKED_S)
+    before, begin_s = film.tally.seen, time.monotonic()
+    while film.is_alive and time.monotonic() < begin_s + _LOOK_S:
+        time.sleep(_ASKED_S)
+    tally, rate_hz = film.tally, (film.tally.seen - before) / (time.monotonic() - begin_s)
+    film.leave()
+    measured = {"rate_hz": round(rate_hz, 1), "dropped_pictures": float(tally.dropped)}
+    if tally.trouble:
+        return Finding(check=check, status="wrong", finding=tally.trouble, device=camera.source)
+    if tally.dropped:
+        return Finding(
+            check=check,
+            status="doubt",
+            finding=f"{name}: {tally.dropped} of {tally.seen} pictures could not be encoded in time",
+            why="this machine is busy, or the pictures are many and large for it",
+            todo=("take a smaller size or rate_hz, or video = 'h264'",),
+            device=camera.source,
+            measured=measured,
+        )
+    if is_camera(camera.source) and rate_hz < _SLOW * camera.rate_hz:
+        return Finding(
+            check=check,
+            status="doubt",
+            finding=f"{name} sends {rate_hz:.0f} pictures a second, not {camera.rate_hz:g}",
+            why="in the dark many cameras slow down; or the USB bus or the network carries no more",
+            todo=("more light, another port, a smaller size, or its true rate_hz in [[scene]]",),
+            device=camera.source,
+            measured=measured,
+        )
+    return Finding(
+        check=check,
+        status="fine",
+        finding=f"{name} is filmed and encoded: {rate_hz:.0f} pictures a second, {camera.width}×{camera.height}",
+        device=camera.source,
+        measured=measured,
+    )

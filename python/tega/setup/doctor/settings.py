@@ -1,0 +1,110 @@
+"""Try exactly the devices that a settings file names."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from typing import Final
+
+from tega.config import SessionConfig
+from tega.setup.doctor.arm import check_arm
+from tega.setup.doctor.bench import try_all
+from tega.setup.doctor.calibration import check_calibration
+from tega.setup.doctor.case import DriverCase
+from tega.setup.doctor.findings import Examination, Finding
+from tega.setup.doctor.scene import check_scene
+
+DEADLINE_S: Final = 30.0
+"""Deadline of everything: a slow amplifier measures its rate for ten seconds before it is refused."""
+
+# Options that say which device is meant; two parts of a session with the same ones mean one device.
+_IDENTITY = ("serial", "source", "port", "address", "value", "channel", "folder", "file")
+
+
+def examine(
+    config: SessionConfig, *, name: str, settings: str = "", deadline_s: float = DEADLINE_S
+) -> Examination:
+    """Open every device that the settings name, read it for a moment, close it.
+
+    The calibration that a run would use is looked at as well. A hand's motors stay off, a vest gets zeros, and what
+    would overwrite a file is not opened.
+
+    Args:
+        config: The settings.
+        name: Base name of their file.
+        settings: How that is named in the commands that are suggested; ``""`` for its base name.
+        deadline_s: How long all devices together may take, side by side.
+    """
+    cases = cases_of(config)
+    if not cases and not config.scene:
+        nothing = Finding(
+            check="settings",
+            status="doubt",
+            finding="the settings name no device",
+            todo=(
+                "plug a device in, and write the settings anew: tega-teleop init",
+                "or rehearse on emulated devices: tega-teleop init --emulated",
+            ),
+        )
+        return Examination(settings=name, findings=(nothing,))
+    twice = _same_device(cases)
+    # Opened twice at once, a device would only complain about that.
+    left = {id(case) for case, _ in twice}
+    findings = try_all([case for case in cases if id(case) not in left], deadline_s)
+    calibration = check_calibration(config, settings=settings or name)
+    others = [finding for _, finding in twice] + check_arm(config) + check_scene(config)
+    return Examination(settings=name, findings=(*findings, *others, *calibration))
+
+
+def cases_of(config: SessionConfig) -> list[DriverCase]:
+    """Return the devices that a session's settings name."""
+    cases = [
+        DriverCase(f"tactile.{finger}", "tactile", section.driver, section.options, section.baseline)
+        for finger, section in config.tactile.in_use().items()
+    ]
+    if config.emg is not None:
+        cases.append(DriverCase("emg", "emg", config.emg.driver, config.emg.options))
+    if config.vest.driver is not None:
+        cases.append(DriverCase("vest", "vest", config.vest.driver, config.vest.options))
+    if config.hand.driver is not None:
+        cases.append(DriverCase("hand", "hand", config.hand.driver, config.hand.options))
+    cases += [
+        DriverCase(f"input.{seat}", "input", section.driver, section.options)
+        for seat, section in config.input.in_use().items()
+    ]
+    if (arm := config.arm) is not None:
+        if arm.tracker is not None:
+            cases.append(DriverCase("arm.tracker", "tracker", arm.tracker.driver, arm.tracker.options))
+        cases.append(DriverCase("arm", "arm", arm.driver, arm.options))
+    return cases
+
+
+def _same_device(cases: list[DriverCase]) -> list[tuple[DriverCase, Finding]]:
+    """Find parts of the settings that name the device of an earlier part."""
+    users: defaultdict[str, list[DriverCase]] = defaultdict(list)
+    for case in cases:
+        if case.kind == "input":
+            continue  # one SpaceMouse may have several seats
+        for key in _IDENTITY:
+            value = getattr(case.options, key, None)
+            if not value:
+                continue
+            # A port is a port, whoever opens it; anything else is its driver's own business.
+            users[str(value) if str(value).startswith("/dev/") else f"{case.driver} {key} {value}"].append(
+                case
+            )
+    return [
+        (
+            case,
+            Finding(
+                check=case.check,
+                status="wrong",
+                finding=f"{case.check} and {sharing[0].check} name the same device: {name}",
+                why="one device cannot be two",
+                todo=("look at the numbers printed on the devices and correct the settings",),
+                driver=case.driver,
+                device=name,
+            ),
+        )
+        for name, sharing in users.items()
+        for case in sharing[1:]
+    ]

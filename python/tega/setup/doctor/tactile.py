@@ -1,0 +1,181 @@
+"""Check a fingertip's camera: whether it opens, every picture is good, and they come as fast as agreed."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections import defaultdict
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from tega.devices import TactileSource, driver_class
+from tega.devices.base import CountingSource, TactileFrame
+from tega.devices.fingertip.picture_check import CameraCounts
+from tega.devices.fingertip.video_nodes import VideoNode, video_nodes
+from tega.errors import TegaError
+from tega.setup.doctor.case import DriverCase, failed, holders
+from tega.setup.doctor.findings import Finding
+from tega.setup.doctor.gel import look_at_gel
+
+_LOOK_S = 1.5
+_SLOW = 0.9
+"""Share of the agreed rate below which pictures are missing."""
+_USB2_MB_S = 35.0
+"""What one USB 2 bus carries in practice; four DIGITs at 60 pictures a second send 37."""
+_BYTES_PER_PIXEL = 2
+
+
+class FoundCamera(NamedTuple):
+    """A camera that works, for the look at the buses.
+
+    Attributes:
+        check: Which finger's.
+        serial: Its serial number.
+        rate_hz: Pictures a second it agreed to.
+        n_pixels: Of one picture.
+    """
+
+    check: str
+    serial: str
+    rate_hz: float
+    n_pixels: int
+
+
+def try_camera(case: DriverCase) -> tuple[list[Finding], FoundCamera | None]:
+    """Open a camera or recording, read for a moment, close it."""
+    source: Any = driver_class(case.driver, "tactile")(case.options)
+    label = source.info.label
+    name = f"{case.driver} {label}"
+    try:
+        with source:
+            frames, rate_hz = _read(source)
+            info = source.info
+    except TegaError as error:
+        return [_unusable(case, error, source)], None
+    if not frames:
+        return [case.told(label, "wrong", f"{name} opened, and sent no picture")], None
+    height, width = frames[-1].image.shape[:2]
+    seen = {f.seq: f.image for f in frames if f.image.shape == frames[-1].image.shape}
+    gel = look_at_gel(case, label, list(seen.values()))
+    if not info.live:
+        length = f"{info.n_items} pictures" if info.n_items else "pictures"
+        said = f"{name}: a recording, {length} of {width}×{height} at {info.rate_hz or 0:g} a second"
+        return gel or [case.told(label, "fine", said)], None
+    findings = [
+        *_pictures(
+            case, label, rate_hz, info.rate_hz, source.counts if isinstance(source, CountingSource) else None
+        ),
+        *(case.told(label, "doubt", f"{name}: {note}") for note in info.notes),
+        *gel,
+    ]
+    if not findings:
+        said = f"{name} sends {rate_hz:.0f} pictures a second, {width}×{height}"
+        findings = [case.told(label, "fine", said, measured={"rate_hz": round(rate_hz, 1)})]
+    return findings, FoundCamera(case.check, label, info.rate_hz or 0.0, height * width)
+
+
+def _pictures(
+    case: DriverCase, label: str, rate_hz: float, agreed_hz: float | None, counts: CameraCounts | None
+) -> list[Finding]:
+    """Say whether pictures come too seldom or cannot be used."""
+    findings = []
+    measured = {"rate_hz": round(rate_hz, 1)}
+    if agreed_hz and rate_hz < _SLOW * agreed_hz:
+        findings.append(
+            case.told(
+                label,
+                "doubt",
+                f"{case.driver} {label} sends {rate_hz:.0f} pictures a second where {agreed_hz:g} were agreed",
+                why="the USB bus or hub is overloaded, the cable is bad, or this machine is busy",
+                todo=(
+                    "plug it straight into the machine, not into a hub",
+                    "spread several sensors over two USB controllers (lsusb -t shows them), or set rate_hz = 30",
+                ),
+                measured=measured,
+            )
+        )
+    if counts is None:
+        return findings
+    bad = {what: getattr(counts, what) for what in ("torn", "duplicate", "black", "odd_size")}
+    if any(bad.values()):
+        kinds = ", ".join(f"{n} {what.replace('_', ' ')}" for what, n in bad.items() if n)
+        findings.append(
+            case.told(
+                label,
+                "doubt",
+                f"{case.driver} {label}: of {counts.received} pictures some could not be used: {kinds}",
+                why="pictures arrive damaged: cable, hub, or too much on one USB bus",
+                todo=("use a short cable and another port; the driver withholds such pictures by itself",),
+                measured=measured | {f"{what}_pictures": float(n) for what, n in bad.items()},
+            )
+        )
+    return findings
+
+
+def crowded(cameras: Sequence[FoundCamera], nodes: Sequence[VideoNode] | None = None) -> list[Finding]:
+    """Say where more cameras hang on one USB 2 bus than it carries.
+
+    Args:
+        cameras: Those that work.
+        nodes: The machine's cameras; asked of the kernel when ``None``.
+    """
+    bus_of = {node.serial: node.bus for node in (video_nodes() if nodes is None else nodes) if node.serial}
+    by_bus: defaultdict[str, list[FoundCamera]] = defaultdict(list)
+    for camera in cameras:
+        if bus := bus_of.get(camera.serial, ""):
+            by_bus[bus].append(camera)
+    findings = []
+    for bus, there in by_bus.items():
+        mb_s = sum(c.rate_hz * c.n_pixels * _BYTES_PER_PIXEL for c in there) * 1e-6
+        if len(there) < 2 or mb_s <= _USB2_MB_S:
+            continue
+        findings.append(
+            Finding(
+                check=there[0].check if len({c.check for c in there}) == 1 else "tactile",
+                status="doubt",
+                finding=f"{len(there)} sensors share USB bus {bus} and send {mb_s:.0f} MB/s together",
+                why=f"one USB 2 bus carries about {_USB2_MB_S:g}; DIGITs that starve each other report no error, "
+                "their pictures come late, torn, or mixed up with another sensor's",
+                todo=(
+                    "plug some into ports of another USB controller (lsusb -t shows which port is whose)",
+                    "or set rate_hz = 30 for each",
+                ),
+                device=", ".join(c.serial for c in there),
+                measured={"load_mb_s": round(mb_s, 1)},
+            )
+        )
+    return findings
+
+
+def _read(source: TactileSource) -> tuple[list[TactileFrame], float]:
+    """Read for a moment; return the pictures, of a recording the first one, and how many came a second."""
+    first = source.read(1.0)
+    if first is None or not source.info.live:
+        return [] if first is None else [first], source.info.rate_hz or 0.0
+    frames = [first]
+    until_s = time.monotonic() + _LOOK_S
+    while time.monotonic() < until_s:
+        if (frame := source.read(0.1)) is not None:
+            frames.append(frame)
+    passed_s = (frames[-1].t_ns - first.t_ns) * 1e-9
+    return frames, (len(frames) - 1) / passed_s if passed_s > 0 else 0.0
+
+
+def _unusable(case: DriverCase, error: TegaError, source: Any) -> Finding:
+    label = source.info.label
+    if isinstance(source, CountingSource) and source.counts.received:
+        return failed(case, error, device=label, status="wrong")
+    node = next((n for n in video_nodes() if n.serial and n.serial == label), None)
+    place = node.device if node is not None else str(getattr(case.options, "source", None) or "")
+    if not place.startswith("/dev/") or not os.path.exists(place):  # noqa: PTH110  # a device's name, not a path of ours
+        return failed(case, error, device=label)
+    if not os.access(place, os.R_OK | os.W_OK):
+        return case.told(
+            label,
+            "wrong",
+            f"{label} is there, but your user may not open {place}",
+            todo=("tega-teleop doctor --udev-rules prints rules that allow it, and how to install them",),
+        )
+    busy = holders(place)
+    why = f"{', '.join(busy)} has {place} open" if busy else ""
+    return failed(case, error, device=label, status="wrong", why=why)

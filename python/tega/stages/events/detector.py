@@ -1,0 +1,400 @@
+"""Detect contact, release, slip, lift-off and deformation, as the sensors' numbers come or with a look ahead.
+
+One implementation for both: live, an event is told as soon as its rule holds; over a record, the rule is given the
+next half second as well, which takes back what turns out to be a release and raises the confidence of what goes on.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Literal, NamedTuple
+
+from tega.stages.events.settings import SETTINGS, DetectorSettings, Rule
+from tega.stages.events.tracks import (
+    FingerTrack,
+    Low,
+    ShearFrame,
+    ShearTrack,
+    SinkTrack,
+    TouchFrame,
+    TwoMeans,
+)
+
+_SHORT_MM, _FAINT = 0.05, 3.0
+"""A pull that is no more than noise, millimetres, and a peak likewise, grey values."""
+
+EventKind = Literal["contact", "release", "slip", "lift_off", "deformation"]
+
+
+class DetectedEvent(NamedTuple):
+    """An event of the grasp, with its time and confidence.
+
+    Attributes:
+        kind: What.
+        t_s: When it began, as far as can be told, seconds.
+        confidence: 0 to 1; half where it is just an event. A slip's is the rule's share, shifted so; how often it is
+            right on other objects or sensors than those it was fitted on is not known.
+        known_s: When it was told.
+        finger: Of which finger; empty for the whole grasp.
+    """
+
+    kind: EventKind
+    t_s: float
+    confidence: float
+    known_s: float
+    finger: str = ""
+
+
+class Rise:
+    """Makes events of a share that rises and falls."""
+
+    def __init__(self, kind: EventKind, rule: Rule, rest_s: float, look_ahead_s: float) -> None:
+        self._kind, self._rule, self._rest_s, self._ahead_s = kind, rule, rest_s, look_ahead_s
+        self._since_s: float | None = None
+        self._free_s = -math.inf
+        self._open: tuple[float, float] | None = None
+
+    def add(self, t_s: float, share: float, *, void: bool) -> DetectedEvent | None:
+        """Take in the share now; ``void`` takes back what is not told yet."""
+        told = self._waited(t_s, share, void=void)
+        if share < self._rule.enter or void:
+            self._since_s = None
+            return told
+        self._since_s = t_s if self._since_s is None else self._since_s
+        began_s = self._since_s
+        if t_s - began_s < self._rule.least_s - 1e-9:
+            return told
+        fresh, self._free_s = t_s >= self._free_s, t_s + self._rest_s
+        if fresh and not self._ahead_s:
+            return DetectedEvent(self._kind, began_s, share, t_s)
+        if fresh:
+            self._open = began_s, share
+        return told
+
+    def _waited(self, t_s: float, share: float, *, void: bool) -> DetectedEvent | None:
+        """Return what has waited long enough for what comes after it."""
+        if self._open is None:
+            return None
+        began_s, most = self._open[0], max(self._open[1], share)
+        self._open = None if void else (began_s, most)
+        if void or t_s < began_s + self._rule.least_s + self._ahead_s:
+            return None
+        self._open = None
+        return DetectedEvent(self._kind, began_s, most, t_s)
+
+
+class Detector:
+    """Finds events. Times of a finger must not fall, nor those of hand and arm.
+
+    Args:
+        settings: Its numbers.
+        look_ahead_s: How long a slip waits for what comes after it; 0 tells it at once.
+
+    Attributes:
+        may_slip: Whether something is held that could slip, as far as is known.
+    """
+
+    def __init__(self, settings: DetectorSettings = SETTINGS, *, look_ahead_s: float = 0.0) -> None:
+        self._s, self._ahead_s = settings, look_ahead_s
+        self._quick: dict[str, FingerTrack] = {}
+        self._trend: dict[str, FingerTrack] = {}
+        self._shear: dict[str, ShearTrack] = {}
+        self._sinking: dict[str, SinkTrack] = {}
+        self._told: dict[str, bool] = {}
+        self._grasp_s: float | None = None
+        self._lost_s = self._gained_s = -math.inf
+        self._next_s = -math.inf
+        self._level: float | None = None
+        self._closure, self._height = (TwoMeans(settings.quick_s, settings.slow_s) for _ in range(2))
+        self._base_m = self._floor_m = math.inf
+        self._lifted = False
+        self._since_s: float | None = None
+        self._grip, self._pressed = Low(settings.before_s), Low(settings.before_s)
+        self._first_closure: float | None = None
+        self._squeezed_s: float | None = None
+        self._rises = {
+            rule: Rise("slip", rule, settings.rest_s, look_ahead_s)
+            for rule in (settings.touch, settings.shear, settings.hand, settings.sink)
+        }
+
+    def touch(self, t_s: float, finger: str, touch: TouchFrame) -> list[DetectedEvent]:
+        """Take in a frame of a fingertip, and return what it tells.
+
+        Args:
+            t_s: When it was taken, seconds.
+            finger: Whose it is.
+            touch: What it says.
+        """
+        s = self._s
+        if finger not in self._quick:
+            self._quick[finger] = FingerTrack(s.quick_s, s.slow_s)
+            self._trend[finger] = FingerTrack(*s.trend_s)
+            self._told[finger] = touch.in_contact
+        track = self._quick[finger]
+        if t_s - track.seen_s > s.stale_s and math.isfinite(track.seen_s):  # what was missed is no event
+            self._told[finger] = touch.in_contact
+        was = track.touching
+        track.add(t_s, touch)
+        self._trend[finger].add(t_s, touch)
+        if track.touching != was:
+            self._lost_s, self._gained_s = (t_s, self._gained_s) if was else (self._lost_s, t_s)
+        found = self._contact(t_s, finger, track)
+        if any(one.touching for one in self._quick.values()):
+            if self._grasp_s is None:
+                self._grasp_s = t_s
+        elif self._grasp_s is not None and not self._holds and t_s - self._lost_s > s.rest_s:
+            self._let_go()
+        if t_s >= self._next_s and self._rule() is not s.sink:
+            self._next_s = t_s + s.step_s
+            found += self._slip(t_s)
+        return found
+
+    def shear(self, t_s: float, finger: str, shear: ShearFrame) -> None:
+        """Take in the shear of a frame of a fingertip, before that frame itself is taken in.
+
+        Args:
+            t_s: When it was taken, seconds.
+            finger: Whose it is.
+            shear: What it says; zeros without contact.
+        """
+        if finger not in self._shear:
+            self._shear[finger] = ShearTrack(*self._s.shear_s)
+        self._shear[finger].add(t_s, shear)
+
+    def hand(
+        self,
+        t_s: float,
+        *,
+        level: float | None = None,
+        closure: float | None = None,
+        height_m: float | None = None,
+        tips_mm: Mapping[str, float] | None = None,
+    ) -> list[DetectedEvent]:
+        """Take in a look at hand and arm, and return what it tells; ``None`` for what is not measured.
+
+        Args:
+            t_s: When, seconds.
+            level: Closure level asked for.
+            closure: Closure measured, levels.
+            height_m: Height of the arm's end, metres.
+            tips_mm: Height of each fingertip over the palm by the hand's joint angles, millimetres, as of
+                :func:`tega.hand.tips.fingertips_m`.
+        """
+        found: list[DetectedEvent] = []
+        self._level = level
+        # What is no longer measured says nothing: the rules that need it give way to those that do not.
+        if closure is None:
+            self._closure.forget()
+        else:
+            self._closure.add(t_s, closure)
+            found += self._squeeze(t_s, closure)
+        if height_m is None:
+            self._height.forget()
+        else:
+            self._height.add(t_s, height_m)
+            found += self._lift(t_s, height_m)
+        if not tips_mm:  # the other rules take over
+            self._sinking.clear()
+        for finger, tip_mm in (tips_mm or {}).items():
+            self._sinking.setdefault(finger, SinkTrack(self._s.sink_s[-1])).add(t_s, tip_mm)
+        # The joints are told more often than pictures, and without a camera's delay.
+        return found + self._slip(t_s) if tips_mm and self._rule() is self._s.sink else found
+
+    def close(self, t_s: float) -> list[DetectedEvent]:
+        """End the record; return what was waiting for what comes after it."""
+        last = [rise.add(t_s + self._ahead_s, 0.0, void=False) for rise in self._rises.values()]
+        return [one._replace(known_s=t_s) for one in last if one is not None]
+
+    def features(self, t_s: float) -> tuple[float, ...]:
+        """Return the features that a slip is seen by.
+
+        :data:`SINK_FEATURES` where hand, arm and fingertips' places are measured, :data:`HAND_FEATURES` where hand and
+        arm are, else :data:`SHEAR_FEATURES`, else :data:`FEATURES`.
+        """
+        if self._rule() is self._s.sink:
+            return (*self._held_features(t_s), *self._sink_features())
+        on = [(one, self._trend[finger]) for finger, one in self._quick.items() if one.touching]
+        sums = [math.exp(one.mass.quick) for one, _ in on]
+        mass = sum(sums)
+        before = sum(math.exp(one.mass.slow) for one, _ in on)
+        long_before = sum(math.exp(trend.mass.slow) for _, trend in on)
+        flows = [one.flow_px for one, _ in on]
+        mean = sum(flow * part for flow, part in zip(flows, sums, strict=True)) / mass if on else 0.0
+        touch = (
+            float(len(on)),
+            math.log1p(mass / 1e4),
+            math.log((mass + 1e3) / (before + 1e3)),
+            math.log((mass + 1e3) / (long_before + 1e3)),
+            math.log1p(max(flows, default=0.0)),
+            math.log1p(max((trend.flow_px for _, trend in on), default=0.0)),
+            math.log1p(mean),
+            max((one.peak.quick for one, _ in on), default=0.0) / 20,
+            min((one.peak.change for one, _ in on), default=0.0) / 10,
+            min((one.area.change for one, _ in on), default=0.0) / 20,
+            math.exp((self._lost_s - t_s) / self._s.fade_s),
+            math.exp((self._gained_s - t_s) / self._s.fade_s),
+        )
+        if self._level is not None and self._measured:
+            return (*touch, *self._held_features(t_s))
+        if not self._shear:
+            return touch
+        return (*touch, *self._shear_features(mass_change=touch[2]))
+
+    def _held_features(self, t_s: float) -> tuple[float, ...]:
+        return (
+            self._pressed.fallen,
+            self._pressed.below,
+            self._closure.change,
+            (self._level or 0) - self._closure.quick,
+            10 * self._height.change,
+            self._grip.fallen,
+            self._grip.below,
+            0.0 if self._since_s is None else math.exp(self._since_s - t_s),
+        )
+
+    def _sink_features(self) -> tuple[float, ...]:
+        on = [
+            (self._sinking[finger], math.exp(one.mass.quick))
+            for finger, one in self._quick.items()
+            if one.touching and finger in self._sinking
+        ]
+        if not on:
+            return (0.0,) * (len(self._s.sink_s) + 2)
+        mass = sum(part for _, part in on)
+        means = [sum(part * sink.speed_mm_s(over_s) for sink, part in on) / mass for over_s in self._s.sink_s]
+        each = [sink.speed_mm_s(self._s.sink_s[1]) for sink, _ in on]
+        return (*means, max(each), min(each))
+
+    def _shear_features(self, *, mass_change: float) -> tuple[float, ...]:
+        pairs = [
+            (self._shear[finger], one)
+            for finger, one in self._quick.items()
+            if one.touching and finger in self._shear
+        ]
+        sound = [(shear, one) for shear, one in pairs if shear.sure.quick >= self._s.least_sure]
+        moved = sorted((shear.moved_mm for shear, _ in sound), reverse=True)
+        mean = math.log1p(20 * sum(moved) / max(len(moved), 1))
+        pulls = [shear.pull_mm for shear, _ in sound]
+        # Short pulls say little of what has slid: a short one more weighs them down.
+        pull = sum(pulls) + _SHORT_MM
+        slants = [mm / max(one.peak.quick, _FAINT) for mm, (_, one) in zip(pulls, sound, strict=True)]
+        return (
+            math.log1p(20 * max(moved, default=0.0)),
+            mean,
+            sum(mm * shear.incipient.quick for mm, (shear, _) in zip(pulls, sound, strict=True)) / pull,
+            sum(mm * shear.incipient.change for mm, (shear, _) in zip(pulls, sound, strict=True)) / pull,
+            math.log1p(max((shear.slip.quick for shear, _ in sound), default=0.0)),
+            math.log1p(20 * moved[1]) if len(moved) > 1 else 0.0,
+            mean * _logistic(-20 * mass_change),
+            math.log1p(10 * sum(slants) / max(len(slants), 1)),
+            len(sound) / 4,
+        )
+
+    @property
+    def _measured(self) -> bool:
+        """Whether closure and height are measured."""
+        return not (math.isnan(self._closure.quick) or math.isnan(self._height.quick))
+
+    def _rule(self) -> Rule:
+        """Return the rule of a slip for what is measured."""
+        if self._level is not None and self._measured:
+            return self._s.sink if self._sinking else self._s.hand
+        return self._s.shear if self._shear else self._s.touch
+
+    @property
+    def _holds(self) -> bool:
+        """Whether the hand is known to be closed on something, whatever the fingertips see."""
+        return (
+            self._level is not None
+            and self._level > 1
+            and not math.isnan(self._closure.quick)
+            and self._level - self._closure.quick > self._s.pressed_levels
+        )
+
+    @property
+    def may_slip(self) -> bool:
+        """Whether something is held that could slip, as far as is known."""
+        if self._grasp_s is None:
+            return False
+        if math.isnan(self._height.quick):
+            return True
+        opened = self._level is not None and self._level <= 1
+        return self._lifted and not opened and self._height.quick > self._base_m + self._s.down_m
+
+    @property
+    def _lowered(self) -> bool:
+        """Whether the rule of sinking fingertips waits: what is being put down may slide and is no slip."""
+        return self._rule() is self._s.sink and self._height.change < -self._s.lowered_m
+
+    def _contact(self, t_s: float, finger: str, track: FingerTrack) -> list[DetectedEvent]:
+        least_s = self._s.touch_s if track.touching else self._s.release_s
+        if track.touching == self._told[finger] or t_s - track.since_s < least_s - 1e-9:
+            return []
+        self._told[finger] = track.touching
+        # Certain as far as the fingertip's own noise goes: the reading calls contact what stands out of it.
+        return [DetectedEvent("contact" if track.touching else "release", track.since_s, 1.0, t_s, finger)]
+
+    def _remember(self, t_s: float) -> None:
+        """Keep how firm the grip is, from lift-off on."""
+        if not self._lifted or self._grasp_s is None:
+            return
+        self._since_s = t_s if self._since_s is None else self._since_s
+        on = (math.exp(one.mass.quick) for one in self._quick.values() if one.touching)
+        self._pressed.add(t_s, math.log(self._s.noise_sum + sum(on)))
+        if not math.isnan(self._closure.quick):
+            self._grip.add(t_s, self._closure.quick)
+
+    def _settled(self, t_s: float) -> bool:
+        return self._grasp_s is not None and t_s - self._grasp_s >= self._s.settle_s
+
+    def _slip(self, t_s: float) -> list[DetectedEvent]:
+        self._remember(t_s)
+        seen = self.features(t_s)
+        rule = self._rule()
+        may = self.may_slip and not self._lowered
+        share = share_of(rule, seen) if self._settled(t_s) and may else 0.0
+        found = self._rises[rule].add(t_s, share, void=not may)
+        return [] if found is None else [found]
+
+    def _lift(self, t_s: float, height_m: float) -> list[DetectedEvent]:
+        self._floor_m = min(self._floor_m, height_m)
+        if self._grasp_s is None and not self._holds:
+            # What is taken hold of again in the air does not leave the table a second time.
+            self._lifted = self._lifted and height_m > self._floor_m + self._s.down_m
+            self._base_m = self._floor_m if self._lifted else height_m
+            return []
+        self._base_m = min(self._base_m, height_m)
+        if self._lifted or height_m - self._base_m < self._s.lift_m:
+            return []
+        self._lifted = True
+        fingers = sum(one.touching for one in self._quick.values())
+        # A hand that goes up closed on nothing looks the same; every finger that feels something halves the doubt.
+        return [DetectedEvent("lift_off", t_s, 1 - 0.5 ** (1 + fingers), t_s)]
+
+    def _squeeze(self, t_s: float, closure: float) -> list[DetectedEvent]:
+        if self._grasp_s is None:
+            return []
+        if self._first_closure is None:
+            self._first_closure = closure
+        gained, least = closure - self._first_closure, self._s.squeeze_levels
+        if gained < self._s.eased * least:
+            self._squeezed_s = None
+        elif gained >= least and self._squeezed_s is None:
+            self._squeezed_s = t_s
+            return [DetectedEvent("deformation", t_s, _logistic((gained - least) / self._s.squeeze_sd), t_s)]
+        return []
+
+    def _let_go(self) -> None:
+        self._grasp_s = self._first_closure = self._squeezed_s = self._since_s = None
+        self._grip, self._pressed = Low(self._s.before_s), Low(self._s.before_s)
+
+
+def share_of(rule: Rule, seen: Sequence[float]) -> float:
+    """Return the share that a rule gives to what is seen."""
+    both = sum(w * seen[i] * seen[j] for i, j, w in rule.products)
+    return _logistic(rule.bias + sum(w * x for w, x in zip(rule.weights, seen, strict=True)) + both)
+
+
+def _logistic(x: float) -> float:
+    return 1 / (1 + math.exp(-x)) if x > -700 else 0.0

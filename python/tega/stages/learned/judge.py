@@ -1,0 +1,152 @@
+"""Judge closures against a target: agreement, steadiness, delay, false closings, confidence."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import msgspec
+import numpy as np
+
+from tega.emg.score import changes_per_second, delay_s, rank_correlation
+from tega.errors import ShapeError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+
+REST_CLOSURE: Final = 0.05
+CLOSING: Final = 0.125
+"""Half of level 2: the hand begins to close."""
+_SETTLED_S: Final = 0.5
+_CONFIDENCE_BINS: Final = 5
+
+
+class DecoderFigures(msgspec.Struct, frozen=True, kw_only=True):
+    """Figures of one decoder on one part of a log; NaN where a figure cannot be told.
+
+    Attributes:
+        rank_correlation: Spearman's, of closure with target.
+        level_rank_correlation: The same of the level.
+        correlation: Pearson's, of closure with target.
+        rmse: Root of the mean square of closure less target, both 0 to 1.
+        changes_per_s: Changes of the level per second.
+        delay_s: How much later than the rules of ``paper`` the closure comes, s.
+        level_delay_s: The same of the level, s.
+        target_delay_s: How much later than the target the closure comes, s.
+        at_level: Share of time at the target's level, one of five.
+        balanced_accuracy: Mean of the shares of rest (target below a quarter) and effort (above a half) that are told
+            apart at closure a quarter.
+        false_closings_per_min: Closings that begin at rest, per minute of rest.
+        calibration_error: Mean distance of confidence from the share of blocks within one level, over five bins.
+        held: Share of blocks that only repeated the closure before.
+        duration_s: Length of what was judged.
+    """
+
+    rank_correlation: float
+    level_rank_correlation: float
+    correlation: float
+    rmse: float
+    changes_per_s: float
+    delay_s: float
+    level_delay_s: float
+    target_delay_s: float
+    at_level: float
+    balanced_accuracy: float
+    false_closings_per_min: float
+    calibration_error: float
+    held: float
+    duration_s: float
+
+
+def judge(
+    closure: ArrayLike,
+    level: ArrayLike,
+    target: ArrayLike,
+    block_s: float,
+    *,
+    paper: ArrayLike | None = None,
+    confidence: ArrayLike | None = None,
+    held: ArrayLike | None = None,
+) -> DecoderFigures:
+    """Judge a series of closures.
+
+    Args:
+        closure: 0 to 1, a block each, ``(k,)``.
+        level: 1 to 5, ``(k,)``.
+        target: Closure meant, 0 to 1, ``(k,)``.
+        block_s: Length of a block, s.
+        paper: Levels of the rules of ``paper``, for the delay.
+        confidence: Of each block, 0 to 1; NaN or ``None`` where the decoder does not say.
+        held: Which blocks were held.
+
+    Raises:
+        ShapeError: The series differ in length, or have fewer than three blocks.
+
+    Example:
+        >>> judge([0, 0, 1, 1], [1, 1, 5, 5], [0, 0, 1, 1], 0.1).balanced_accuracy
+        1.0
+    """
+    told, steps, wanted = (np.asarray(a, np.float64) for a in (closure, level, target))
+    if not told.shape == steps.shape == wanted.shape or told.ndim != 1 or len(told) < 3:
+        raise ShapeError(
+            f"series have shapes {told.shape}, {steps.shape}, {wanted.shape}: three blocks are needed"
+        )
+    rest, effort = wanted < 0.25, wanted > 0.5
+    balanced = float("nan")
+    if rest.any() and effort.any():
+        balanced = float((told[rest] < 0.25).mean() + (told[effort] >= 0.25).mean()) / 2
+    return DecoderFigures(
+        rank_correlation=rank_correlation(told, wanted),
+        level_rank_correlation=rank_correlation(steps, wanted),
+        correlation=_pearson(told, wanted),
+        rmse=float(np.sqrt(((told - wanted) ** 2).mean())),
+        changes_per_s=changes_per_second(steps, block_s),
+        delay_s=float("nan") if paper is None else delay_s(told, np.asarray(paper, np.float64), block_s),
+        level_delay_s=float("nan")
+        if paper is None
+        else delay_s(steps, np.asarray(paper, np.float64), block_s),
+        target_delay_s=delay_s(told, wanted, block_s),
+        at_level=float((steps == np.floor(4 * wanted + 1.5)).mean()),
+        balanced_accuracy=balanced,
+        false_closings_per_min=_false_closings(told, wanted, block_s),
+        calibration_error=_calibration_error(told, wanted, confidence),
+        held=0.0 if held is None else float(np.asarray(held, bool).mean()),
+        duration_s=len(told) * block_s,
+    )
+
+
+def _pearson(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    da, db = a - a.mean(), b - b.mean()
+    scale = float(np.sqrt((da @ da) * (db @ db)))
+    return float(da @ db) / scale if scale > 0 else float("nan")
+
+
+def _false_closings(told: NDArray[np.float64], wanted: NDArray[np.float64], block_s: float) -> float:
+    """Count closings in rest that has lasted half a second and goes on for as long: muscles lead a force."""
+    margin = max(1, round(_SETTLED_S / block_s))
+    at_rest = wanted < REST_CLOSURE
+    padded = np.pad(at_rest, margin, constant_values=True)
+    settled = np.all([padded[n : n + len(at_rest)] for n in range(2 * margin + 1)], axis=0)
+    begins = np.diff(told >= CLOSING, prepend=False) & (told >= CLOSING)
+    rest_min = float(settled.sum()) * block_s / 60
+    return float((begins & settled).sum()) / rest_min if rest_min > 0 else float("nan")
+
+
+def _calibration_error(
+    told: NDArray[np.float64], wanted: NDArray[np.float64], confidence: ArrayLike | None
+) -> float:
+    if confidence is None:
+        return float("nan")
+    sure = np.asarray(confidence, np.float64)
+    said = np.isfinite(sure)
+    if not said.any():
+        return float("nan")
+    right = (np.abs(told - wanted) <= 0.25)[said]
+    sure = sure[said]
+    bins = np.minimum((_CONFIDENCE_BINS * sure).astype(int), _CONFIDENCE_BINS - 1)
+    gaps = [
+        abs(sure[bins == n].mean() - right[bins == n].mean()) * (bins == n).mean()
+        for n in range(_CONFIDENCE_BINS)
+        if (bins == n).any()
+    ]
+    return float(sum(gaps))

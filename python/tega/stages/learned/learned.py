@@ -1,0 +1,242 @@
+"""Decode EMG by a learned model, block by block, with NumPy alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from tega.stages.learned.features import AMPLITUDES, Blocks, as_samples, block_features
+from tega.stages.learned.latch import Latch
+from tega.stages.learned.model import Model, load_model, save_model
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from tega.stages.learned.features import FeatureBlock
+
+
+class Decoded(msgspec.Struct, frozen=True):
+    """Closure, level and confidence of one block.
+
+    Attributes:
+        closure: 0 (open) to 1 (closed).
+        level: 1 to 5: the closure's, steadied (:mod:`tega.stages.learned.latch`).
+        confidence: Chance that the closure is within one level of what is meant, 0 to 1; 0 where a channel is bad.
+        held: Whether the closure only repeats the one before it: a channel is bad, or the block is like none that the
+            model knows.
+        channels: Level of each channel, 1 to 5; all 0 where one is bad, since the model needs all.
+        end: Number of the block's last sample among those of the call.
+        effort: The model's own number before the monotone stage; NaN where held.
+    """
+
+    closure: float
+    level: int
+    confidence: float
+    held: bool
+    channels: tuple[int, ...]
+    end: int
+    effort: float
+
+
+class BlockScorer:
+    """Turn a block's features into smoothed, scaled values and an effort; keeps the smoothing's state.
+
+    Attributes:
+        newest: Features of the last block: what the smoothed ones would become if the muscles stayed as in it.
+    """
+
+    def __init__(self, model: Model) -> None:
+        n, channels = 0, len(model.channels)
+        spans = []
+        for name in model.features:
+            width = channels * (4 if name == "AR" else 1)
+            if name in AMPLITUDES:
+                spans.append(slice(n, n + width))
+            n += width
+        self._amplitude = np.zeros(n, bool)
+        for span in spans:
+            self._amplitude[span] = True
+        self._floor = np.array(model.floor)
+        self._gains = -np.expm1(-model.tau / model.rate_hz / np.array(model.smoothing_s))[:, np.newaxis]
+        self._state: NDArray[np.float64] | None = None
+        self.newest: NDArray[np.float64] = np.empty(0)
+        self.use(model)
+
+    def use(self, model: Model) -> None:
+        """Go on with another model of the same features."""
+        self._features, self._bias, self._gamma = model.features, model.bias, model.gamma
+        self._mean, self._scale = np.array(model.mean), np.array(model.scale)
+        self._weights, self._support = np.array(model.weights), np.array(model.support)
+
+    def smooth(self, samples: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the smoothed features of the next block, as the model was trained on them."""
+        values = block_features(samples, self._features)
+        if len(self._floor):
+            values[self._amplitude] = np.log(values[self._amplitude] + self._floor)
+        if self._state is None:
+            self._state = np.repeat(values[np.newaxis], len(self._gains), axis=0)
+        else:
+            self._state = self._state + self._gains * (values - self._state)
+        self.newest = np.tile(values, len(self._gains))
+        return self._state.ravel()
+
+    def scaled(self, smoothed: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return them in standard deviations."""
+        z: NDArray[np.float64] = (smoothed - self._mean) / self._scale
+        return z
+
+    def effort(self, z: NDArray[np.float64]) -> float:
+        """Return the effort. Sums instead of products of matrices: those may differ from machine to machine."""
+        if self._gamma:
+            apart = self._support - z
+            z = np.exp(-self._gamma * np.add.reduce(apart * apart, axis=1))
+        return float(np.add.reduce(self._weights * z)) + self._bias
+
+
+class LearnedDecoder:
+    """Turn EMG samples into a closure a block, by a model of :func:`tega.stages.learned.fit`.
+
+    Causal; a recording gives bit-identical results however it is cut into chunks. Samples that are missing are NaN:
+    with a channel bad the closure is held, with confidence 0. A block far beyond the training data is held too.
+
+    Args:
+        model: The model.
+
+    Example:
+        >>> import numpy as np
+        >>> from tega.stages.learned import fit
+        >>> rng = np.random.default_rng(1)
+        >>> closure = np.repeat([0.0, 1.0, 0.0, 0.5, 0.0, 1.0] * 2, 400)
+        >>> emg = rng.normal(size=(len(closure), 3)) * (5 + 100 * closure[:, None])
+        >>> decoder = fit(emg, closure, rate_hz=200, tau=20)
+        >>> closures = decoder.process(emg)
+        >>> bool(np.corrcoef(closures, closure[19::20])[0, 1] > 0.9)
+        True
+        >>> decoder.levels[:3]
+        array([1, 1, 1])
+    """
+
+    def __init__(self, model: Model) -> None:
+        model.check_whole("model")
+        self.model = model
+        self.restart()
+
+    @classmethod
+    def load(cls, path: Path) -> LearnedDecoder:
+        """Read a model's file.
+
+        Raises:
+            CalibrationError: It is missing, damaged, or no model.
+        """
+        return cls(load_model(path))
+
+    def save(self, path: Path) -> None:
+        """Write the model to a file."""
+        save_model(self.model, path)
+
+    def restart(self) -> None:
+        """Forget all samples."""
+        m = self.model
+        self._blocks = Blocks(m.rate_hz, m.tau, m.kind, len(m.channels))
+        self._scorer = BlockScorer(m)
+        self._latch = Latch(m.tau / m.rate_hz)
+        self._knots = np.array(m.knots_effort), np.array(m.knots_closure)
+        self._lowest, self._highest = np.array(m.lowest), np.array(m.highest)
+        self._full = np.array(m.channel_full)
+        self._last = 0.0
+        self.decoded: list[Decoded] = []
+
+    def process(self, samples: ArrayLike) -> NDArray[np.float64]:
+        """Take the next samples.
+
+        Args:
+            samples: ``(n, channels)``, in the unit of the training data; NaN where missing.
+
+        Returns:
+            Closure of each block completed, 0 to 1, ``(k,)``, float64. ``levels``, ``confidence`` and ``held``
+            say more.
+
+        Raises:
+            ShapeError: The samples have another number of channels.
+            DtypeError: The samples are not real numbers.
+        """
+        self.decoded = [self._decode(block) for block in self._blocks.take(samples)]
+        return np.array([one.closure for one in self.decoded])
+
+    def _decode(self, block: FeatureBlock) -> Decoded:
+        n = len(self._full)
+        if block.bad.any():
+            return Decoded(
+                self._last,
+                max(1, self._latch.level),
+                0.0,
+                held=True,
+                channels=(0,) * n,
+                end=block.end,
+                effort=np.nan,
+            )
+        z = self._scorer.scaled(self._scorer.smooth(block.samples))
+        effort = self._scorer.effort(z)
+        novelty = float(np.maximum(self._lowest - z, z - self._highest).max())
+        shares = np.add.reduce(np.abs(block.samples)) / len(block.samples) / self._full
+        channels = tuple((1 + np.minimum(4 * shares, 4).astype(int)).tolist())
+        wanted = self.closure_of(effort)
+        confidence = self.model.confidence[min(4, int(5 * wanted))]
+        if novelty > 0:
+            confidence *= 0.5 ** (novelty / self.model.hold_beyond)
+        held = novelty > self.model.hold_beyond
+        if not held:
+            self._last = wanted
+            newest = self._scorer.effort(self._scorer.scaled(self._scorer.newest))
+            self._latch.take(self.closure_of(newest), wanted)
+        level = max(1, self._latch.level)
+        return Decoded(self._last, level, confidence, held, channels, block.end, effort)
+
+    def closure_of(self, effort: float) -> float:
+        """Return the closure that an effort asks for; it never falls as the effort rises."""
+        closure = float(np.interp(effort, *self._knots))
+        return closure if closure >= self.model.dead_band else 0.0
+
+    def recalibrated(self, emg: ArrayLike, target: ArrayLike) -> LearnedDecoder:
+        """Return a decoder that fits the day, from about ten seconds of rest and effort.
+
+        The weights move as little from the old ones as the new samples allow (ridge towards the old model).
+
+        Args:
+            emg: Samples ``(n, channels)``, with rest and effort in them.
+            target: Closure meant at each, 0 to 1, ``(n,)``.
+
+        Raises:
+            CalibrationError: The data is too short or lacks rest or effort, or the model is a kernel.
+        """
+        from tega.stages.learned.refit import fitted_anew
+
+        return LearnedDecoder(fitted_anew(self.model, as_samples(emg, len(self.model.channels)), target))
+
+    @property
+    def levels(self) -> NDArray[np.int64]:
+        """Level of each block of the last call, 1 to 5, ``(k,)``."""
+        return np.array([one.level for one in self.decoded], np.int64)
+
+    @property
+    def confidence(self) -> NDArray[np.float64]:
+        """Confidence of each block of the last call, 0 to 1, ``(k,)``."""
+        return np.array([one.confidence for one in self.decoded])
+
+    @property
+    def held(self) -> NDArray[np.bool_]:
+        """Which blocks of the last call were held, ``(k,)``."""
+        return np.array([one.held for one in self.decoded], bool)
+
+    @property
+    def held_samples(self) -> NDArray[np.int64]:
+        """Samples replaced so far, ``(channels,)``."""
+        return self._blocks.held_samples
+
+    @property
+    def channels(self) -> int:
+        """Number of channels."""
+        return len(self.model.channels)

@@ -1,0 +1,175 @@
+"""Take the closure from a decoder in another process, through the Lab Streaming Layer: the stage ``lsl``.
+
+The other program hears the run's EMG (``markers.lsl_streams = ["emg"]``), or its own, and sends a closure from 0 to 1.
+The newest one is passed on with each block of the run's EMG, as long as it is young enough by the sender's stamps.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+
+import msgspec
+import numpy as np
+
+from tega.devices.emg.lsl import EXTRA, load_lsl
+from tega.errors import DeviceUnavailableError
+from tega.records import Intent
+from tega.stages.base import Decoder, MuscleSetup, StageOptions
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+_NAME = "lsl"
+# The two clocks are compared anew this often, s: crystals drift by some 50 µs in it.
+_CORRECTION_EVERY_S = 5.0
+_MOST_ROWS = 4096
+
+
+class OutsideOptions(StageOptions, frozen=True):
+    """Options of the decoder ``lsl``.
+
+    Attributes:
+        stream: Name of the stream: its first channel is the closure, 0 to 1, its second, if any, the confidence.
+        age_ms: Older than this by its stamp, a closure is held and no channel is believed: the hand holds.
+        start_s: How long to look for the stream.
+        tau_s: Length of a block: so often the newest closure is passed on.
+    """
+
+    stream: str = "decoder"
+    age_ms: Annotated[float, msgspec.Meta(ge=10, le=2000)] = 250.0
+    start_s: Annotated[float, msgspec.Meta(gt=0, le=60)] = 5.0
+    tau_s: Annotated[float, msgspec.Meta(ge=0.02, le=1)] = 0.05
+
+
+class OutsideDecoder(Decoder):
+    """Intents of a decoder that runs in another process.
+
+    What it said cannot be computed again: a replay takes its intents as they were recorded.
+
+    Raises:
+        DeviceUnavailableError: No stream of that name is on the network, or more than one, or it holds texts.
+        MissingExtraError: pylsl is not installed.
+    """
+
+    summary: ClassVar[str] = "closure by a decoder in another process, through an LSL stream"
+    options_type: ClassVar[type[StageOptions]] = OutsideOptions
+    requires: ClassVar[tuple[str, ...]] = ("pylsl",)
+    extra: ClassVar[str] = EXTRA
+    outside: ClassVar[bool] = True
+
+    def __init__(self, setup: MuscleSetup, options: OutsideOptions) -> None:
+        self._lsl = load_lsl(_NAME)
+        self._options, self._maxima = options, np.array(setup.maxima)
+        self._tau = max(1, round(options.tau_s * setup.rate_hz))
+        self._waiting = np.empty((0, len(setup.channels)))
+        self._closure, self._confidence, self._stamp_s = 0.0, 1.0, -math.inf
+        self._correction_s, self._corrected_s = 0.0, -math.inf
+        self._inlet = self._connected()
+
+    @classmethod
+    def block_s(cls, options: StageOptions) -> float:
+        """Return the length of a block, seconds."""
+        assert isinstance(options, OutsideOptions)
+        return options.tau_s
+
+    def decode(self, samples: NDArray[np.float64], times_ns: NDArray[np.int64]) -> Sequence[Intent]:
+        """Take the next samples; one intent a block, with the newest closure that the other process has sent."""
+        n_before = len(self._waiting)
+        values = np.concatenate([self._waiting, samples])
+        n_blocks = len(values) // self._tau
+        self._waiting = values[n_blocks * self._tau :]
+        if not n_blocks:
+            return []
+        self._hear()
+        fresh = self.age_s <= self._options.age_ms / 1000
+        return [
+            self._intent(
+                values[k * self._tau : (k + 1) * self._tau],
+                int(times_ns[(k + 1) * self._tau - n_before - 1]),
+                fresh=fresh,
+            )
+            for k in range(n_blocks)
+        ]
+
+    @property
+    def age_s(self) -> float:
+        """Age of the newest closure by its stamp, s; infinite before the first."""
+        return float(self._lsl.local_clock()) - self._stamp_s
+
+    @property
+    def holds(self) -> str:
+        """Why the newest closure is held, in words; ``""`` where it is not."""
+        age_s = self.age_s
+        if age_s <= self._options.age_ms / 1000:
+            return ""
+        return "the other process has said nothing" + (f" for {age_s:.1f} s" if age_s < math.inf else " yet")
+
+    @property
+    def full_scale(self) -> Sequence[float]:
+        """Maxima of the calibration."""
+        return tuple(self._maxima.tolist())
+
+    def _intent(self, block: NDArray[np.float64], t_ns: int, *, fresh: bool) -> Intent:
+        with np.errstate(invalid="ignore"):
+            shares = np.abs(block - block.mean(axis=0)).mean(axis=0) / self._maxima
+        good = np.isfinite(shares) & (shares < math.inf)
+        levels = np.where(good, 1 + np.minimum(4 * np.where(good, shares, 0), 4).astype(int), 0)
+        channels = tuple(levels.tolist()) if fresh else (0,) * len(levels)
+        return Intent(
+            t_ns=t_ns,
+            closure=self._closure,
+            confidence=self._confidence if fresh else 0.0,
+            channels=channels,
+        )
+
+    def _hear(self) -> None:
+        """Take what has come; a closure that is no number, or not from 0 to 1, is as none."""
+        if self._inlet is None:
+            return
+        try:
+            rows, stamps_s = self._inlet.pull_chunk(timeout=0.0, max_samples=_MOST_ROWS)
+            now_s = float(self._lsl.local_clock())
+            if now_s - self._corrected_s > _CORRECTION_EVERY_S:
+                self._correction_s, self._corrected_s = self._correction(), now_s
+        except (self._lsl.util.LostError, RuntimeError):
+            self._inlet = None  # the sender is gone: what it said last grows old
+            return
+        for row, stamp_s in zip(rows, stamps_s, strict=True):
+            closure, confidence = float(row[0]), float(row[1]) if len(row) > 1 else 1.0
+            if 0.0 <= closure <= 1.0 and 0.0 <= confidence <= 1.0:
+                self._closure, self._confidence = closure, confidence
+                self._stamp_s = float(stamp_s) + self._correction_s
+
+    def _correction(self) -> float:
+        try:
+            return float(self._inlet.time_correction(timeout=0.001))
+        except (TimeoutError, self._lsl.util.TimeoutError):
+            return self._correction_s
+
+    def _connected(self) -> Any:
+        """Find the stream and connect to it."""
+        o, lsl = self._options, self._lsl
+        found = lsl.resolve_byprop("name", o.stream, minimum=1, timeout=o.start_s)
+        if len(found) != 1:
+            said = "no stream" if not found else f"{len(found)} streams"
+            raise DeviceUnavailableError(
+                f"decoder 'lsl': {said} of name {o.stream!r} on the network after {o.start_s:g} s",
+                "start the other program first, or set stages.decoder.options.stream to its stream",
+            )
+        if found[0].channel_format() == lsl.cf_string:
+            raise DeviceUnavailableError(
+                f"decoder 'lsl': {o.stream!r} is a stream of texts", "send the closure as a number"
+            )
+        try:
+            inlet = lsl.StreamInlet(found[0], max_buflen=2, recover=False)
+            inlet.open_stream(timeout=o.start_s)
+            self._correction_s = float(inlet.time_correction(timeout=o.start_s))
+        except (RuntimeError, TimeoutError) as error:
+            raise DeviceUnavailableError(
+                f"decoder 'lsl': {o.stream!r} was found, but did not connect: {error}",
+                "see that no firewall blocks TCP 16572 to 16604",
+            ) from error
+        self._corrected_s = float(lsl.local_clock())
+        return inlet

@@ -1,0 +1,411 @@
+"""Turn a fingertip camera's frame and its baseline into contact metrics (equations 1 to 6).
+
+Images are uint8 arrays of shape (height, width, 3), 1 to 4096 pixels on each side, with any strides, writeable or
+not; they are borrowed, never copied. Any other dtype is refused: turning a float image into counts is a decision of
+the caller. Coordinates are (column, row), pixel centres counted from 0. Grey values are counts of 0 to 255.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import lru_cache, partial
+from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, TypeAlias, cast
+
+from tega import _native
+from tega.errors import ShapeError
+from tega.records.touch import NamedValue
+from tega.tactile.tracker import (
+    GelLight,
+    TouchTracker,
+    TrackedContact,
+    nominal_light,
+    sensor_noise,
+    update_fingers,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+__all__ = [
+    "ContactGate",
+    "ContactMetrics",
+    "ContactReader",
+    "GelLight",
+    "Images",
+    "Order",
+    "Outline",
+    "Reading",
+    "TouchTracker",
+    "TrackedContact",
+    "contact_mask",
+    "contact_metrics",
+    "contact_metrics_many",
+    "estimate_baseline",
+    "nominal_light",
+    "pressure_map",
+    "read_contact",
+    "read_contacts",
+    "sensor_noise",
+    "update_fingers",
+]
+
+Order = Literal["bgr", "rgb"]
+Reading = Literal["paper", "live"]
+Outline = Literal["dent", "contact"]
+Images: TypeAlias = "NDArray[np.uint8] | Sequence[NDArray[np.uint8]]"
+
+
+class ContactMetrics(NamedTuple):
+    """Contact metrics of one frame.
+
+    Where the equations have no value (the mass is not positive, or the variance of the chosen reading is negative),
+    and where a gate says there is no contact, ``in_contact`` is False, ``centroid_xy``, ``spread`` and ``threshold``
+    are NaN, and ``eda`` and ``cci`` are 0.
+    """
+
+    mass: float = 0.0
+    """Sum of the grey map, grey values."""
+    centroid_xy: tuple[float, float] = (math.nan, math.nan)
+    """Eq 2, pixels."""
+    spread: float = math.nan
+    """σ: pixels (Eq 3, spatial) or grey values (intensity)."""
+    threshold: float = math.nan
+    """Eq 4: T, grey values."""
+    eda: int = 0
+    """Eq 5: effective deformation area, pixels above T."""
+    cci: float = 0.0
+    """Eq 6: contact concentration index, grey values per pixel; 0 where ``eda`` is 0."""
+    peak: float = 0.0
+    """Largest grey value."""
+    peak_xy: tuple[int, int] = (0, 0)
+    """Where it is; the first in row order."""
+    in_contact: bool = False
+    """False where there is nothing to report."""
+    more: tuple[NamedValue, ...] = ()
+    """Values of a metric of one's own (:mod:`tega.stages`)."""
+
+
+_contact: Final[Callable[[tuple[object, ...]], ContactMetrics]] = partial(tuple.__new__, ContactMetrics)
+"""Makes the metrics of all their fields at once: half the time of naming them one by one."""
+
+
+class ContactGate(NamedTuple):
+    """No contact unless ``min_pixels`` pixels exceed ``noise_floor`` grey values (0 to 255)."""
+
+    noise_floor: float
+    min_pixels: int = 30
+
+
+def contact_metrics(
+    frame: NDArray[np.uint8],
+    baseline: NDArray[np.uint8],
+    *,
+    weights: tuple[float, float, float] = (0.299, 0.587, 0.114),
+    order: Order = "bgr",
+    difference: Literal["signed", "rectified", "absolute"] = "signed",
+    spread: Literal["spatial", "intensity"] = "spatial",
+    factor: float = 1.28,
+    centroid_value: Literal["nearest", "bilinear"] = "nearest",
+    gate: ContactGate | None = None,
+) -> ContactMetrics:
+    """Compute equations 1 to 6 on one frame; the defaults are the equations as printed.
+
+    The sums are exact integers: ``eda``, ``peak`` and ``peak_xy`` are exact, the other numbers are rounded once or
+    twice at the end. Weights and factor mean their printed decimals (0.299 is 299/1000).
+
+    Args:
+        frame: The image, uint8 (H, W, 3), borrowed.
+        baseline: The no-contact image, same shape.
+        weights: (ω_r, ω_g, ω_b) of Eq 1 whatever ``order`` is; their sum is 1 within 1e-9, never renormalised.
+        order: Order of the colour bytes in both images.
+        difference: ``frame - baseline`` as printed, or negative to 0, or absolute; the last two per channel and
+            before weighting.
+        spread: σ of Eq 4: Eq 3 in pixels as printed, or the population standard deviation of the grey map over all
+            pixels.
+        factor: The 1.28 of Eq 4.
+        centroid_value: I(μ) of Eq 4: the nearest pixel (ties upward), or bilinear between four; a centroid outside
+            the image is clamped into it.
+        gate: Report no contact below this; ``None`` as printed.
+
+    Returns:
+        The contact metrics.
+
+    Raises:
+        DtypeError: An image is not a uint8 array.
+        ShapeError: An image is not (H, W, 3), is empty or too large, or the two differ in size.
+        InvalidValueError: The weights do not add up to 1, a number is not finite, or an option is not known.
+
+    Example:
+        >>> import numpy as np
+        >>> baseline = np.full((240, 320, 3), 90, np.uint8)
+        >>> frame = baseline.copy()
+        >>> frame[100:120, 50:80] += 40
+        >>> m = contact_metrics(frame, baseline, spread="intensity")
+        >>> m.peak, m.eda, m.centroid_xy
+        (40.0, 600, (64.5, 109.5))
+    """
+    equations = _equations(weights, order, difference, spread, factor, centroid_value, gate)
+    return _contact(equations.metrics(frame, baseline))
+
+
+def contact_metrics_many(
+    frames: Images,
+    baseline: NDArray[np.uint8] | Images,
+    *,
+    weights: tuple[float, float, float] = (0.299, 0.587, 0.114),
+    order: Order = "bgr",
+    difference: Literal["signed", "rectified", "absolute"] = "signed",
+    spread: Literal["spatial", "intensity"] = "spatial",
+    factor: float = 1.28,
+    centroid_value: Literal["nearest", "bilinear"] = "nearest",
+    gate: ContactGate | None = None,
+) -> list[ContactMetrics]:
+    """Apply :func:`contact_metrics` to many frames in one call; a batch is spread over the cores.
+
+    Args:
+        frames: An array uint8 (N, H, W, 3), or N images of any sizes.
+        baseline: One image for all frames, or one each.
+        weights: As for :func:`contact_metrics`, and so are the other options.
+        order: Order of the colour bytes.
+        difference: How the difference is taken.
+        spread: What σ is.
+        factor: The 1.28 of Eq 4.
+        centroid_value: How the map is read at the centroid.
+        gate: Report no contact below this.
+
+    Returns:
+        One result a frame, equal to that of :func:`contact_metrics`.
+
+    Raises:
+        DtypeError: An image is not a uint8 array.
+        ShapeError: An image has another shape than its baseline, or there are not as many baselines as frames.
+        InvalidValueError: An option is out of range.
+    """
+    equations = _equations(weights, order, difference, spread, factor, centroid_value, gate)
+    return _each(equations.metrics_many, frames, baseline)
+
+
+@lru_cache(maxsize=32)
+def _equations(  # noqa: PLR0917  # by position: a key of keywords takes longer to make than the options
+    weights: tuple[float, float, float],
+    order: str,
+    difference: str,
+    spread: str,
+    factor: float,
+    centroid_value: str,
+    gate: ContactGate | None,
+) -> _native.Equations:
+    # Kept, since parsing the decimals takes longer than finding them again.
+    return _native.Equations(
+        weights=weights,
+        order=order,
+        difference=difference,
+        spread=spread,
+        factor=factor,
+        centroid_value=centroid_value,
+        gate=gate,
+    )
+
+
+def _each(
+    read: Callable[[list[NDArray[np.uint8]], list[NDArray[np.uint8]]], list[Any]],
+    frames: Images,
+    baseline: NDArray[np.uint8] | Images,
+) -> list[ContactMetrics]:
+    if getattr(baseline, "ndim", 0) == 3:
+        baselines = [cast("NDArray[np.uint8]", baseline)] * len(frames)
+    elif len(baseline) == len(frames):
+        baselines = list(baseline)
+    else:
+        raise ShapeError(
+            f"{len(baseline)} baselines for {len(frames)} frames", "give one for all frames, or one for each"
+        )
+    return list(map(_contact, read(list(frames), baselines)))
+
+
+def read_contact(
+    frame: NDArray[np.uint8],
+    baseline: NDArray[np.uint8],
+    *,
+    reading: Reading = "live",
+    order: Order = "bgr",
+    outline: Outline = "dent",
+    noise: Sequence[float] | None = None,
+) -> ContactMetrics:
+    """Read the contact as a preset does: ``paper`` for the printed law, ``live`` for people.
+
+    ``paper``: absolute differences with the default weights, 5×5 box blur (mirrored border), values under the noise
+    floor of 6 grey values set to 0, then Eq 2 to 6 with T not below that floor; no contact under 30 pixels above it.
+
+    ``live``: the dent that the picture shows, found by its shading against the sensor's noise, one outline a patch.
+    ``eda`` is its area, ``peak`` its height in counts, ``cci`` is peak/√EDA, which rises with the press;
+    ``centroid_xy`` and ``spread`` are the mask's, ``threshold`` is the mean response at the outlines.
+
+    Args:
+        frame: The image, uint8 (H, W, 3), borrowed.
+        baseline: The no-contact image, same shape.
+        reading: The preset.
+        order: Order of the colour bytes in both images.
+        outline: What ``live`` outlines: the dent, as an eye marks it, or the touching area of a curved object, which
+            is smaller and fragile on faint contacts. ``paper`` takes no notice of it.
+        noise: The sensor's, from :func:`sensor_noise`; ``None`` takes that of a DIGIT. ``paper`` takes no notice of it.
+
+    Returns:
+        The contact metrics.
+
+    Raises:
+        DtypeError: An image is not a uint8 array.
+        ShapeError: An image is not (H, W, 3), is empty or too large, or the two differ in size.
+        InvalidValueError: ``reading``, ``order`` or ``outline`` is not known.
+    """
+    preset = _native.Preset(reading=reading, order=order, outline=outline, noise=noise)
+    return _contact(preset.read(frame, baseline))
+
+
+def read_contacts(
+    frames: Images,
+    baseline: NDArray[np.uint8] | Images,
+    *,
+    reading: Reading = "live",
+    order: Order = "bgr",
+    outline: Outline = "dent",
+    noise: Sequence[float] | None = None,
+) -> list[ContactMetrics]:
+    """Apply :func:`read_contact` to many frames in one call: the fingers of a hand, or a batch over the cores.
+
+    Args:
+        frames: An array uint8 (N, H, W, 3), or N images of any sizes.
+        baseline: One image for all frames, or one each.
+        reading: The preset.
+        order: Order of the colour bytes in all images.
+        outline: As for :func:`read_contact`.
+        noise: As for :func:`read_contact`.
+
+    Returns:
+        One result a frame, equal to that of :func:`read_contact`.
+
+    Raises:
+        DtypeError: An image is not a uint8 array.
+        ShapeError: An image has another shape than its baseline, or there are not as many baselines as frames.
+        InvalidValueError: ``reading``, ``order`` or ``outline`` is not known.
+    """
+    preset = _native.Preset(reading=reading, order=order, outline=outline, noise=noise)
+    return _each(preset.read_many, frames, baseline)
+
+
+class ContactReader:
+    """Reads one sensor's frames against one baseline, as :func:`read_contact` does, to the last bit.
+
+    What ``live`` finds out of the baseline alone it finds out once, and the baseline is not read again with every
+    frame: a frame with a contact takes a third less time.
+
+    Args:
+        baseline: The no-contact image, uint8 (H, W, 3); it is copied.
+        reading: The preset.
+        order: Order of the colour bytes in all images.
+        outline: As for :func:`read_contact`.
+        noise: As for :func:`read_contact`.
+
+    Raises:
+        DtypeError: The baseline is not a uint8 array.
+        ShapeError: It is not (H, W, 3), is empty or too large.
+        InvalidValueError: ``reading``, ``order`` or ``outline`` is not known.
+
+    Example:
+        >>> import numpy as np
+        >>> still = np.full((320, 240, 3), 90, np.uint8)
+        >>> ContactReader(still).read(still).in_contact
+        False
+    """
+
+    def __init__(
+        self,
+        baseline: NDArray[np.uint8],
+        *,
+        reading: Reading = "live",
+        order: Order = "bgr",
+        outline: Outline = "dent",
+        noise: Sequence[float] | None = None,
+    ) -> None:
+        self._preset = _native.Preset(reading=reading, order=order, outline=outline, noise=noise)
+        self._preset.read(baseline, baseline)
+        self._baseline = baseline.copy()
+        self._known = self._preset.known(baseline) if reading == "live" else None
+
+    def read(self, frame: NDArray[np.uint8]) -> ContactMetrics:
+        """Return the contact metrics of a frame.
+
+        Args:
+            frame: The image, uint8 (H, W, 3), borrowed.
+
+        Raises:
+            DtypeError: It is not a uint8 array.
+            ShapeError: It is not of the baseline's size.
+        """
+        known = self._known
+        return _contact(known.read(frame) if known else self._preset.read(frame, self._baseline))
+
+
+def contact_mask(
+    frame: NDArray[np.uint8],
+    baseline: NDArray[np.uint8],
+    reading: Reading = "live",
+    *,
+    order: Order = "bgr",
+    outline: Outline = "dent",
+    noise: Sequence[float] | None = None,
+) -> NDArray[np.bool_]:
+    """Return the pixels that :func:`read_contact` counts as contact: their number is its ``eda``.
+
+    Args and errors are those of :func:`read_contact`.
+
+    Returns:
+        bool (H, W).
+    """
+    preset = _native.Preset(reading=reading, order=order, outline=outline, noise=noise)
+    return preset.mask(frame, baseline)
+
+
+def pressure_map(
+    frame: NDArray[np.uint8],
+    baseline: NDArray[np.uint8],
+    reading: Reading = "live",
+    *,
+    order: Order = "bgr",
+    outline: Outline = "dent",
+    noise: Sequence[float] | None = None,
+) -> NDArray[np.float32]:
+    """Return the map that :func:`read_contact` measures on, for display.
+
+    ``paper``: grey values after blur and noise floor. ``live``: the response to the dent's slopes in counts, one
+    value a cell of a few pixels, and 0 all over without contact. Args and errors are those of :func:`read_contact`.
+
+    Returns:
+        float32 (H, W).
+    """
+    preset = _native.Preset(reading=reading, order=order, outline=outline, noise=noise)
+    return preset.pressure_map(frame, baseline)
+
+
+def estimate_baseline(frames: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
+    """Estimate the untouched gel from a recording that comes without a baseline.
+
+    Contact adds shading: the baseline is the median of the frames with the least structure, wherever they lie in the
+    recording; frames of another brightness, as a camera gives just after its start, are left out.
+
+    Args:
+        frames: uint8 (H, W, 3) each, all of one size.
+
+    Returns:
+        uint8 (H, W, 3).
+
+    Raises:
+        DtypeError: A frame is not a uint8 array.
+        ShapeError: A frame is not (H, W, 3), or not of the size of the first.
+        InvalidValueError: There are no frames.
+    """
+    return _native.estimate_baseline(frames)[0]

@@ -1,0 +1,323 @@
+"""Follow the touch of a fingertip camera from frame to frame: a reading with a memory.
+
+:class:`TouchTracker` learns how its sensor looks and varies at rest, follows slow drift, feels light, broad and
+soft contacts by all of the picture that they change, and stays silent on what a released contact leaves behind in the
+gel. ``docs/touch-live.md`` explains how, and how well.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from tega import _native
+from tega._native import TrackedContact
+from tega.errors import InvalidValueError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tega.tactile.contact import Order, Outline
+
+__all__ = [
+    "DEPTH_LAW",
+    "GelLight",
+    "KnownPress",
+    "TouchTracker",
+    "TrackedContact",
+    "calibrate_light",
+    "nominal_light",
+    "sensor_noise",
+    "update_fingers",
+]
+
+
+class GelLight(NamedTuple):
+    """Light, scale and stiffness of one sensor's gel, which turn colours into millimetres and newtons."""
+
+    terms: tuple[tuple[tuple[float, ...], ...], ...]
+    """Change of blue, green and red in counts for a slope of 1 across and along: 3 x 2 x 6 numbers, the terms 1,
+    X, Y, X², XY, Y² with X and Y from -1 to 1 over the picture."""
+    mm_per_px: float
+    """Scale of a picture of 320 x 240 pixels; other sizes show the same gel."""
+    stiffness_n_mm3: float
+    """Pressure a depth, newtons per cubic millimetre."""
+
+
+def nominal_light() -> GelLight:
+    """Return the light, scale and stiffness that a tracker takes where none is given: those fitted to one DIGIT."""
+    terms, mm_per_px, stiffness_n_mm3 = _native.nominal_light()
+    return GelLight(
+        tuple(tuple(tuple(line) for line in colour) for colour in terms), mm_per_px, stiffness_n_mm3
+    )
+
+
+DEPTH_LAW: Final = 2
+"""Version of the law of depth and force in crates/tega-tactile/src/live/law.rs; what is fitted to one
+version does not fit another."""
+# How depth follows a gain of all the light: the sum of the exponents in crates/tega-tactile/src/live/law.rs.
+_DEPTH_POWER = 17 / 16
+# Of the shading alone, which is all that the light's two directions change of it.
+_SHADED_POWER = 5 / 8
+# A map answers to about half of what the balance of the light's two directions is changed by (simulated units).
+_BALANCE = 2.0
+
+
+class KnownPress(NamedTuple):
+    """Contact that a tracker read of a press whose force (and depth, where known) was measured by other means."""
+
+    contact: TrackedContact
+    force_n: float
+    """Normal force, newtons: of a scale, say."""
+    depth_mm: float | None = None
+    """How far the gel was pressed in, millimetres: of a screw or a stage; ``None`` where it was not measured."""
+    depth_map: NDArray[np.floating] | None = None
+    """:meth:`TouchTracker.depth_map` after the same frame; ``None`` where nobody asked for it."""
+    ball: bool = False
+    """Whether a ball no larger than a fingertip pressed: its dent is as steep across as along, and its map tells
+    how strongly the light answers either way."""
+
+
+def calibrate_light(presses: Sequence[KnownPress], light: GelLight | None = None) -> GelLight:
+    """Scale a gel's light and stiffness so that depth and force of known presses come out right on average.
+
+    Three presses are enough: two with a ball, one with a flat, each held still, 1 to 5 N. First the light's two
+    directions are balanced, so that the maps of balls are as steep across as along: with r the root of the ratio of
+    their squared slopes, the terms across are multiplied by r and those along divided by it. Then depth gain g and
+    stiffness k' are geometric means over the presses, so that relative errors count: g = mean(depth / read
+    depth)^(16/17), k' = k mean(force / read force) / g, with the balance taken into account where a press has its
+    map. Depth goes inversely with the light's terms (to the power 17/16), which are divided by g; force is stiffness
+    times pressed volume.
+
+    Args:
+        presses: What was read with ``light`` and what was true. Where no depth is known, the gain stays; where no
+            ball has its map, the balance.
+        light: The light that the presses were read with; ``None`` is :func:`nominal_light`.
+
+    Returns:
+        The light of this unit, for :class:`TouchTracker`.
+
+    Raises:
+        InvalidValueError: There are no presses, one was not felt, a force or depth is not finite and more than 0, or
+            a depth map is empty.
+    """
+    if not presses:
+        raise InvalidValueError(
+            "0 presses, wanted at least 1", "press a ball twice and a flat once, 1 to 5 N"
+        )
+    for number, (contact, force_n, depth_mm, _, _) in enumerate(presses):
+        if not (contact.in_contact and contact.force_n > 0 and contact.depth_mm > 0):
+            raise InvalidValueError(f"press {number} was not felt", "press harder, or leave it out")
+        for what, value in (("force_n", force_n), ("depth_mm", depth_mm)):
+            if value is not None and not 0 < value < math.inf:
+                raise InvalidValueError(
+                    f"press {number}: {what} = {value}, wanted more than 0", "measure it again"
+                )
+    light = nominal_light() if light is None else light
+    steep = [None if p.depth_map is None else _steepness(p.depth_map, k) for k, p in enumerate(presses)]
+    of_balls = [one for one, press in zip(steep, presses, strict=True) if one is not None and press.ball]
+    balance = math.exp(_BALANCE * _mean([math.log(x / y) for x, y in of_balls]) / 2) if of_balls else 1.0
+    # What the balance makes of a depth by shading: slopes across are divided by it, those along multiplied.
+    shaded = [
+        1.0 if s is None else (s[0] ** 2 / balance + s[1] ** 2 * balance) / (s[0] ** 2 + s[1] ** 2)
+        for s in steep
+    ]
+    deeper = [
+        math.log(p.depth_mm / p.contact.depth_mm) - _SHADED_POWER * math.log(by)
+        for p, by in zip(presses, shaded, strict=True)
+        if p.depth_mm is not None
+    ]
+    gain = math.exp(_mean(deeper) / _DEPTH_POWER) if deeper else 1.0
+    harder = math.exp(
+        _mean([math.log(p.force_n / p.contact.force_n / by) for p, by in zip(presses, shaded, strict=True)])
+    )
+    scales = (balance / gain, 1 / (balance * gain))
+    terms = tuple(
+        tuple(tuple(term * by for term in axis) for axis, by in zip(colour, scales, strict=True))
+        for colour in light.terms
+    )
+    return GelLight(terms, light.mm_per_px, light.stiffness_n_mm3 * harder / gain)
+
+
+def _mean(values: list[float]) -> float:
+    return sum(values) / len(values)
+
+
+def _steepness(depth_map: NDArray[np.floating], number: int) -> tuple[float, float]:
+    """Return the root of the summed squared steps of a map, across and along."""
+    across, along = (
+        math.sqrt(sum(float(step) ** 2 for step in (after - before).flat))
+        for before, after in ((depth_map[:, :-1], depth_map[:, 1:]), (depth_map[:-1], depth_map[1:]))
+    )
+    if not (0 < across < math.inf and 0 < along < math.inf):
+        raise InvalidValueError(
+            f"the depth map of press {number} is flat", "take it from the tracker that felt the press"
+        )
+    return across, along
+
+
+def sensor_noise(
+    frames: NDArray[np.uint8] | Sequence[NDArray[np.uint8]], *, order: Order = "bgr"
+) -> tuple[float, float, float]:
+    """Measure a camera's noise from frames of its untouched gel; about a second of them is enough.
+
+    How much a cell varies about its own mean, the median over the cells: a stuck pixel and a lamp that flickers over
+    all of the picture do not count, and what a compressed video changes slowly does.
+
+    Args:
+        frames: uint8 (N, H, W, 3), or two or more images uint8 (H, W, 3) of one size, in the order they were taken.
+        order: Order of the colour bytes.
+
+    Returns:
+        Standard deviation of a cell's mean (8 x 8 pixels at 320 x 240), counts: blue, green, red whatever
+        ``order`` is.
+        At least a quarter and at most four times that of a DIGIT.
+
+    Raises:
+        DtypeError: A frame is not a uint8 array.
+        ShapeError: A frame is not (H, W, 3), or not of the size of the first.
+        InvalidValueError: There are fewer than two frames.
+    """
+    blue, green, red = _native.sensor_noise(list(frames), order=order)
+    return blue, green, red
+
+
+class TouchTracker:
+    """Follows the touch of one fingertip; one object a finger.
+
+    At rest it learns how its sensor looks and varies, and follows slow drift; in contact that memory is frozen. A
+    contact ends when the picture is near rest again, falls quickly to what a gel keeps of a released contact, or is no
+    more than a trace of what it was: the leftover sinks slowly and is not shown, and after a second it is taken for the
+    new rest. What fell quickly and does not sink is a light hold and is felt again. A light contact is graded by
+    ``strength``. Lags are of first order and take the time between two frames into account.
+
+    Args:
+        baseline: A picture of the untouched gel, uint8 (H, W, 3); it is copied.
+        rate_hz: Frames a second, 0.01 to 1000, when :meth:`update` is given no time.
+        noise: The sensor's, from :func:`sensor_noise`, blue, green, red, counts; ``None`` takes that of a DIGIT.
+            How much the sensor varies at rest is learned in any case.
+        light: The gel's own light, scale and stiffness; ``None`` takes those fitted to one DIGIT. Depth and force
+            are nominal then, and ``area_mm2`` is None.
+        order: Order of the colour bytes in all images.
+        outline: What ``eda`` counts: the dent as an eye marks it, or nearer to the touching area.
+        rezero: Whether the rest is taken anew a second after a release.
+
+    Raises:
+        DtypeError: The baseline is not a uint8 array.
+        ShapeError: It is not (H, W, 3), is empty or too large.
+        InvalidValueError: An option is out of range or not known.
+
+    Example:
+        >>> import numpy as np
+        >>> gel = np.full((320, 240, 3), 90, np.uint8)
+        >>> tracker = TouchTracker(gel, rate_hz=60.0)
+        >>> tracker.update(gel).in_contact
+        False
+        >>> pressed = gel.copy()
+        >>> pressed[100:160, 80:140] += 40
+        >>> tracker.update(pressed), tracker.update(pressed).in_contact  # doctest: +ELLIPSIS
+        (TrackedContact(in_contact=True, eda=..., ...), True)
+    """
+
+    def __init__(
+        self,
+        baseline: NDArray[np.uint8],
+        *,
+        rate_hz: float = 60.0,
+        noise: Sequence[float] | None = None,
+        light: GelLight | None = None,
+        order: Order = "bgr",
+        outline: Outline = "dent",
+        rezero: bool = True,
+    ) -> None:
+        self._tracker = _native.TouchTracker(
+            baseline, rate_hz=rate_hz, noise=noise, light=light, order=order, outline=outline, rezero=rezero
+        )
+
+    @property
+    def bears_load(self) -> bool:
+        """Whether the last frame showed a contact that has not just fallen: what the other fingers are told."""
+        return self._tracker.bears_load
+
+    def update(
+        self, frame: NDArray[np.uint8], *, dt_s: float | None = None, loaded: bool = False
+    ) -> TrackedContact:
+        """Read the next frame.
+
+        Args:
+            frame: The image, uint8 of the baseline's shape, borrowed.
+            dt_s: Time since the frame before, seconds, where it is not 1 / ``rate_hz``: frames were dropped, or
+                the camera is uneven.
+            loaded: Whether another finger bears a load: then a quick fall is a release only where little is left of
+                the contact, and no rest is taken anew.
+
+        Returns:
+            The contact.
+
+        Raises:
+            DtypeError: The frame is not a uint8 array.
+            ShapeError: It is not of the baseline's shape; the tracker is as before.
+            InvalidValueError: ``dt_s`` is not from 0 to 1e6.
+        """
+        return self._tracker.update(frame, dt_s=dt_s, loaded=loaded)
+
+    def update_sums(
+        self, sums: NDArray[np.int16], *, dt_s: float | None = None, loaded: bool = False
+    ) -> TrackedContact:
+        """Read the next frame by its sums over cells of 8 x 8 pixels; the contact is that of :meth:`update`.
+
+        Args:
+            sums: int16 (3, cells), for each byte of a pixel the cells row by row: of a frame of 320 x 240 there are
+                1,200.
+            dt_s: As for :meth:`update`, like the following.
+            loaded: Likewise.
+
+        Returns:
+            The contact.
+
+        Raises:
+            ShapeError: There are not as many sums as the baseline has such cells; the tracker is as before.
+            InvalidValueError: ``dt_s`` is not from 0 to 1e6.
+        """
+        return self._tracker.update_sums(sums, dt_s=dt_s, loaded=loaded)
+
+    def mask(self) -> NDArray[np.bool_]:
+        """Return the outlined pixels of the last frame, bool (H, W); their number is ``eda``."""
+        return self._tracker.mask()
+
+    def depth_map(self) -> NDArray[np.float32]:
+        """Return the depth that the last frame shows, millimetres, float32 (rows, columns), one value a cell.
+
+        It is 0 all over without contact.
+        """
+        return self._tracker.depth_map()
+
+
+def update_fingers(
+    trackers: Sequence[TouchTracker], frames: Sequence[NDArray[np.uint8]], *, dt_s: float | None = None
+) -> list[TrackedContact]:
+    """Read the next frame of several fingers of one hand in one call that leaves the interpreter to others meanwhile.
+
+    A finger is told that another is ``loaded`` where that one was in contact before and its picture has not just
+    fallen: most of what moves at one finger while others hold the object is no release.
+
+    Args:
+        trackers: One a finger, each once.
+        frames: A frame for each, as for :meth:`TouchTracker.update`.
+        dt_s: Time since the frames before, seconds, where it is not one period.
+
+    Returns:
+        The contacts, in the order of the trackers.
+
+    Raises:
+        DtypeError: A frame is not a uint8 array; no tracker has taken any.
+        ShapeError: A frame is not of its baseline's shape; the other fingers have taken theirs.
+        InvalidValueError: There are not as many frames as trackers, or ``dt_s`` is not from 0 to 1e6.
+    """
+    if len(frames) != len(trackers):
+        raise InvalidValueError(
+            f"{len(frames)} frames for {len(trackers)} trackers", "give each tracker its own frame"
+        )
+    return _native.update_fingers([one._tracker for one in trackers], list(frames), dt_s=dt_s)  # noqa: SLF001

@@ -1,0 +1,1 @@
+"""Show a session and take commands: the command line, the terminal view and the browser page."""

@@ -1,0 +1,215 @@
+"""Calibrate fingertips, muscles, vest and the forearm's tracker for a person: ``tega-teleop calibrate``."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from tega.ui.cli.options import json_option
+
+if TYPE_CHECKING:
+    from tega.config import SessionConfig
+    from tega.config.calibration.folder import OwnHand
+
+
+@click.command(epilog="Example: tega-teleop calibrate lab.toml --person p01 --only emg")
+@click.argument("settings", type=click.Path(path_type=Path), metavar="SETTINGS.toml")
+@click.option(
+    "--person", required=True, metavar="ID", help="Whose calibration: a code such as p01, not a name."
+)
+@click.option(
+    "--only",
+    type=click.Choice(["tactile", "emg", "vest", "arm", "scene"]),
+    multiple=True,
+    help="Only this part; repeatable.",
+)
+@click.option(
+    "--camera",
+    "cameras",
+    multiple=True,
+    metavar="NAME=SOURCE",
+    help="A scene camera whose lens is calibrated with the printed board, as by scene calibrate; repeatable.",
+)
+@click.option(
+    "--camera-size",
+    metavar="WxH",
+    default="1920x1080",
+    show_default=True,
+    help="Size of the camera's pictures.",
+)
+@click.option(
+    "--hand",
+    type=click.Choice(["left", "right"]),
+    help="The hand that steers, set once: forearm of the arm and columns of the vest follow it in every run.",
+)
+@click.option(
+    "--refresh",
+    is_flag=True,
+    help="Measure baselines and EMG anew, in twenty seconds, after sensors or electrodes were put on again.",
+)
+@click.option("--restart", is_flag=True, help="Do not go on with an interrupted calibration.")
+@click.option(
+    "--folder",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Where calibrations are kept; else calibration.folder, else 'calibrations' beside SETTINGS.toml.",
+)
+@click.option(
+    "--ceiling", type=click.IntRange(10, 100), default=60, show_default=True, metavar="PERCENT",
+    help="The strongest vibration shown on the vest.",
+)  # fmt: skip
+@click.option("--each-motor", is_flag=True, help="Ask about every motor of the vest, not about its columns.")
+@click.option("--each-step", is_flag=True, help="Look for the step at every column, not at one of each face.")
+@click.option(
+    "--pause-s", type=click.FloatRange(0, 300), default=30.0, show_default=True, metavar="SECONDS",
+    help="Rest between strong squeezes.",
+)  # fmt: skip
+@click.option(
+    "--known-ball", type=(click.FloatRange(1, 100), click.FloatRange(0.1, 30)), metavar="MM NEWTON",
+    help="A ball's diameter and the force you press it with, by a scale: fits depth and force. Never needed.",
+)  # fmt: skip
+@click.option("--yes", is_flag=True, help="Go on by the clock instead of waiting for Enter, and ask nothing.")
+@click.option(
+    "--time-scale", type=click.FloatRange(0.05, 4), default=1.0, metavar="FACTOR",
+    help="Make every wait and stretch so many times as long; for rehearsals.",
+)  # fmt: skip
+@click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
+@json_option
+def calibrate(
+    *,
+    settings: Path,
+    person: str,
+    only: tuple[Any, ...],
+    cameras: tuple[str, ...],
+    camera_size: str,
+    hand: OwnHand | None,
+    refresh: bool,
+    restart: bool,
+    folder: Path | None,
+    ceiling: int,
+    each_motor: bool,
+    each_step: bool,
+    pause_s: float,
+    known_ball: tuple[float, float] | None,
+    yes: bool,
+    time_scale: float,
+    sets: tuple[str, ...],
+    as_json: bool,
+) -> None:
+    """Calibrate the devices of SETTINGS.toml for one person, step by step.
+
+    Fingertips: a baseline, then presses with something round and something flat. Muscles: rest, three squeezes, and
+    each muscle alone. Vest: the place of each column, the weakest vibration that is felt, the least step that is
+    noticed. Forearm: which way is forward. With --camera: the lens of a scene camera. Ctrl-C keeps what is done, and
+    the same command goes on from there. Afterwards run tega-teleop run SETTINGS.toml --person ID.
+
+    With --json: {"person", "folder", "refresh", "finished", "done", "left", "files": [{"file", "record"}]}.
+    """
+    from tega.config.calibration.folder import CalibrationFolder
+    from tega.config.calibration.known_press import Ball
+    from tega.config.calibration.records import utc_now
+    from tega.setup.calibration.refresh import refresh as refresh_all
+    from tega.setup.calibration.times import Times
+    from tega.setup.calibration.wizard import Calibrating, parts_of
+    from tega.ui.cli.guide import guide_for
+    from tega.ui.cli.options import echo_json
+    from tega_scene.cli import parse_size
+
+    config, kept = _settings(settings, person, folder, sets)
+    if hand is not None:
+        CalibrationFolder(kept).keep_hand(person, hand)
+        there = f"calibration.folder={json.dumps(str(kept))}"
+        config, _ = _settings(settings, person, folder, (*sets, there))
+    filmed = {name: source for name, _, source in (one.partition("=") for one in cameras)}
+    if not all(filmed.values()) or len(filmed) < len(cameras):
+        raise click.BadParameter("name each camera once, as front=0", param_hint="--camera")
+    parts = parts_of(config, only, cameras=tuple(filmed))
+    times = Times(pause_s=pause_s).scaled(time_scale)
+    guide = guide_for(yes=yes, get_ready_s=times.get_ready_s)
+    home = CalibrationFolder(kept)
+    home.person(person)
+    told: dict[str, Any] = {"person": person, "folder": str(kept), "refresh": refresh}
+    work = Calibrating(
+        config,
+        person,
+        home,
+        guide,
+        times=times,
+        now=utc_now,
+        ceiling_percent=ceiling,
+        each_motor=each_motor,
+        each_step=each_step,
+        cameras=filmed,
+        camera_size=parse_size(camera_size),
+        ball=None if known_ball is None else Ball(*known_ball),
+        seed=sum(person.encode()),
+    )
+    where = [] if folder is None else ["--set", f"calibration.folder={folder}"]
+    same = [word for name in only for word in ("--only", name)]
+    same += [word for one in cameras for word in ("--camera", one)]
+    same += ["--camera-size", camera_size] if cameras else []
+    same += [w for s in sets for w in ("--set", s)]
+    again = shlex.join(["tega-teleop", "calibrate", str(settings), "--person", person, *same, *where])
+    try:
+        if refresh:
+            files = refresh_all(config, person, parts, home, guide, times=times, now=utc_now())
+        else:
+            work.run(parts, restart=restart)
+            files = work.files
+    except BaseException:
+        _close(guide)
+        if work.left:
+            done = ", ".join(work.done) or "nothing yet"
+            guide.say(
+                f"Done and kept: {done}. Left: {', '.join(work.left)}. Go on with: {again}", tone="warn"
+            )
+        if as_json:
+            echo_json(
+                {
+                    **told,
+                    "finished": False,
+                    "done": list(work.done),
+                    "left": work.left,
+                    "files": _told(work.files),
+                }
+            )
+        raise
+    _close(guide)
+    then = shlex.join(["tega-teleop", "run", str(settings), "--person", person, *where])
+    guide.say(f"Finished. {then}", tone="good")
+    if as_json:
+        echo_json({**told, "finished": True, "done": list(work.done), "left": [], "files": _told(files)})
+
+
+def _settings(
+    settings: Path, person: str, folder: Path | None, sets: tuple[str, ...]
+) -> tuple[SessionConfig, Path]:
+    """Load the settings without the person's calibration, which is about to be made."""
+    from tega.config import load_config
+
+    config = load_config(settings, sets=(*sets, f"calibration.person={json.dumps(person)}")).config
+    kept = folder or config.calibration.folder or settings.absolute().parent / "calibrations"
+    return config, kept
+
+
+def _close(guide: Any) -> None:
+    if hasattr(guide, "close"):
+        guide.close()
+
+
+def _told(files: list[Path]) -> list[dict[str, Any]]:
+    import tomllib
+
+    told = []
+    for file in files:
+        if file.suffix == ".json":
+            told.append({"file": str(file), "record": json.loads(file.read_text(encoding="utf-8"))})
+            continue
+        record = file if file.suffix == ".toml" else file.with_suffix(".toml")
+        tree = tomllib.loads(record.read_text(encoding="utf-8"))
+        plain = {k: v.isoformat() if hasattr(v, "isoformat") else v for k, v in tree.items()}
+        told.append({"file": str(record), "record": plain})
+    return told

@@ -1,0 +1,100 @@
+"""Show or check the settings, and where each came from: ``tega-teleop config``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+import msgspec
+
+from tega.runtime.files.toml_text import toml_value
+from tega.ui.cli.options import json_option
+
+# A longer value moves its origin to the right.
+_VALUE_WIDTH = 48
+
+_sets_option = click.option(
+    "--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable."
+)
+
+
+@click.group(epilog="Example: tega-teleop config check session.toml")
+def config() -> None:
+    """Show or check a session's settings."""
+
+
+@config.command(epilog="Example: tega-teleop config show session.toml --set session.preset=paper")
+@click.argument("file", type=click.Path(path_type=Path), required=False)
+@_sets_option
+@json_option
+def show(*, file: Path | None, sets: tuple[str, ...], as_json: bool) -> None:
+    """Print every setting, its value with its unit, and where the value came from.
+
+    That is the default, the preset, a line of the file (lab.toml:12), an environment variable, or --set. With --json:
+    an object per setting, {"key", "value", "unit", "origin"}.
+    """
+    from tega.config import load_config
+    from tega.config.units import unit_of
+    from tega.ui.cli.options import echo_json
+
+    values = load_config(file, sets=sets).values
+    if as_json:
+        echo_json(
+            [
+                {"key": k, "value": _plain(v.value), "unit": unit_of(k), "origin": v.origin}
+                for k, v in values.items()
+            ]
+        )
+        return
+    said = {
+        key: _text(value) if value is None else f"{_text(value)} {unit_of(key)}".rstrip()
+        for key, (value, _) in values.items()
+    }
+    width = max(map(len, values))
+    value_width = min(_VALUE_WIDTH, max(map(len, said.values())))
+    for key, (_, origin) in values.items():
+        click.echo(f"{key:<{width}}  {said[key]:<{value_width}}  {origin}")
+
+
+@config.command(epilog="Example: tega-teleop config check session.toml")
+@click.argument("file", type=click.Path(path_type=Path))
+@_sets_option
+@json_option
+def check(*, file: Path, sets: tuple[str, ...], as_json: bool) -> None:
+    """Check a settings file, its drivers' options included; opens no device.
+
+    With --json: {"file", "ok", "error", "hint"}.
+    """
+    from tega.config import load_config
+    from tega.errors import TegaError
+    from tega.ui.cli.options import echo_json
+
+    if not as_json:
+        load_config(file, sets=sets)
+        click.echo(f"{file.name}: ok")
+        return
+    try:
+        load_config(file, sets=sets)
+    except TegaError as error:
+        echo_json({"file": file.name, "ok": False, "error": error.message, "hint": error.hint})
+        raise
+    echo_json({"file": file.name, "ok": True, "error": "", "hint": ""})
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, msgspec.Struct):
+        return msgspec.to_builtins(value, enc_hook=str)
+    return [_plain(v) for v in value] if isinstance(value, tuple) else value
+
+
+def _text(value: Any) -> str:
+    if value is None:
+        return "not set"
+    if isinstance(value, tuple):
+        return ", ".join(map(_text, value)) or "none"
+    if isinstance(value, msgspec.Struct):
+        return toml_value(_plain(value))
+    return str(value).lower() if isinstance(value, bool) else str(value)

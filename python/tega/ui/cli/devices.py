@@ -1,0 +1,77 @@
+"""List the drivers, and the devices that they see: ``tega-teleop devices``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import click
+
+from tega.ui.cli.options import json_option
+
+if TYPE_CHECKING:
+    from tega.setup.doctor.bench import DriverLook
+
+
+# Long enough for a look at the ports and the network; a Bluetooth vest may take longer to be heard.
+_LOOK_S = 2.0
+
+
+@click.command(epilog="Example: tega-teleop devices --json")
+@json_option
+def devices(*, as_json: bool) -> None:
+    """List the drivers that are installed, by the name a settings file uses, and the devices they see.
+
+    Opens none of them and takes two seconds at most; `tega-teleop doctor` looks closer. With --json: an object per
+    driver, {"name", "kind", "summary", "package", "ready", "problem", "found", "could_not"}; found has an object per
+    device, {"label", "options", "problem", "hint", "note"}.
+    """
+    import msgspec
+
+    from tega.devices import list_drivers
+    from tega.setup.doctor import look_for
+    from tega.ui.cli.install_line import with_origin
+    from tega.ui.cli.options import echo_json
+
+    drivers, looked = list_drivers(), look_for(_LOOK_S)
+    if as_json:
+        told = []
+        for d in drivers:
+            there = looked.get(d.name)
+            found = [
+                {key: getattr(one, key) for key in ("label", "options", "problem", "hint", "note")}
+                for one in (there.found if there is not None else ())
+            ]
+            could_not = there.could_not if there is not None else ""
+            told.append({**msgspec.structs.asdict(d), "found": found, "could_not": could_not})
+        echo_json(told)
+        return
+    width = max((len(d.name) for d in drivers), default=0)
+    for d in drivers:
+        click.echo(
+            f"{d.kind or '?':<8} {d.name:<{width}}  {d.summary if d.ready else with_origin(d.problem)}"
+        )
+        for one in looked[d.name].found if d.name in looked else ():
+            about = one.problem or one.note
+            click.echo(f"{'':<8} {'':<{width}}    ↳ {one.label}{f': {about}' if about else ''}")
+    click.echo()
+    n_seen = sum(len(there.found) for there in looked.values())
+    for line in could_not_look(looked):
+        click.echo(line)
+    click.echo(f"{n_seen or 'No'} device{'s' if n_seen != 1 else ''} seen. Look closer: tega-teleop doctor")
+
+
+def could_not_look(looked: Mapping[str, DriverLook]) -> list[str]:
+    """Return the lines that say which drivers could not look for their devices, and why."""
+    from tega.ui.cli.install_line import with_origin
+
+    lacking = {name: there for name, there in looked.items() if there.lacks_package}
+    lines = [
+        f"{name} could not look: {there.could_not}"
+        for name, there in looked.items()
+        if there.could_not and name not in lacking
+    ]
+    if lacking:
+        hints = "; ".join(dict.fromkeys(there.hint for there in lacking.values()))
+        lines.append(f"{', '.join(lacking)} could not look for want of packages: {with_origin(hints)}")
+    return lines

@@ -1,0 +1,46 @@
+"""Draw target and closures of a comparison of decoders."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tega.errors import MissingExtraError
+
+if TYPE_CHECKING:
+    from tega.stages.learned.compare import DecoderTold
+
+
+def draw(parts: list[tuple[str, float, list[DecoderTold]]], file: Path) -> None:
+    """Draw a row a decoder and a column a part.
+
+    Args:
+        parts: Title, length of a block in s, and what the decoders said.
+        file: The picture.
+
+    Raises:
+        MissingExtraError: Matplotlib is not installed.
+    """
+    try:
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise MissingExtraError("a picture needs matplotlib", "pip install 'tega[pictures]'") from error
+    rows = max(len(told) for _, _, told in parts)
+    figure = Figure(figsize=(5.5 * len(parts), 1.5 * rows + 0.6), layout="constrained")
+    panels = figure.subplots(rows, len(parts), sharex="col", sharey=True, squeeze=False)
+    for column, (title, block_s, told) in enumerate(parts):
+        for row, one in enumerate(told):
+            panel = panels[row, column]
+            t_s = np.arange(1, len(one.closure) + 1) * block_s
+            panel.fill_between(t_s, one.target, color="0.85", linewidth=0)
+            panel.plot(t_s, one.closure, linewidth=1.0)
+            panel.set_title(f"{one.decoder}: rank {one.figures.rank_correlation:.2f}", fontsize=8, loc="left")
+            panel.tick_params(labelsize=7)
+        panels[0, column].set_title(
+            f"{title}\n{panels[0, column].get_title(loc='left')}", fontsize=8, loc="left"
+        )
+        panels[-1, column].set_xlabel("time (s)", fontsize=8)
+    figure.supylabel("closure 0 to 1; grey: target", fontsize=8)
+    figure.savefig(file, dpi=110)

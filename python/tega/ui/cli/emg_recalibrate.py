@@ -1,0 +1,60 @@
+"""Calibrate muscles anew in ten seconds: ``tega-teleop emg recalibrate``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from tega.ui.cli.options import echo_json, json_option
+
+
+@click.command(epilog="Example: tega-teleop emg recalibrate lab.toml --person p01")
+@click.argument("settings", type=click.Path(path_type=Path), metavar="SETTINGS.toml")
+@click.option("--person", required=True, metavar="ID", help="Whose calibration: a code such as p01, no name.")
+@click.option("--out", type=click.Path(path_type=Path, dir_okay=False), help="The new model's file.")
+@click.option("--yes", is_flag=True, help="Go on by the clock instead of waiting for Enter, and ask nothing.")
+@click.option(
+    "--time-scale", type=click.FloatRange(0.05, 4), default=1.0, metavar="FACTOR",
+    help="Make both stretches so many times as long; for rehearsals.",
+)  # fmt: skip
+@click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
+@json_option
+def emg_recalibrate(
+    *,
+    settings: Path,
+    person: str,
+    out: Path | None,
+    yes: bool,
+    time_scale: float,
+    sets: tuple[str, ...],
+    as_json: bool,
+) -> None:
+    """Fit a calibrated person's muscles to today: five seconds at rest, five with the hand closed.
+
+    For electrodes that moved, dried or were put on again. Rest and maxima of the calibration are put to today's scale.
+    A learned model of the settings is fitted to today too, into a new file; the old one stays. Nothing is written
+    where a channel gives less than a quarter or more than four times what it gave, or rest and effort are not told
+    apart. With --json: {"person", "record", "model"}.
+    """
+    import json
+
+    from tega.config import load_config
+    from tega.config.calibration.folder import CalibrationFolder
+    from tega.config.calibration.records import utc_now
+    from tega.setup.calibration.recalibrate import HALF_S, recalibrate
+    from tega.setup.calibration.times import Times
+    from tega.ui.cli.guide import guided
+
+    config = load_config(settings, sets=(*sets, f"calibration.person={json.dumps(person)}")).config
+    home = CalibrationFolder(config.calibration.folder or settings.absolute().parent / "calibrations")
+    times = Times(rest_s=HALF_S, squeeze_s=HALF_S).scaled(time_scale)
+    with guided("TEGA recalibration", yes=yes, get_ready_s=times.get_ready_s) as guide:
+        found = recalibrate(config, person, home, guide, times=times, now=utc_now(), model_out=out)
+    if as_json:
+        model = None if found.model is None else str(found.model)
+        echo_json({"person": person, "record": str(found.record), "model": model})
+        return
+    click.echo(f"{found.record.name}: today's rest and maxima")
+    if found.model is not None:
+        click.echo(f"use the new model: stages.decoder.options.model = {json.dumps(str(found.model))}")

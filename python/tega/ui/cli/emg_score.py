@@ -1,0 +1,119 @@
+"""Score how well the closure levels follow a measured force: ``tega-teleop emg score``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from tega.ui.cli.options import ChannelList, json_option
+
+if TYPE_CHECKING:
+    from tega.emg.score import RecordingScore
+
+
+BLOCK_S = 0.1
+
+
+@click.command(
+    epilog="Example: tega-teleop emg score squeeze.mat --force Force --rate-hz 200 --kind raw --channels 3,6,8"
+)
+@click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FILE [FILE ...]")
+@click.option(
+    "--force",
+    required=True,
+    help="The measured force: a variable's name in a .mat file, else a column from 1.",
+)
+@click.option(
+    "--rate-hz",
+    required=True,
+    type=click.FloatRange(0, 10_000_000, min_open=True),
+    help="Samples per second.",
+)
+@click.option(
+    "--kind",
+    type=click.Choice(["raw", "rectified", "envelope"]),
+    default="raw",
+    show_default=True,
+    help="Whether the samples are raw, rectified or an envelope.",
+)
+@click.option(
+    "--channels",
+    type=ChannelList(),
+    help="EMG columns, counted from 1; else all of the array in a .mat file.",
+)
+@click.option("--variable", default="emg", show_default=True, help="Name of the EMG array in a .mat file.")
+@json_option
+def emg_score(*, files: tuple[Path, ...], as_json: bool, **flags: Any) -> None:
+    """Score both presets on recordings of EMG and force.
+
+    The first half of each FILE gives the maxima, the second half is judged: rank correlation of the fused level with
+    the force, changes of level per second, and how much later `live` comes than `paper`. With --json a list of
+    objects is printed, one a file: file, duration_s, paper and live with rank_correlation, changes_per_s, delay_s.
+    """
+    from dataclasses import asdict
+
+    from tega.ui.cli.options import echo_json
+
+    scores = {file.name: _score(file, **flags) for file in files}
+    if as_json:
+        echo_json([{"file": name, **asdict(score)} for name, score in scores.items()])
+    else:
+        _print(scores)
+
+
+def _score(
+    file: Path, *, force: str, rate_hz: float, kind: Any, channels: list[int] | None, variable: str
+) -> RecordingScore:
+    from tega.devices.emg.emg_formats import read_emg_file
+    from tega.emg.score import score_recording
+
+    if file.suffix.lower() == ".mat":
+        samples, _ = read_emg_file(file, channels or (), variable=variable)
+        measured, _ = read_emg_file(file, (1,), variable=force)
+    elif force.isdecimal() and int(force) > 0:
+        if not channels:
+            raise click.UsageError(
+                f"{file.name} is a table, where --force {force} is a column beside the EMG: name that with --channels"
+            )
+        samples, _ = read_emg_file(file, channels)
+        measured, _ = read_emg_file(file, (int(force),))
+    else:
+        raise click.UsageError(f"--force {force!r}: {file.name} is no .mat file, so name a column from 1")
+    return score_recording(samples, measured[:, 0], rate_hz, tau=max(1, round(BLOCK_S * rate_hz)), kind=kind)
+
+
+def _print(scores: dict[str, RecordingScore]) -> None:
+    import numpy as np
+    from rich.box import SIMPLE
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=SIMPLE)
+    table.add_column("recording", no_wrap=True)
+    for name in ("paper ρ", "changes/s", "live ρ", "changes/s", "live later by"):
+        table.add_column(name, justify="right")
+    rows: list[tuple[float, ...]] = [
+        (
+            s.paper.rank_correlation,
+            s.paper.changes_per_s,
+            s.live.rank_correlation,
+            s.live.changes_per_s,
+            s.live.delay_s,
+        )
+        for s in scores.values()
+    ]
+    named = list(zip(scores, rows, strict=True))
+    if len(rows) > 1:
+        named.append(("mean", tuple(float(v) for v in np.mean(rows, axis=0))))
+    for name, (paper, paper_changes, live, live_changes, delay) in named:
+        table.add_row(
+            name,
+            f"{paper:.3f}",
+            f"{paper_changes:.2f}",
+            f"{live:.3f}",
+            f"{live_changes:.2f}",
+            f"{1000 * delay:.0f} ms",
+        )
+    Console(highlight=False).print(table)

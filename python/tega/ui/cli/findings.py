@@ -1,0 +1,60 @@
+"""Tell what a replay found, in words and as a picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from tega.records.bus import Bus
+
+
+class Findings:
+    """Looks on while a recording is computed, and tells afterwards what was in it.
+
+    Args:
+        bus: The computation's.
+        picture: PNG to draw; ``None`` for words alone.
+        required: Whether the run is not to begin where the picture cannot be drawn; else a note says so at the end.
+
+    Raises:
+        MissingExtraError: matplotlib is not installed, and the picture is required.
+    """
+
+    def __init__(self, bus: Bus, picture: Path | None, *, required: bool) -> None:
+        from tega.errors import MissingExtraError
+        from tega.ui.view.course import RunCourse
+        from tega.ui.view.session import SessionPicture
+
+        self._course, self._path = RunCourse(bus), picture
+        self._picture: SessionPicture | None = None
+        self._note = ""
+        if picture is not None:
+            try:
+                self._picture = SessionPicture(bus, self._course)
+            except MissingExtraError as error:
+                if required:
+                    raise
+                self._note = f"no picture: {error}"
+
+    def tell(self, title: str, *, pose_base: int, words: bool) -> None:
+        """Draw the picture and print the words.
+
+        Args:
+            title: Heading of the picture.
+            pose_base: Number of the most open level, 0 or 1.
+            words: Whether to print; what could not be drawn is said on stderr in any case.
+        """
+        if words:
+            for sentence in self._course.words(pose_base=pose_base):
+                click.echo(f"  {sentence}")
+        if self._picture is not None and self._path is not None:
+            self._picture.write(self._path, title, pose_base=pose_base)
+            if words:
+                click.echo(f"  picture: {self._path}")
+        if self._note:
+            from tega.ui.cli.install_line import with_origin
+
+            click.echo(with_origin(self._note), err=True)

@@ -1,0 +1,249 @@
+"""Show the prompts of a calibration: large with live bars on a terminal, one line at a time anywhere else."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from tega.setup.calibration.guide import Bar, Guide, Undecided
+
+if TYPE_CHECKING:
+    from rich.console import Console, RenderableType
+    from rich.live import Live
+
+
+_MARKS = {"plain": "  ", "good": "ok", "warn": "! ", "bad": "x "}
+_STYLES = {"plain": "", "good": "green", "warn": "yellow", "bad": "bold red"}
+_LINE_EVERY_S = 1.0
+
+
+def guide_for(*, yes: bool, get_ready_s: float) -> Guide:
+    """Return the guide that fits where this runs.
+
+    Args:
+        yes: Go on without waiting for anybody.
+        get_ready_s: How long each prompt then stands.
+    """
+    if sys.stderr.isatty() and (yes or sys.stdin.isatty()):
+        return TerminalGuide(yes=yes, get_ready_s=get_ready_s)
+    return LineGuide(yes=yes, get_ready_s=get_ready_s)
+
+
+@contextmanager
+def guided(title: str, *, yes: bool, get_ready_s: float, view_port: int | None = None) -> Iterator[Guide]:
+    """Guide a person on a page, or on the terminal, and give either back at the end.
+
+    Args:
+        title: Heading of the page.
+        yes: Go on without waiting for anybody.
+        get_ready_s: How long each prompt then stands.
+        view_port: TCP port of the page; ``None``: no page.
+    """
+    if view_port is not None:
+        from tega.ui.cli.guide_page import PageGuide
+        from tega.ui.cli.page import open_page, page_address
+
+        with PageGuide(title, yes=yes, get_ready_s=get_ready_s, port=view_port, **page_address()) as page:
+            open_page(page.url)
+            yield page
+        return
+    guide = guide_for(yes=yes, get_ready_s=get_ready_s)
+    try:
+        yield guide
+    finally:
+        if isinstance(guide, TerminalGuide):
+            guide.close()
+
+
+class LineGuide:
+    """One line at a time on stderr, answers from stdin.
+
+    A line that begins with ``>`` waits for Enter, one with ``?`` for an answer.
+
+    Args:
+        yes: Do not wait for Enter.
+        get_ready_s: How long each prompt then stands.
+    """
+
+    def __init__(self, *, yes: bool, get_ready_s: float) -> None:
+        self._yes = yes
+        self._get_ready_s = get_ready_s
+        self._shown_s = 0.0
+
+    def part(self, title: str, why: str) -> None:
+        """Begin a part."""
+        _line(f"\n== {title} ==\n   {why}")
+
+    def say(self, text: str, *, tone: str = "plain") -> None:
+        """Tell something."""
+        _line(f"{_MARKS[tone]} {text}")
+
+    def ready(self, prompt: str) -> None:
+        """Wait for Enter."""
+        _line(f"> {prompt}" + ("" if self._yes else " [Enter]"))
+        if self._yes:
+            time.sleep(self._get_ready_s)
+        else:
+            _heard()
+
+    def ask(self, question: str, answers: Mapping[str, str]) -> str:
+        """Ask until one of the answers comes."""
+        if self._yes:
+            raise Undecided
+        choices = ", ".join(f"{key} {meaning}".rstrip() for key, meaning in answers.items())
+        _line(f"? {question} ({choices})")
+        while (said := _heard().strip().lower()) not in answers:
+            _line(f"? one of: {choices}")
+        return said
+
+    def show(self, prompt: str, bars: Sequence[Bar], left_s: float | None) -> None:
+        """Show the state once a second."""
+        now_s = time.monotonic()
+        if now_s - self._shown_s < _LINE_EVERY_S:
+            return
+        self._shown_s = now_s
+        left = "" if left_s is None else f" {left_s:3.0f} s "
+        _line(f"   {prompt}{left} " + "  ".join(f"{b.name} {_bar(b, 8)} {b.text}" for b in bars))
+
+
+class TerminalGuide:
+    """Large prompts and live bars on a terminal's stderr.
+
+    Args:
+        yes: Do not wait for Enter.
+        get_ready_s: How long each prompt then stands.
+    """
+
+    def __init__(self, *, yes: bool, get_ready_s: float) -> None:
+        from rich.console import Console
+
+        self._yes = yes
+        self._get_ready_s = get_ready_s
+        self._console: Console = Console(stderr=True, highlight=False)
+        self._live: Live | None = None
+        self._shown: tuple[str, Sequence[Bar]] = ("", ())
+
+    def part(self, title: str, why: str) -> None:
+        """Begin a part."""
+        self._still()
+        self._console.print()
+        self._console.rule(f"[bold cyan]{title}", align="left")
+        self._console.print(why, style="dim")
+
+    def say(self, text: str, *, tone: str = "plain") -> None:
+        """Tell something."""
+        self._still()
+        self._console.print(f"{_MARKS[tone]} {text}", style=_STYLES[tone], markup=False)
+
+    def ready(self, prompt: str) -> None:
+        """Wait for Enter."""
+        if self._yes:
+            self._countdown(prompt)
+            return
+        self._still()
+        self._console.print(self._panel(prompt, "press Enter when ready"))
+        _heard()
+
+    def ask(self, question: str, answers: Mapping[str, str]) -> str:
+        """Ask until one of the answers comes; a single letter needs no Enter."""
+        if self._yes:
+            raise Undecided
+        choices = "   ".join(f"{key} {meaning}".rstrip() for key, meaning in answers.items())
+        if any(len(key) > 1 for key in answers):
+            self._still()
+            self._console.print(f"[bold cyan]{question}[/]   {choices}")
+            while (said := _heard().strip().lower()) not in answers:
+                self._console.print(f"one of: {', '.join(answers)}", style="yellow")
+            return said
+        prompt, bars = self._shown if self._live is not None else ("", ())
+
+        def draw() -> None:
+            self._update(self._panel(f"{prompt}\n\n{question}".strip(), choices, bars), at_once=True)
+
+        said = _key(draw, answers)
+        # A question that still stands while the next vibration comes would be answered again, for nothing.
+        self._update(self._panel(prompt or f"{question} {answers[said]}", "", bars), at_once=True)
+        return said
+
+    def show(self, prompt: str, bars: Sequence[Bar], left_s: float | None) -> None:
+        """Redraw prompt and bars."""
+        self._shown = (prompt, bars)
+        self._update(self._panel(prompt, "" if left_s is None else f"{left_s:.0f} s left", bars))
+
+    def _update(self, panel: RenderableType, *, at_once: bool = False) -> None:
+        """Redraw in place, at once or within a tenth of a second."""
+        from rich.live import Live
+
+        if self._live is None:
+            self._live = Live(console=self._console, transient=True, refresh_per_second=10)
+            self._live.start()
+        self._live.update(panel, refresh=at_once)
+
+    def _countdown(self, prompt: str) -> None:
+        end_s = time.monotonic() + self._get_ready_s
+        while (left_s := end_s - time.monotonic()) > 0:
+            self.show(prompt, [], left_s)
+            time.sleep(0.05)
+        self._still()
+
+    def _panel(self, prompt: str, below: str, bars: Sequence[Bar] = ()) -> RenderableType:
+        from rich.align import Align
+        from rich.console import Group
+        from rich.panel import Panel
+        from rich.table import Table
+        from rich.text import Text
+
+        rows: list[Any] = [Text(), Align.center(Text(prompt, style="bold", justify="center")), Text()]
+        if bars:
+            table = Table.grid(padding=(0, 2))
+            for bar in bars:
+                colour = "green" if bar.share < 0.95 else "bright_green"
+                table.add_row(bar.name, Text(_bar(bar, 40), style=colour), bar.text)
+            rows += [Align.center(table), Text()]
+        return Panel(Group(*rows), subtitle=below or None, border_style="cyan", padding=(0, 2))
+
+    def _still(self) -> None:
+        """End what is being redrawn."""
+        live, self._live = self._live, None
+        if live is not None:
+            live.stop()
+
+    def close(self) -> None:
+        """Give the terminal back."""
+        self._still()
+
+
+def _bar(bar: Bar, width: int) -> str:
+    empty, filled = (round(min(1.0, max(0.0, end)) * width) for end in (bar.low, bar.share))
+    # However narrow a target is, there is something to hit.
+    empty = min(empty, filled - 1) if bar.low > 0 and filled else empty
+    return "·" * empty + "█" * (filled - empty) + "·" * (width - filled)
+
+
+def _line(text: str) -> None:
+    click.echo(text, err=True)
+
+
+def _heard() -> str:
+    line = sys.stdin.readline()
+    if not line:
+        raise KeyboardInterrupt  # whoever answered has gone
+    return line
+
+
+def _key(ask: Callable[[], None], answers: Container[str]) -> str:
+    """Ask, and return the first key that is an answer; keys pressed before the question do not count."""
+    from tega.runtime.keys import Keys
+
+    with Keys() as keys:
+        ask()
+        while True:
+            for key in keys.read():
+                if key.lower() in answers:
+                    return key.lower()
+            time.sleep(0.02)

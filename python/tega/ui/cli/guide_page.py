@@ -1,0 +1,176 @@
+"""Show the prompts of a practice or a test on a page in the browser: large words, live bars, buttons to go on."""
+
+from __future__ import annotations
+
+import contextlib
+import queue
+import time
+from collections.abc import Callable, Mapping, Sequence
+from html import escape
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Final, Self
+
+from tega.errors import MissingExtraError
+from tega.setup.calibration.guide import Bar, Undecided
+from tega.ui.cli.guide import LineGuide
+
+if TYPE_CHECKING:
+    from tega.ui.view.browser.local import LocalServer
+
+__all__ = ["PageGuide"]
+
+_WIDTH = 900
+_PAINT_S: Final = 1 / 20
+_LAST_S = 0.1
+_MOST_SAID = 6
+_COLOURS: Final = {"plain": "#343a40", "good": "#2b8a3e", "warn": "#e67700", "bad": "#c92a2a"}
+_TARGET, _FILLED = "#fd8d3c", "#1f5fbf"
+
+
+class PageGuide(LineGuide):
+    """Large prompts, live bars and buttons on a page; what is said stands on stderr as well.
+
+    Use as a context manager.
+
+    Args:
+        title: Heading of the page.
+        yes: Do not wait for the button.
+        get_ready_s: How long each prompt then stands.
+        host: Where to serve.
+        port: TCP port; where it is taken, the next free one. 0 takes any free one.
+        allow_remote: Let ``host`` be an address that others can reach.
+
+    Attributes:
+        prompt: What the person is to do, and the bars, as HTML.
+        said: What was told last, as HTML.
+        buttons: viser's handles of the buttons that wait to be pressed, by answer.
+
+    Raises:
+        MissingExtraError: viser is not installed.
+    """
+
+    def __init__(
+        self,
+        title: str,
+        *,
+        yes: bool,
+        get_ready_s: float,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        allow_remote: bool = False,
+    ) -> None:
+        super().__init__(yes=yes, get_ready_s=get_ready_s)
+        self._title, self._host, self._port, self._allow_remote = title, host, port, allow_remote
+        self._server: LocalServer
+        self._told: list[str] = []
+        self._painted_s = 0.0
+        self.buttons: dict[str, Any] = {}
+
+    def __enter__(self) -> Self:
+        """Serve the page."""
+        try:
+            from tega.ui.view.browser.local import LocalServer
+        except ImportError as error:
+            raise MissingExtraError("viser is not installed", "pip install 'tega[view]'") from error
+        from tega.ui.view.browser.style import STYLE
+
+        self._server = LocalServer(self._host, self._port, self._title, allow_remote=self._allow_remote)
+        gui = self._server.gui
+        gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(31, 95, 191))
+        gui.set_panel_label(self._title)
+        gui.add_html(STYLE)
+        gui.main_panel.dock_right()
+        gui.main_panel.set_width(_WIDTH)
+        self.prompt, self.said = gui.add_html(""), gui.add_html("")
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Stop serving; what was told last stays in the browser."""
+        self._paint("The end", [], "")
+        self._server.flush()
+        time.sleep(_LAST_S)  # what is flushed is sent by another thread
+        self._server.stop()
+
+    @property
+    def url(self) -> str:
+        """Address of the page, with the token that it needs."""
+        return self._server.url
+
+    def part(self, title: str, why: str) -> None:
+        """Begin a part."""
+        super().part(title, why)
+        self._told = []
+        self._tell(f"<b>{escape(title)}</b>: {escape(why)}")
+
+    def say(self, text: str, *, tone: str = "plain") -> None:
+        """Tell something."""
+        super().say(text, tone=tone)
+        self._tell(f'<span style="color:{_COLOURS[tone]}">{escape(text)}</span>')
+
+    def ready(self, prompt: str) -> None:
+        """Wait for the button."""
+        if self._yes:
+            self._paint(prompt, [], "")
+            super().ready(prompt)
+        else:
+            self._pressed(prompt, {"ready": "Ready"})
+
+    def ask(self, question: str, answers: Mapping[str, str]) -> str:
+        """Ask until one of the answers' buttons is pressed."""
+        if self._yes:
+            raise Undecided
+        return self._pressed(question, {key: meaning or key for key, meaning in answers.items()})
+
+    def show(self, prompt: str, bars: Sequence[Bar], left_s: float | None) -> None:
+        """Redraw prompt and bars, as often as a page is worth."""
+        now_s = time.monotonic()
+        if now_s - self._painted_s >= _PAINT_S:
+            self._painted_s = now_s
+            self._paint(prompt, bars, "" if left_s is None else f"{left_s:.0f} s left")
+
+    def _pressed(self, prompt: str, labels: Mapping[str, str]) -> str:
+        """Return which of some buttons is pressed; they are there for as long as that takes."""
+        self._paint(prompt, [], "")
+        pressed: queue.SimpleQueue[str] = queue.SimpleQueue()
+
+        def puts(key: str) -> Callable[[Any], None]:
+            return lambda _event: pressed.put(key)
+
+        for key, label in labels.items():
+            button = self.buttons[key] = self._server.gui.add_button(label)
+            button.on_click(puts(key))
+        try:
+            while True:
+                with contextlib.suppress(queue.Empty):
+                    return pressed.get(timeout=0.2)  # so that Ctrl-C is heard
+        finally:
+            for button in self.buttons.values():
+                button.remove()
+            self.buttons = {}
+
+    def _paint(self, prompt: str, bars: Sequence[Bar], below: str) -> None:
+        style = "font-family:system-ui,sans-serif;color:#343a40;text-align:center;padding:18px"
+        self.prompt.content = (
+            f'<div style="{style}"><div style="font-size:34px;font-weight:bold;margin:10px">{escape(prompt)}</div>'
+            f'{"".join(map(_bar_html, bars))}<div style="font-size:14px;color:#6c757d">{escape(below)}</div></div>'
+        )
+
+    def _tell(self, line: str) -> None:
+        self._told = [*self._told, line][-_MOST_SAID:]
+        style = "font-family:system-ui,sans-serif;font-size:14px;padding:4px 18px;line-height:1.6"
+        self.said.content = f'<div style="{style}">{"<br>".join(self._told)}</div>'
+
+
+def _bar_html(bar: Bar) -> str:
+    low, high = (100 * min(1.0, max(0.0, end)) for end in (bar.low, bar.share))
+    colour = _TARGET if bar.low > 0 else _FILLED
+    place = f"position:absolute;left:{low:.1f}%;width:{max(high - low, 0.0):.1f}%;height:100%"
+    return (
+        '<div style="display:flex;align-items:center;gap:12px;margin:8px 0;font-size:16px">'
+        f'<span style="width:5em;text-align:right">{escape(bar.name)}</span>'
+        '<div style="position:relative;flex:1;height:34px;background:#e9ecef">'
+        f'<div style="{place};background:{colour}"></div></div>'
+        f'<span style="width:9em;text-align:left">{escape(bar.text)}</span></div>'
+    )

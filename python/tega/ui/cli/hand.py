@@ -1,0 +1,184 @@
+"""Check the robot hand, teach its closure poses, time its loop: ``tega-teleop hand``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from tega.ui.cli.options import json_option
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tega.devices.hand.allegro import Allegro
+
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+
+def _hand_options(function: _Function) -> _Function:
+    for option in (
+        click.option("--emulated", is_flag=True, help="Use the emulated hand, in a process of its own."),
+        click.option(
+            "--device-id", type=click.IntRange(0, 3), default=0, help="The hand's number on its bus."
+        ),
+        click.option(
+            "--side",
+            type=click.Choice(["right", "left"]),
+            default="right",
+            help="Whether it is a right or a left hand.",
+        ),
+        click.option("--channel", default="can0", show_default=True, help="Which bus of the adapter."),
+        click.option(
+            "--interface", default="socketcan", show_default=True, help="python-can's name of the adapter."
+        ),
+    ):
+        function = option(function)
+    return function
+
+
+@contextmanager
+def _opened(
+    *, interface: str, channel: str, side: str, device_id: int, emulated: bool, **more: Any
+) -> Iterator[Allegro]:
+    """Open the hand, or the emulated one."""
+    from contextlib import ExitStack
+
+    from tega.devices.hand.allegro import Allegro, AllegroOptions
+    from tega.runtime.checkout_tools import needs_tools
+
+    with ExitStack() as stack:
+        where: dict[str, Any] = {"interface": interface, "channel": channel}
+        if emulated:
+            with needs_tools("tega-teleop hand --emulated"):
+                from tega_emulators.process import Emulator
+
+            there = Emulator("allegro_port", "--side", side, "--device-id", str(device_id))
+            where = stack.enter_context(there).address
+        options: Any = AllegroOptions
+        driver = Allegro(options(**where, side=side, device_id=device_id, **more))
+        yield stack.enter_context(driver)
+
+
+@click.group(epilog="Example: tega-teleop hand show --interface socketcan --channel can0")
+def hand() -> None:
+    """Check the robot hand, teach its closure poses, time its loop."""
+
+
+@hand.command(epilog="Example: tega-teleop hand show --interface socketcan --channel can0")
+@_hand_options
+@json_option
+def show(*, as_json: bool, **where: Any) -> None:
+    """Show version, serial number, angles and temperatures; the motors stay off."""
+    import time
+
+    import msgspec
+
+    from tega.hand import JOINT_NAMES
+    from tega.ui.cli.options import echo_json
+
+    with _opened(torque=False, **where) as driver:
+        time.sleep(1.2)  # temperatures come every half second, the version once a second
+        driver.step(1)
+        state, angles = driver.state(), driver.angles_rad
+    if as_json:
+        joints = {
+            name: {"angle_rad": round(float(angle), 5), "temperature_c": joint_c}
+            for name, angle, joint_c in zip(JOINT_NAMES, angles, state.joints_c, strict=True)
+        }
+        told = {**state._asdict(), "counts": msgspec.structs.asdict(state.counts), "joints": joints}
+        del told["joints_c"]
+        echo_json(told)
+        return
+    click.echo(
+        f"version {state.hardware}, firmware {state.firmware}, serial SAH040{state.serial}, palm {state.palm_c} °C"
+    )
+    for name, angle, joint_c in zip(JOINT_NAMES, angles, state.joints_c, strict=True):
+        click.echo(f"{name:<10} {angle:8.4f} rad  {'no reading' if joint_c is None else f'{joint_c} °C'}")
+
+
+@hand.command(epilog="Example: tega-teleop hand teach --level 3 poses.toml")
+@click.argument("file", type=click.Path(dir_okay=False, path_type=Path))
+@click.option("--level", type=click.IntRange(1, 5), required=True, help="Which closure level to replace.")
+@click.option(
+    "--seconds", type=click.FloatRange(0.1, 10), default=1.0, show_default=True, help="How long to average."
+)
+@_hand_options
+def teach(*, file: Path, level: int, seconds: float, **where: Any) -> None:
+    """Teach the pose of a closure level: move the fingers by hand, motors off, and write FILE.
+
+    The other levels stay as they are in the file; where there is no file yet, they are the built-in ones.
+    """
+    from tega.hand.poses import load_poses, save_poses, taught
+
+    poses = load_poses(file) if file.exists() else None
+    with _opened(torque=False, **where) as driver:
+        angles, spread = _still_angles(driver, seconds)
+    if spread > 0.02:
+        raise click.ClickException(
+            f"the fingers moved by {spread:.2f} rad while they were read; hold them still and try again"
+        )
+    new, moved = taught(poses, level, angles)
+    save_poses(file, new)
+    click.echo(f"level {level} written to {file.name}")
+    if moved:
+        click.echo(f"moved inside the joint limits: {', '.join(moved)}")
+
+
+def _still_angles(driver: Allegro, seconds: float) -> tuple[NDArray[np.float64], float]:
+    """Average the angles for a while; also return how far they moved at most, noise apart."""
+    import time
+
+    import numpy as np
+
+    read: list[NDArray[np.float64]] = []
+    end_s = time.monotonic() + seconds
+    while time.monotonic() < end_s or len(read) < 10:
+        driver.step(1)
+        read.append(driver.angles_rad)
+        time.sleep(0.005)
+    angles = np.array(read)
+    spread = np.percentile(angles, 97, axis=0) - np.percentile(angles, 3, axis=0)
+    return angles.mean(axis=0), float(spread.max())
+
+
+@hand.command(epilog="Example: tega-teleop hand measure --emulated --seconds 10")
+@click.option(
+    "--seconds", type=click.FloatRange(1, 45), default=10.0, show_default=True, help="How long to watch."
+)
+@_hand_options
+@json_option
+def measure(*, seconds: float, as_json: bool, **where: Any) -> None:
+    """Run the 333 Hz loop, a new level every second, and say how evenly it runs and what it costs.
+
+    A real hand MOVES: keep clear of it.
+    """
+    import msgspec
+
+    from tega.setup.doctor.hand_timing import time_loop
+    from tega.ui.cli.options import echo_json
+
+    # A loop without a hand behind it is to be watched when it is late, not to be ended.
+    patience: dict[str, Any] = {"silent_after_ms": 500.0, "lowest_rate_hz": 0.0} if where["emulated"] else {}
+    with _opened(**patience, **where) as driver:
+        timing = time_loop(driver, seconds=seconds)
+    if as_json:
+        echo_json(msgspec.structs.asdict(timing))
+        return
+    click.echo(f"{timing.rate_hz:.1f} sets of angles a second over {timing.seconds:.1f} s")
+    click.echo(f"{'':<28}{'median':>9}{'99 %':>9}{'99.9 %':>9}{'worst':>9}")
+    for title, values in (
+        ("answer to answer, ms", timing.period_ms),
+        ("frames to answer, ms", timing.answer_ms),
+    ):
+        click.echo(f"{title:<28}" + "".join(f"{value:>9.3f}" for value in values))
+    click.echo(f"{timing.cpu_percent:.1f} % of one core for the hand's loop")
+    click.echo(
+        f"{timing.incomplete} incomplete sets, {timing.late} gaps over 9 ms, {timing.silences} silences, "
+        f"{timing.unsent} frames not taken by the adapter"
+    )

@@ -1,0 +1,112 @@
+"""Print what a recording holds: ``tega-teleop recording inspect``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from tega.ui.cli.options import json_option
+
+if TYPE_CHECKING:
+    from tega.recording.inspection import Inspection
+
+
+@click.command(epilog="Example: tega-teleop recording inspect sessions/monday")
+@click.argument("session", type=click.Path(path_type=Path))
+@json_option
+def inspect(*, session: Path, as_json: bool) -> None:
+    """Print what a recording holds: streams, true rates, gaps, losses, latency, markers, versions.
+
+    SESSION is a file, or the folder of a session with all its files; a file that was never finished is finished
+    first. With --json: a list of objects, one per file.
+    """
+    import msgspec
+
+    from tega.recording.inspection import inspect_file
+    from tega.recording.mcap_folder import session_files
+    from tega.ui.cli.options import echo_json
+
+    found = [inspect_file(path) for path in session_files(session)]
+    if as_json:
+        echo_json(msgspec.to_builtins(found))
+        return
+    for inspection in found:
+        _show(inspection)
+
+
+def _show(found: Inspection) -> None:
+    from datetime import UTC, datetime
+
+    from rich.console import Console
+    from rich.table import Table
+
+    from tega.config.motor_onset import STAGE
+
+    console = Console(highlight=False, width=None if Console().is_terminal else 160)
+    started = datetime.fromtimestamp(found.start / 1e9, UTC)
+    state = "complete" if found.complete else "not finished by its run, read as far as it goes"
+    console.print(f"[bold]{found.file}[/]  {found.duration_s:.1f} s, {found.mib:.1f} MiB, {state}")
+    kind = "lossless" if found.lossless else "pictures as JPEG"
+    console.print(f"  {kind}; begun {started:%Y-%m-%d %H:%M:%S} UTC; ended: {found.ended or 'not recorded'}")
+    for step in found.origin:
+        what = f"{step['session']}/{step['file']}"
+        if step["from_ns"] != "0" or step["to_ns"]:
+            end = f"{int(step['to_ns']) / 1e9:g} s" if step["to_ns"] else "its end"
+            what += f", {int(step['from_ns']) / 1e9:g} s to {end}"
+        console.print(f"  made by {step['made_by']} from {what}", markup=False)
+    for name, label in found.sources.items():
+        console.print(f"  {name}: {label}")
+    table = Table(box=None, pad_edge=True)
+    for column in (
+        "stream",
+        "messages",
+        "rate Hz",
+        "usual ms",
+        "longest",
+        "gaps",
+        "missing",
+        "dropped",
+        "MiB",
+    ):
+        left = column == "stream"
+        table.add_column(column, justify="left" if left else "right", no_wrap=left)
+    for s in found.streams:
+        table.add_row(
+            s.topic,
+            str(s.messages),
+            _number(s.rate_hz, 2),
+            _number(s.median_ms, 2),
+            _number(s.longest_ms, 2),
+            _number(s.gaps, 0),
+            str(s.missing) if s.missing else "-",
+            str(s.dropped) if s.dropped else "-",
+            f"{s.mib:.2f}",
+        )
+    console.print(table)
+    if found.latency:
+        table = Table(box=None, pad_edge=True)
+        for column in ("latency", "n", "p50 ms", "p95 ms", "p99 ms", "worst ms"):
+            left = column == "latency"
+            table.add_column(column, justify="left" if left else "right", no_wrap=left)
+        for stage in found.latency:
+            figures = (stage.p50_ms, stage.p95_ms, stage.p99_ms, stage.worst_ms)
+            table.add_row(stage.stage, str(stage.n), *(f"{figure:.2f}" for figure in figures))
+        console.print(table)
+        stages = [stage.stage for stage in found.latency]
+        if "camera to vest: whole" in stages and not any(stage.startswith(STAGE) for stage in stages):
+            console.print(
+                f"  {STAGE}: not measured when this was recorded; the latency ends at the vest's transport"
+            )
+    for title, lines in (("markers", found.markers), ("states", found.states), ("log", found.log)):
+        if lines:
+            console.print(f"  {title}:")
+        for line in lines:
+            console.print(f"    {line.t_s:9.3f} s  {line.text}", markup=False)
+    console.print(f"  settings {found.config_sha256[:16]}")
+    console.print("  " + ", ".join(f"{name} {version}" for name, version in found.versions.items()))
+
+
+def _number(value: float | None, digits: int) -> str:
+    return "-" if value is None else f"{value:.{digits}f}"

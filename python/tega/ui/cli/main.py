@@ -1,0 +1,255 @@
+"""List the verbs of ``tega-teleop``, call one, and report every failure."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+import traceback
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import click
+
+from tega.errors import DeviceUnavailableError, MissingToolError, TegaError
+from tega.runtime.checkout_tools import needs_tools
+
+EXIT_FAILED, EXIT_USAGE, EXIT_DEVICE, EXIT_STOPPED = 1, 2, 3, 130
+
+
+class _Verb(NamedTuple):
+    group: str
+    module: str
+    function: str
+    summary: str
+
+
+# The summaries stand here so that `--help` imports no verb.
+_VERBS = {
+    "demo": _Verb(
+        "Start", "tega_sim.cli.demo", "demo", "Watch a simulated person lift three objects; no hardware."
+    ),
+    "run": _Verb("Start", "tega.ui.cli.run", "run", "Run a session on the devices of a settings file."),
+    "replay": _Verb(
+        "Start", "tega.ui.cli.replay", "replay", "Run the loop on pictures and EMG from files; write tables."
+    ),
+    "verify": _Verb(
+        "Start", "tega.ui.cli.verify", "verify", "Compute a recorded session again, and compare."
+    ),
+    "play": _Verb("Start", "tega.ui.cli.play", "play", "Feel a recorded session again on a vest and a hand."),
+    "init": _Verb(
+        "Prepare", "tega.ui.cli.init", "init", "Write a settings file for the devices that are plugged in."
+    ),
+    "doctor": _Verb(
+        "Prepare", "tega.ui.cli.doctor", "doctor", "Check the devices; say what is wrong and what to do."
+    ),
+    "calibrate": _Verb(
+        "Prepare",
+        "tega.ui.cli.calibrate",
+        "calibrate",
+        "Calibrate fingertips, muscles and vest for a person.",
+    ),
+    "practice": _Verb(
+        "Prepare",
+        "tega_practice.cli.practice",
+        "practice",
+        "Practise: follow a level with the muscles, get a score.",
+    ),
+    "stages": _Verb(
+        "Prepare", "tega.ui.cli.stages", "stages", "List metrics, decoders, mappings and layouts."
+    ),
+    "devices": _Verb(
+        "Prepare", "tega.ui.cli.devices", "devices", "List the drivers, and the devices that they see."
+    ),
+    "audit": _Verb(
+        "Examine",
+        "tega_figures.audit.command",
+        "audit",
+        "Compare readings of the contact equations on a recording.",
+    ),
+    "bench": _Verb(
+        "Examine", "tega_figures.bench.command", "bench", "Measure the run time and error of each kernel."
+    ),
+    "soak": _Verb(
+        "Examine",
+        "tega_campaigns.soak.command",
+        "soak",
+        "Run all emulated devices for long, with random faults.",
+    ),
+    "robot": _Verb(
+        "Two machines", "tega_link.cli.station", "robot", "Run the robot's half of a session on two machines."
+    ),
+    "operator": _Verb(
+        "Two machines",
+        "tega_link.cli.station",
+        "operator",
+        "Run the operator's half of a session on two machines.",
+    ),
+    "study": _Verb("Groups", "tega_study.cli", "study", "Plan, lead, score and report a user study."),
+    "scene": _Verb("Groups", "tega_scene.cli", "scene", "Score lifts by cameras that see printed tags."),
+    "recording": _Verb(
+        "Groups", "tega.ui.cli.recording", "recording", "Inspect, export, trim and merge recordings."
+    ),
+    "sim": _Verb(
+        "Groups", "tega_sim.cli.sim_trials", "sim", "Run many simulated trials and compare conditions."
+    ),
+    "emg": _Verb(
+        "Groups", "tega.ui.cli.emg", "emg", "Fit a decoder to a person; compare and score decoders."
+    ),
+    "vest": _Verb(
+        "Groups",
+        "tega.ui.cli.vest",
+        "vest",
+        "Switch motors on one at a time; measure how long they take to start.",
+    ),
+    "hand": _Verb(
+        "Groups", "tega.ui.cli.hand", "hand", "Check the robot hand, teach its closure poses, time its loop."
+    ),
+    "arm": _Verb(
+        "Groups",
+        "tega.ui.cli.arm",
+        "arm",
+        "Check a Franka robot; align the forearm's tracker with the operator.",
+    ),
+    "net": _Verb("Groups", "tega_link.cli.net", "net", "Make the keys that two stations share."),
+    "config": _Verb("Groups", "tega.ui.cli.config", "config", "Show or check a settings file."),
+}
+
+# What a verb was called before: it runs, and says what it is called now.
+_EARLIER = {
+    "inspect": "recording inspect",
+    "export": "recording export",
+    "trim": "recording trim",
+    "merge": "recording merge",
+    "sim-trials": "sim trials",
+    "emg-score": "emg score",
+    "identify": "vest identify",
+    "forward": "arm forward",
+}
+
+
+class _Verbs(click.Group):
+    """Verbs by name, imported when called, listed by the life cycle of a session."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002  # click's signature
+        return [name for name, verb in _VERBS.items() if verb.group]
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
+        verb = _VERBS.get(cmd_name)
+        if verb is None:
+            return None
+        with needs_tools(f"tega-teleop {cmd_name}"):
+            command: click.Command = getattr(importlib.import_module(verb.module), verb.function)
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
+        for group in dict.fromkeys(verb.group for verb in _VERBS.values() if verb.group):
+            with formatter.section(group):
+                formatter.write_dl([(n, v.summary) for n, v in _VERBS.items() if v.group == group])
+
+
+def _version(ctx: click.Context, _param: click.Parameter, value: bool) -> None:  # noqa: FBT001  # click's signature
+    if value:
+        from tega import __version__
+
+        click.echo(f"tega {__version__}")
+        ctx.exit()
+
+
+_GREETING = """\
+TEGA lets a person steer a robot hand with the muscles of the forearm, and feel on a vest what its fingertips touch.
+
+Type one of these first:
+  tega-teleop demo             watch a simulated person lift three objects: no hardware, under a minute
+  tega-teleop init             write lab.toml for the devices that are plugged in
+  tega-teleop doctor           look for devices, say what is missing
+  tega-teleop run lab.toml     start a session
+  tega-teleop --help           list all verbs; tega-teleop VERB --help explains one"""
+
+
+@click.group(
+    cls=_Verbs,
+    invoke_without_command=True,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
+    epilog="Example: tega-teleop replay --tactile thumb=press.avi --out pressed",
+)
+@click.option(
+    "--debug",
+    is_flag=True,
+    expose_value=False,
+    help="Show where in the program an error arose; with any verb.",
+)
+@click.option(
+    "--version", is_flag=True, callback=_version, expose_value=False, is_eager=True, help="Show the version."
+)
+@click.pass_context
+def cli(ctx: click.Context) -> None:
+    """Steer a robot hand with muscle signals (EMG), and feel its fingertips on a vibrating vest."""
+    if ctx.invoked_subcommand is None:
+        click.echo(_GREETING)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run a command line and exit.
+
+    Exit codes: 0 ok, 1 failed, 2 usage, 3 device missing, 130 stopped.
+
+    Args:
+        arguments: The words after the program's name; those of this process when ``None``.
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    debug = "--debug" in words
+    words = [word for word in words if word != "--debug"]
+    if words and (now := _EARLIER.get(words[0])):
+        click.echo(f"note: {words[0]} is now: tega-teleop {now}", err=True)
+        words[:1] = now.split()
+    try:
+        result: Any = cli.main(args=words, prog_name="tega-teleop", standalone_mode=False)
+    except click.UsageError as error:
+        _usage(error)
+        sys.exit(EXIT_USAGE)
+    except click.ClickException as error:
+        _tell(error.format_message(), "", debug=debug)
+        sys.exit(EXIT_FAILED)
+    except (KeyboardInterrupt, click.Abort):
+        click.echo("stopped", err=True)
+        sys.exit(EXIT_STOPPED)
+    except MissingToolError as error:
+        _tell(error.message, error.hint, debug=debug)
+        sys.exit(EXIT_USAGE)
+    except DeviceUnavailableError as error:
+        _tell(error.message, error.hint, debug=debug)
+        sys.exit(EXIT_DEVICE)
+    except TegaError as error:
+        _tell(error.message, error.hint, debug=debug)
+        sys.exit(EXIT_FAILED)
+    except BrokenPipeError:
+        # The reader of our output went away; nothing of ours is wrong, and nothing can be told to it.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(EXIT_FAILED)
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        _tell(f"{where}{error.strerror or error}", "", debug=debug)
+        sys.exit(EXIT_FAILED)
+    except Exception as error:  # the last resort: no traceback unless asked for
+        _tell(
+            f"unexpected {type(error).__name__}: {error}", "run again with --debug and report it", debug=debug
+        )
+        sys.exit(EXIT_FAILED)
+    sys.exit(result if isinstance(result, int) else 0)
+
+
+def _usage(error: click.UsageError) -> None:
+    click.echo(f"error: {error.format_message()}", err=True)
+    path = error.ctx.command_path if error.ctx is not None else "tega-teleop"
+    click.echo(f"hint: {path} --help", err=True)
+
+
+def _tell(message: str, hint: str, *, debug: bool) -> None:
+    if debug:
+        traceback.print_exc()
+    click.echo(f"error: {message}", err=True)
+    if hint:
+        from tega.ui.cli.install_line import with_origin
+
+        click.echo(f"hint: {with_origin(hint)}", err=True)

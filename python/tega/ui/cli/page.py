@@ -1,0 +1,178 @@
+"""Serve the page in the browser beside the terminal's view: ``--view``."""
+
+from __future__ import annotations
+
+import os
+import sys
+import webbrowser
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+if TYPE_CHECKING:
+    from tega.config import SessionConfig
+    from tega.recording.replay.playhead import Playhead
+    from tega.records.bus import Bus
+    from tega.ui.view.browser import BrowserView, Controls
+
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+DEFAULT_PORT = 8080
+_ADDRESS = "tega.view_address"
+# A recording can be looked back at for longer than a live run.
+_RECORDING_KEPT_S = 300.0
+
+
+def view_options(function: _Function) -> _Function:
+    """Add ``--view``, ``--view-port`` and ``--view-address``."""
+    address = click.option(
+        "--view-address", metavar="IP", expose_value=False, callback=_keep_address,
+        help="Address of this machine to serve the page at, for a second screen. Whoever has the whole address that is "
+        "printed can press its buttons.",
+    )  # fmt: skip
+    port = click.option(
+        "--view-port", type=click.IntRange(0, 65_535), default=DEFAULT_PORT, show_default=True,
+        help="TCP port of the page. If it is taken, the next free one is used; 0 means any.",
+    )  # fmt: skip
+    view = click.option(
+        "--view",
+        is_flag=True,
+        help="Open a page in the browser that shows this; only this machine can reach it.",
+    )
+    return view(port(address(function)))
+
+
+def _keep_address(context: click.Context, _option: click.Parameter, value: str | None) -> None:
+    context.meta[_ADDRESS] = value
+
+
+def page_address() -> dict[str, Any]:
+    """Return where ``--view-address`` has a page served, as arguments of a server: nothing for this machine only."""
+    context = click.get_current_context(silent=True)
+    address = None if context is None else context.meta.get(_ADDRESS)
+    return {} if address is None else {"host": address, "allow_remote": True}
+
+
+def open_page(url: str) -> None:
+    """Tell a page's address on stderr, and open it in the browser where somebody sits at a terminal of a desktop."""
+    click.echo(f"view: {url}", err=True)
+    has_desktop = sys.platform in {"win32", "darwin"} or {"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ)
+    if sys.stderr.isatty() and has_desktop and "SSH_CONNECTION" not in os.environ:
+        webbrowser.open(url)
+
+
+@contextmanager
+def browser_observer(
+    title: str,
+    *,
+    port: int = DEFAULT_PORT,
+    controls: Controls | None = None,
+    opened: Callable[[str], object] = open_page,
+    **options: Any,
+) -> Iterator[BrowserView]:
+    """Serve the page and say on stderr where.
+
+    Args:
+        title: Heading of the page.
+        port: TCP port.
+        controls: What the page's buttons set; the caller looks.
+        opened: Given the page's address.
+        options: Further arguments of :class:`~tega.ui.view.browser.BrowserView`.
+
+    Yields:
+        The view: call it with a loop's moment, as its observer, or :meth:`~tega.ui.view.browser.BrowserView.offer` it
+        a :class:`~tega.ui.view.state.ViewState`.
+
+    Raises:
+        MissingExtraError: viser is not installed.
+    """
+    from tega.ui.view.browser import BrowserView
+
+    with BrowserView(title, port=port, controls=controls, **(options | page_address())) as view:
+        opened(view.url)
+        yield view
+    if view.problem:
+        click.echo(f"view: {view.problem}", err=True)
+
+
+def run_viewed(
+    config: SessionConfig,
+    *,
+    title: str,
+    port: int,
+    stop: Callable[[], bool],
+    can_pause: bool = False,
+    wait: bool = False,
+    bus: Bus | None = None,
+    run: Callable[..., dict[str, Any]] | None = None,
+    playhead: Playhead | None = None,
+    opened: Callable[[str], object] = open_page,
+    **options: Any,
+) -> dict[str, Any]:
+    """Run a session with the page open.
+
+    Args:
+        config: The settings.
+        title: Heading of the page.
+        port: TCP port.
+        stop: Asked whether to end; the page's button is another way.
+        can_pause: Whether the run may stand still: with recordings, and with nothing that moves.
+        wait: Whether the run stays armed until the page's Go is pressed.
+        bus: The run's, where others listen as well.
+        run: Runs it, called like ``run_session``; that itself when ``None``.
+        playhead: Of a recording that is played: the page's slider goes anywhere in it.
+        opened: Given the page's address before the run begins.
+        options: Further arguments of it.
+
+    Returns:
+        The summary.
+    """
+    from tega import bus as run_bus
+    from tega.loop import run_session
+    from tega.loop.motor_tests import MotorTests
+    from tega.runtime.clock import PausableClock
+    from tega.safety.stop import Stop
+    from tega.ui.view.browser import Controls
+    from tega.ui.view.browser.feed import SessionFeed
+    from tega.ui.view.browser.hand_figure import EYE_M, LOOK_AT_M
+
+    bus = run_bus.Bus() if bus is None else bus
+    reflex = config.stages.reflex if run is None else None
+    controls = Controls(
+        can_pause=can_pause,
+        can_mute=True,
+        can_go=wait,
+        playhead=playhead,
+        reflex=None if reflex is None or reflex.name is None else reflex.authority,
+    )
+    if controls.reflex is not None:
+        options["authority"] = lambda: controls.reflex
+    if run is None and not can_pause:
+        options["motor_tests"] = tests = MotorTests()
+        options["go"] = lambda: controls.may_go
+        controls.try_motor = tests.ask
+    ends = Stop()
+    ends.also(lambda: (getattr(stop, "reason", "") or "asked to") if stop() else "")
+    ends.also(lambda: "the page's button" if controls.stopped else "")
+    feed = SessionFeed({"preset": config.session.preset}, bus)
+    if config.stages.adaptation.on and not can_pause:
+        controls.undo = feed.undo
+    kept: dict[str, Any] = {"opened": opened}
+    if can_pause or run is not None:
+        kept["kept_s"] = _RECORDING_KEPT_S
+    with browser_observer(
+        title, port=port, controls=controls, complete=feed.complete, eye_m=EYE_M, at_m=LOOK_AT_M, **kept
+    ) as view:
+        view.watch(bus)
+        if can_pause:
+            options["clock"] = PausableClock(lambda: controls.paused and not stop())
+        return (run or run_session)(
+            config,
+            stop=ends,
+            on_prepared=feed.watch,
+            haptics=lambda: controls.haptics,
+            bus=bus,
+            **options,
+        )

@@ -1,0 +1,135 @@
+"""Play a recorded session to a vest and a hand: ``tega-teleop play``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from tega.ui.cli.options import json_option
+from tega.ui.cli.page import view_options
+
+
+class _Speed(click.ParamType[float | None]):
+    """A factor, or ``max``."""
+
+    name = "x"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float | None:
+        if value == "max":
+            return None
+        try:
+            return float(value)
+        except ValueError:
+            self.fail(f"{value!r} is no speed, such as 0.5, 1 or max", param, ctx)
+
+
+@click.command(epilog="Example: tega-teleop play sessions/monday/trial-002.mcap --to lab.toml --speed 0.5")
+@click.argument("session", type=click.Path(path_type=Path))
+@click.option(
+    "--to", type=click.Path(path_type=Path), metavar="LAB.toml",
+    help="Settings whose vest, hand, inputs and limits it is played to; else a vest drawn in this terminal.",
+)  # fmt: skip
+@click.option(
+    "--person",
+    metavar="ID",
+    help="Person who wears the vest; only what is left of that person's daily vibration is played.",
+)
+@click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
+@click.option(
+    "--speed", type=_Speed(), default="1", show_default=True,
+    help="Multiple of the recording's speed, 0.05 to 20; or max, as fast as possible (to nothing real).",
+)  # fmt: skip
+@click.option(
+    "--because",
+    default="",
+    metavar="REASON",
+    help="Why a real vest or hand gets more than the recording's speed.",
+)
+@click.option(
+    "--from", "from_s", type=click.FloatRange(min=0), default=0.0, show_default=True, metavar="SECONDS",
+    help="Where in the recording to begin; with --view a slider goes anywhere.",
+)  # fmt: skip
+@click.option(
+    "--scene", "scenes", type=click.Path(path_type=Path, dir_okay=False), multiple=True, metavar="SCENE.mcap",
+    help="Scene cameras that scene record kept beside it, shown with --view; repeatable.",
+)  # fmt: skip
+@view_options
+@json_option
+def play(
+    *,
+    session: Path,
+    to: Path | None,
+    person: str | None,
+    sets: tuple[str, ...],
+    speed: float | None,
+    because: str,
+    from_s: float,
+    scenes: tuple[Path, ...],
+    view: bool,
+    view_port: int,
+    as_json: bool,
+) -> None:
+    """Play a recorded session to a vest and a hand, drawn, recorded or real.
+
+    SESSION is a recording made with run --record, or a session's folder with one. Everything behind the input is an
+    ordinary run: drivers, limits, states, and the ways out; in a terminal the space bar or q stop it, as does Ctrl-C.
+
+    A real hand first goes to where it was, for two seconds. With --json the summary is printed, with a table "played".
+    """
+    import sys
+    import time
+    from functools import partial
+
+    from tega.errors import ConfigError
+    from tega.recording.mcap_folder import session_files
+    from tega.recording.replay.play import play_file, playing_to
+    from tega.recording.replay.playhead import Playhead
+    from tega.records.bus import Bus
+    from tega.safety.ctrl_c import CtrlC
+    from tega.ui.cli.options import echo_json, stop_keys, worn_by
+    from tega.ui.cli.page import run_viewed
+    from tega.ui.cli.report import print_summary
+    from tega.ui.cli.run_view import stage
+
+    if scenes and not view:
+        raise click.UsageError("--scene is shown on the page, so it needs --view")
+    files = session_files(session)
+    if len(files) > 1:
+        raise ConfigError(
+            f"{session.name}: holds {len(files)} recordings, and one can be played",
+            f"name one, such as {session / files[-1].name}",
+        )
+    config = playing_to(to, sets=worn_by(person, sets))
+    heading = f"TEGA · {files[0].name}" + (" · space or q: stop" if sys.stdin.isatty() else "")
+    playhead = Playhead(from_s)
+    played = partial(play_file, files[0], speed=speed, because=because, playhead=playhead, scenes=scenes)
+    drawn_here = config.vest.driver == "on-screen-vest" and config.vest.options.terminal is None
+    started = time.perf_counter()
+    with (
+        CtrlC() as stop,
+        stop_keys(stop, enabled=not as_json),
+        stage(heading, enabled=not (as_json or drawn_here)) as (progress, display),
+    ):
+        bus = Bus()
+        if display is not None:
+            display.watch(bus)
+        if view:
+            summary = run_viewed(
+                config, title=f"TEGA · {files[0].name}", port=view_port, run=played, progress=progress, stop=stop,
+                bus=bus, playhead=playhead,
+            )  # fmt: skip
+        else:
+            summary = played(config, progress=progress, stop=stop, bus=bus)
+    if as_json:
+        echo_json(summary)
+    else:
+        wall_s = time.perf_counter() - started
+        print_summary(
+            summary, measured={"wall_s": wall_s, "real_time_factor": summary["duration_s"] / wall_s}
+        )
+        how = summary["played"]
+        click.echo(f"played {how['file']} at speed {how['speed']} from its {how['from']}")
+    if summary["ended"] == "stopped":
+        raise KeyboardInterrupt

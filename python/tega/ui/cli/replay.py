@@ -1,0 +1,199 @@
+"""Run the loop on recordings: ``tega-teleop replay``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from tega.ui.cli.options import ChannelList, json_option
+from tega.ui.cli.page import view_options
+
+
+class _Finger(click.ParamType[tuple[str, Path]]):
+    """FINGER=PATH."""
+
+    name = "finger=path"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[str, Path]:
+        from tega.config import FINGERS
+
+        finger, equals, path = str(value).partition("=")
+        if not equals or not path or finger not in FINGERS:
+            self.fail(f"{value!r} is not FINGER=PATH with FINGER one of {', '.join(FINGERS)}", param, ctx)
+        return finger, Path(path).absolute()
+
+
+@click.command(
+    epilog="Example: tega-teleop replay --tactile thumb=press.avi --emg squeeze.csv --emg-rate-hz 1000 "
+    "--emg-kind raw --emg-channels 1,2,3 --preset live --out pressed"
+)
+@click.argument("session", type=click.Path(path_type=Path), required=False, metavar="")
+@click.option("--config", type=click.Path(path_type=Path), hidden=True)
+@click.option(
+    "--tactile", type=_Finger(), multiple=True, help="Recording of a finger: a folder of pictures or a video."
+)
+@click.option(
+    "--tactile-rate-hz", type=click.FloatRange(0, 100_000, min_open=True), default=60.0, show_default=True,
+    help="Pictures per second of the folders; a video has its own rate.",
+)  # fmt: skip
+@click.option(
+    "--baseline", type=_Finger(), multiple=True, help="Picture of a finger's untouched gel; else estimated."
+)
+@click.option("--allow-truncated", is_flag=True, help="Use a video that ends before its header says.")
+@click.option("--emg", type=click.Path(path_type=Path), help="EMG samples: text, .npy or .mat.")
+@click.option(
+    "--emg-rate-hz", type=click.FloatRange(0, 10_000_000, min_open=True), help="Samples per second."
+)
+@click.option(
+    "--emg-kind",
+    type=click.Choice(["raw", "rectified", "envelope"]),
+    help="Whether the samples are raw, rectified or an envelope.",
+)
+@click.option("--emg-channels", type=ChannelList(), help="Columns to use, counted from 1; else all.")
+@click.option("--emg-variable", default="emg", show_default=True, help="Name of the array in a .mat file.")
+@click.option(
+    "--preset", type=click.Choice(["paper", "live"]), default="live", show_default=True,
+    help="Readings of the equations: paper (as printed) or live (meant for people).",
+)  # fmt: skip
+@click.option(
+    "--calibration",
+    type=click.Path(path_type=Path),
+    help="File with the maxima; else they are taken from the recording itself.",
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="Folder for the tables: new, empty, or an earlier run's, whose results are then kept below it.",
+)
+@click.option(
+    "--set", "sets", multiple=True, metavar="KEY=VALUE",
+    help="Override a setting, such as stages.metric.options.outline=contact; repeatable.",
+)  # fmt: skip
+@click.option(
+    "--picture",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="PNG to draw: each finger's firmest contact, then touch, level, fingers and vest over time; else picture.png "
+    "in the folder --out.",
+)
+@view_options
+@json_option
+def replay(
+    *,
+    session: Path | None,
+    config: Path | None,
+    sets: tuple[str, ...],
+    view: bool,
+    view_port: int,
+    as_json: bool,
+    **flags: Any,
+) -> int | None:
+    """Run the loop on pictures and EMG from files as fast as possible, and write tables.
+
+    With --view they run in real time, on a page that can pause. To compute a recorded session again, use verify.
+
+    The folder --out gets contacts.csv, levels.csv, vest.csv, can.csv, summary.json, calibration.toml and
+    picture.png. A summary says what each finger, the level and the vest did. The same input gives the same bytes. With
+    --json the summary is printed, with a table "measured" of wall_s and real_time_factor.
+    """
+    import time
+    from functools import partial
+
+    from tega.config import check_tree, override_tree
+    from tega.loop import run_session
+    from tega.records.bus import Bus
+    from tega.safety.ctrl_c import CtrlC
+    from tega.ui.cli.findings import Findings
+    from tega.ui.cli.options import progress_bar
+    from tega.ui.cli.page import run_viewed
+    from tega.ui.cli.report import tell_summary
+    from tega.ui.cli.verify import check_flags, replay_session
+
+    if session is not None:
+        click.echo(f"note: replay {session} is now: tega-teleop verify {session}", err=True)
+        picture = flags.pop("picture")
+        check_flags(click.get_current_context(), (*flags, "view", "view_port"))
+        same = replay_session(session, config=config, sets=sets, picture=picture, as_json=as_json)
+        return 0 if same else 1
+    if config is not None:
+        raise click.UsageError("--config is for verify; run takes settings with their own recordings")
+    if flags["out"] is None:
+        raise click.UsageError("Missing option '--out'; verify computes a recorded session again.")
+    tree = _tree(flags)
+    if view:
+        tree["session"]["pace"] = "real"
+    settings = check_tree(tree, override_tree(tree, sets), base=Path.cwd()).config
+    bus, picture = Bus(), flags["picture"]
+    findings = Findings(bus, picture or flags["out"] / "picture.png", required=picture is not None)
+    started = time.perf_counter()
+    tell = partial(click.echo, err=True)
+    with CtrlC() as stop, progress_bar(enabled=not as_json) as progress:
+        if view:
+            summary = run_viewed(
+                settings, title="TEGA · replay", port=view_port, progress=progress, stop=stop,
+                can_pause=True, tell=tell, bus=bus,
+            )  # fmt: skip
+        else:
+            summary = run_session(settings, progress=progress, stop=stop, tell=tell, bus=bus)
+    wall_s = time.perf_counter() - started
+    findings.tell(
+        f"TEGA replay, preset {flags['preset']}", pose_base=settings.session.pose_base, words=not as_json
+    )
+    tell_summary(summary, wall_s=wall_s, as_json=as_json)
+    return None
+
+
+def _tree(flags: dict[str, Any]) -> dict[str, Any]:
+    """Say in the words of a settings file what the flags ask for."""
+    baselines = _by_finger("--baseline", flags["baseline"])
+    recordings = _by_finger("--tactile", flags["tactile"])
+    for finger in baselines:
+        if finger not in recordings:
+            raise click.UsageError(f"--baseline {finger}: there is no --tactile {finger}")
+    if not recordings and flags["emg"] is None:
+        raise click.UsageError("nothing to replay: give --tactile, --emg or both")
+    tactile: dict[str, Any] = {}
+    for finger, path in recordings.items():
+        options: dict[str, Any]
+        if path.is_dir() or not path.suffix:
+            options = {
+                "folder": path,
+                "rate_hz": flags["tactile_rate_hz"],
+                "exclude": list(baselines.values()),
+            }
+            tactile[finger] = {"driver": "images", "options": options}
+        else:
+            options = {"file": path, "allow_truncated": flags["allow_truncated"]}
+            tactile[finger] = {"driver": "video", "options": options}
+        if finger in baselines:
+            tactile[finger]["baseline"] = baselines[finger]
+    tree: dict[str, Any] = {
+        "session": {"preset": flags["preset"], "pace": "fast", "out_dir": flags["out"].absolute()},
+        "tactile": tactile,
+    }
+    if flags["calibration"] is not None:
+        tree["calibration"] = {"file": flags["calibration"].absolute()}
+    if flags["emg"] is not None:
+        for name in ("emg_rate_hz", "emg_kind"):
+            if flags[name] is None:
+                raise click.UsageError(f"--emg needs --{name.replace('_', '-')}")
+        options = {
+            "file": flags["emg"].absolute(),
+            "rate_hz": flags["emg_rate_hz"],
+            "channels": flags["emg_channels"] or [],
+            "variable": flags["emg_variable"],
+        }
+        tree["emg"] = {"driver": "emg-file", "kind": flags["emg_kind"], "options": options}
+    return tree
+
+
+def _by_finger(flag: str, pairs: tuple[tuple[str, Path], ...]) -> dict[str, Path]:
+    named: dict[str, Path] = {}
+    for finger, path in pairs:
+        if finger in named:
+            raise click.UsageError(f"{flag} {finger} is given twice")
+        named[finger] = path
+    return named

@@ -1,0 +1,185 @@
+"""Print the summary of a run, for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+
+def tell_summary(summary: dict[str, Any], *, wall_s: float, as_json: bool) -> None:
+    """Tell how a run was, to people or as JSON, and end as it ended.
+
+    Args:
+        summary: As ``run_session`` returns it.
+        wall_s: How long this run took, seconds; told, and written to no file.
+        as_json: Print the summary as JSON, with a table ``measured`` of ``wall_s`` and ``real_time_factor``.
+
+    Raises:
+        KeyboardInterrupt: The run was stopped.
+    """
+    from tega.ui.cli.options import echo_json
+
+    measured = {"wall_s": wall_s, "real_time_factor": summary["duration_s"] / wall_s}
+    if as_json:
+        echo_json({**summary, "measured": measured})
+    else:
+        print_summary(summary, measured=measured)
+    if summary["ended"] == "stopped":
+        raise KeyboardInterrupt
+
+
+def _print_link(out: Console, net: dict[str, Any] | None) -> None:
+    """Say how the link to the other station was, if there is one."""
+    if net is None:
+        return
+    operator = net["station"] == "operator"
+    n_led = "" if operator else f"{net['leaders']} operator{'' if net['leaders'] == 1 else 's in turn'}"
+    words = [f"led robot {net['robot']!r}" if operator else f"led by {n_led}"]
+    if operator and net["lost"]:
+        words.append(f"lost it {net['lost']} time{'' if net['lost'] == 1 else 's'}")
+    if (way := net["way_ms"]) is not None:
+        what = "touch" if operator else "commands"
+        words.append(f"{what} on the way {way['p50']:.1f} ms (p99 {way['p99']:.1f})")
+    if (clock := net["clock"]) is not None:
+        words.append(f"clock {clock['offset_ms']:+.1f} ms ± {clock['round_trip_ms'] / 2:.1f}")
+    refused = net["refused_features" if operator else "refused_commands"]
+    if refused:
+        words.append("not used: " + ", ".join(f"{n} {why}" for why, n in refused.items()))
+    out.print(f"link: {', '.join(words)}", markup=False, soft_wrap=True)
+
+
+def _print_arm(out: Console, arm: dict[str, Any] | None) -> None:
+    if arm is None:
+        return
+    shares = ", ".join(f"{state} {s:.1f} s" for state, s in arm["state_s"].items() if s)
+    if off := arm.get("off_target_mm"):
+        shares += f"; {off['rms']:.1f} mm from its target (rms), {off['worst']:.1f} at most"
+    out.print(f"arm: {arm['source']}, led by {arm['led_by']}, {arm['holds']} holds; {shares}", markup=False)
+
+
+def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> None:
+    """Print a run's summary and how fast it went.
+
+    Args:
+        summary: As ``run_session`` returns it.
+        measured: ``wall_s`` and ``real_time_factor`` of this run; they are in no file.
+    """
+    from rich.box import SIMPLE
+    from rich.console import Console
+    from rich.table import Table
+
+    out = Console(highlight=False)
+    if summary["tactile"]:
+        table = Table(title="touch", title_justify="left", box=SIMPLE)
+        for name in ("finger", "source", "frames", "Hz", "CCI max", "EDA max", "baseline"):
+            table.add_column(name, justify="left" if name in {"finger", "source", "baseline"} else "right")
+        for finger, f in summary["tactile"].items():
+            table.add_row(
+                finger,
+                f["source"],
+                str(f["frames"]),
+                f"{f['rate_hz'] or 0:g}",
+                _short(f["cci_max"]),
+                _short(f["eda_max"]),
+                "estimated" if f["baseline"].startswith("estimated") else f["baseline"],
+            )
+        out.print(table)
+    if (emg := summary["emg"]) is not None:
+        table = Table(
+            title=f"intent from {emg['source']} ({emg['kind']}, {emg['rate_hz']:g} Hz), time at each level",
+            title_justify="left",
+            box=SIMPLE,
+        )
+        for name in emg["channels"]:
+            table.add_column(f"{name} max", justify="right")
+        for level in summary["hand"]["level_s"]:
+            table.add_column(f"at {level}", justify="right")
+        table.add_row(
+            *map(_short, emg["maxima"]), *(f"{s:.1f} s" for s in summary["hand"]["level_s"].values())
+        )
+        out.print(table)
+    vest = summary["vest"]
+    sent = f", {vest['sent']} sent and {vest['skipped']} as before" if vest["sent"] else ""
+    out.print(
+        f"{summary['ended']}: {summary['duration_s']:.2f} s of input, {vest['frames']} vest frames "
+        f"({vest['layout']}{sent}), {4 * summary['hand']['ticks']} torque frames"
+    )
+    for name, said in summary.get("inputs", {}).items():
+        away = f", no data {100 * said['no_data_share']:.0f} % of the time" if said["no_data_share"] else ""
+        out.print(f"{name.replace('_', ' ')}: {said['source']}, {said['presses']} presses{away}")
+    _print_arm(out, summary.get("arm"))
+    _print_link(out, summary.get("net"))
+    _print_safety(out, summary)
+    for note in summary["notes"]:
+        out.print(f"note: {note}", markup=False)
+    if (recording := summary.get("recording")) is not None:
+        out.print(_recorded(recording), markup=False, soft_wrap=True)
+    if (pacing := summary.get("pacing")) is not None:
+        out.print(
+            f"paced by the clock: {pacing['overruns']} of {pacing['ticks']} ticks late by more than 3 ms "
+            f"(worst {pacing['worst_late_ms']:.1f} ms), {pacing['skipped']} left out"
+        )
+    else:
+        out.print(f"took {measured['wall_s']:.2f} s: {measured['real_time_factor']:.1f} times real time")
+
+
+def _recorded(recording: dict[str, Any]) -> str:
+    """Say what became of a recording."""
+    n_dropped = sum(recording["dropped"].values())
+    lost = f", {n_dropped} records dropped" if n_dropped else ", nothing dropped"
+    said = f"recorded: {recording['file']}, {recording['bytes'] / 1e6:.1f} MB{lost}"
+    if recording["state"] == "complete":
+        return said
+    return f"recording stopped after {recording['duration_s']:.1f} s: {recording['reason']}; {said}"
+
+
+def _print_safety(out: Console, summary: dict[str, Any]) -> None:
+    from rich.box import SIMPLE
+    from rich.table import Table
+
+    changes = summary["safety"]["changes"]
+    # A run that was active from the first moment to its end has nothing to tell.
+    if len(changes) > 3 or (changes and changes[0]["t_s"] > 0):
+        table = Table(title="states", title_justify="left", box=SIMPLE)
+        for name in ("s", "state", "why"):
+            table.add_column(name, justify="right" if name == "s" else "left")
+        for change in changes:
+            table.add_row(f"{change['t_s']:.2f}", change["state"], change["reason"])
+        out.print(table)
+    for table in latency_tables(summary.get("latency_ms", {})):
+        out.print(table)
+    if "motor_onset" in summary:
+        motor = summary["motor_onset"]
+        out.print(
+            "motor onset: not measured, so the latency ends at the vest's transport (tega-teleop vest onset)"
+            if motor is None
+            else motor["said"],
+            markup=False,
+        )
+
+
+def latency_tables(latency_ms: dict[str, Any]) -> Iterator[Table]:
+    """Make a table of every path's stages.
+
+    Args:
+        latency_ms: As in the summary.
+    """
+    from rich.box import SIMPLE
+    from rich.table import Table
+
+    titles = {"touch": "camera to vest, ms", "intent": "muscle to hand, ms", "motion": "muscle to joint, ms"}
+    for path, stages in latency_ms.items():
+        table = Table(title=titles[path], title_justify="left", box=SIMPLE)
+        for name in ("stage", "p50", "p95", "p99", "worst"):
+            table.add_column(name, justify="left" if name == "stage" else "right")
+        for stage, spread in stages.items():
+            table.add_row(stage, *(f"{spread[name]:.2f}" for name in ("p50", "p95", "p99", "worst")))
+        yield table
+
+
+def _short(value: float | None) -> str:
+    return "none" if value is None else f"{value:.4g}"

@@ -1,0 +1,167 @@
+"""Run a session from its settings: ``tega-teleop run``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
+
+import click
+
+from tega.ui.cli.options import json_option
+from tega.ui.cli.page import view_options
+
+if TYPE_CHECKING:
+    from tega.config import SessionConfig
+
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+
+def run_options(function: _Function) -> _Function:
+    """Add the settings file and everything that a run can be asked."""
+    for option in (
+        json_option,
+        view_options,
+        click.option(
+            "--stream",
+            "streams",
+            type=click.Choice(["foxglove", "rerun"]),
+            multiple=True,
+            help="Show the run live in that program, too, on this machine; repeatable.",
+        ),
+        click.option(
+            "--wait-for-go",
+            is_flag=True,
+            help="With --view: stay armed until the page's Go; a click on the torso has a motor vibrate meanwhile.",
+        ),
+        click.option(
+            "--lossless", is_flag=True, help="Record the pictures as they are (recording.lossless)."
+        ),
+        click.option(
+            "--record",
+            type=click.Path(path_type=Path),
+            metavar="DIR",
+            help="Record into this session's folder (recording.dir).",
+        ),
+        click.option(
+            "--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable."
+        ),
+        click.option("--person", metavar="ID", help="Whose calibration to use (calibration.person)."),
+        click.argument("config", type=click.Path(path_type=Path), metavar="CONFIG.toml"),
+    ):
+        function = option(function)
+    return function
+
+
+@click.command(epilog="Example: tega-teleop run session.toml --set session.pace=fast")
+@run_options
+def run(**options: Any) -> None:
+    """Run a session on the devices that CONFIG.toml names: muscles close the hand, the vest shows touch.
+
+    The session ends when its recordings end, after session.duration_s, or when you press the space bar, q or Ctrl-C.
+    However it ends, it sends the vest zeros, and the hand zero torque and SERVO OFF. With --json it prints the summary,
+    with a table "measured" of wall_s and real_time_factor.
+    """
+    run_settings(**options)
+
+
+def run_settings(
+    config: Path,
+    *,
+    person: str | None,
+    sets: tuple[str, ...],
+    record: Path | None,
+    lossless: bool,
+    view: bool,
+    view_port: int,
+    wait_for_go: bool,
+    streams: tuple[str, ...],
+    as_json: bool,
+    station: Literal["operator", "robot"] | None = None,
+) -> None:
+    """Run a session from its settings file, alone or as one of two stations.
+
+    Raises:
+        ConfigError: The settings are wrong, or those of another station.
+        KeyboardInterrupt: The run was stopped.
+    """
+    import json
+    import shlex
+    import sys
+    import time
+
+    from tega.runtime.threads import spare_threads
+
+    spare_threads()
+    from tega.config import load_config
+    from tega.loop import run_session
+    from tega.records.bus import Bus
+    from tega.safety.ctrl_c import CtrlC
+    from tega.ui.cli.options import stop_keys
+    from tega.ui.cli.page import run_viewed
+    from tega.ui.cli.report import tell_summary
+    from tega.ui.cli.run_view import stage
+    from tega_markers.cli import streamed
+
+    if wait_for_go and not view:
+        raise click.UsageError("--wait-for-go is for --view, whose page has the button")
+    if person is not None:
+        sets = (*sets, f"calibration.person={json.dumps(person)}")
+    if record is not None:
+        sets = (*sets, f"recording.dir={json.dumps(str(record.absolute()))}")
+    if lossless:
+        sets = (*sets, "recording.lossless=true")
+    settings = load_config(config, sets=sets).config
+    _check_station(settings, config, station)
+    name = shlex.quote(str(config))
+    heading = f"TEGA · {config.name}" + (" · space or q: stop" if sys.stdin.isatty() else "")
+    started = time.perf_counter()
+    with (
+        CtrlC() as stop,
+        stop_keys(stop, enabled=not as_json),
+        stage(heading, enabled=not as_json) as (progress, display),
+        ExitStack() as shown,
+    ):
+
+        def tell(said: str) -> None:
+            if display is None:  # the live view shows it
+                click.echo(said, err=True)
+
+        bus = Bus()
+        shown.enter_context(streamed(bus, streams))
+        if display is not None:
+            display.watch(bus)
+        if view:
+            summary = run_viewed(
+                settings,
+                title=f"TEGA · {config.name}",
+                port=view_port,
+                progress=progress,
+                stop=stop,
+                settings=name,
+                tell=tell,
+                bus=bus,
+                wait=wait_for_go,
+            )
+        else:
+            summary = run_session(settings, progress=progress, stop=stop, settings=name, tell=tell, bus=bus)
+    tell_summary(summary, wall_s=time.perf_counter() - started, as_json=as_json)
+
+
+def _check_station(settings: SessionConfig, config: Path, station: str | None) -> None:
+    from tega.errors import ConfigError
+
+    meant = None if settings.net is None else settings.net.station
+    if meant == station:
+        return
+    if meant is None:
+        raise ConfigError(
+            f"{config.name} has no [net], so it is no {station}'s station",
+            f'set net.station = "{station}", as docs/two-machines.md shows',
+        )
+    raise ConfigError(
+        f"{config.name} is the settings of the {meant}'s station",
+        f"start it with: tega-teleop {meant} {config.name}",
+    )

@@ -1,0 +1,93 @@
+"""Show a run on the terminal: a progress bar while it is prepared, then the live view."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING
+
+from tega.records.bus import Backlog
+from tega.ui.cli.options import progress_bar
+
+if TYPE_CHECKING:
+    from tega.loop.moment import LoopView
+    from tega.loop.prepare import Progress
+    from tega.records.bus import Bus
+
+
+class TerminalDisplay:
+    """Draws the newest moment that it was given, in a thread of its own: drawing takes longer than a tick of the hand.
+
+    Args:
+        title: Heading of the live view.
+    """
+
+    def __init__(self, title: str) -> None:
+        from tega.ui.view.terminal import TerminalView
+
+        self._view = TerminalView(title)
+        self._newest: tuple[LoopView, Mapping[str, str], float] | None = None
+        self._waiting = Backlog("view", most=1, newest=True, idle=self._draw)
+
+    def watch(self, bus: Bus) -> None:
+        """Show the moments of a run from now on."""
+        from tega.loop.moment import Moment  # not before a run opens its devices
+
+        bus.subscribe(
+            Moment, lambda moment: self._take((moment.view, {})), name="display", backlog=self._waiting
+        )
+
+    def __call__(self, view: LoopView, rows: Mapping[str, str] = {}) -> None:
+        """Take a moment to be shown, and what else there is to tell of it, by name; returns at once."""
+        self._waiting.put(TerminalDisplay._take, self, (view, rows))
+
+    def open(self) -> None:
+        """Take the screen."""
+        self._view.__enter__()
+        self._waiting.start()
+
+    def close(self) -> None:
+        """Give the screen back."""
+        self._waiting.close()
+        self._view.__exit__(None, None, None)
+
+    def _take(self, given: tuple[LoopView, Mapping[str, str]]) -> None:
+        self._newest = (*given, time.monotonic() - self._waiting.waited_s)
+        self._draw()
+
+    def _draw(self) -> None:
+        """Draw the newest moment and its age, as often as a screen is worth."""
+        if self._newest is not None:
+            view, rows, came_s = self._newest
+            self._view(view, rows, age_s=time.monotonic() - came_s)
+
+
+@contextmanager
+def stage(title: str, *, enabled: bool) -> Iterator[tuple[Progress, TerminalDisplay | None]]:
+    """Show preparation and run on a terminal's stderr.
+
+    Args:
+        title: Heading of the live view.
+        enabled: Whether to show anything at all.
+
+    Yields:
+        What to give ``run_session`` as ``progress``, and what shows the run; ``None`` for nothing.
+    """
+    if not enabled or not sys.stderr.isatty():
+        yield lambda _what, _done, _total: None, None
+        return
+    display = TerminalDisplay(title)
+    with ExitStack() as ending, ExitStack() as stack:
+        bar = stack.enter_context(progress_bar())
+
+        def progress(what: str, done: int, total: int) -> None:
+            if what == "running":
+                stack.close()
+                display.open()
+                ending.callback(display.close)
+            else:
+                bar(what, done, total)
+
+        yield progress, display

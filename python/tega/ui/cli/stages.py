@@ -1,0 +1,57 @@
+"""List the installed metrics, decoders, mappings, reflexes and layouts, with their options: ``tega-teleop stages``."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from tega.ui.cli.options import json_option
+
+_TITLES = {
+    "metric": "Metrics: a fingertip's picture to a contact (stages.metric.name)",
+    "decoder": "Decoders: EMG to intent (stages.decoder.name)",
+    "mapping": "Mappings: contacts to motor levels (stages.mapping.name)",
+    "reflex": "Reflexes: firm the grip by what is felt (stages.reflex.name)",
+    "layout": "Layouts: where the motors are (vest.layout)",
+}
+
+
+@click.command(epilog="Example: tega-teleop stages --json")
+@json_option
+def stages(*, as_json: bool) -> None:
+    """List the stages that are installed, by the name that a settings file uses, with their options.
+
+    With --json: an object per stage, {"group", "name", "summary", "package", "ready", "problem", "options", "values"};
+    options has an object per option, {"name", "default", "unit", "choices", "summary"}, values the unit of every value
+    of a metric's own.
+    """
+    import msgspec
+
+    from tega.stages import list_stages
+    from tega.ui.cli.options import echo_json
+
+    found = list_stages()
+    if as_json:
+        echo_json(msgspec.to_builtins(found))
+        return
+    for number, (group, title) in enumerate(_TITLES.items()):
+        click.echo(f"{'' if number == 0 else chr(10)}{title}")
+        for stage in (one for one in found if one.group == group):
+            brought = "" if stage.package == "tega" else f" [{stage.package}]"
+            click.echo(f"  {stage.name:<10} {stage.summary if stage.ready else stage.problem}{brought}")
+            for name, unit in stage.values.items():
+                click.echo(f"      measures {name}{'' if unit == '1' else f', {unit}'}")
+            width = max((len(option.name) for option in stage.options), default=0)
+            for option in stage.options:
+                default = f"{_text(option.default)} {option.unit}".rstrip()
+                choices = f" (one of {', '.join(option.choices)})" if option.choices else ""
+                click.echo(f"      {option.name:<{width}}  {default}{choices}: {option.summary}")
+
+
+def _text(value: Any) -> str:
+    if value is None:
+        return "not set"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_text, value))}]"
+    return str(value).lower() if isinstance(value, bool) else str(value)

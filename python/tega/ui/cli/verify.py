@@ -1,0 +1,150 @@
+"""Compute a recorded session again and compare: ``tega-teleop verify``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+from click.core import ParameterSource
+
+from tega.ui.cli.options import json_option
+
+if TYPE_CHECKING:
+    from tega.recording.replay import Replay
+
+
+@click.command(epilog="Example: tega-teleop verify sessions/monday")
+@click.argument("session", type=click.Path(path_type=Path))
+@click.option("--config", type=click.Path(path_type=Path), help="Run it through these settings instead.")
+@click.option(
+    "--set", "sets", multiple=True, metavar="KEY=VALUE",
+    help="Run it with another setting, such as stages.metric.options.outline=contact; repeatable.",
+)  # fmt: skip
+@click.option(
+    "--picture",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="PNG to draw what is in the recording: firmest contacts, then touch, level, fingers and vest over time.",
+)
+@json_option
+def verify(
+    *, session: Path, config: Path | None, sets: tuple[str, ...], picture: Path | None, as_json: bool
+) -> int:
+    """Compute a recorded session again, tick by tick as it ran, and compare with what was recorded.
+
+    SESSION is a recording made with run --record, or a session's folder. The exit code is 1 if anything differs.
+    --config and --set run it through other settings, and say what then differs. A summary says what each finger, the
+    level and the vest did; --picture draws it (of several recordings, each into a file that has its name too). With
+    --json: a list of objects, one per recording.
+    """
+    same = replay_session(session, config=config, sets=sets, picture=picture, as_json=as_json)
+    return 0 if same else 1
+
+
+def replay_session(
+    session: Path,
+    *,
+    config: Path | None,
+    sets: tuple[str, ...] = (),
+    picture: Path | None = None,
+    as_json: bool,
+) -> bool:
+    """Compute every recording of a session again, and tell what differs.
+
+    Args:
+        session: A recording, or the folder of a session.
+        config: Other settings to run it through.
+        sets: Single settings to run it through, as ``key=value``.
+        picture: PNG to draw; of several recordings each draws its own, named after it.
+        as_json: Print JSON instead of tables.
+
+    Returns:
+        Whether nothing differs.
+    """
+    import msgspec
+
+    from tega.recording.mcap_folder import session_files
+    from tega.recording.replay import replay_file
+    from tega.records.bus import Bus
+    from tega.ui.cli.findings import Findings
+    from tega.ui.cli.options import echo_json
+
+    replays, files = [], session_files(session)
+    for path in files:
+        bus, drawn = Bus(), picture
+        if picture is not None and len(files) > 1:
+            drawn = picture.with_name(f"{picture.stem}-{path.stem}{picture.suffix}")
+        findings = Findings(bus, drawn, required=True)
+        replays.append(replay_file(path, config=config, sets=sets, bus=bus))
+        if not as_json:
+            _show(replays[-1])
+        findings.tell(f"TEGA · {path.name}", pose_base=replays[-1].pose_base, words=not as_json)
+    if as_json:
+        echo_json(msgspec.to_builtins(replays))
+    return all(replay.same for replay in replays)
+
+
+def _show(replay: Replay) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console(highlight=False, width=None if Console().is_terminal else 160)
+    how = (
+        "from the raw pictures and samples"
+        if replay.lossless
+        else "from the contacts and samples as recorded"
+    )
+    console.print(f"[bold]{replay.file}[/]  {replay.duration_s:.1f} s computed again {how}")
+    if replay.from_s > 0:
+        console.print(f"  trimmed: compared from {replay.from_s:g} s on, what came before is its lead-in")
+    for change in replay.changed:
+        console.print(f"  changed: {change}", markup=False)
+    if not replay.complete:
+        console.print("  the recording was cut; compared as far as it goes")
+    for topic, count in replay.dropped.items():
+        console.print(f"  {topic}: {count} records were dropped while recording and cannot be compared")
+    table = Table(box=None, pad_edge=True)
+    for column in ("stream", "recorded", "replayed", "differ", "where", "what"):
+        right = column in {"recorded", "replayed", "differ"}
+        table.add_column(column, justify="right" if right else "left", no_wrap=column == "stream")
+    for s in replay.streams:
+        where = what = ""
+        if s.first and s.last_t_s is not None:
+            where = f"{s.first[0].t_s:.3f} to {s.last_t_s:.3f} s"
+            what = ", ".join(f"{field} {count}" for field, count in list(s.fields.items())[:4])
+            what += f" and {len(s.fields) - 4} more" if len(s.fields) > 4 else ""
+        table.add_row(s.stream, str(s.recorded), str(s.replayed), str(s.differ), where, what)
+    console.print(table)
+    for s in replay.streams:
+        for d in s.first[:3]:
+            said = f"{s.stream} at {d.t_s:.6f} s: {d.field}: {_short(d.recorded)} -> {_short(d.replayed)}"
+            console.print(f"  {said}", markup=False)
+    for p in replay.pictures:
+        console.print(
+            f"  {p.finger}: pictures are approximate (JPEG): over {p.compared} frames the area is off by "
+            f"{p.eda_mean_px:.2f} px (at most {p.eda_max_px:.0f}), the concentration by {p.cci_mean:.4f} "
+            f"(at most {p.cci_max:.4f}), contact differs in {p.contact_changed}",
+            soft_wrap=True,
+        )
+    exact = (
+        "the same, bit for bit" if replay.lossless else "everything but the pictures is the same, bit for bit"
+    )
+    verdict = f"[green]{exact}[/]" if replay.same else "[red]not the same[/]"
+    console.print(f"  {verdict}")
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def check_flags(context: click.Context, names: Iterable[str]) -> None:
+    """Refuse the flags for loose files beside a session: none of them is silently left out.
+
+    Raises:
+        UsageError: One is given.
+    """
+    for name in names:
+        if context.get_parameter_source(name) not in {None, ParameterSource.DEFAULT}:
+            flag = "set" if name == "sets" else name.replace("_", "-")
+            raise click.UsageError(f"--{flag} is for loose files, not for a session")

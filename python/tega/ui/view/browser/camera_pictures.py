@@ -1,0 +1,66 @@
+"""Show the scene cameras' pictures below each other, each with its camera's name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from html import escape
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from tega.ui.view.browser.picture_html import picture_html
+from tega.ui.view.browser.state_html import FONT
+
+if TYPE_CHECKING:
+    import viser
+    from numpy.typing import NDArray
+
+__all__ = ["CameraPictures", "cameras_html"]
+
+WIDTH_PX: Final = 360
+"""Of a picture, a little less than the panel."""
+_HIGHEST_PX: Final = 270
+
+
+class CameraPictures:
+    """Show the newest picture of each scene camera.
+
+    Args:
+        gui: viser's GUI; an element is added to its main panel with the first of them.
+    """
+
+    def __init__(self, gui: viser.GuiApi) -> None:
+        self._gui = gui
+        self.element: Any = None
+
+    def draw(self, html: str | None) -> None:
+        """Show what :func:`cameras_html` gave; nothing where that is none."""
+        if self.element is None and html is not None:
+            self.element = self._gui.add_html(html)
+        elif self.element is not None:
+            self.element.content = html or ""
+
+
+def cameras_html(pictures: Mapping[str, NDArray[np.uint8]]) -> str | None:
+    """Return pictures by their cameras' names, uint8 (H, W, 3) in BGR, as HTML; ``None`` without any.
+
+    They are in the order of the names, whichever camera was seen first.
+    """
+    shown = {name: _fitted(picture)[..., ::-1] for name, picture in sorted(pictures.items()) if picture.size}
+    return "".join(map(_captioned, shown, shown.values())) or None
+
+
+def _captioned(name: str, picture: NDArray[np.uint8]) -> str:
+    said = f"scene camera: {escape(name)}"
+    return f'<div style="{FONT};padding:4px 10px 0">{said}</div>{picture_html(picture, said)}'
+
+
+def _fitted(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return a picture as large as it fits into its place, by the nearest pixels."""
+    height, width = picture.shape[:2]
+    scale = min(WIDTH_PX / width, _HIGHEST_PX / height)
+    rows, columns = (max(1, int(side * scale)) for side in (height, width))
+    fitted: NDArray[np.uint8] = picture[
+        (np.arange(rows) * height // rows)[:, None], (np.arange(columns) * width // columns)[None, :]
+    ]
+    return fitted

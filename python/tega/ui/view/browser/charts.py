@@ -1,0 +1,185 @@
+"""Draw the charts: muscle signals, drives against the levels' thresholds, and the course of touch and pose."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tega.emg import ButterworthLowpass
+from tega.haptics import FINGERS
+from tega.ui.view.figures import CCI_BLUE, EDA_GREEN, MUSCLE_COLOURS, POSE_RED
+
+if TYPE_CHECKING:
+    import viser
+    from numpy.typing import NDArray
+
+    from tega.ui.view.state import EmgTail, ViewState
+
+__all__ = ["CourseChart", "MuscleCharts", "drives"]
+
+COURSE_S, MUSCLES_S = 6.0, 4.0
+# Eq 11: level = floor(4 · drive + 1).
+THRESHOLDS = (0.25, 0.5, 0.75, 1.0)
+_THRESHOLD_GREY = "#adb5bd"
+_POINTS = 300
+_HEIGHT_PX = 106
+_TICKS = "11px system-ui, sans-serif"
+_LOWPASS_HZ = 50.0
+_MEAN_S = 0.1
+
+
+def drives(emg: EmgTail, n_points: int = _POINTS) -> NDArray[np.float64]:
+    """Return each channel's drive as the share of its maximum, float64 (n, channels), evenly over the tail.
+
+    Eq 10 as a display needs it: the rectified signal through the 50 Hz low-pass, then a running mean of 100 ms.
+    """
+    samples = emg.samples
+    if emg.kind == "raw":
+        samples = np.abs(samples - samples.mean(axis=0))
+    if emg.rate_hz > 2 * _LOWPASS_HZ:
+        samples = ButterworthLowpass(emg.rate_hz, _LOWPASS_HZ, channels=samples.shape[1]).process(samples)
+    window = max(1, min(round(_MEAN_S * emg.rate_hz), len(samples)))
+    total = np.cumsum(np.vstack([np.zeros(samples.shape[1]), samples]), axis=0)
+    ends = np.linspace(1, len(samples), min(n_points, len(samples))).round().astype(int)
+    starts = np.maximum(ends - window, 0)
+    mean: NDArray[np.float64] = (total[ends] - total[starts]) / (ends - starts)[:, None] / emg.maxima
+    return mean
+
+
+class CourseChart:
+    """Draw CCI, EDA and the closure asked for over the newest seconds.
+
+    Args:
+        gui: viser's GUI; the chart is added where it stands.
+        kept_s: How far back it can be drawn besides, seconds.
+    """
+
+    def __init__(self, gui: viser.GuiApi, kept_s: float = 0.0) -> None:
+        self._kept_s = kept_s
+        self._course: deque[tuple[float, float, float, float]] = deque()
+        names = (("CCI", CCI_BLUE), ("EDA", EDA_GREEN), ("closure", POSE_RED))
+        gui.add_html(_caption("share of the maximum over time (s):", names))
+        series = (_line(CCI_BLUE, 1.6), _line(EDA_GREEN, 1.6), _line(POSE_RED, 1.6, dash=(5, 4)))
+        self._plot = _plot(gui, series, 1.05)
+
+    def note(self, state: ViewState) -> None:
+        """Remember a moment."""
+        t_s, loop = state.t_ns / 1e9, state.loop
+        if self._course and t_s <= self._course[-1][0]:
+            if t_s == self._course[-1][0]:
+                return
+            self._course.clear()
+        touching = [
+            felt
+            for finger, felt in zip(FINGERS, loop.felt, strict=True)
+            if finger in loop.contacts and loop.contacts[finger][1].in_contact
+        ]
+        n = max(len(touching), 1)
+        cci, eda = sum(f.cci_norm for f in touching) / n, sum(f.eda_norm for f in touching) / n
+        closure = 0.0 if loop.block is None else (loop.block.wanted - 1) / 4
+        self._course.append((t_s, cci, eda, closure))
+        while self._course[0][0] < t_s - COURSE_S - self._kept_s:
+            self._course.popleft()
+
+    def draw(self, end_s: float | None = None) -> None:
+        """Draw the seconds up to a time; ``None`` for the newest."""
+        if not self._course:
+            return
+        course = np.array(self._course)
+        end_s = float(course[-1, 0]) if end_s is None else end_s
+        shown = course[(course[:, 0] >= end_s - COURSE_S) & (course[:, 0] <= end_s)]
+        if len(shown):
+            self._plot.data = tuple(shown.T.copy())
+            self._plot.scales = _scales(end_s, COURSE_S, 1.05)
+
+
+class MuscleCharts:
+    """The muscle signal, and what it asks for against the levels' thresholds.
+
+    Args:
+        gui: viser's GUI; the charts are added to its main panel with the first signal.
+    """
+
+    def __init__(self, gui: viser.GuiApi) -> None:
+        self._gui = gui
+        self._raw: Any = None
+        self._drive: Any = None
+
+    def draw(self, t_s: float, emg: EmgTail) -> None:
+        """Draw the newest seconds."""
+        samples = emg.samples[-round(MUSCLES_S * emg.rate_hz) :]
+        n, channels = samples.shape
+        if n == 0:
+            return
+        if self._raw is None:
+            muscles = [
+                (str(k + 1) if k else "muscle 1", MUSCLE_COLOURS[k % len(MUSCLE_COLOURS)])
+                for k in range(channels)
+            ]
+            lines = tuple(_line(colour, 1) for _, colour in muscles)
+            self._gui.add_html(_caption("EMG over time (s):", muscles))
+            self._raw = _plot(self._gui, lines, channels, y_axis=False)
+            self._gui.add_html(_caption("drive over time (s), share of maximum; dashed: levels 2–5", ()))
+            dashed = tuple(_line(_THRESHOLD_GREY, 1, dash=(4, 4)) for _ in THRESHOLDS)
+            self._drive = _plot(self._gui, dashed + lines, 1.2)
+        t = t_s - np.arange(n - 1, -1, -1) / emg.rate_hz
+        rows, lanes = _lanes(samples, emg)
+        self._raw.data = (t[rows], *lanes.T.copy())
+        share = np.minimum(drives(emg._replace(samples=samples)), 1.2)
+        limits = (np.full(len(share), threshold) for threshold in THRESHOLDS)
+        self._drive.data = (np.linspace(t[0], t[-1], len(share)), *limits, *share.T.copy())
+        self._raw.scales, self._drive.scales = (
+            _scales(t_s, MUSCLES_S, top) for top in (float(channels), 1.2)
+        )
+
+
+def _plot(gui: viser.GuiApi, series: tuple[Any, ...], top: float, *, y_axis: bool = True) -> Any:
+    none = np.zeros(1)
+    return gui.add_uplot(
+        data=(none,) * (len(series) + 1),
+        series=({}, *series),
+        scales=_scales(0.0, COURSE_S, top),
+        axes=(
+            {"size": 26, "font": _TICKS},
+            {"size": 36, "show": y_axis, "font": _TICKS},
+        ),
+        legend={"show": False},
+        height=_HEIGHT_PX,
+    )
+
+
+def _line(colour: str, width: float, dash: tuple[int, int] | None = None) -> dict[str, Any]:
+    line: dict[str, Any] = {"stroke": colour, "width": width, "points": {"show": False}}
+    return line if dash is None else {**line, "dash": dash}
+
+
+def _caption(text: str, names: Sequence[tuple[str, str]]) -> str:
+    coloured = " ".join(f'<b style="color:{colour}">{name}</b>' for name, colour in names)
+    return (
+        '<div style="font-family:system-ui,sans-serif;font-size:12px;color:#343a40;padding:4px 10px 0">'
+        f"{text} {coloured}</div>"
+    )
+
+
+def _scales(t_s: float, shown_s: float, top: float) -> dict[str, Any]:
+    shown = (max(t_s - shown_s, 0.0), max(t_s, shown_s))
+    return {"x": {"time": False, "range": shown}, "y": {"range": (0.0, top)}}
+
+
+def _lanes(samples: NDArray[np.float64], emg: EmgTail) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    """Return the rows to draw, lowest and highest of every stretch, and each channel there in a lane of its own."""
+    n, channels = samples.shape
+    stretch = max(1, n // _POINTS)
+    whole = samples[n % stretch :].reshape(-1, stretch, channels)
+    pair = np.stack([whole.min(axis=1), whole.max(axis=1)], axis=1).reshape(-1, channels)
+    rows = n % stretch + np.arange(len(pair)) * stretch // 2
+    # A lane is one high; full effort's rectified mean is an eighth of it, which leaves room for the peaks.
+    height = pair / (8 * emg.maxima)
+    middle = np.arange(channels)[::-1] + 0.1
+    if emg.kind == "raw":
+        height, middle = height - height.mean(axis=0), middle + 0.4
+    lanes: NDArray[np.float64] = np.clip(height, -0.48, 0.9) + middle
+    return rows, lanes

@@ -1,0 +1,126 @@
+"""Keep what a person asked for in the page until the program looks."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from tega.errors import InvalidValueError
+
+if TYPE_CHECKING:
+    from tega.loop.motor_tests import MotorAnswer
+    from tega.recording.replay.playhead import Playhead
+
+__all__ = ["Controls"]
+
+
+class Controls:
+    """Wishes of whoever is at the page; safe to read and set from any thread.
+
+    Args:
+        can_pause: Whether there is a pause to offer; a real hand has none.
+        can_mute: Whether the vest can be switched off and on.
+        objects: Objects to choose from; none for no choice.
+        try_motor: Has a motor of the vest vibrate, by its place in the frame; ``None`` where none can be tried.
+        can_go: Whether the run waits, armed, until it is told to go.
+        undo: Undoes the online adaptation of EMG, or has it begin anew; ``None`` where there is none.
+        playhead: Of a recording that is played; ``None`` where nobody can seek.
+        reflex: Authority of the reflex at the start; ``None`` where there is none.
+    """
+
+    def __init__(
+        self,
+        *,
+        can_pause: bool = False,
+        can_mute: bool = False,
+        objects: Sequence[str] = (),
+        try_motor: Callable[[int], MotorAnswer] | None = None,
+        can_go: bool = False,
+        undo: Callable[[], None] | None = None,
+        playhead: Playhead | None = None,
+        reflex: float | None = None,
+    ) -> None:
+        self.can_pause = can_pause
+        self.can_mute = can_mute
+        self.objects = tuple(objects)
+        self.try_motor, self.can_go, self.undo = try_motor, can_go, undo
+        self.playhead = playhead
+        self._go = threading.Event()
+        self._lock = threading.Lock()
+        self._stop = threading.Event()
+        self._paused = False
+        self._haptics = True
+        self._reflex = reflex
+        self._object: str | None = None
+
+    def stop(self) -> None:
+        """Ask for the end of the run."""
+        self._stop.set()
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the run should end."""
+        return self._stop.is_set()
+
+    @property
+    def paused(self) -> bool:
+        """Whether the run should stand still; never with the wish to stop."""
+        with self._lock:
+            return self._paused and not self._stop.is_set()
+
+    @paused.setter
+    def paused(self, wanted: bool) -> None:
+        with self._lock:
+            self._paused = wanted and self.can_pause
+
+    @property
+    def haptics(self) -> bool:
+        """Whether the vest should be driven."""
+        with self._lock:
+            return self._haptics
+
+    @haptics.setter
+    def haptics(self, wanted: bool) -> None:
+        with self._lock:
+            self._haptics = wanted or not self.can_mute
+
+    @property
+    def reflex(self) -> float | None:
+        """Authority that the reflex should have, 0 to 1; ``None`` where there is none."""
+        with self._lock:
+            return self._reflex
+
+    @reflex.setter
+    def reflex(self, wanted: object) -> None:
+        # What comes from a browser may be anything.
+        if isinstance(wanted, int | float) and not isinstance(wanted, bool) and math.isfinite(wanted):
+            with self._lock:
+                self._reflex = None if self._reflex is None else min(max(float(wanted), 0.0), 1.0)
+
+    def go(self) -> None:
+        """Let an armed run become active."""
+        self._go.set()
+
+    @property
+    def may_go(self) -> bool:
+        """Whether an armed run may become active."""
+        return self._go.is_set() or not self.can_go
+
+    def choose(self, name: str) -> None:
+        """Ask for an object.
+
+        Raises:
+            InvalidValueError: It is not one of those offered.
+        """
+        if name not in self.objects:
+            raise InvalidValueError(f"object {name!r} is not one of {', '.join(self.objects) or 'none'}")
+        with self._lock:
+            self._object = name
+
+    def take_object(self) -> str | None:
+        """Return the object asked for since the last call, ``None`` without a new wish."""
+        with self._lock:
+            wanted, self._object = self._object, None
+            return wanted

@@ -1,0 +1,181 @@
+"""Add pictures, muscle signal, markers and hand to the loop's own view, for the page.
+
+The bus tells every picture that is measured, in the thread that measures it, which asks the metric for its map there
+and then: what is drawn is what the loop was given, and the loop's own thread has no part in it. Pictures of a
+recording come ahead of the run's time and wait for it here.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tega.loop.adapting import UNDO_SEAT
+from tega.records import Button, EmgSamples, Marker, Picture
+from tega.stages.base import MeasuredPicture
+from tega.ui.view.browser.hand_figure import STANDING, HandFigure
+from tega.ui.view.browser.muscle_rows import MuscleRows
+from tega.ui.view.state import EmgTail, TouchImage, ViewState
+from tega_scene.decode import ScenePicture
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tega.loop.inbox.prepared import Muscles, Prepared
+    from tega.records.bus import Bus
+
+__all__ = ["SessionFeed"]
+
+# Seconds of muscle signal kept for the page.
+_KEPT_S = 5.0
+# A recording is read ahead of the run's time, by no more than this.
+_AHEAD_S = 10.0
+# Pictures of a finger that wait to be shown; a recording's thread is at most 64 ahead, the rest is for a slow page.
+_MOST_PICTURES = 128
+# A marker is told for so long, and no more than its beginning: another program may have written it.
+_MARKED_NS = 10_000_000_000
+_MARKED_LETTERS = 40
+
+
+class SessionFeed:
+    """Completes a session's moments.
+
+    Give the bus and :meth:`watch` (as ``on_prepared``) to ``run_session``, and :meth:`complete` to the view.
+
+    Args:
+        rows: Lines of text to show.
+        bus: Tells pictures, samples and markers.
+    """
+
+    def __init__(self, rows: dict[str, str], bus: Bus) -> None:
+        self._rows = rows
+        self._figure = HandFigure()
+        self._pictures: dict[str, _Pictures] = {}
+        self._prepared: Prepared | None = None
+        self._chunks: deque[EmgSamples] = deque()
+        self._n_kept, self._live_emg, self._emg_unit = 0.0, False, ""
+        bus.subscribe(Picture, self._see, name="page")
+        bus.subscribe(MeasuredPicture, self._measured, name="page")
+        bus.subscribe(EmgSamples, self._hear, name="page")
+        self._cameras: dict[str, NDArray[np.uint8]] = {}
+        self._marker: Marker | None = None
+        bus.subscribe(ScenePicture, self._filmed, name="page")
+        bus.subscribe(Marker, self._mark, name="page")
+        self._bus, self._t_ns, self._muscle_rows = bus, 0, MuscleRows(bus)
+
+    def watch(self, prepared: Prepared) -> Prepared:
+        """Take note of what a run starts with, and return it."""
+        for name, finger in prepared.fingers.items():
+            info = finger.source.info
+            # What another station measured comes as a picture alone.
+            self._pictures[name] = _Pictures(live=info.live, measured=finger.stream is None)
+        if (muscles := prepared.muscles) is not None:
+            # Asked here once, not by the thread that paints: the source is the reader's from now on.
+            info = muscles.source.info
+            self._n_kept = (_KEPT_S + (0.0 if info.live else _AHEAD_S)) * muscles.maxima.rate_hz
+            self._live_emg, self._emg_unit = info.live, info.unit
+        self._prepared = prepared
+        return prepared
+
+    def complete(self, state: ViewState) -> ViewState:
+        """Add pictures, muscle signal, hand and text to a moment of the loop."""
+        self._t_ns = state.t_ns
+        if (prepared := self._prepared) is None:
+            return state
+        images = {}
+        for name, pictures in self._pictures.items():
+            if (image := pictures.at(state.t_ns)) is not None:
+                if not pictures.measured and name in state.loop.contacts:
+                    image = image._replace(metrics=state.loop.contacts[name][1])
+                images[name] = image
+        shapes = poses = palm = None
+        if (angles := state.loop.angles_rad) is not None:
+            shapes, poses, palm = self._figure.shapes, self._figure.poses(angles), np.array(STANDING)
+        muscles = prepared.muscles
+        holds = "" if muscles is None or muscles.decoder is None else muscles.decoder.holds
+        return state._replace(
+            images=images,
+            shapes=shapes,
+            poses=poses,
+            palm=palm,
+            emg=None if muscles is None else self._tail(state.t_ns, muscles),
+            rows={**self._rows, **self._muscle_rows.rows(holds), **self._marked(state.t_ns), **state.rows},
+            latency_ms=state.loop.picture_to_vest_ms,
+            cameras=self._cameras,
+        )
+
+    def undo(self) -> None:
+        """Undo the adaptation of EMG as its key does; once more has it begin anew."""
+        self._bus.publish(Button(seat=UNDO_SEAT, t_ns=self._t_ns, seq=0, button="page", pressed=True))
+
+    def _see(self, picture: Picture) -> None:
+        shown = self._pictures.get(picture.finger)
+        if shown is not None and not shown.measured:
+            shown.put(picture.t_ns, TouchImage(picture.image))
+
+    def _measured(self, picture: MeasuredPicture) -> None:
+        if (shown := self._pictures.get(picture.finger)) is not None:
+            image = TouchImage(picture.image, picture.metrics, picture.metric.touch_map())
+            shown.put(picture.t_ns, image)
+
+    def _filmed(self, picture: ScenePicture) -> None:
+        cameras = {name: image for name, image in self._cameras.items() if name != picture.camera}
+        if picture.image is not None:
+            cameras[picture.camera] = picture.image
+        self._cameras = cameras  # another thread may be reading the one before
+
+    def _mark(self, marker: Marker) -> None:
+        self._marker = marker
+
+    def _marked(self, t_ns: int) -> dict[str, str]:
+        """Say which moment was marked last, and how long ago."""
+        if (marker := self._marker) is None or t_ns - marker.t_ns > _MARKED_NS:
+            return {}
+        text = marker.text[:_MARKED_LETTERS]
+        return {"marker": f"{text}, {max(t_ns - marker.t_ns, 0) / 1e9:.1f} s ago"}
+
+    def _hear(self, chunk: EmgSamples) -> None:
+        """Keep the newest signal and no more, whether or not anybody paints it."""
+        self._chunks.append(chunk)
+        while len(self._chunks) > 1 and chunk.first_index - self._chunks[0].first_index > self._n_kept:
+            self._chunks.popleft()
+
+    def _tail(self, t_ns: int, muscles: Muscles) -> EmgTail | None:
+        """Return the signal up to a time; of a live source, up to now."""
+        maxima = muscles.maxima
+        chunks = list(self._chunks)
+        if not chunks or muscles.decoder is None:
+            return None
+        samples = np.concatenate([chunk.samples.reshape(-1, chunk.n_channels) for chunk in chunks])
+        if not self._live_emg:
+            samples = samples[: max(0, round(t_ns * 1e-9 * maxima.rate_hz) - chunks[0].first_index)]
+        samples = samples[-round(_KEPT_S * maxima.rate_hz) :]
+        if not len(samples):
+            return None
+        full_scale = np.array(muscles.decoder.full_scale or maxima.maxima)
+        return EmgTail(samples, maxima.rate_hz, full_scale, maxima.kind, self._emg_unit)
+
+
+class _Pictures:
+    """The pictures of a finger that are there: put in by the thread that measures, shown by the one that paints.
+
+    Attributes:
+        measured: Whether they are measured in this run.
+    """
+
+    def __init__(self, *, live: bool, measured: bool) -> None:
+        self.measured = measured
+        self._live = live
+        self._waiting: deque[tuple[int, TouchImage]] = deque(maxlen=1 if live else _MOST_PICTURES)
+        self._shown: TouchImage | None = None
+
+    def put(self, t_ns: int, image: TouchImage) -> None:
+        self._waiting.append((t_ns, image))
+
+    def at(self, t_ns: int) -> TouchImage | None:
+        """Return the newest one by a time; a sensor has no past."""
+        while self._waiting and (self._live or self._waiting[0][0] <= t_ns):
+            self._shown = self._waiting.popleft()[1]
+        return self._shown

@@ -1,0 +1,164 @@
+"""Draw the hand alone, from its joint angles: for runs that have no simulated world to show.
+
+The figure is the simulated hand's own description, with its joints turned as the angles say. Drawn this way it needs no
+physics engine; where the angles are modelled, so is the figure.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Final, NamedTuple, cast
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from tega.hand.mjcf import hand_body, joint_names
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tega.ui.view.state import Shape, ShapeKind
+
+__all__ = ["EYE_M", "LOOK_AT_M", "STANDING", "HandFigure"]
+
+EYE_M, LOOK_AT_M = (0.55, 0.36, 0.33), (0.0, 0.01, 0.12)
+"""Where to look at the figure from, and what at, metres."""
+
+_DARK = (0.2, 0.2, 0.22, 1.0)
+_STRAIGHT = (1.0, 0.0, 0.0, 0.0)
+# The palm stands with its fingers up, so high over the floor.
+STANDING: Final = (0.0, 0.0, 0.11, *_STRAIGHT)
+"""Where the palm of a figure without a world is: position in metres, quaternion w, x, y, z."""
+
+
+class _Link(NamedTuple):
+    parent: int
+    place_m: NDArray[np.float64]
+    turn: NDArray[np.float64]  # quaternion w, x, y, z
+    joint: int  # -1: none
+    axis: NDArray[np.float64]
+
+
+class _Solid(NamedTuple):
+    link: int
+    place_m: NDArray[np.float64]
+    turn: NDArray[np.float64]
+
+
+class HandFigure:
+    """Primitives of an Allegro hand, palm to the front, fingers up.
+
+    Attributes:
+        shapes: The primitives.
+
+    Example:
+        >>> figure = HandFigure()
+        >>> figure.poses(np.zeros(16)).shape == (len(figure.shapes), 7)
+        True
+    """
+
+    def __init__(self) -> None:
+        self.shapes: list[Shape] = []
+        self._links: list[_Link] = []
+        self._solids: list[_Solid] = []
+        root = ET.fromstring(hand_body())
+        root.set("pos", "0 0 0")
+        self._add(root, -1)
+
+    def poses(
+        self,
+        angles_rad: Sequence[float] | NDArray[np.float64],
+        palm: Sequence[float] | NDArray[np.float64] = STANDING,
+    ) -> NDArray[np.float64]:
+        """Return the pose of each shape, float64 (n, 7): position in metres, then the quaternion w, x, y, z.
+
+        Args:
+            angles_rad: The 16 joint angles, in the order of :data:`tega.hand.JOINT_NAMES`.
+            palm: Where the palm is, a row like those returned.
+        """
+        palm_m, palm_turn = np.array(palm[:3]), np.array(palm[3:])
+        places: list[NDArray[np.float64]] = []
+        turns: list[NDArray[np.float64]] = []
+        for parent, place, turn, joint, axis in self._links:
+            if joint >= 0:
+                half = angles_rad[joint] / 2
+                turn = _times(turn, np.array([math.cos(half), *(math.sin(half) * axis)]))  # noqa: PLW2901
+            above_m, above_turn = (palm_m, palm_turn) if parent < 0 else (places[parent], turns[parent])
+            place = above_m + _turned(above_turn, place)  # noqa: PLW2901
+            turn = _times(above_turn, turn)  # noqa: PLW2901
+            places.append(place)
+            turns.append(turn)
+        return np.array(
+            [
+                (*(places[link] + _turned(turns[link], place)), *_times(turns[link], turn))
+                for link, place, turn in self._solids
+            ]
+        )
+
+    def _add(self, body: ET.Element, parent: int) -> None:
+        """Add a body of the description, what is fixed to it and what hangs on it."""
+        number, joint = len(self._links), body.find("joint")
+        axis = np.zeros(3) if joint is None else _numbers(joint.get("axis", "0 0 1"))
+        name = "" if joint is None else joint.get("name", "")
+        self._links.append(
+            _Link(
+                parent,
+                _numbers(body.get("pos", "0 0 0")),
+                _numbers(body.get("quat", "1 0 0 0")),
+                joint_names().index(name) if name else -1,
+                axis,
+            )
+        )
+        for geom in body.findall("geom"):
+            self._add_solid(geom, number)
+        for child in body.findall("body"):
+            self._add(child, number)
+
+    def _add_solid(self, geom: ET.Element, link: int) -> None:
+        size = [*_numbers(geom.get("size", "")), 0.0, 0.0][:3]
+        place, turn = _numbers(geom.get("pos", "0 0 0")), np.array(_STRAIGHT)
+        if (ends := geom.get("fromto")) is not None:
+            start, end = _numbers(ends).reshape(2, 3)
+            place, size[1] = (start + end) / 2, float(np.linalg.norm(end - start)) / 2
+            turn = _upright_to(end - start)
+        colour = _DARK if (rgba := geom.get("rgba")) is None else tuple(_numbers(rgba))
+        kind = cast("ShapeKind", geom.get("type", "sphere"))
+        self.shapes.append(
+            (
+                geom.get("name", ""),
+                kind,
+                cast("tuple[float, float, float]", tuple(size)),
+                cast("tuple[float, float, float, float]", colour),
+            )
+        )
+        self._solids.append(_Solid(link, place, turn))
+
+
+def _numbers(text: str) -> NDArray[np.float64]:
+    return np.array([float(part) for part in text.split()])
+
+
+def _times(p: NDArray[np.float64], q: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the product of two quaternions: first ``q``, then ``p``."""
+    return np.array([p[0] * q[0] - p[1:] @ q[1:], *(p[0] * q[1:] + q[0] * p[1:] + _cross(p[1:], q[1:]))])
+
+
+def _turned(q: NDArray[np.float64], vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a vector turned by a quaternion."""
+    twice = 2 * _cross(q[1:], vector)
+    turned: NDArray[np.float64] = vector + q[0] * twice + _cross(q[1:], twice)
+    return turned
+
+
+def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    # np.cross takes many times as long for three numbers.
+    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+
+def _upright_to(direction: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the quaternion that turns z to a direction not opposite to it."""
+    unit = direction / np.linalg.norm(direction)
+    turn = np.array([1 + unit[2], -unit[1], unit[0], 0.0])
+    whole: NDArray[np.float64] = turn / np.linalg.norm(turn)
+    return whole

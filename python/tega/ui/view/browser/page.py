@@ -1,0 +1,272 @@
+"""Lay out the browser's page, and put one moment of a run on it."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from typing import TYPE_CHECKING, Any
+
+from tega.errors import InvalidValueError
+from tega.ui.view.browser.camera_pictures import CameraPictures, cameras_html
+from tega.ui.view.browser.charts import CourseChart, MuscleCharts
+from tega.ui.view.browser.delays import Delays
+from tega.ui.view.browser.picture_html import picture_html
+from tega.ui.view.browser.scene import Point, Scene
+from tega.ui.view.browser.seek import SeekSlider
+from tega.ui.view.browser.state_html import (
+    BEATS_PER_S,
+    FONT,
+    LEGEND,
+    PAUSED,
+    arm_html,
+    badge_html,
+    captions_html,
+    lights_html,
+    rates_html,
+    run_state_html,
+    status_html,
+)
+from tega.ui.view.browser.style import STYLE
+from tega.ui.view.browser.timeline import KEPT_S, Timeline
+from tega.ui.view.browser.touch import TouchSheet
+from tega.ui.view.browser.vest import TRIED, vest_svg
+from tega.ui.view.labels import ContactLabels
+
+if TYPE_CHECKING:
+    import viser
+
+    from tega.loop.moment import LoopView
+    from tega.ui.view.browser.controls import Controls
+    from tega.ui.view.state import ViewState
+
+__all__ = ["Page"]
+
+_TOUCH_WIDTH, _CHART_WIDTH = 420, 400
+_SHEET = "cameras and touch maps"
+
+
+class Page:
+    """Lays the page out and paints moments on it.
+
+    Args:
+        server: The viser server.
+        title: Heading.
+        controls: What the buttons set.
+        eye_m: Where the camera begins, world frame.
+        at_m: What it looks at.
+        kept_s: How far back one can look, seconds.
+
+    Attributes:
+        scene: The 3-D scene.
+        run_state: Whether the run is idle, armed, active, in hold or stopped, and why.
+        lights: A light for each device.
+        arm: What the arm does, why, what the operator holds, and where the hand is; empty without an arm.
+        status: The lines of text.
+        timeline: The moments that can be looked back at.
+        seek: The slider over a recording that is played; ``None`` where none is.
+        cameras: The scene cameras' pictures.
+        inputs: viser's handles of the buttons and choices that there are: ``object``, ``haptics``, ``reflex``,
+            ``pause``, ``go``, ``undo``, ``stop``.
+    """
+
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        *,
+        title: str,
+        controls: Controls,
+        eye_m: Point,
+        at_m: Point,
+        kept_s: float = KEPT_S,
+    ) -> None:
+        gui = server.gui
+        self._server, self._controls = server, controls
+        self._sheet, self._labels, self._delays = TouchSheet(), ContactLabels(), Delays()
+        self.seek: SeekSlider | None = None
+        self._past_ns: int | None = None
+        self.scene = Scene(server, eye_m=eye_m, at_m=at_m)
+        self.inputs: dict[str, Any] = {}
+        gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(31, 95, 191))
+        gui.set_panel_label(title)
+        gui.add_html(STYLE)
+        gui.main_panel.dock_right()
+        gui.main_panel.set_width(_CHART_WIDTH)
+        self.run_state = gui.add_html("")
+        self.lights = gui.add_html("")
+        self._phone = gui.add_html("")
+        self.arm = gui.add_html("")
+        self.status = gui.add_html("")
+        self._rates = gui.add_html("")
+        self._add_buttons(gui, controls)
+        if controls.playhead is not None:
+            self.seek = SeekSlider(gui, controls.playhead)
+        self.timeline = Timeline(gui, kept_s)
+        self._looking = gui.add_html("")
+        self.cameras = CameraPictures(gui)
+        self._muscles = MuscleCharts(gui)
+        panel = gui.add_panel()
+        with panel.add_tab("Fingertips and vest"):
+            self._captions = gui.add_html("")
+            self._pictures = gui.add_html(picture_html(self._sheet.draw({}), _SHEET))
+            gui.add_html(LEGEND)
+            self._vest = gui.add_html(vest_svg(None))
+            if controls.try_motor is not None:
+                hint = "while the run is armed, a click on a motor has it vibrate for half a second"
+                gui.add_html(
+                    f'<div class="{TRIED}" style="{FONT};font-size:11px;padding:0 10px">{hint}</div>'
+                )
+            self._course = CourseChart(gui, kept_s)
+        panel.dock_left()
+        panel.set_width(_TOUCH_WIDTH)
+
+    def _add_buttons(self, gui: viser.GuiApi, controls: Controls) -> None:
+        if controls.objects:
+            choice = self.inputs["object"] = gui.add_button_group("lift now", controls.objects)
+
+            @choice.on_click
+            def _(event: Any) -> None:
+                with contextlib.suppress(InvalidValueError):  # the page offers others no more than these
+                    controls.choose(event.target.value)
+
+        if controls.can_mute:
+            haptics = self.inputs["haptics"] = gui.add_checkbox("haptics on", initial_value=True)
+
+            @haptics.on_update
+            def _(event: Any) -> None:
+                controls.haptics = event.target.value is True
+
+        if (share := controls.reflex) is not None:
+            dial = self.inputs["reflex"] = gui.add_slider(
+                "reflex authority", min=0.0, max=1.0, step=0.05, initial_value=share
+            )
+
+            @dial.on_update
+            def _(event: Any) -> None:
+                controls.reflex = event.target.value
+
+        if controls.can_pause:
+            pause = self.inputs["pause"] = gui.add_button("Pause", color="gray")
+
+            @pause.on_click
+            def _(event: Any) -> None:
+                controls.paused = not controls.paused
+                event.target.label = "Go on" if controls.paused else "Pause"
+
+        if controls.can_go:
+            go = self.inputs["go"] = gui.add_button("Go", color="green")
+            go.on_click(lambda _event: controls.go())
+
+        if (undo := controls.undo) is not None:
+            button = self.inputs["undo"] = gui.add_button("Undo adaptation", color="gray")
+            button.on_click(lambda _event: undo())
+
+        stop = self.inputs["stop"] = gui.add_button("Stop", color="red")
+        stop.on_click(lambda _event: controls.stop())
+
+    def paint(
+        self, state: ViewState, *, turn: int, rates_hz: dict[str, float], latency_ms: dict[str, float]
+    ) -> None:
+        """Put a moment on the page: the scene, and in turn pictures, text or charts.
+
+        Args:
+            state: The moment.
+            turn: Whose turn it is, 0 to 2.
+            rates_hz: Measured rates.
+            latency_ms: Measured delays.
+        """
+        self._course.note(state)
+        self.paint_state(state.loop)
+        sheet = filmed = None
+        if turn == 0:
+            if state.images:
+                sheet = picture_html(self._sheet.draw(state.images), _SHEET)
+            filmed = cameras_html(state.cameras)
+            self.timeline.keep(state, sheet, filmed)
+        past = self.paint_past()
+        with self._server.atomic():
+            if not past:
+                self._draw_scene(state)
+            if turn == 0:
+                if sheet is not None and not past:
+                    self._pictures.content = sheet
+                if not past:
+                    self.cameras.draw(filmed)
+            elif turn == 1:
+                self.paint_text(state)
+                if self.seek is not None:
+                    self.seek.follow()
+                if not past:
+                    self._paint_touch(captions_html(state, self._labels), self._torso(state))
+                self._delays.note(latency_ms)
+                self._rates.content = rates_html(rates_hz, state.loop.latency) + self._delays.svg()
+            elif not past:
+                self._course.draw()
+                if state.emg is not None:
+                    self._muscles.draw(state.t_ns / 1e9, state.emg)
+
+    def _draw_scene(self, state: ViewState) -> None:
+        commanded = None
+        if state.palm is not None and state.loop.target_rad is not None:
+            commanded = state.loop.target_rad, state.palm
+        self.scene.draw(state.shapes, state.poses, state.contact_points, commanded)
+
+    def _torso(self, state: ViewState) -> str:
+        return vest_svg(state.loop.vest, can_try=self._controls.try_motor is not None)
+
+    def _paint_touch(self, captions: str, vest: str) -> None:
+        self._captions.content, self._vest.content = captions, vest
+        self._phone.content = f'<div class="tega-phone">{captions}{self._pictures.content}{vest}</div>'
+
+    def paint_past(self) -> bool:
+        """Show the moment that is looked back at, in pictures, scene and charts; the run's state stays that of now.
+
+        Returns:
+            Whether one is.
+        """
+        past = self.timeline.shown()
+        if past is None:
+            if self._looking.content:
+                self._looking.content, self._past_ns = "", None
+            return False
+        state, sheet, filmed, emg = past
+        with self._server.atomic():
+            self._draw_scene(state)
+            if state.t_ns != self._past_ns:
+                self._past_ns = state.t_ns
+                if sheet is not None:
+                    self._pictures.content = sheet
+                self.cameras.draw(filmed)
+            # Labels of its own: those of now remember what came before.
+            self._paint_touch(captions_html(state, ContactLabels()), self._torso(state))
+            self._course.draw(state.t_ns / 1e9)
+            if emg is not None:
+                self._muscles.draw(*emg)
+            self._looking.content = (
+                f'<div style="{FONT};margin:2px 10px">{badge_html("LOOKING BACK", PAUSED)} pictures, scene, vest and '
+                f"charts are of <b>{state.t_ns / 1e9:.1f} s</b>; the run goes on</div>"
+            )
+        return True
+
+    def paint_state(self, loop: LoopView, *, age_s: float = 0.0, problem: str = "") -> None:
+        """Put the run's state on the page, which from then on says by itself how long it has heard nothing.
+
+        Args:
+            loop: The newest moment.
+            age_s: How old it is.
+            problem: What went wrong with the page.
+        """
+        self.run_state.content = run_state_html(
+            loop,
+            int(time.monotonic() * BEATS_PER_S),
+            age_s=age_s,
+            problem=problem,
+            paused=self._controls.paused,  # so that no news is no bad news
+            haptics=self._controls.haptics,
+        )
+
+    def paint_text(self, state: ViewState) -> None:
+        """Put the run's state and the lines of text on the page."""
+        self.paint_state(state.loop)
+        self.arm.content = arm_html(state.loop)
+        self.lights.content = lights_html(state)
+        self.status.content = status_html(state)

@@ -1,0 +1,105 @@
+"""Draw the 3-D scene: solid shapes, the hand as commanded beside them, forces as arrows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+
+from tega.errors import ShapeError
+from tega.ui.view.browser.ghost import GhostHand
+from tega.ui.view.browser.solids import Solids
+
+if TYPE_CHECKING:
+    import viser
+    from numpy.typing import NDArray
+
+    from tega.ui.view.state import Shape
+
+__all__ = ["Point", "Scene"]
+
+# Length of a force's arrow, metres a newton, and the longest that is drawn.
+_M_PER_N, _LONGEST_M = 0.02, 0.15
+_FIELD_OF_VIEW_RAD = 0.7
+_FORCE_RED = (214, 40, 40)
+
+Point: TypeAlias = tuple[float, float, float]
+
+
+class Scene:
+    """Draws shapes, poses, contact forces and the hand as commanded.
+
+    Args:
+        server: The viser server.
+        eye_m: Where the camera of whoever opens the page begins, world frame.
+        at_m: What it looks at.
+
+    Attributes:
+        solids: The shapes.
+        ghost: The hand as commanded.
+    """
+
+    def __init__(self, server: viser.ViserServer, *, eye_m: Point, at_m: Point) -> None:
+        self._server = server
+        self.solids, self.ghost = Solids(server, "world"), GhostHand(server)
+        self._arrows: Any = None
+        server.scene.set_up_direction("+z")
+        camera = server.initial_camera
+        camera.position, camera.look_at, camera.fov = eye_m, at_m, _FIELD_OF_VIEW_RAD
+        server.scene.configure_environment_map("apartment", environment_intensity=0.4)
+        server.scene.configure_default_lights(cast_shadow=True)
+        self._floor = server.scene.add_grid(
+            "/floor", width=3, height=3, cell_size=0.1, section_size=0.5, cell_color=(225, 228, 232),
+            section_color=(200, 205, 210), shadow_opacity=0.0,
+        )  # fmt: skip
+
+    def draw(
+        self,
+        shapes: Sequence[Shape] | None,
+        poses: NDArray[np.float64] | None,
+        contact_points: NDArray[np.float64] | None,
+        commanded: tuple[Sequence[float], NDArray[np.float64]] | None = None,
+    ) -> None:
+        """Draw one moment.
+
+        Args:
+            shapes: Primitives; ``None`` for none.
+            poses: Where they are, float64 (n, 7).
+            contact_points: Places and forces, float64 (k, 6).
+            commanded: The joint angles that the hand steers to, 16, rad, and where its palm is, float64 (7,);
+                ``None`` for no hand as commanded.
+
+        Raises:
+            ShapeError: There are not as many poses as shapes.
+            InvalidValueError: A shape's kind is not known.
+        """
+        if shapes is None or poses is None:
+            shapes, poses = (), np.empty((0, 7))
+        if poses.shape != (len(shapes), 7):
+            raise ShapeError(f"poses have shape {poses.shape}, expected ({len(shapes)}, 7)")
+        if self.solids.draw(shapes, poses) and shapes:
+            solids = ((shape, pose) for shape, pose in zip(shapes, poses, strict=True) if shape[1] != "plane")
+            lowest_m = min((pose[2] - max(shape[2]) for shape, pose in solids), default=0.0)
+            self._floor.position = (0.0, 0.0, min(0.0, lowest_m))
+        self.ghost.draw(commanded)
+        self._forces(contact_points)
+
+    def _forces(self, contact_points: NDArray[np.float64] | None) -> None:
+        lines = np.empty((0, 2, 3), np.float32)
+        if contact_points is not None and len(contact_points):
+            where, force = contact_points[:, :3], contact_points[:, 3:]
+            size = np.linalg.norm(force, axis=1, keepdims=True)
+            length = np.minimum(size * _M_PER_N, _LONGEST_M)
+            # What the object does to the hand, the other way round: these arrows come out of the object and are seen.
+            lines = np.stack([where, where - force / np.maximum(size, 1e-9) * length], axis=1)
+            lines = lines[size[:, 0] > 0.02].astype(np.float32)
+        if self._arrows is None:
+            if not len(lines):
+                return
+            self._arrows = self._server.scene.add_arrows(
+                "/forces", lines, _FORCE_RED, shaft_radius=0.0025, head_radius=0.006, head_length=0.014
+            )
+        if len(lines):
+            self._arrows.points = lines
+        self._arrows.visible = bool(len(lines))

@@ -1,0 +1,57 @@
+"""Show which moment of a recording is played, and seek in it with a slider."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import viser
+
+    from tega.recording.replay.playhead import Playhead
+
+__all__ = ["SeekSlider"]
+
+# Whoever drags the slider is left alone with it for so long.
+_DRAGGED_S = 1.5
+
+
+class SeekSlider:
+    """A slider over the whole recording: it follows what is played, and what is played goes where it is put.
+
+    Args:
+        gui: viser's GUI; the slider is added where it stands.
+        playhead: Of the recording.
+        now_s: The monotonic clock.
+
+    Attributes:
+        slider: viser's handle; hidden until the length of the recording is known.
+    """
+
+    def __init__(
+        self, gui: viser.GuiApi, playhead: Playhead, now_s: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._playhead, self._now_s = playhead, now_s
+        self._dragged_s = -_DRAGGED_S
+        self.slider: Any = gui.add_slider(
+            "recording, s", min=0.0, max=1.0, step=0.1, initial_value=0.0, visible=False
+        )
+        self.slider.on_update(self._put)
+
+    def _put(self, event: Any) -> None:
+        if event.client is None:  # the program moved it
+            return
+        self._dragged_s = self._now_s()
+        self._playhead.go_to(float(self.slider.value))
+
+    def follow(self) -> None:
+        """Put the slider where the recording is now."""
+        if (duration_s := self._playhead.duration_s) <= 0:
+            return
+        if not self.slider.visible:
+            self.slider.max, self.slider.visible = max(duration_s, 0.1), True
+        if self._now_s() - self._dragged_s >= _DRAGGED_S:
+            at_s = round(self._playhead.at_s, 1)
+            if at_s != self.slider.value:
+                self.slider.value = at_s

@@ -1,0 +1,275 @@
+"""Serve the page, and paint the newest moment of a run in the thread of a backlog that holds one."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from collections.abc import Callable
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self
+
+from tega.errors import InvalidValueError, MissingExtraError
+from tega.loop.moment import Moment
+from tega.records.bus import Backlog
+from tega.ui.view.browser.controls import Controls
+from tega.ui.view.run_state import NO_NEWS_S
+from tega.ui.view.state import ViewState
+
+if TYPE_CHECKING:
+    from tega.loop.moment import LoopView
+    from tega.records.bus import Bus
+    from tega.ui.view.browser.page import Page
+
+__all__ = ["N_TURNS", "BrowserView"]
+
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
+# The scene is painted every time, pictures, text and charts by turns: no moment costs much more than another.
+N_TURNS = 3
+# Without anyone at the page it is still kept fresh for whoever opens it.
+_UNWATCHED_HZ = 2.0
+_REST_SHARE = 4.0
+_LAST_S = 0.1
+# A painter that failed tries again after this long; the age of what is shown is told this often.
+_RETRY_S = 0.5
+_TELL_AGE_S = 1.0
+
+
+class BrowserView:
+    """A page that shows a run; gives up frames rather than keep the run waiting.
+
+    Use as a context manager. :meth:`watch` subscribes to a run's moments, :meth:`offer` takes one from elsewhere. Both
+    wait in a :class:`~tega.records.bus.Backlog` that holds the newest one only; its thread paints at most ``rate_hz`` times a
+    second. A moment that a newer one replaces is never shown: dropped, not late.
+
+    Args:
+        title: Heading of the page.
+        host: Where to serve: this machine only, unless ``allow_remote``.
+        port: TCP port; where it is taken, the next free one. 0 takes any free one.
+        controls: What the page's buttons set.
+        complete: Called by the painting thread with a moment before it is painted; adds what takes time to find,
+            such as pictures that have to be read.
+        eye_m: Where the camera of whoever opens the page begins, metres.
+        at_m: What it looks at.
+        rate_hz: Most moments painted per second.
+        kept_s: How far back the page can look, seconds.
+        allow_remote: Let ``host`` be an address that others can reach. Whoever reaches it can press the buttons.
+
+    Attributes:
+        controls: What the page's buttons set.
+        n_painted: Moments painted, of those offered.
+        page: What is on the page; from when it is first served.
+        problem: How often a moment could not be painted, and why at last; ``""`` for never. The page says it too.
+
+    Raises:
+        InvalidValueError: ``host`` is not this machine, or the rate or port is out of range.
+    """
+
+    def __init__(
+        self,
+        title: str = "TEGA",
+        *,
+        host: str = "127.0.0.1",
+        port: int = 8080,
+        controls: Controls | None = None,
+        complete: Callable[[ViewState], ViewState] = lambda state: state,
+        eye_m: tuple[float, float, float] = (0.92, 0.64, 0.48),
+        at_m: tuple[float, float, float] = (-0.03, 0.07, 0.19),
+        rate_hz: float = 30.0,
+        allow_remote: bool = False,
+        kept_s: float = 60.0,
+    ) -> None:
+        if host not in LOOPBACK and not allow_remote:
+            raise InvalidValueError(
+                f"host = {host!r}: the view is served to this machine only",
+                f"use {LOOPBACK[0]}, or allow_remote=True if everyone who has its address may press its buttons",
+            )
+        if not 0 <= port <= 65_535:
+            raise InvalidValueError(f"port = {port}, expected 0 to 65535")
+        if not 0 < rate_hz <= 60:
+            raise InvalidValueError(f"rate_hz = {rate_hz} Hz, expected above 0 and at most 60")
+        self._title, self._host, self._port, self._allow_remote = title, host, port, allow_remote
+        self._period_s = 1 / rate_hz
+        self._complete, self._camera = complete, (eye_m, at_m)
+        self._kept_s = kept_s
+        self.controls = controls or Controls()
+        self.n_painted = 0
+        self._waiting = Backlog("browser-view", most=1, newest=True, idle=self._paint)
+        self._over = threading.Event()
+        self._server: Any = None
+        self.page: Page
+        self.problem = ""
+        self._n_failures = 0
+        self._told_age_s = 0.0
+        self._counted: tuple[float, dict[str, int]] | None = None
+        self._rates_hz: dict[str, float] = {}
+        self._newest: tuple[float, ViewState] | None = None
+        self._state: ViewState | None = None
+        self._turn = self._n_owed = 0
+        self._wait_ms = self._painted_s = 0.0
+
+    @property
+    def url(self) -> str:
+        """Address of the page, with the token that it needs; empty while closed."""
+        return "" if self._server is None else str(self._server.url)
+
+    @property
+    def painting(self) -> bool:
+        """Whether moments are being painted: the page is served."""
+        return self._waiting.running
+
+    @property
+    def n_offered(self) -> int:
+        """Moments offered."""
+        return self._waiting.n_put
+
+    @property
+    def n_dropped(self) -> int:
+        """Of these, those a newer one replaced before they were painted."""
+        return self._waiting.n_dropped
+
+    def watch(self, bus: Bus) -> None:
+        """Show the moments of a run from now on."""
+        bus.subscribe(Moment, self._moment, name="page", backlog=self._waiting)
+
+    def __enter__(self) -> Self:
+        """Serve the page.
+
+        Raises:
+            MissingExtraError: viser is not installed.
+        """
+        try:
+            from tega.ui.view.browser.local import LocalServer
+        except ImportError as error:
+            raise MissingExtraError("viser is not installed", "pip install 'tega[view]'") from error
+        from tega.ui.view.browser.page import Page
+
+        self._server = LocalServer(
+            self._host,
+            self._port,
+            self._title,
+            allow_remote=self._allow_remote,
+            try_motor=self.controls.try_motor,
+        )
+        eye_m, at_m = self._camera
+        self.page = Page(
+            self._server,
+            title=self._title,
+            controls=self.controls,
+            eye_m=eye_m,
+            at_m=at_m,
+            kept_s=self._kept_s,
+        )
+        self._over.clear()
+        self._waiting.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Stop serving; what went wrong in painting is in :attr:`problem`."""
+        self._over.set()
+        self._waiting.close()
+        if self._server is not None:
+            self._paint_last()
+            self._server.stop()
+        self._server = None
+
+    def offer(self, state: ViewState) -> None:
+        """Take a moment to be shown; returns at once."""
+        self._waiting.put(BrowserView._paint, self, state)
+
+    def __call__(self, loop: LoopView) -> None:
+        """Take a moment of the loop, as its observer; returns at once."""
+        self.offer(ViewState(loop.t_ns, loop))
+
+    def _moment(self, moment: Moment) -> None:
+        """Paint a moment that the bus tells."""
+        self._paint(ViewState(moment.t_ns, moment.view))
+
+    def _paint(self, state: ViewState | None = None) -> None:
+        """Paint a moment, or without one more of the last, and rest; a failure is told and tried again."""
+        if self._server is None:  # nothing is served yet, or any more
+            return
+        began_s, rest_s = time.monotonic(), 0.0
+        try:
+            if self._paint_next(began_s, state):
+                period_s = self._period_s if self._server.get_clients() else 1 / _UNWATCHED_HZ
+                took_s = time.monotonic() - began_s
+                # Where painting takes long the machine is busy: better fewer moments than the run's time.
+                rest_s = max(period_s - took_s, _REST_SHARE * took_s)
+            else:
+                self._tell_age(began_s)
+                if self.page.paint_past():  # also while the run stands still
+                    took_s = time.monotonic() - began_s
+                    rest_s = max(self._period_s - took_s, _REST_SHARE * took_s)
+        except BaseException as error:  # of native code, too; the run goes on, and so does the page
+            self._fail(error)
+            rest_s = _RETRY_S
+        self._over.wait(rest_s)
+
+    def _fail(self, error: BaseException) -> None:
+        """Note what went wrong, and show the run's state all the same: it needs none of what can fail."""
+        self._n_failures += 1
+        self.problem = (
+            f"{self._n_failures} moments could not be shown, at last: {type(error).__name__}: {error}"
+        )
+        if self._newest is not None:
+            with contextlib.suppress(
+                Exception
+            ):  # the page itself is gone; the browser says that nothing comes
+                self.page.paint_state(self._newest[1].loop, problem=self.problem)
+
+    def _tell_age(self, now_s: float) -> None:
+        """Tell how old the newest moment is, once a second, for who opens the page only now."""
+        if self._newest is None or now_s - self._told_age_s < _TELL_AGE_S:
+            return
+        offered_s, state = self._newest
+        if now_s - offered_s < NO_NEWS_S:
+            return
+        self._told_age_s = now_s
+        with contextlib.suppress(Exception):  # as above
+            self.page.paint_state(state.loop, age_s=now_s - offered_s, problem=self.problem)
+
+    def _paint_last(self) -> None:
+        """Put the end on the page, which stays open in the browser when nobody serves it any more."""
+        try:
+            if (state := self._state) is None:
+                return
+            self.page.paint_text(state)
+            self._server.flush()
+            time.sleep(_LAST_S)  # what is flushed is sent by another thread
+        except BaseException as error:
+            self._fail(error)
+
+    def _paint_next(self, now_s: float, given: ViewState | None) -> bool:
+        """Paint a new moment, or more of the last one if no other follows; tell whether there was anything to do."""
+        if given is not None:
+            self._newest = now_s - self._waiting.waited_s, given
+            self._wait_ms = self._waiting.waited_s * 1e3
+            self._state = self._complete(given)
+            self._measure(now_s, self._state)
+            self._n_owed = N_TURNS
+        elif self._n_owed == 0 or now_s - self._painted_s < 2 * self._period_s:
+            return False
+        if self._state is not None:
+            latency_ms = {**self._state.latency_ms, "to the page": self._wait_ms}
+            self.page.paint(self._state, turn=self._turn, rates_hz=self._rates_hz, latency_ms=latency_ms)
+        self._turn = (self._turn + 1) % N_TURNS
+        self._n_owed -= 1
+        self._painted_s = now_s
+        self.n_painted += given is not None
+        return True
+
+    def _measure(self, now_s: float, state: ViewState) -> None:
+        """Work the rates out over the last second."""
+        counts = {**state.loop.counts, "page": self.n_painted}
+        since_s, before = self._counted or (now_s, counts)
+        if self._counted is None or any(count < before.get(name, 0) for name, count in counts.items()):
+            # The first moment, or that of another run, which counts from 0 again.
+            self._counted = (now_s, counts)
+        elif now_s - since_s >= 1.0:
+            self._rates_hz = {
+                name: (count - before.get(name, 0)) / (now_s - since_s) for name, count in counts.items()
+            }
+            self._counted = (now_s, counts)

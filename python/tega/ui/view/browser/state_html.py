@@ -1,0 +1,196 @@
+"""Write what the page says of a run as HTML: state, lights, arm, lines of text, captions and rates."""
+
+from __future__ import annotations
+
+from html import escape
+from itertools import zip_longest
+from typing import TYPE_CHECKING, Final
+
+from tega.haptics import FINGERS
+from tega.loop.touch import STALE_NS
+from tega.ui.view.browser.ghost import GHOST_COLOUR
+from tega.ui.view.run_state import MEANINGS, NO_NEWS, NO_NEWS_S, lines_beside
+
+if TYPE_CHECKING:
+    from tega.loop.moment import LoopView
+    from tega.tactile import ContactMetrics
+    from tega.ui.view.labels import ContactLabels
+    from tega.ui.view.state import ViewState
+
+_POSES = ("open", "pre-shape", "half", "wrap", "tight")
+_TYPE_COLOURS = {"none": "#868e96", "focal": "#e67700", "broad": "#0b7285", "mixed": "#495057"}
+_STATE_COLOURS = {
+    "idle": "#e8b500",
+    "armed": "#1098ad",
+    "active": "#2b8a3e",
+    "hold": "#e8590c",
+    "stopped": "#c92a2a",
+}
+_ARM_COLOURS = {"idle": "#868e96", "following": "#2b8a3e", "holding": "#e8590c", "stopped": "#c92a2a"}
+PAUSED: Final = "#495057"
+# Twice the time after which a block of muscles is late.
+_SILENT_NS = 400_000_000
+FONT: Final = "font-family:system-ui,sans-serif;font-size:12px;color:#343a40"
+
+LEGEND: Final = (
+    f'<div style="{FONT};font-size:11px;line-height:1.4;padding:0 10px;color:#6c757d">'
+    'top: cameras; below: touch maps, <b style="color:#27a045">○</b> peak, '
+    '<b style="color:#3b8cff">—</b> outline (EDA)<br>'
+    f'scene: <b style="color:{GHOST_COLOUR}">blue, translucent:</b> the hand as commanded; red arrows: forces</div>'
+)
+"""What the colours mean, in small grey lines."""
+# How often the run's state is painted afresh, also where nothing in it changes: the browser greys one that is not.
+BEATS_PER_S: Final = 2
+
+
+def run_state_html(
+    view: LoopView,
+    beat: int = 0,
+    *,
+    age_s: float = 0.0,
+    problem: str = "",
+    paused: bool = False,
+    haptics: bool = True,
+) -> str:
+    """Say the run's state first, as the terminal does, where there is a guard; and that nothing was heard."""
+    ended = view.state == "stopped"
+    late, lines = "", []
+    paused = paused and not ended
+    if paused:
+        lines.append(badge_html("PAUSED", PAUSED) + " <b>paused by the page's button</b>")
+    elif not ended:
+        words = f"{NO_NEWS} " + (f"{age_s:.0f} s" if age_s >= NO_NEWS_S else "<span></span>")
+        shown = ' style="visibility:visible;max-height:3em"' if age_s >= NO_NEWS_S else ""
+        late = f'<b class="tega-late"{shown}>{words}: what stands here may no longer be so</b>'
+    if problem:
+        lines.append(f'<span style="color:#e8590c">! {escape(problem)}</span>')
+    if view.state:
+        reason, alerts = lines_beside(view)
+        if not paused:
+            ageing = "" if ended else ' class="tega-badge"'
+            badge = badge_html(view.state.upper(), _STATE_COLOURS[view.state], ageing)
+            lines.append(f"{badge} {escape(MEANINGS[view.state])}")
+        if not haptics and not ended:
+            lines.append(badge_html("HAPTICS OFF", PAUSED) + " switched off on this page: every motor rests")
+        if reason:
+            lines.append(f"<b>{escape(reason)}</b>")
+        lines += [f'<span style="color:#e8590c">! {escape(alert)}</span>' for alert in alerts]
+    style = f"--tega-since:{age_s:.1f}s;{FONT};margin:4px 10px;line-height:1.6"
+    return f'<div data-beat="{beat}" style="{style}">{late}{"<br>".join(lines)}</div>'
+
+
+def badge_html(text: str, colour: str, more: str = "") -> str:
+    """Return a word on a coloured ground."""
+    return f'<b{more} style="background:{colour};color:#fff;padding:1px 8px;border-radius:3px">{text}</b>'
+
+
+def lights_html(state: ViewState) -> str:
+    """Show a light for each part of the run: green where something fresh came, orange where not, grey without one."""
+    loop = state.loop
+    seen: dict[str, bool | None] = {}
+    for finger in FINGERS:
+        contact = loop.contacts.get(finger)
+        seen[finger] = None if contact is None else state.t_ns - contact[0] <= STALE_NS
+    seen["muscles"] = None if loop.block is None else state.t_ns - loop.block[0] <= _SILENT_NS
+    seen["vest"] = None if loop.vest is None else True
+    seen["hand"] = None if loop.angles_rad is None and state.poses is None else True
+    if loop.arm or loop.seen_arm is not None:
+        seen["arm"] = loop.seen_arm is not None and loop.seen_arm.state != "stopped"
+    if loop.link:
+        seen["link"] = True
+    words = {True: ("#2b8a3e", "well"), False: ("#e8590c", "silent"), None: ("#ced4da", "absent")}
+    cells = " ".join(
+        f'<span style="white-space:nowrap" title="{name}: {words[well][1]}">'
+        f'<b style="color:{words[well][0]}" aria-label="{words[well][1]}">●</b> {name}</span>'
+        for name, well in seen.items()
+    )
+    # A new element each time, so that the browser counts anew from when it last heard something.
+    return (
+        f'<div class="tega-lights" data-t="{state.t_ns}" '
+        f'style="{FONT};font-size:11px;margin:2px 10px;line-height:1.6">'
+        f"{cells}</div>"
+    )
+
+
+def arm_html(view: LoopView) -> str:
+    """Say what the arm does as the run's state is said; nothing without an arm."""
+    style = f"{FONT};margin:4px 10px;line-height:1.6"
+    if view.state == "stopped" and view.arm:
+        # The last moment is from before the arm was let go, and the page stays open.
+        return f'<div style="{style}"><b>arm</b> led no more: the run has ended</div>'
+    if (arm := view.seen_arm) is None:
+        return f'<div style="{style}"><b>arm</b> {escape(view.arm)}</div>' if view.arm else ""
+    health = arm.health
+    took = "" if health.success_rate is None else f" · robot took {100 * health.success_rate:.0f} %"
+    lines = (
+        f'<b style="background:{_ARM_COLOURS[arm.state]};color:#fff;padding:1px 8px;border-radius:3px">'
+        f"ARM {arm.state.upper()}</b> {escape(arm.reason)}",
+        f"{arm.switches} · hand at {arm.place}",
+        f'<span style="color:#868e96">the arm\'s loop: {escape(arm.phase)}, {health.rate_hz:.0f} Hz, worst '
+        f"{health.worst_ms:.0f} ms, {health.refused} commands refused{took}</span>",
+    )
+    return f'<div style="{style}">{"<br>".join(lines)}</div>'
+
+
+def status_html(state: ViewState) -> str:
+    """List the lines of text of a moment, two pairs a line."""
+    block = state.loop.block
+    rows = {"time": f"{state.t_ns / 1e9:.1f} s", **state.rows}
+    if block is not None:
+        rows["hand"] = f"level {block[2]}: {_POSES[block[2] - 1]}"
+        rows["muscles"] = "levels " + " · ".join(str(level) for level in block[1])
+    if newest := state.loop.newest_event:
+        rows["touch"] = newest
+    if state.loop.reflex:
+        rows["reflex"] = state.loop.reflex
+    if state.loop.vest_condition:
+        rows["vest"] = state.loop.vest_condition
+    rows |= {name.replace("_", " "): seen.words(name) for name, seen in state.loop.inputs.items()}
+    pairs = [
+        f'<td style="color:#868e96;padding-right:8px">{escape(name)}</td>'
+        f'<td style="padding-right:14px"><b>{escape(text)}</b></td>'
+        for name, text in rows.items()
+    ]
+    # Two pairs a line, in columns: the first half on the left.
+    half = (len(pairs) + 1) // 2
+    lines = "".join(
+        f"<tr>{left}{right}</tr>" for left, right in zip_longest(pairs[:half], pairs[half:], fillvalue="")
+    )
+    return f'<table style="{FONT};margin:2px 8px;line-height:1.5">{lines}</table>'
+
+
+def captions_html(state: ViewState, labels: ContactLabels) -> str:
+    """Say under each finger's name what it feels."""
+    cells = []
+    for finger, felt in zip(FINGERS, state.loop.felt, strict=True):
+        contact = state.loop.contacts.get(finger)
+        if contact is None:
+            text = '<span style="color:#adb5bd">no sensor</span>'
+        elif state.t_ns - contact[0] > STALE_NS:
+            text = '<b style="color:#e67700">silent:</b><br>no fresh<br>picture'
+        else:
+            kind = labels.name(finger, felt, in_contact=contact[1].in_contact)
+            word, depth = ("no contact", "") if kind == "none" else (kind, _depth(contact[1]))
+            text = (
+                f"CCI {felt.cci_norm:.2f}<br>EDA {felt.eda_norm:.2f}<br>"
+                '<span style="white-space:nowrap;font-size:11px">'
+                f'<b style="color:{_TYPE_COLOURS[kind]}">{word}</b>{depth}</span>'
+            )
+        cells.append(
+            '<td style="width:25%;text-align:center;vertical-align:top;line-height:1.35">'
+            f"<b>{finger}</b><br>{text}</td>"
+        )
+    style = f"{FONT};width:100%;table-layout:fixed;margin-top:-10px;padding:0 8px"
+    return f'<table style="{style}"><tr>{"".join(cells)}</tr></table>'
+
+
+def _depth(metrics: ContactMetrics) -> str:
+    """Say how deep a dent is, where the metric knows."""
+    return next((f" {one.value:.2f} mm" for one in metrics.more if one.name == "depth_mm"), "")
+
+
+def rates_html(rates_hz: dict[str, float], latency: str = "") -> str:
+    """List the measured rates, and how old what is felt and done is."""
+    rates = " · ".join(f"{escape(name)} {rate:.0f} Hz" for name, rate in rates_hz.items())
+    said = f"{rates}<br>{escape(latency)}" if latency else rates
+    return f'<div style="{FONT};font-size:11px;color:#6c757d;padding:2px 10px">{said}</div>'

@@ -1,0 +1,112 @@
+"""Keep the newest minute of moments that the page showed, to look back at one or to see them in a loop."""
+
+from __future__ import annotations
+
+import time
+from bisect import bisect_right
+from collections import deque
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+if TYPE_CHECKING:
+    import viser
+
+    from tega.ui.view.state import EmgTail, ViewState
+
+__all__ = ["KEPT_S", "PastMoment", "Timeline"]
+
+KEPT_S: Final = 60.0
+"""How far back a live run can be looked at, seconds."""
+
+# Moments closer than this are not kept apart.
+_STEP_NS = 90_000_000
+# The muscle signal of a moment is as much as of hundreds, and one of a second ago shows the same.
+_EMG_STEP_S = 1.0
+
+
+class PastMoment(NamedTuple):
+    """A moment that was shown.
+
+    Attributes:
+        state: All of it, without pictures and signal.
+        sheet: The fingertips as HTML; ``None`` where there were none.
+        cameras: The scene cameras likewise.
+        emg: The muscle signal, and its newest time, seconds; ``None`` where there was none.
+    """
+
+    state: ViewState
+    sheet: str | None
+    cameras: str | None
+    emg: tuple[float, EmgTail] | None
+
+
+class Timeline:
+    """A slider that looks back, and a switch that plays from there to the moment of looking, over and over.
+
+    The run goes on meanwhile, and what the page says of its state is of now.
+
+    Args:
+        gui: viser's GUI; both are added where it stands.
+        kept_s: How far back one can look, seconds.
+        now_s: The monotonic clock.
+
+    Attributes:
+        back: The slider, seconds before the newest moment; 0 for now.
+        loop: The switch.
+    """
+
+    def __init__(
+        self, gui: viser.GuiApi, kept_s: float = KEPT_S, now_s: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._kept_s, self._now_s = kept_s, now_s
+        self._kept: deque[PastMoment] = deque()
+        self._from_s = self._to_s = self._began_s = 0.0
+        self.back: Any = gui.add_slider("look back, s", min=0.0, max=kept_s, step=0.1, initial_value=0.0)
+        self.loop: Any = gui.add_checkbox("loop from there", initial_value=False)
+        self.back.on_update(lambda _event: self._look())
+
+    def keep(self, state: ViewState, sheet: str | None, cameras: str | None = None) -> None:
+        """Keep a moment; one of an earlier time is of another run, and the first of it.
+
+        Args:
+            state: The moment.
+            sheet: The fingertips as they are painted, HTML; ``None`` where there are none.
+            cameras: The scene cameras likewise.
+        """
+        if self._kept:
+            newest = self._kept[-1].state
+            if state.t_ns < newest.t_ns:
+                self._kept.clear()
+                self._look()
+            elif state.t_ns - newest.t_ns < _STEP_NS:
+                return
+        t_s = state.t_ns / 1e9
+        emg = self._kept[-1].emg if self._kept else None
+        if state.emg is not None and (emg is None or t_s - emg[0] >= _EMG_STEP_S):
+            emg = t_s, state.emg
+        bare = state._replace(images=None, emg=None, cameras={})
+        self._kept.append(PastMoment(bare, sheet, cameras, emg))
+        while t_s - self._kept[0].state.t_ns / 1e9 > self._kept_s:
+            self._kept.popleft()
+
+    @property
+    def looking_back(self) -> bool:
+        """Whether something else than now is to be shown."""
+        return bool(self.back.value) and bool(self._kept)
+
+    def _look(self) -> None:
+        """Note which moment was chosen: it stays that one while the run goes on."""
+        self._began_s = self._now_s()
+        if self._kept:
+            self._to_s = self._kept[-1].state.t_ns / 1e9
+            self._from_s = max(self._to_s - float(self.back.value), self._kept[0].state.t_ns / 1e9)
+
+    def shown(self) -> PastMoment | None:
+        """Return the moment to show; ``None`` for now."""
+        if not self.looking_back:
+            return None
+        t_s = self._from_s
+        if self.loop.value:
+            t_s += (self._now_s() - self._began_s) % max(self._to_s - self._from_s, 0.1)
+        index = bisect_right(self._kept, round(t_s * 1e9), key=lambda past: past.state.t_ns)
+        return self._kept[max(index - 1, 0)]

@@ -1,0 +1,161 @@
+"""Keep the course of a run (each finger's contact, the level, the vest) and say in words what happened."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tega.errors import ConfigError
+from tega.haptics.motor_layout import find_layout
+from tega.records import Contact, Intent, VestFrame
+
+if TYPE_CHECKING:
+    from tega.records.bus import Bus
+
+__all__ = ["FingerCourse", "RunCourse", "VestCourse"]
+
+
+class FingerCourse(NamedTuple):
+    """One finger over time.
+
+    Attributes:
+        t_s: Times of its pictures, seconds, float64 (n,).
+        in_contact: Whether anything touched, bool (n,).
+        cci_norm: CCI as a share of the maximum, 0 to 1, float64 (n,).
+        eda_norm: EDA likewise.
+    """
+
+    t_s: NDArray[np.float64]
+    in_contact: NDArray[np.bool_]
+    cci_norm: NDArray[np.float64]
+    eda_norm: NDArray[np.float64]
+
+
+class VestCourse(NamedTuple):
+    """The vest over time.
+
+    Attributes:
+        t_s: Times of the frames, seconds, float64 (n,).
+        intensities: Percent, uint8 (n, n_motors), front by columns from the wearer's left, then the back likewise.
+        motors: Face and column of each motor, such as ``front column 1``, counted from 1.
+    """
+
+    t_s: NDArray[np.float64]
+    intensities: NDArray[np.uint8]
+    motors: tuple[str, ...]
+
+
+class RunCourse:
+    """Hears a run's contacts, levels and vest frames and keeps them, in about 50 bytes each.
+
+    Args:
+        bus: The run's.
+    """
+
+    def __init__(self, bus: Bus) -> None:
+        self._contacts: dict[str, array[float]] = {}
+        self._levels = array("d")
+        self._vest_t_ns = array("q")
+        self._vest = bytearray()
+        self._layout = ""
+        bus.subscribe(Contact, self._contact, name="course")
+        bus.subscribe(Intent, self._intent, name="course")
+        bus.subscribe(VestFrame, self._vest_frame, name="course")
+
+    def _contact(self, contact: Contact) -> None:
+        row = (contact.t_ns / 1e9, float(contact.in_contact), contact.cci_norm, contact.eda_norm)
+        self._contacts.setdefault(contact.finger, array("d")).extend(row)
+
+    def _intent(self, intent: Intent) -> None:
+        self._levels.extend((intent.t_ns / 1e9, float(intent.level)))
+
+    def _vest_frame(self, frame: VestFrame) -> None:
+        if frame.layout != self._layout:  # a run keeps one; what came before another is not its course
+            self._layout, self._vest_t_ns, self._vest = frame.layout, array("q"), bytearray()
+        self._vest_t_ns.append(frame.t_ns)
+        self._vest += bytes(frame.intensities)
+
+    @property
+    def fingers(self) -> dict[str, FingerCourse]:
+        """Each finger's course, by its name; empty where there was no picture."""
+        tables = {name: np.array(rows).reshape(-1, 4) for name, rows in self._contacts.items()}
+        return {name: FingerCourse(t[:, 0], t[:, 1] > 0, t[:, 2], t[:, 3]) for name, t in tables.items()}
+
+    @property
+    def levels(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Times of the levels, seconds, float64 (n,), and the levels, 1 to 5, int64 (n,)."""
+        table = np.array(self._levels).reshape(-1, 2)
+        return table[:, 0], table[:, 1].astype(np.int64)
+
+    @property
+    def vest(self) -> VestCourse | None:
+        """The vest's course; ``None`` where no frame was made."""
+        n = len(self._vest_t_ns)
+        if n == 0:
+            return None
+        frames = np.frombuffer(bytes(self._vest), np.uint8).reshape(n, -1)
+        try:
+            motors = find_layout(self._layout).motors
+            order = sorted(
+                range(len(motors)), key=lambda i: (motors[i].face != "front", motors[i].column, motors[i].row)
+            )
+            names = tuple(f"{motors[i].face} column {motors[i].column + 1}" for i in order)
+        except ConfigError:  # a layout that is not installed here
+            order = list(range(frames.shape[1]))
+            names = tuple(f"motor {i}" for i in order)
+        return VestCourse(np.array(self._vest_t_ns) / 1e9, frames[:, order], names)
+
+    def words(self, *, pose_base: int = 1) -> list[str]:
+        """Say what happened, a sentence for each finger, the level and the vest.
+
+        Args:
+            pose_base: Number of the most open level, 0 or 1.
+        """
+        said = [f"{finger}: {_finger_words(course)}" for finger, course in self.fingers.items()]
+        return [*said, *_level_words(*self.levels, pose_base), *_vest_words(self.vest)]
+
+
+def _finger_words(course: FingerCourse) -> str:
+    if not course.in_contact.any():
+        return "never touched"
+    begins = np.flatnonzero(np.diff(course.in_contact.astype(np.int8), prepend=0) == 1)
+    # A picture counts until the next one; the last one as long as they usually do.
+    step_s = np.diff(course.t_s)
+    lasts_s = np.append(step_s, np.median(step_s) if len(step_s) else 0.0)
+    touched_s = float(lasts_s[course.in_contact].sum())
+    most = int(np.argmax(np.where(course.in_contact, course.eda_norm + course.cci_norm, -1.0)))
+    n = len(begins)
+    return (
+        f"{n} contact{'' if n == 1 else 's'}, {touched_s:.1f} s in all, the first at {course.t_s[begins[0]]:.1f} s; "
+        f"most at {course.t_s[most]:.1f} s (CCI {100 * course.cci_norm[most]:.0f} %, "
+        f"EDA {100 * course.eda_norm[most]:.0f} % of the maximum)"
+    )
+
+
+def _level_words(t_s: NDArray[np.float64], level: NDArray[np.int64], base: int) -> Iterator[str]:
+    if not len(level):
+        return
+    n = np.count_nonzero(np.diff(level))
+    tightest = int(level.max())
+    yield (
+        f"level: {n} change{'' if n == 1 else 's'}, from {level[0] - 1 + base} to {level[-1] - 1 + base}; "
+        f"tightest {tightest - 1 + base}, first at {t_s[np.argmax(level)]:.1f} s"
+    )
+
+
+def _vest_words(vest: VestCourse | None) -> Iterator[str]:
+    if vest is None:
+        return
+    if not vest.intensities.any():
+        yield "vest: silent throughout"
+        return
+    share = float(vest.intensities.any(axis=1).mean())
+    frame, motor = divmod(int(vest.intensities.argmax()), vest.intensities.shape[1])
+    yield (
+        f"vest: on in {100 * share:.0f} % of its frames; strongest {vest.intensities[frame, motor]} % "
+        f"at {vest.t_s[frame]:.1f} s ({vest.motors[motor]})"
+    )

@@ -1,0 +1,89 @@
+"""Stream a run live to the Foxglove app: all that a recording would hold, while it happens."""
+
+from __future__ import annotations
+
+import time
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Final, Self
+
+from tega.errors import DeviceUnavailableError
+from tega.recording.record_channels import RecordChannels
+from tega.records import RECORDS, HandExchange, Record
+from tega.records.bus import Backlog
+from tega.runtime.lifecycle import require
+from tega.runtime.threads import run_realtime
+
+if TYPE_CHECKING:
+    from tega.records.bus import Bus
+
+__all__ = ["FOXGLOVE_PORT", "FoxgloveStream"]
+
+FOXGLOVE_PORT: Final = 8765
+"""Where the app looks by itself."""
+
+# Records that may wait; the run never does.
+_MOST = 2048
+
+
+class FoxgloveStream:
+    """Serves a run's records on a websocket of this machine; use as a context manager.
+
+    Whoever is on this machine can read the stream, and a page in its browser too: the app is one. Nobody can change
+    anything by it. ``python/tega/ui/view/foxglove-layout.json`` is a layout for the app.
+
+    Args:
+        bus: The run's.
+        port: TCP port; 0 for any free one.
+
+    Attributes:
+        url: Address to give the app; empty while closed.
+    """
+
+    def __init__(self, bus: Bus, *, port: int = FOXGLOVE_PORT) -> None:
+        self._bus, self._port = bus, port
+        self._server: Any = None
+        self._channels: RecordChannels | None = None
+        self._backlog = Backlog("foxglove", most=_MOST, newest=True, rank=run_realtime("beside"))
+        self.url = ""
+
+    def __enter__(self) -> Self:
+        """Serve, and hear the run from now on.
+
+        Raises:
+            MissingExtraError: A package of the extra ``record`` is not installed.
+            DeviceUnavailableError: The port is taken.
+        """
+        foxglove = require("foxglove", driver="foxglove", extra="record")
+        self._channels = RecordChannels(lossless=False, jpeg_quality=80)
+        try:
+            self._server = foxglove.start_server(
+                name="TEGA", host="127.0.0.1", port=self._port, context=self._channels.context
+            )
+        except (OSError, RuntimeError) as error:
+            raise DeviceUnavailableError(
+                f"foxglove: port {self._port} cannot be served: {error}", "end the program that has it"
+            ) from error
+        self.url = f"ws://127.0.0.1:{self._server.port}"
+        for kind in RECORDS:
+            # A hand's exchanges are stamped by another clock until the session has started; unless somebody else wants
+            # them they are not even made.
+            if kind.topic and kind is not HandExchange:
+                self._bus.subscribe(kind, self._take, name="foxglove", backlog=self._backlog)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Stop serving."""
+        self._backlog.close()
+        server, self._server, self.url = self._server, None, ""
+        if server is not None:
+            server.stop()
+
+    def _take(self, record: Record) -> None:
+        channels = self._channels
+        if self._server is None or channels is None:
+            return
+        if channels.epoch_ns == 0:
+            channels.epoch_ns = time.time_ns() - record.log_ns
+        channels.write(record, record.log_ns)

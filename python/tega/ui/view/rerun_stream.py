@@ -1,0 +1,171 @@
+"""Stream a run live to the Rerun viewer: pictures, touch, levels, vest, joints, states and what is logged."""
+
+from __future__ import annotations
+
+import socket
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Final, Self
+
+import numpy as np
+
+from tega.errors import DeviceUnavailableError
+from tega.haptics import FINGERS
+from tega.records import Alert, Contact, Event, Intent, Joints, LogLine, Picture, Record, RunState, VestFrame
+from tega.records.bus import Backlog
+from tega.runtime.lifecycle import require
+from tega.runtime.threads import run_realtime
+
+if TYPE_CHECKING:
+    from tega.records.bus import Bus
+
+__all__ = ["RERUN_PORT", "RerunStream", "save_layout"]
+
+RERUN_PORT: Final = 9876
+"""Where the viewer listens by itself."""
+
+_APPLICATION = "tega"
+_TIMELINE = "run"
+_JPEG_QUALITY = 80
+_MOST = 2048
+_FLUSH_S = 1.0
+
+
+class RerunStream:
+    """Sends a run's records to a viewer that is open on this machine; use as a context manager.
+
+    TEGA serves nothing here: the viewer does. The layout is sent first; ``python/tega/ui/view/rerun-layout.rbl`` is the
+    same, to open beside a recording.
+
+    Args:
+        bus: The run's.
+        port: Where the viewer listens.
+        file: An ``.rrd`` file to write to instead.
+
+    Attributes:
+        url: Where the records go; empty while closed.
+    """
+
+    def __init__(self, bus: Bus, *, port: int = RERUN_PORT, file: Path | None = None) -> None:
+        self._bus, self._port, self._file = bus, port, file
+        self._rerun: Any = None
+        self._stream: Any = None
+        self._backlog = Backlog("rerun", most=_MOST, newest=True, rank=run_realtime("beside"))
+        self.url = ""
+
+    def __enter__(self) -> Self:
+        """Connect, send the layout, and hear the run from now on.
+
+        Raises:
+            MissingExtraError: The package rerun-sdk is not installed.
+            DeviceUnavailableError: No viewer is open.
+        """
+        self._rerun = require("rerun", driver="rerun", extra="rerun")
+        if self._file is None:
+            self._look_for_viewer()
+        # Now, so that the packages behind them are not loaded while the loop runs: that takes a second.
+        self._rerun.Image(np.zeros((2, 2, 3), np.uint8)).compress(jpeg_quality=_JPEG_QUALITY)
+        self._rerun.BarChart([0])
+        stream = self._rerun.RecordingStream(_APPLICATION)
+        if self._file is None:
+            self.url = f"rerun+http://127.0.0.1:{self._port}/proxy"
+            stream.connect_grpc(self.url, default_blueprint=_layout())
+        else:
+            self.url = str(self._file)
+            stream.save(self._file, default_blueprint=_layout())
+        for finger in FINGERS:
+            names = self._rerun.SeriesLines(names=[f"{finger} CCI", f"{finger} EDA"])
+            stream.log(f"/tactile/{finger}/contact", names, static=True)
+        self._stream = stream
+        self._bus.subscribe(Record, self._take, name="rerun", backlog=self._backlog)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Send what waits, for a second at most, and disconnect."""
+        self._backlog.close()
+        stream, self._stream, self.url = self._stream, None, ""
+        if stream is not None:
+            try:
+                stream.flush(timeout_sec=_FLUSH_S)
+            except RuntimeError:  # the viewer was closed meanwhile
+                pass
+            finally:
+                stream.disconnect()
+
+    def _look_for_viewer(self) -> None:
+        try:
+            socket.create_connection(("127.0.0.1", self._port), timeout=1.0).close()
+        except OSError as error:
+            raise DeviceUnavailableError(
+                f"rerun: no viewer listens at 127.0.0.1:{self._port}", "start it first: rerun"
+            ) from error
+
+    def _take(self, record: Record) -> None:
+        if self._stream is None or (shown := self._shown(record)) is None:
+            return
+        self._stream.set_time(_TIMELINE, duration=record.log_ns / 1e9)
+        self._stream.log(record.where, shown)
+
+    def _shown(self, record: Record) -> Any:
+        """Return what the viewer draws of a record; ``None`` for nothing."""
+        rr = self._rerun
+        shown: Any = None
+        match record:
+            case Picture():
+                shown = rr.Image(record.image, color_model="BGR").compress(jpeg_quality=_JPEG_QUALITY)
+            case Contact():
+                shown = rr.Scalars([record.cci_norm, record.eda_norm])
+            case Intent():
+                shown = rr.Scalars([record.level])
+            case VestFrame():
+                shown = rr.BarChart(list(record.intensities))
+            case Joints():
+                shown = rr.Scalars(list(record.angles_rad))
+            case RunState():
+                shown = rr.TextLog(f"{record.state}: {record.reason}")
+            case Alert():
+                shown = rr.TextLog(record.said or f"{record.name}: well again", level="WARN")
+            case Event():
+                shown = rr.TextLog(record.words)
+            case LogLine():
+                shown = rr.TextLog(record.text)
+        return shown
+
+
+def save_layout(path: Path) -> None:
+    """Write the viewer's layout as an ``.rbl`` file, which Rerun opens.
+
+    Raises:
+        MissingExtraError: The package rerun-sdk is not installed.
+    """
+    require("rerun", driver="rerun", extra="rerun")
+    _layout().save(_APPLICATION, str(path))
+
+
+def _layout() -> Any:
+    """Return the viewer's layout: fingertips above, touch and vest below them, then hand and words."""
+    import rerun.blueprint as rrb
+
+    def named(share: str, finger: str) -> Any:
+        return rrb.Spatial2DView(origin=f"/tactile/{finger}/{share}", name=finger)
+
+    return rrb.Blueprint(
+        rrb.Vertical(
+            rrb.Horizontal(*(named("image", finger) for finger in FINGERS)),
+            rrb.Horizontal(
+                rrb.TimeSeriesView(
+                    contents=[f"/tactile/{finger}/contact" for finger in FINGERS],
+                    name="CCI and EDA, share of the maximum",
+                ),
+                rrb.BarChartView(origin="/vest/frame", name="vest, percent"),
+            ),
+            rrb.Horizontal(
+                rrb.TimeSeriesView(origin="/emg/levels", name="closure level"),
+                rrb.TimeSeriesView(origin="/hand/joints", name="joint angles, rad"),
+                rrb.TextLogView(origin="/", name="states, alerts, events"),
+            ),
+        ),
+        collapse_panels=True,
+    )

@@ -1,0 +1,94 @@
+"""Define what a display is given of one moment: of a real run, a replay or a simulation alike.
+
+Everything but the loop's own view is optional; a display leaves out what is not there. The arrays are borrowed: whoever
+offers a state does not write into them afterwards.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
+
+from tega.tactile import ContactMetrics
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tega.loop.moment import LoopView
+    from tega.stages.base import TouchMap
+
+__all__ = ["EmgTail", "Shape", "ShapeKind", "TouchImage", "ViewState"]
+
+ShapeKind: TypeAlias = Literal["sphere", "capsule", "cylinder", "box", "plane"]
+
+
+Shape: TypeAlias = tuple[str, ShapeKind, tuple[float, float, float], tuple[float, float, float, float]]
+"""A primitive of the 3-D scene: name, kind, size, colour.
+
+Size in metres: a box's half lengths; a sphere's radius; radius and half length of the straight part along its own z of
+a cylinder or capsule; half lengths in x and y of a plane. Colour: red, green, blue, opacity, 0 to 1.
+"""
+
+
+class TouchImage(NamedTuple):
+    """A fingertip's picture, and what the run's own metric made of it.
+
+    Attributes:
+        frame: uint8 (H, W, 3), BGR.
+        metrics: What was measured in it; no contact where that is not known.
+        map: Map and outline of the metric; ``None`` where it has none, or measured somewhere else.
+    """
+
+    frame: NDArray[np.uint8]
+    metrics: ContactMetrics = ContactMetrics()
+    map: TouchMap | None = None
+
+
+class EmgTail(NamedTuple):
+    """The newest few seconds of the muscle signal.
+
+    Attributes:
+        samples: float64 (n, channels), the newest last.
+        rate_hz: Samples per second.
+        maxima: Block mean of each channel at full effort, float64 (channels,), in the samples' unit.
+        kind: What the samples are.
+        unit: Their unit; empty where unknown.
+    """
+
+    samples: NDArray[np.float64]
+    rate_hz: float
+    maxima: NDArray[np.float64]
+    kind: Literal["raw", "rectified", "envelope"]
+    unit: str = ""
+
+
+class ViewState(NamedTuple):
+    """View of a run at one moment.
+
+    Attributes:
+        t_ns: Time since the run began, nanoseconds.
+        loop: What the loop shows.
+        images: Pictures by finger; ``None`` where there are none.
+        shapes: Primitives of the scene. The same object as long as they are the same shapes.
+        poses: float64 (n, 7), one row a shape: position in metres, then the quaternion w, x, y, z; z is up.
+        palm: float64 (7,), where the palm of the drawn hand is, as a row of ``poses``: the hand as commanded is drawn
+            there too.
+        contact_points: float64 (k, 6): where, metres, and the force on the object there, newtons.
+        emg: The newest muscle signal.
+        rows: Lines of text, such as object, condition, phase.
+        latency_ms: Delays to show, by name.
+        cameras: Pictures of scene cameras by name, uint8 (H, W, 3), BGR.
+    """
+
+    t_ns: int
+    loop: LoopView
+    images: Mapping[str, TouchImage] | None = None
+    shapes: Sequence[Shape] | None = None
+    poses: NDArray[np.float64] | None = None
+    palm: NDArray[np.float64] | None = None
+    contact_points: NDArray[np.float64] | None = None
+    emg: EmgTail | None = None
+    rows: Mapping[str, str] = {}
+    latency_ms: Mapping[str, float] = {}
+    cameras: Mapping[str, NDArray[np.uint8]] = {}

@@ -1,0 +1,334 @@
+"""Accept a vest or a hand: rate, latency, limits, one pulse or motion at the least strength, and its stop."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from typing import Any, Final
+
+import msgspec
+import numpy as np
+
+from tega.devices.base import AnsweringHand, HarmlessDevice, ReportingHand, StampingVest, optional
+from tega.errors import InvalidValueError
+from tega.haptics import Layout, MotorLevels, vest_frame
+from tega.setup.calibration.identify import motor_place
+from tega_bench.acceptance.report import STEPS, AcceptanceGuide, AcceptanceStatus, AcceptanceStep
+
+LEAST_PERCENT: Final = 20
+"""The strength of a vest's pulses: the lowest that is felt on most places; the driver is opened with this limit."""
+LEAST_TORQUE: Final = 0.3
+"""The share of the vendor's torque limits that the hand is opened with."""
+LEAST_LEVEL: Final = 1.25
+"""How far the hand closes: a quarter of the way to the second of five poses."""
+
+_PERIOD_S: Final = 0.05
+_PULSES: Final = 20
+_SILENT_S: Final = 0.5
+_WATCH_S: Final = 5.0
+_MOVE_S: Final = 2.0
+_MOVED_RAD: Final = 0.01
+_NOT_SAID: Final = "was not said yes to"
+
+
+def skipped_steps(names: Sequence[str], why: str) -> list[AcceptanceStep]:
+    """Return steps that were not made, and why."""
+    return [AcceptanceStep(name=name, status="skipped", said=why) for name in names]
+
+
+def least_vest_options(options: Any) -> Any | None:
+    """Return a vest's options with the least limit; ``None`` where its driver has no limit of strength."""
+    if not hasattr(options, "limit"):
+        return None
+    return msgspec.structs.replace(options, limit=min(LEAST_PERCENT, options.limit))
+
+
+def accept_vest(vest: Any, layout: Layout, percent: int, guide: AcceptanceGuide) -> Iterator[AcceptanceStep]:
+    """Accept an open vest.
+
+    Args:
+        vest: The open driver, with the options of :func:`least_vest_options`.
+        layout: Which motors it has.
+        percent: Their limit.
+        guide: The person who holds or wears it.
+
+    Yields:
+        The steps rate, latency, limits, least and stop; those that vibrate are skipped without a yes.
+    """
+    dark = vest_frame([0] * 4, [0] * 4, layout=layout)
+    motors = dark.motors.tolist()
+    question = f"May motors {motors[0]} and {motors[-1]} vibrate by turns, at {percent} %, for a second?"
+    if not guide.confirm(question):
+        yield from skipped_steps(STEPS[1:], f"the pulse {_NOT_SAID}")
+        return
+    vest.write(time.monotonic_ns(), dark)
+    largest, n_zero, left_ms = _pulse(vest, dark, motors)
+    where = guide.ask(
+        f"Where was it felt? Expected: {motor_place(motors[0])}, and {motor_place(motors[-1])}."
+    )
+    yield _vest_rate(left_ms)
+    if isinstance(vest, StampingVest):
+        yield _left_step(left_ms, n_zero)
+    yield AcceptanceStep(
+        name="limits",
+        status="passed" if largest <= percent else "failed",
+        said=f"100 % was asked for, {largest} % is the most that was sent; the limit is {percent} %",
+        measured={"largest_percent": float(largest)},
+    )
+    yield AcceptanceStep(
+        name="least",
+        status="failed" if n_zero == _PULSES else "look" if n_zero or not where else "passed",
+        said=f"{_PULSES - n_zero} of {_PULSES} frames were sent to a vest that is connected",
+        todo="" if where else "nobody said where it was felt: tega-teleop vest identify tells every place",
+        measured={"strength_percent": float(percent)},
+        answers={"Where was it felt?": where},
+    )
+    yield _vest_stop(vest, dark, percent, guide)
+
+
+def _pulse(vest: Any, dark: MotorLevels, motors: list[int]) -> tuple[int, int, list[tuple[float, float]]]:
+    """Light two motors by turns.
+
+    Returns:
+        The largest strength sent, frames that were not shown, and of each that left when (s) and how late (ms).
+    """
+    largest = n_zero = 0
+    if isinstance(vest, StampingVest):
+        vest.handed_over()
+    try:
+        for k in range(_PULSES):
+            intensities = np.zeros(len(motors), np.uint8)
+            intensities[0 if k % 2 else -1] = 100  # the limit brings it down
+            sent = vest.write(time.monotonic_ns(), MotorLevels(dark.layout, intensities))
+            largest = max(largest, int(sent.intensities.max()))
+            n_zero += not sent.intensities.any()
+            time.sleep(_PERIOD_S)
+    finally:
+        vest.write(time.monotonic_ns(), dark)
+    time.sleep(_PERIOD_S)
+    handed = vest.handed_over() if isinstance(vest, StampingVest) else []
+    return largest, n_zero, [(left_ns * 1e-9, (left_ns - t_ns) * 1e-6) for t_ns, _, left_ns in handed]
+
+
+def _vest_rate(left_ms: list[tuple[float, float]]) -> AcceptanceStep:
+    if len(left_ms) < 2:
+        said = "this driver does not tell when a frame leaves"
+        return AcceptanceStep(name="rate", status="skipped", said=said)
+    times_s = np.array([left_s for left_s, _ in left_ms])
+    rate_hz = (len(times_s) - 1) / max(float(times_s[-1] - times_s[0]), 1e-9)
+    asked_hz = 1 / _PERIOD_S
+    return AcceptanceStep(
+        name="rate",
+        status="passed" if rate_hz > 0.8 * asked_hz else "look",
+        said=f"{len(left_ms)} new frames left at {rate_hz:.1f} a second, {asked_hz:g} were asked for",
+        measured={"rate_hz": round(rate_hz, 2)},
+    )
+
+
+def _left_step(left_ms: list[tuple[float, float]], n_zero: int) -> AcceptanceStep:
+    late = np.array([ms for _, ms in left_ms])
+    return AcceptanceStep(
+        name="latency",
+        status="passed" if len(late) and not n_zero else "failed",
+        said="from a frame that is written until it has left this machine; the motor's start is not in it "
+        "(tega-teleop vest onset)",
+        measured={f"left_p{p}_ms": round(float(np.percentile(late, p)), 2) for p in (50, 95, 100)}
+        if len(late)
+        else {},
+    )
+
+
+def _vest_stop(vest: Any, dark: MotorLevels, percent: int, guide: AcceptanceGuide) -> AcceptanceStep:
+    """Light one motor, write no more, and see that the driver silences it; then close."""
+    counters = getattr(vest, "counters", None)
+    before = 0 if counters is None else counters.silenced
+    lit = np.zeros_like(dark.intensities)
+    lit[0] = percent
+    start_s = time.monotonic()
+    try:
+        while time.monotonic() - start_s < _SILENT_S:
+            vest.write(time.monotonic_ns(), MotorLevels(dark.layout, lit))
+            time.sleep(_PERIOD_S)
+        time.sleep(_SILENT_S)  # nothing is written: the driver's watchdog has 0.2 s
+        silenced = 0 if counters is None else counters.silenced - before
+    finally:
+        vest.write(time.monotonic_ns(), dark)
+    start_s = time.monotonic()
+    vest.close()
+    closed_s = time.monotonic() - start_s
+    silent = guide.ask("Is every motor silent now?")
+    seen = seen_status(silent)
+    return AcceptanceStep(
+        name="stop",
+        status="failed" if counters is not None and not silenced else seen,
+        said=(
+            "this driver does not count what its watchdog does"
+            if counters is None
+            else f"the watchdog sent zeros {silenced} times after writing had stopped"
+        )
+        + (
+            ", and the vest has answered behind the zeros of closing"
+            if optional(vest, "confirmed_rest")
+            else "; this driver does not tell whether the zeros of closing arrived"
+        ),
+        todo="use the vest's switch, and tell us" if seen == "failed" else "",
+        measured={"closed_s": round(closed_s, 3)},
+        answers={"Is every motor silent?": silent},
+    )
+
+
+def least_hand_options(options: Any) -> Any | None:
+    """Return a hand's options with the least torque; ``None`` where its driver has no ceiling of torque."""
+    if not hasattr(options, "torque_share"):
+        return None
+    return msgspec.structs.replace(options, torque_share=min(LEAST_TORQUE, options.torque_share))
+
+
+def accept_hand(make: Any, options: Any, guide: AcceptanceGuide) -> Iterator[AcceptanceStep]:
+    """Accept a hand: first with its motors off, then, after a yes, with the least torque.
+
+    Args:
+        make: The driver's class.
+        options: Its options.
+        guide: The person at the hand's switch.
+
+    Yields:
+        The steps rate, latency, limits, least and stop.
+    """
+    yield _read_only(make, options)
+    least = least_hand_options(options)
+    guide.say("The hand is free of people and things; one of you has a finger on its emergency switch.")
+    share = 0.0 if least is None else least.torque_share
+    question = (
+        f"May its motors go on, with {100 * share:.0f} % of the torque, and the fingers close a little?"
+    )
+    if least is None or not guide.confirm(question):
+        why = "the driver has no ceiling of torque" if least is None else f"the motion {_NOT_SAID}"
+        yield from skipped_steps(STEPS[2:], why)
+        return
+    with make(least) as hand:
+        yield from _move(hand, share, guide)
+        stopped = _hand_stop(hand, guide)
+    yield _motors_off(make, options, stopped)
+
+
+def _read_only(make: Any, options: Any) -> AcceptanceStep:
+    harmless = make.harmless(options) if isinstance(make, HarmlessDevice) else None
+    if harmless is None:
+        return AcceptanceStep(name="rate", status="skipped", said="its driver cannot read it without force")
+    with make(harmless) as hand:
+        if not isinstance(hand, ReportingHand):
+            return AcceptanceStep(
+                name="rate", status="skipped", said="its driver does not tell what it reports"
+            )
+        before, start_s = hand.state().counts, time.monotonic()
+        while time.monotonic() - start_s < _WATCH_S:
+            time.sleep(0.1)
+            hand.step(1)
+        after, passed_s = hand.state().counts, time.monotonic() - start_s
+        warm = [c for c in hand.state().joints_c if c is not None]
+    rate_hz = (after.sets - before.sets) / passed_s
+    agreed_hz = hand.info.rate_hz or 0.0
+    return AcceptanceStep(
+        name="rate",
+        status="passed" if rate_hz > 0.9 * agreed_hz else "look",
+        said=f"{rate_hz:.0f} whole sets of positions a second with the motors off, {agreed_hz:.0f} are sent by a hand",
+        measured={
+            "rate_hz": round(rate_hz, 1),
+            "incomplete_count": float(after.incomplete - before.incomplete),
+            "late_count": float(after.late - before.late),
+            **({"warmest_joint_c": float(max(warm))} if warm else {}),
+        },
+    )
+
+
+def _move(hand: Any, share: float, guide: AcceptanceGuide) -> list[AcceptanceStep]:
+    try:
+        hand.step(6)
+        refused = False
+    except InvalidValueError:
+        refused = True
+    _hold(hand, 1.0)
+    start_ns, open_rad = time.monotonic_ns(), hand.angles_rad.copy()
+    furthest = 0.0
+    until_s = time.monotonic() + _MOVE_S
+    while time.monotonic() < until_s:
+        hand.step(LEAST_LEVEL)
+        furthest = max(furthest, float(np.abs(hand.angles_rad - open_rad).max()))
+        time.sleep(0.02)
+    answered = hand.answered_ns(start_ns) if isinstance(hand, AnsweringHand) else None
+    _hold(hand, 1.0)
+    back_rad = float(np.abs(hand.angles_rad - open_rad).max())
+    problem = optional(hand, "problem")
+    seen = guide.ask("Did all fingers close a little and open again?")
+    moved = furthest > _MOVED_RAD
+    late_ms = None if answered is None else (answered[1] - answered[0]) * 1e-6
+    return [
+        AcceptanceStep(
+            name="latency",
+            status="skipped" if late_ms is None else "passed",
+            said="from a set of positions that is in until the torques that answer it have left",
+            measured={} if late_ms is None else {"answered_ms": round(late_ms, 3)},
+        ),
+        AcceptanceStep(
+            name="limits",
+            status="passed" if refused else "failed",
+            said="a level above 5 is refused, and the hand holds" if refused else "a level above 5 was taken",
+            measured={"torque_share_ratio": share},
+        ),
+        AcceptanceStep(
+            name="least",
+            status="failed" if problem else seen_status(seen) if moved else "look",
+            said=f"told to close to level {LEAST_LEVEL:g}, its joints moved by up to {furthest:.3f} rad and came back"
+            + (f"; {problem}" if problem else ""),
+            todo=""
+            if furthest > _MOVED_RAD
+            else "so little torque may not move it: raise torque_share by hand",
+            measured={"moved_rad": round(furthest, 4), "left_over_rad": round(back_rad, 4)},
+            answers={"Did all fingers close a little and open again?": seen},
+        ),
+    ]
+
+
+def _hold(hand: Any, level: float) -> None:
+    until_s = time.monotonic() + _MOVE_S
+    while time.monotonic() < until_s:
+        hand.step(level)
+        time.sleep(0.02)
+
+
+def _hand_stop(hand: Any, guide: AcceptanceGuide) -> AcceptanceStep:
+    start_s = time.monotonic()
+    hand.limp()
+    hand.close()
+    closed_s = time.monotonic() - start_s
+    limp = guide.ask("Is the hand limp now?")
+    return AcceptanceStep(
+        name="stop",
+        status=seen_status(limp),
+        said="it was let go",
+        measured={"let_go_s": round(closed_s, 3)},
+        answers={"Is the hand limp?": limp},
+    )
+
+
+def seen_status(answer: str) -> AcceptanceStatus:
+    """Return how a step went by what a person saw: a no is a failure, and where nobody looked somebody should."""
+    return "look" if not answer else "failed" if answer.lower().startswith("n") else "passed"
+
+
+def _motors_off(make: Any, options: Any, step: AcceptanceStep) -> AcceptanceStep:
+    """Ask the hand itself, read anew, whether its motors are off."""
+    harmless = make.harmless(options) if isinstance(make, HarmlessDevice) else None
+    if harmless is None:
+        return step
+    driver: Any = make
+    with driver(harmless) as hand:
+        on = isinstance(hand, ReportingHand) and hand.state().servo_on
+    said = "the hand says that its motors are ON" if on else "the hand says that its motors are off"
+    return msgspec.structs.replace(
+        step,
+        status="failed" if on else step.status,
+        said=f"{step.said}; {said}",
+        todo="use the emergency switch" if on else step.todo,
+    )

@@ -1,0 +1,155 @@
+"""Keep the steps of an acceptance, and write its report as JSON and as text."""
+
+from __future__ import annotations
+
+import textwrap
+from datetime import datetime
+from pathlib import Path
+from typing import Final, Literal, Protocol
+
+import msgspec
+
+from tega.runtime.files.whole_file import write_whole
+
+AcceptanceStatus = Literal["passed", "look", "failed", "skipped"]
+"""``look``: usable, but somebody should look at it."""
+
+STEPS: Final = ("identity", "rate", "latency", "limits", "least", "stop")
+"""Steps in their order; ``least`` is one motion or pulse at the least strength, or one least touch of a sensor."""
+
+SEND_BACK: Final = (
+    "both files of this report",
+    "the words that stand on the device, and its firmware's version",
+    "what differed from the device's page in the documentation, step by step",
+    "whatever moved, vibrated or stayed on when it should not have",
+)
+
+_TITLES: Final = {
+    "identity": "Who it is",
+    "rate": "How fast",
+    "latency": "How late",
+    "limits": "Its limits",
+    "least": "The least motion, pulse or touch",
+    "stop": "Its stop",
+}
+_WIDTH: Final = 100
+
+
+class AcceptanceStep(msgspec.Struct, frozen=True, kw_only=True):
+    """Step of an acceptance.
+
+    Attributes:
+        name: One of :data:`STEPS`.
+        status: How it went.
+        said: What was found, one or two sentences.
+        todo: What to do about it; ``""`` for nothing.
+        measured: Numbers that were measured, by a name that ends with the unit.
+        answers: What the person was asked, and what they answered.
+    """
+
+    name: str
+    status: AcceptanceStatus
+    said: str
+    todo: str = ""
+    measured: dict[str, float] = {}
+    answers: dict[str, str] = {}
+
+
+class AcceptanceReport(msgspec.Struct, frozen=True, kw_only=True):
+    """Report of a device's acceptance.
+
+    Attributes:
+        format: ``tega-acceptance``.
+        version: Of this format.
+        made: When it began, UTC.
+        tega: Version of this program.
+        system: Operating system, processor and Python.
+        check: Part of the settings, such as ``vest``.
+        kind: Kind of device.
+        driver: Its driver.
+        device: What the device is called; a serial number where it has one.
+        options: The driver's options of the settings that are numbers or yes and no; no path, name or key.
+        answered: Whether a person answered; without one nobody has seen or felt anything.
+        steps: All steps, in order.
+        send_back: What to send to the project.
+    """
+
+    format: Literal["tega-acceptance"] = "tega-acceptance"
+    version: int = 1
+    made: datetime
+    tega: str
+    system: str
+    check: str
+    kind: str
+    driver: str
+    device: str
+    options: dict[str, str]
+    answered: bool
+    steps: tuple[AcceptanceStep, ...]
+    send_back: tuple[str, ...] = SEND_BACK
+
+    @property
+    def passed(self) -> bool:
+        """Whether no step failed."""
+        return all(step.status != "failed" for step in self.steps)
+
+
+class AcceptanceGuide(Protocol):
+    """Person at the device, or what stands for one."""
+
+    def say(self, text: str) -> None:
+        """Tell something."""
+        ...
+
+    def confirm(self, text: str) -> bool:
+        """Ask whether something may be done; nothing moves without a yes."""
+        ...
+
+    def ask(self, text: str) -> str:
+        """Ask what is seen or felt; ``""`` where nobody answers."""
+        ...
+
+
+def report_text(report: AcceptanceReport) -> str:
+    """Return a report as text for a person."""
+    who = "a person answered" if report.answered else "nobody was asked: nobody has seen or felt anything"
+    lines = [
+        f"Acceptance of {report.check}: {report.driver} {report.device}",
+        f"{report.made:%Y-%m-%d %H:%M} UTC, TEGA {report.tega}, {report.system}; {who}",
+        f"Options of the settings: {', '.join(f'{k} = {v}' for k, v in report.options.items()) or 'none'}",
+        "",
+    ]
+    for step in report.steps:
+        lines.append(f"{step.status:<8}{_TITLES[step.name]}")
+        lines += _wrapped(step.said)
+        if step.measured:
+            lines += _wrapped(", ".join(f"{name} {value:g}" for name, value in step.measured.items()))
+        for question, answer in step.answers.items():
+            lines += _wrapped(f"{question} {answer or '(no answer)'}")
+        if step.todo:
+            lines += _wrapped(f"→ {step.todo}")
+        lines.append("")
+    lines.append("Passed." if report.passed else "Not passed.")
+    lines += ["", "To send back:", *(f"- {what}" for what in report.send_back), ""]
+    return "\n".join(lines)
+
+
+def _wrapped(text: str) -> list[str]:
+    margin = " " * 8
+    return textwrap.wrap(text, _WIDTH, initial_indent=margin, subsequent_indent=margin)
+
+
+def write_report(report: AcceptanceReport, folder: Path) -> tuple[Path, Path]:
+    """Write a report's two files into a folder, which is made if need be.
+
+    Returns:
+        The JSON file and the text file.
+    """
+    name = f"{report.check.replace('.', '-')}-{report.made:%Y%m%d-%H%M%S}"
+    data, text = folder / f"{name}.json", folder / f"{name}.txt"
+    encoded = msgspec.json.format(
+        msgspec.json.encode({**msgspec.structs.asdict(report), "passed": report.passed})
+    )
+    write_whole(data, encoded + b"\n")
+    write_whole(text, report_text(report))
+    return data, text

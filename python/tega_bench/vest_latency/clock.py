@@ -1,0 +1,191 @@
+"""Tell when each sample of a recording was heard, on the clock that the commands are stamped with.
+
+There are three ways, from the surest to the least sure; the result says which it was and how far it may be off.
+
+========  ====================================================================================================
+clicks    sounds of known time are found in the recording: whatever the input's latency is, it drops out. What is
+          left is how well the times of the clicks are known: :data:`CLICKS_MS`
+stamps    the sound system's own stamps of the first sample of each block (PortAudio's inputBufferAdcTime): off by
+          what the system does not know of its converter, at most the latency that it states
+arrival   where it gives none (PortAudio has none with WMME and DirectSound, and zeros through PulseAudio's plug-in for
+          ALSA): a block was heard before it came; half of the stated latency is taken off, the other half is
+          the uncertainty
+========  ====================================================================================================
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final, NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from tega.errors import InvalidValueError
+
+CLICKS_MS: Final = {"keys": 20.0, "speaker": 8.0}
+"""How well the time of a click is known, ms: a keyboard tells of a key up to so long after it was heard; a speaker's
+stamp lacks what its converter takes, and sound takes 3 ms a metre."""
+
+_CLICK_HZ = 2000.0
+_WIDTH_S = 0.002
+_APART_S = 0.08
+_FITS_S = 0.03
+_FEWEST_CLICKS = 3
+_LONGEST_S = 5.0
+
+
+class SoundBlock(NamedTuple):
+    """A block of sound as it came.
+
+    Attributes:
+        first: Number of its first sample.
+        n: Samples.
+        at_s: When it came.
+        age_s: How old its first sample was then, by the sound system; NaN where that does not tell.
+    """
+
+    first: int
+    n: int
+    at_s: float
+    age_s: float
+
+
+class ClockMap(msgspec.Struct, frozen=True, kw_only=True):
+    """Time of each sample: sample n was heard at ``began_s + n / rate_hz``.
+
+    Attributes:
+        began_s: Time of the first sample.
+        rate_hz: Samples per second, by that clock.
+        uncertainty_ms: How far it may be off.
+        how: ``clicks``, ``stamps`` or ``arrival``.
+    """
+
+    began_s: float
+    rate_hz: float
+    uncertainty_ms: float
+    how: str
+
+
+def by_blocks(blocks: Sequence[SoundBlock], rate_hz: float, *, latency_s: float) -> ClockMap:
+    """Map by what the sound system says.
+
+    Args:
+        blocks: As they came.
+        rate_hz: What was asked for.
+        latency_s: The input's latency as it states it.
+
+    Raises:
+        InvalidValueError: There are too few.
+    """
+    if len(blocks) < 10:
+        raise InvalidValueError(f"{len(blocks)} blocks of sound are too few", "record for longer")
+    index, n, at_s, age_s = np.array(blocks, np.float64).T
+    latency_s = latency_s if 0 < latency_s < _LONGEST_S else float(np.median(n)) / rate_hz
+    told = (age_s > 0) & (age_s < _LONGEST_S)
+    if told.mean() > 0.9 and np.ptp((at_s - age_s)[told]) > 0:
+        began_s, true_hz = _line(index[told], (at_s - age_s)[told], rate_hz)
+        off = (at_s - age_s)[told] - (began_s + index[told] / true_hz)
+        jitter_s = float(np.percentile(np.abs(off), 95))
+        return ClockMap(
+            began_s=began_s, rate_hz=true_hz, uncertainty_ms=1e3 * (jitter_s + latency_s), how="stamps"
+        )
+    # What is late is late by any amount, so the earliest blocks of each stretch are right.
+    ends = index + n
+    stretch = np.array_split(np.arange(len(ends)), min(20, len(ends) // 5) or 1)
+    earliest = np.array([part[np.argmin(at_s[part] - ends[part] / rate_hz)] for part in stretch])
+    began_s, true_hz = _line(ends[earliest], at_s[earliest], rate_hz)
+    return ClockMap(
+        began_s=began_s - latency_s / 2,
+        rate_hz=true_hz,
+        uncertainty_ms=1e3 * latency_s / 2,
+        how="arrival",
+    )
+
+
+def _line(index: NDArray[np.float64], at_s: NDArray[np.float64], rate_hz: float) -> tuple[float, float]:
+    """Fit time of sample 0 and rate; over a short time the rate is taken as it was asked for."""
+    if (index[-1] - index[0]) / rate_hz < 10:
+        return float(np.median(at_s - index / rate_hz)), rate_hz
+    seconds_each, began_s = np.polyfit(index, at_s, 1)
+    # A sound card is right to a thousandth; a fit that says more is a fit of the jitter.
+    if abs(seconds_each * rate_hz - 1) > 1e-3:
+        return float(np.median(at_s - index / rate_hz)), rate_hz
+    return float(began_s), float(1 / seconds_each)
+
+
+def find_clicks(samples: NDArray[np.float64], rate_hz: float) -> NDArray[np.float64]:
+    """Return when something short and hard was heard, seconds from the first sample.
+
+    A click is a peak of what is above 2 kHz, ten times the middle level and a fifth of the loudest; its time is where
+    it rose through half of its peak.
+
+    Args:
+        samples: float64 (n,), the sound.
+        rate_hz: Samples per second.
+
+    Returns:
+        float64 (n_clicks,).
+
+    Raises:
+        InvalidValueError: The rate is too low to tell a click from a motor.
+        MissingExtraError: scipy is not installed.
+    """
+    from tega_bench.vest_latency.detect import load_signal
+
+    signal: Any = load_signal()
+    if rate_hz < 3 * _CLICK_HZ:
+        raise InvalidValueError(
+            f"sound: {rate_hz:g} samples/s are too few to find clicks", "record with 16000 or more"
+        )
+    sos = signal.butter(4, _CLICK_HZ, "highpass", fs=rate_hz, output="sos")
+    width = max(3, round(_WIDTH_S * rate_hz))
+    power = np.convolve(signal.sosfiltfilt(sos, samples) ** 2, np.ones(width) / width, "same")
+    level = np.sqrt(np.maximum(power, 0.0))
+    height = max(10 * float(np.median(level)), 0.2 * float(level.max(initial=0.0)), 1e-6)
+    peaks, _ = signal.find_peaks(level, height=height, distance=max(1, round(_APART_S * rate_hz)))
+    found = []
+    for peak in peaks:
+        start = max(0, peak - 5 * width)
+        before = np.flatnonzero(level[start:peak] < level[peak] / 2)
+        found.append((start + before[-1] + 1 if len(before) else peak) / rate_hz)
+    return np.array(found)
+
+
+def by_clicks(
+    samples: NDArray[np.float64], rate_hz: float, clicks_s: Sequence[float], *, source: str
+) -> ClockMap:
+    """Map by clicks whose times are known, in a recording that began at any time.
+
+    Args:
+        samples: float64 (n,), the recording.
+        rate_hz: Samples per second, as it says.
+        clicks_s: When there was a click; three or more, not evenly spaced.
+        source: What made them: a key of :data:`CLICKS_MS`.
+
+    Raises:
+        InvalidValueError: They are too few, or not found in the recording.
+    """
+    known = np.sort(np.asarray(clicks_s, np.float64))
+    if len(known) < _FEWEST_CLICKS:
+        raise InvalidValueError(
+            f"{len(known)} clicks are in the log, {_FEWEST_CLICKS} or more are needed", "record again"
+        )
+    found = find_clicks(samples, rate_hz)
+    best = np.empty((0, 2))
+    for began_s in np.subtract.outer(known, found).ravel():
+        gaps = np.abs(np.subtract.outer(known, found + began_s))
+        nearest = gaps.argmin(axis=1)
+        fits = gaps[np.arange(len(known)), nearest] < _FITS_S
+        if fits.sum() > len(best):
+            best = np.stack([known[fits], found[nearest[fits]]], axis=1)
+    if len(best) < max(_FEWEST_CLICKS, 0.6 * len(known)):
+        raise InvalidValueError(
+            f"{len(best)} of the log's {len(known)} clicks are in the recording ({len(found)} sharp sounds in all)",
+            "click closer to the microphone; is it the recording of this log?",
+        )
+    began_s, true_hz = _line(best[:, 1] * rate_hz, best[:, 0], rate_hz)
+    off = best[:, 0] - (began_s + best[:, 1] * rate_hz / true_hz)
+    uncertainty_ms = CLICKS_MS.get(source, 20.0) + 1e3 * float(np.abs(off).max())
+    return ClockMap(began_s=began_s, rate_hz=true_hz, uncertainty_ms=uncertainty_ms, how="clicks")

@@ -1,0 +1,232 @@
+"""Play bursts on one motor, find their onsets in what was heard, and make the motor's record."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Sequence
+from datetime import datetime
+from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tega.config.calibration.folder import device_name
+from tega.config.calibration.records import OnsetRecord
+from tega.devices.base import StampingVest
+from tega.errors import CalibrationError, DeviceUnavailableError
+from tega.runtime.clock import Clock
+from tega.setup.calibration.identify import light_motor
+from tega_bench.vest_latency.clock import ClockMap, by_clicks
+from tega_bench.vest_latency.detect import Onsets, find_onsets
+from tega_bench.vest_latency.log import OnsetLog
+
+if TYPE_CHECKING:
+    from tega.devices.base import DeviceInfo, VestSink
+    from tega.haptics import Layout
+
+
+BURST_S: Final = 0.5
+# Long enough for a motor to stand still again, uneven so that nothing periodic keeps step.
+_REST_S: Final = (0.9, 1.3)
+_BEFORE_S: Final = 0.8
+
+
+class OnsetFound(NamedTuple):
+    """Onsets found in a recording, and its clock.
+
+    Attributes:
+        clock: How it lies in time.
+        onsets: What was heard.
+    """
+
+    clock: ClockMap
+    onsets: Onsets
+
+
+def watched_vest(vest: VestSink) -> VestSink:
+    """Return a vest, if it can tell when a frame leaves.
+
+    Raises:
+        DeviceUnavailableError: It cannot, so that no delay can be counted from there.
+    """
+    if not vest.info.live or not isinstance(vest, StampingVest):
+        raise DeviceUnavailableError(
+            f"{vest.info.driver}: does not tell when a frame leaves, so no delay can be counted from there",
+            "use bhaptics-player, bhaptics-ble or hid-vest, or let your driver have handed_over()",
+        )
+    return vest
+
+
+def play_bursts(
+    vest: VestSink,
+    motor: int,
+    *,
+    layout: Layout,
+    percent: int,
+    bursts: int,
+    clock: Clock,
+    seed: int = 0,
+    stop: Callable[[], bool] = lambda: False,
+    told: Callable[[int, int], None] = lambda _done, _total: None,
+) -> tuple[list[float], int]:
+    """Drive one motor again and again, with rests; the vest is silent afterwards whatever happens.
+
+    Every frame passes the vest's own limits. A burst that they lower is not counted.
+
+    Args:
+        vest: An open vest that tells when a frame leaves.
+        motor: Which.
+        layout: Which motors it has.
+        percent: How hard.
+        bursts: How often.
+        clock: Time.
+        seed: Of the rests.
+        stop: Asked all the time whether to end early, which raises KeyboardInterrupt.
+        told: Told how many bursts are done, of how many.
+
+    Returns:
+        When the first frame of each burst left, seconds on the monotonic clock; and how many did not leave as wanted.
+
+    Raises:
+        InvalidValueError: The layout has no such motor.
+        DeviceUnavailableError: The vest was not reached all the time.
+    """
+    rests, left_s, unsent = random.Random(seed), list[float](), 0
+    leaving: Any = watched_vest(vest)
+    sent: list[int] = []
+    begin_ns = clock.now_ns() + round(_BEFORE_S * 1e9)
+    for k in range(bursts):
+        told(k, bursts)
+        clock.sleep_until(begin_ns)
+        if stop():
+            raise KeyboardInterrupt
+        leaving.handed_over()  # of the burst before
+        sent.clear()
+        light_motor(
+            vest,
+            motor,
+            layout=layout,
+            percent=percent,
+            duration_s=BURST_S,
+            clock=clock,
+            stop=stop,
+            told=lambda frame: sent.append(int(frame.intensities.max())),
+        )
+        first = _first_handed_over_s(leaving.handed_over())
+        if first is None or min(sent, default=0) < percent:
+            unsent += 1
+        else:
+            left_s.append(first)
+        begin_ns = clock.now_ns() + round(rests.uniform(*_REST_S) * 1e9)
+    told(bursts, bursts)
+    # The last one has to be heard to its end.
+    clock.sleep_until(begin_ns)
+    return left_s, unsent
+
+
+def _first_handed_over_s(handed: Sequence[tuple[int, int, int]]) -> float | None:
+    """Return when the first frame of a burst left, seconds on the monotonic clock."""
+    return next((at_ns / 1e9 for t_ns, _, at_ns in handed if t_ns == 0), None)
+
+
+def found_in(samples: NDArray[np.float64], rate_hz: float, log: OnsetLog) -> OnsetFound:
+    """Find the onsets of a log's bursts in a recording.
+
+    Args:
+        samples: float64 (n,), -1 to 1.
+        rate_hz: Samples per second.
+        log: What was commanded.
+
+    Raises:
+        CalibrationError: Nothing says how log and recording lie in time.
+        InvalidValueError: The clicks are not in the recording, or its rate is too low.
+        MissingExtraError: scipy is not installed.
+    """
+    if log.clicks_s:
+        clock = by_clicks(samples, rate_hz, log.clicks_s, source=log.clicks)
+    elif log.clock is not None:
+        clock = log.clock
+    else:
+        raise CalibrationError(
+            "nothing says how log and recording lie in time: there are no clicks in the log",
+            "make it again with --sync keys",
+        )
+    commands_s = [at_s - clock.began_s for at_s in log.bursts_s]
+    return OnsetFound(clock, find_onsets(samples, clock.rate_hz, commands_s, on_s=log.on_s))
+
+
+def record_of(found: OnsetFound, log: OnsetLog) -> OnsetRecord:
+    """Make the record of a measurement.
+
+    Raises:
+        CalibrationError: It gave no result; the message says why.
+    """
+    onsets = found.onsets
+    if onsets.problem:
+        raise CalibrationError(f"motor {log.motor}: no result: {onsets.problem}", onsets.hint)
+    delays_ms, halves_ms = 1e3 * onsets.delays_s, 1e3 * onsets.halves_s
+    low, middle, high, most = np.percentile(delays_ms, (25, 50, 75, 100))
+    left_out = onsets.left_out() | ({"not sent as wanted": log.unsent} if log.unsent else {})
+    return OnsetRecord(
+        device=log.device,
+        driver=log.driver,
+        made=log.made,
+        notes=log.notes,
+        layout=log.layout,
+        motor=log.motor,
+        percent=log.percent,
+        onset_ms=round(float(middle), 1),
+        middle_half_ms=(round(float(low), 1), round(float(high), 1)),
+        worst_ms=round(float(most), 1),
+        half_strength_ms=round(float(np.median(halves_ms)), 1),
+        bursts=len(onsets.bursts) + log.unsent,
+        used=len(delays_ms),
+        left_out=tuple(f"{n}: {why}" for why, n in sorted(left_out.items())),
+        spin_hz=round(onsets.spin_hz, 1),
+        clock=found.clock.how,
+        clock_uncertainty_ms=round(found.clock.uncertainty_ms, 1),
+    )
+
+
+def log_of(
+    info: DeviceInfo,
+    *,
+    made: datetime,
+    layout: Layout,
+    motor: int,
+    percent: int,
+    bursts_s: list[float],
+    unsent: int,
+    clicks_s: list[float],
+    clicks: Literal["", "keys", "speaker"],
+    clock: ClockMap | None = None,
+) -> OnsetLog:
+    """Make the log of some bursts, times counted from the first."""
+    if not bursts_s:
+        raise DeviceUnavailableError(
+            f"{info.label}: none of the {unsent} bursts left as wanted",
+            "; ".join(info.notes) or "lower --percent, or look at the vest's limit",
+        )
+    zero_s = min(bursts_s + clicks_s)
+    if clock is not None:
+        clock = ClockMap(
+            began_s=clock.began_s - zero_s,
+            rate_hz=clock.rate_hz,
+            uncertainty_ms=clock.uncertainty_ms,
+            how=clock.how,
+        )
+    return OnsetLog(
+        made=made,
+        driver=info.driver,
+        device=device_name(info),
+        layout=layout,
+        motor=motor,
+        percent=percent,
+        on_s=BURST_S,
+        bursts_s=tuple(round(t - zero_s, 6) for t in bursts_s),
+        unsent=unsent,
+        clicks_s=tuple(round(t - zero_s, 6) for t in clicks_s),
+        clicks=clicks,
+        clock=clock,
+        notes=info.notes,
+    )

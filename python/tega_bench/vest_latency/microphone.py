@@ -1,0 +1,189 @@
+"""Record a microphone, and click a loudspeaker, through the package sounddevice (PortAudio)."""
+
+from __future__ import annotations
+
+import threading
+import time
+from types import TracebackType
+from typing import Any, Final, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tega.errors import DeviceUnavailableError
+from tega.runtime.sound_card import load_sounddevice
+from tega_bench.vest_latency.clock import SoundBlock
+
+RATE_HZ: Final = 48_000
+_FIRST_S: Final = 3.0
+_CLICK_S: Final = 0.003
+_CLICK_HZ: Final = 3500.0
+
+
+def list_microphones() -> list[str]:
+    """Return number and name of everything that sound can come from."""
+    devices = load_sounddevice().query_devices()
+    return [f"{n}: {d['name']}" for n, d in enumerate(devices) if d["max_input_channels"] > 0]
+
+
+class Microphone:
+    """Records while it is open; one channel.
+
+    Args:
+        device: Number or part of a name; ``None`` for the system's own choice.
+
+    Attributes:
+        rate_hz: Samples per second.
+        latency_s: The input's latency, as the sound system states it.
+        name: What it is called.
+    """
+
+    def __init__(self, device: str | None = None) -> None:
+        self._device = int(device) if device is not None and device.isdigit() else device
+        self._lock = threading.Lock()
+        self._parts: list[NDArray[np.float64]] = []
+        self._blocks: list[SoundBlock] = []
+        self._n = 0
+        self._lost = 0
+        self._stream: Any = None
+        self.rate_hz = float(RATE_HZ)
+        self.latency_s = 0.0
+        self.name = ""
+
+    def __enter__(self) -> Self:
+        """Begin to record, and wait for the first block.
+
+        Raises:
+            DeviceUnavailableError: There is no such microphone, or it gives nothing.
+            MissingExtraError: sounddevice is not installed.
+        """
+        sd = load_sounddevice()
+        try:
+            self.name = str(sd.query_devices(self._device, "input")["name"])
+            self._stream = sd.InputStream(
+                device=self._device, channels=1, samplerate=RATE_HZ, dtype="float32", callback=self._take
+            )
+            self._stream.start()
+        except (sd.PortAudioError, ValueError) as error:
+            self.__exit__(None, None, None)
+            raise DeviceUnavailableError(
+                f"no microphone: {error}", "plug one in; 'tega-teleop vest onset --list' shows what there is"
+            ) from error
+        self.rate_hz = float(self._stream.samplerate)
+        self.latency_s = float(self._stream.latency)
+        until_s = time.monotonic() + _FIRST_S
+        while not self._blocks:
+            if time.monotonic() > until_s:
+                self.__exit__(None, None, None)
+                raise DeviceUnavailableError(
+                    f"the microphone {self.name!r} gives no sound",
+                    "another program may hold it; unplug and plug",
+                )
+            time.sleep(0.01)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Record no more."""
+        stream, self._stream = self._stream, None
+        if stream is not None:
+            stream.close()
+
+    @property
+    def heard_s(self) -> float:
+        """Length of what was heard so far, seconds."""
+        return self._n / self.rate_hz
+
+    def heard(self) -> tuple[NDArray[np.float64], list[SoundBlock]]:
+        """Return what was heard, float64 (n,), -1 to 1, and the blocks in which it came.
+
+        Raises:
+            DeviceUnavailableError: The microphone was unplugged meanwhile, or the system has lost samples.
+        """
+        with self._lock:
+            parts, blocks, lost = list(self._parts), list(self._blocks), self._lost
+        if self._stream is not None and (not self._stream.active or time.monotonic() - blocks[-1].at_s > 0.5):
+            raise DeviceUnavailableError(
+                f"the microphone {self.name!r} went away while it recorded", "plug it in and measure again"
+            )
+        if lost:
+            raise DeviceUnavailableError(
+                f"the sound system lost samples {lost} times, so the times are not known",
+                "close other programs and measure again",
+            )
+        return np.concatenate(parts), blocks
+
+    def _take(self, data: Any, n: int, times: Any, status: Any) -> None:
+        """Keep a block; called by the sound system's own thread."""
+        at_s = time.monotonic()
+        # Zero where a system has no stamp: PortAudio issues 121, 135, 586.
+        stamped = times.inputBufferAdcTime > 0 and times.currentTime > 0
+        age_s = times.currentTime - times.inputBufferAdcTime if stamped else float("nan")
+        with self._lock:
+            self._lost += bool(status.input_overflow)
+            self._parts.append(np.array(data[:, 0], np.float64))
+            self._blocks.append(SoundBlock(self._n, n, at_s, age_s))
+            self._n += n
+
+
+class Speaker:
+    """Clicks from the system's loudspeaker whose times are known."""
+
+    def __init__(self) -> None:
+        self._wanted = threading.Event()
+        self._done = threading.Event()
+        self._at_s = 0.0
+        self._stream: Any = None
+        self._latency_s = 0.0
+
+    def __enter__(self) -> Self:
+        """Open it.
+
+        Raises:
+            DeviceUnavailableError: There is none.
+            MissingExtraError: sounddevice is not installed.
+        """
+        sd = load_sounddevice()
+        try:
+            self._stream = sd.OutputStream(
+                channels=1, samplerate=RATE_HZ, dtype="float32", callback=self._give
+            )
+            self._stream.start()
+        except (sd.PortAudioError, ValueError) as error:
+            self.__exit__(None, None, None)
+            raise DeviceUnavailableError(f"no loudspeaker: {error}", "use --sync keys") from error
+        self._latency_s = float(self._stream.latency)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close it."""
+        stream, self._stream = self._stream, None
+        if stream is not None:
+            stream.close()
+
+    def click(self) -> float:
+        """Click once and return when it leaves the converter, seconds on the monotonic clock.
+
+        Raises:
+            DeviceUnavailableError: The loudspeaker takes nothing any more.
+        """
+        self._done.clear()
+        self._wanted.set()
+        if not self._done.wait(_FIRST_S):
+            raise DeviceUnavailableError("the loudspeaker takes no sound", "use --sync keys")
+        return self._at_s
+
+    def _give(self, data: Any, n: int, times: Any, _status: Any) -> None:
+        data.fill(0)
+        if not self._wanted.is_set():
+            return
+        self._wanted.clear()
+        stamped = times.outputBufferDacTime > times.currentTime > 0
+        ahead_s = times.outputBufferDacTime - times.currentTime if stamped else self._latency_s
+        self._at_s = time.monotonic() + ahead_s
+        t = np.arange(min(n, round(_CLICK_S * RATE_HZ))) / RATE_HZ
+        data[: len(t), 0] = 0.8 * np.exp(-t / 0.001) * np.sin(2 * np.pi * _CLICK_HZ * t + 1)
+        self._done.set()

@@ -1,0 +1,323 @@
+"""Write the files of a LeRobot dataset, format v3.0.
+
+The layout is the public one: ``meta/info.json``, ``meta/stats.json``, ``meta/tasks.parquet``,
+``meta/episodes/chunk-000/file-000.parquet``, ``data/chunk-000/file-000.parquet`` with many episodes in a file, and
+``videos/KEY/chunk-000/file-000.mp4`` likewise.
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from tega.errors import ConfigError, RecordingError
+from tega.recording.mcap_folder import recorded_task
+from tega.recording.origin import origins, span
+from tega.runtime.files.foreign_file import tells_damage
+from tega.runtime.files.plain_name import plain_name
+from tega.runtime.lifecycle import require
+from tega_lerobot.episode import Episode, read_episode
+from tega_lerobot.scene import check_scene, own_scenes, scene_frames
+from tega_lerobot.stats import figures
+from tega_lerobot.video import (
+    CODEC,
+    FILES_PER_CHUNK,
+    PIXELS,
+    PLACE,
+    VIDEO_MB,
+    VIDEOS,
+    EpisodeCamera,
+    VideoPlace,
+)
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+FORMAT = "v3.0"
+DATA = f"data/{PLACE}.parquet"
+EPISODES = f"meta/episodes/{PLACE}.parquet"
+_DATA_MB = 100
+UNLABELLED = "grasp"
+"""Task of a recording of which nobody has said what was done."""
+# Columns that every dataset has.
+_COUNTERS = {
+    "timestamp": "float32",
+    "frame_index": "int64",
+    "episode_index": "int64",
+    "index": "int64",
+    "task_index": "int64",
+}
+
+
+def export_lerobot(
+    paths: Sequence[Path],
+    folder: Path,
+    *,
+    fps: int = 30,
+    task: str | None = None,
+    scenes: Mapping[str, Path] = {},
+) -> Path:
+    """Write recordings as a LeRobot dataset, one episode each.
+
+    Args:
+        paths: The recordings; all with the same inputs.
+        folder: Where to; new or empty.
+        fps: Frames per second.
+        task: What was done, in words; ``None`` for what each session's index says of a recording, else ``grasp``.
+        scenes: Videos of scene cameras with their time codes, by the cameras' names; none for what the recordings'
+            own cameras filmed.
+
+    Returns:
+        The folder.
+
+    Raises:
+        ConfigError: The folder holds something.
+        RecordingError: A recording cannot be read, or has other inputs than the first.
+        UnsafeNameError: A finger has a name that cannot be a folder's.
+        MissingExtraError: A package of the extra ``lerobot`` is not installed.
+    """
+    for module in ("pyarrow.parquet", "av"):
+        require(module, driver="export", extra="lerobot")
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise ConfigError(f"{str(folder)!r} is not empty, or is a file", "name a new folder with --out")
+    shapes = {}
+    for name, video in scenes.items():
+        plain_name(name, what="camera", source="--scene")
+        shapes[name] = check_scene(video)
+    folder.mkdir(parents=True, exist_ok=True)
+    dataset = _Dataset(folder, fps)
+    try:
+        for path in paths:
+            with tempfile.TemporaryDirectory() as beside:
+                mine = scenes or own_scenes(path, Path(beside))
+                sizes = shapes or {name: check_scene(video) for name, video in mine.items()}
+                _add(path, dataset.filmed(mine, sizes), fps, task or recorded_task(path) or UNLABELLED)
+    finally:
+        dataset.close()
+    return folder
+
+
+@tells_damage
+def _add(path: Path, dataset: _Dataset, fps: int, task: str) -> None:
+    """Read a recording and add it; whatever its content leads to on the way is damage of that file."""
+    dataset.add(read_episode(path, fps=fps), task)
+
+
+class _Dataset:
+    def __init__(self, folder: Path, fps: int) -> None:
+        self._arrow: Any = require("pyarrow", driver="export", extra="lerobot")
+        self._parquet: Any = require("pyarrow.parquet", driver="export", extra="lerobot")
+        self._folder, self._fps = folder, fps
+        self._scenes: Mapping[str, Path] = {}
+        self._filmed: Mapping[str, tuple[int, int]] = {}
+        self._tasks: list[str] = []
+        self._cameras: dict[str, EpisodeCamera] = {}
+        self._features: dict[str, Any] = {}
+        self._place = VideoPlace()
+        self._writer: Any = None
+        self._episodes: list[dict[str, Any]] = []
+        self._rows: dict[str, list[NDArray[Any]]] = {}
+        self._sources: list[dict[str, Any]] = []
+        self._n_frames = 0
+
+    def filmed(self, scenes: Mapping[str, Path], sizes: Mapping[str, tuple[int, int]]) -> Self:
+        """Take the next episode's scene cameras from these videos; return this."""
+        self._scenes, self._filmed = scenes, sizes
+        return self
+
+    def add(self, episode: Episode, task: str) -> None:
+        """Add an episode of a task."""
+        if task not in self._tasks:
+            self._tasks.append(task)
+        features = self._described(episode)
+        if not self._features:
+            self._features = features
+            for finger, shape in self._shapes(episode).items():
+                plain_name(finger, what="finger", source=episode.path.name)
+                key = f"observation.images.{finger}"
+                self._cameras[finger] = EpisodeCamera(self._folder, key, self._fps, shape)
+        elif features != self._features:
+            other = [
+                name
+                for name in {**features, **self._features}
+                if features.get(name) != self._features.get(name)
+            ]
+            raise RecordingError(
+                f"{episode.path.name}: differs from the first recording in {', '.join(other)}",
+                "export recordings of one setup together",
+            )
+        number, n = len(self._episodes), episode.n_frames
+        frames = np.arange(n)
+        rows: dict[str, NDArray[Any]] = {name: column.values for name, column in episode.columns.items()}
+        rows |= {
+            "timestamp": (frames / self._fps).astype(np.float32),
+            "frame_index": frames,
+            "episode_index": np.full(n, number),
+            "index": self._n_frames + frames,
+            "task_index": np.full(n, self._tasks.index(task)),
+        }
+        where = self._write(rows)
+        for camera in self._cameras.values():
+            camera.begin()
+        for finger, image, n_times in episode.pictures():
+            self._cameras[finger].add(np.ascontiguousarray(image[..., ::-1]), n_times)
+        for name, video in self._scenes.items():
+            for image, n_times in scene_frames(video, episode):
+                self._cameras[name].add(np.ascontiguousarray(image[..., ::-1]), n_times)
+        known: dict[str, Any] = {"episode_index": number, "tasks": [task], "length": n}
+        known |= {f"data/{name}": value for name, value in where.items()}
+        known |= {"dataset_from_index": self._n_frames, "dataset_to_index": self._n_frames + n}
+        for camera in self._cameras.values():
+            known |= camera.end()
+        known |= {"meta/episodes/chunk_index": 0, "meta/episodes/file_index": 0}
+        stats = {name: figures(values) for name, values in rows.items()}
+        stats |= {f"observation.images.{f}": c.episode.figures() for f, c in self._cameras.items()}
+        known |= {f"stats/{name}/{what}": v for name, known_ in stats.items() for what, v in known_.items()}
+        self._episodes.append(known)
+        self._sources.append(_source(episode, number))
+        self._n_frames += n
+
+    def close(self) -> None:
+        """Finish the files, and write what tells of them."""
+        for camera in self._cameras.values():
+            camera.close()
+        if self._writer is not None:
+            self._writer.close()
+        if not self._episodes:
+            return
+        stats = {name: figures(np.concatenate(parts)) for name, parts in self._rows.items()}
+        stats |= {f"observation.images.{f}": c.total.figures() for f, c in self._cameras.items()}
+        self._json("stats", stats)
+        self._json("info", self._info())
+        self._json("tega", {"episodes": self._sources})
+        names = {name: [episode[name] for episode in self._episodes] for name in self._episodes[0]}
+        path = self._folder / EPISODES.format(chunk_index=0, file_index=0)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._parquet.write_table(self._arrow.table(names), path)
+        self._write_tasks()
+
+    def _json(self, name: str, content: Mapping[str, Any]) -> None:
+        path = self._folder / "meta" / f"{name}.json"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(content, indent=4, ensure_ascii=False) + "\n", encoding="utf-8")
+
+    def _write_tasks(self) -> None:
+        """Write the tasks as pandas writes a table whose rows have names."""
+        table = self._arrow.table({"task_index": list(range(len(self._tasks))), "task": self._tasks})
+        kinds = (("task_index", "int64", "int64"), ("task", "unicode", "object"))
+        columns = [
+            {"name": name, "field_name": name, "pandas_type": kind, "numpy_type": numpy, "metadata": None}
+            for name, kind, numpy in kinds
+        ]
+        pandas = {"index_columns": ["task"], "column_indexes": [], "columns": columns}
+        table = table.replace_schema_metadata({"pandas": json.dumps(pandas)})
+        self._parquet.write_table(table, self._folder / "meta" / "tasks.parquet")
+
+    def _shapes(self, episode: Episode) -> dict[str, tuple[int, int]]:
+        """Return height and width of the pictures of fingers and scene cameras."""
+        if both := sorted(set(self._filmed) & set(episode.shapes)):
+            raise ConfigError(f"the scene camera {both[0]} is named as a finger", "name it otherwise")
+        return {**episode.shapes, **self._filmed}
+
+    def _described(self, episode: Episode) -> dict[str, Any]:
+        features: dict[str, Any] = {}
+        for finger, (height, width) in self._shapes(episode).items():
+            if height % 2 or width % 2:
+                raise RecordingError(
+                    f"{episode.path.name}: {finger}: {width}×{height} pixels are not even",
+                    "a video in this format needs even numbers of pixels",
+                )
+            features[f"observation.images.{finger}"] = {
+                "dtype": "video",
+                "shape": [height, width, 3],
+                "names": ["height", "width", "channels"],
+                "info": {
+                    "video.height": height,
+                    "video.width": width,
+                    "video.codec": "av1" if CODEC == "libsvtav1" else CODEC,
+                    "video.pix_fmt": PIXELS,
+                    "video.is_depth_map": False,
+                    "video.fps": self._fps,
+                    "video.channels": 3,
+                    "has_audio": False,
+                },
+            }
+        for name, column in episode.columns.items():
+            shape = list(column.values.shape[1:])
+            features[name] = {"dtype": "float32", "shape": shape, "names": column.names}
+        counters = {"shape": [1], "names": None}
+        return features | {name: {"dtype": kind, **counters} for name, kind in _COUNTERS.items()}
+
+    def _write(self, rows: Mapping[str, NDArray[Any]]) -> dict[str, int]:
+        """Append an episode's rows to the data file, and return which."""
+        path = self._folder / DATA.format(**self._place.numbers())
+        if self._writer is not None and path.stat().st_size > _DATA_MB * 2**20:
+            self._writer.close()
+            self._writer = None
+            self._place.next()
+            path = self._folder / DATA.format(**self._place.numbers())
+        table = self._arrow.table({name: self._column(values) for name, values in rows.items()})
+        if self._writer is None:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._writer = self._parquet.ParquetWriter(path, table.schema)
+        self._writer.write_table(table)
+        for name, values in rows.items():
+            self._rows.setdefault(name, []).append(values)
+        return self._place.numbers()
+
+    def _column(self, values: NDArray[Any]) -> Any:
+        column = self._arrow.array(values.ravel())
+        if values.shape[1:] == (1,):
+            return column
+        for n in reversed(values.shape[1:]):
+            column = self._arrow.FixedSizeListArray.from_arrays(column, n)
+        return column
+
+    def _info(self) -> dict[str, Any]:
+        n = len(self._episodes)
+        return {
+            "codebase_version": FORMAT,
+            "robot_type": "allegro_hand",
+            "total_episodes": n,
+            "total_frames": self._n_frames,
+            "total_tasks": len(self._tasks),
+            "chunks_size": FILES_PER_CHUNK,
+            "data_files_size_in_mb": _DATA_MB,
+            "video_files_size_in_mb": VIDEO_MB,
+            "fps": self._fps,
+            "splits": {"train": f"0:{n}"},
+            "data_path": DATA,
+            "video_path": VIDEOS if self._cameras else None,
+            "features": self._features,
+        }
+
+
+def _source(episode: Episode, number: int) -> dict[str, Any]:
+    """Tell where an episode is from."""
+    head = episode.tables.get("tega", {})
+    return {
+        "episode_index": number,
+        "session": episode.path.resolve().parent.name,
+        "file": episode.path.name,
+        "start_ns": episode.start_ns,
+        "epoch_ns": int(head.get("epoch_ns", "0")),
+        "config_sha256": head.get("config_sha256", ""),
+        "markers": [
+            {
+                "frame_index": max(0, (marker.t_ns - episode.start_ns) * episode.fps // 1_000_000_000),
+                "timestamp": round((marker.t_ns - episode.start_ns) / 1e9, 6),
+                "text": marker.text,
+                "source": marker.source,
+            }
+            for marker in episode.markers
+        ],
+        "span": span(episode.tables).table(),
+        "origins": origins(episode.tables),
+        "versions": episode.tables.get("versions", {}),
+    }

@@ -1,0 +1,144 @@
+"""Encode one finger's pictures as videos: AV1 in MP4, as LeRobot writes them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tega.runtime.lifecycle import require
+from tega.runtime.threads import restored
+from tega_lerobot.stats import Colours
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+
+PLACE = "chunk-{chunk_index:03d}/file-{file_index:03d}"
+"""Where a file is, below its folder."""
+
+VIDEOS = f"videos/{{video_key}}/{PLACE}.mp4"
+FILES_PER_CHUNK, VIDEO_MB = 1000, 200
+
+CODEC, PIXELS = "libsvtav1", "yuv420p"
+# Every other frame can be decoded on its own, since training reads frames at random.
+_OPTIONS = {"g": "2", "crf": "30"}
+
+
+class Video:
+    """A video that grows by pictures.
+
+    Args:
+        path: The file.
+        fps: Frames per second.
+        height: Of the pictures, pixels, an even number.
+        width: Likewise.
+
+    Attributes:
+        n_frames: How many it has.
+        n_bytes: Size of what has left the encoder, which keeps pictures back; the file is there only from then on.
+
+    Raises:
+        MissingExtraError: The package ``av`` is not installed.
+    """
+
+    def __init__(self, path: Path, *, fps: int, height: int, width: int) -> None:
+        self._av: Any = require("av", driver="export", extra="lerobot")
+        os.environ.setdefault("SVT_LOG", "1")  # errors only: the encoder tells its settings otherwise
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self.path = path
+        self._file = self._av.open(str(path), "w")
+        self._stream = self._file.add_stream(CODEC, fps, options=dict(_OPTIONS))
+        self._stream.width, self._stream.height, self._stream.pix_fmt = width, height, PIXELS
+        with restored():
+            self._stream.codec_context.open()
+        self.n_frames = self.n_bytes = 0
+
+    def add(self, image: NDArray[np.uint8], n_times: int) -> None:
+        """Add a picture, uint8 (H, W, 3) in RGB, so many times in a row."""
+        for _ in range(n_times):
+            frame = self._av.VideoFrame.from_ndarray(image, format="rgb24")
+            frame.pts = self.n_frames
+            self.n_frames += 1
+            self._write(self._stream.encode(frame))
+
+    def close(self) -> None:
+        """Write what the encoder still has, and finish the file."""
+        self._write(self._stream.encode())
+        self._file.close()
+
+    def _write(self, packets: Sequence[Any]) -> None:
+        self.n_bytes += sum(packet.size for packet in packets)
+        self._file.mux(packets)
+
+
+class VideoPlace:
+    """Numbers of the video file and of the chunk that it is in."""
+
+    def __init__(self) -> None:
+        self.chunk_index = self.file_index = 0
+
+    def next(self) -> None:
+        """Go on to the next file."""
+        self.file_index += 1
+        if self.file_index == FILES_PER_CHUNK:
+            self.chunk_index, self.file_index = self.chunk_index + 1, 0
+
+    def numbers(self) -> dict[str, int]:
+        """Return both numbers."""
+        return {"chunk_index": self.chunk_index, "file_index": self.file_index}
+
+
+class EpisodeCamera:
+    """One finger's videos.
+
+    Args:
+        folder: Of the dataset.
+        key: Name of the feature.
+        fps: Frames per second.
+        shape: Height and width of the pictures, even numbers of pixels.
+
+    Attributes:
+        total: Colours of all pictures.
+        episode: Of those of the episode.
+    """
+
+    def __init__(self, folder: Path, key: str, fps: int, shape: tuple[int, int]) -> None:
+        self._folder, self._key, self._fps, self._shape = folder, key, fps, shape
+        self._place = VideoPlace()
+        self._video: Video | None = None
+        self._from_frame = 0
+        self.total, self.episode = Colours(), Colours()
+
+    def begin(self) -> None:
+        """Begin an episode, in a new file where the last one is large."""
+        self.episode = Colours()
+        if self._video is not None and self._video.n_bytes > VIDEO_MB * 2**20:
+            self.close()
+            self._place.next()
+        if self._video is None:
+            path = self._folder / VIDEOS.format(video_key=self._key, **self._place.numbers())
+            height, width = self._shape
+            self._video = Video(path, fps=self._fps, height=height, width=width)
+        self._from_frame = self._video.n_frames
+
+    def add(self, image: NDArray[np.uint8], n_frames: int) -> None:
+        """Show a picture, uint8 (H, W, 3) in RGB, for so many frames."""
+        if self._video is not None:
+            self._video.add(image, n_frames)
+            self.episode.add(image, n_frames)
+
+    def end(self) -> dict[str, Any]:
+        """End the episode, and return where it is."""
+        self.total += self.episode
+        n_frames = 0 if self._video is None else self._video.n_frames
+        times = {"from_timestamp": self._from_frame / self._fps, "to_timestamp": n_frames / self._fps}
+        return {f"videos/{self._key}/{name}": v for name, v in (self._place.numbers() | times).items()}
+
+    def close(self) -> None:
+        """Finish the file."""
+        if self._video is not None:
+            self._video.close()
+            self._video = None

@@ -1,0 +1,1 @@
+"""Commands of the link between two stations."""

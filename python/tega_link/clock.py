@@ -1,0 +1,157 @@
+"""Estimate the offset of two machines' monotonic clocks, from what they ask each other."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import NamedTuple
+
+import msgspec
+
+from tega_link.messages import Ping, Pong, decode, encode
+
+_PERIOD_NS = 200_000_000
+_MOST_ASKED = 100
+WINDOW_NS = 10_000_000_000
+
+
+class Offset(NamedTuple):
+    """Offset of the other machine's clock from ours.
+
+    Attributes:
+        offset_ns: Their clock minus ours.
+        round_trip_ns: Of the question this is from; the offset is wrong by at most half of it.
+    """
+
+    offset_ns: int
+    round_trip_ns: int
+
+    def ours(self, theirs_ns: int) -> int:
+        """Return our clock's time for one of theirs."""
+        return theirs_ns - self.offset_ns
+
+    def earliest(self, theirs_ns: int) -> int:
+        """Return the earliest that one of their times can be on our clock, however unlike the ways are."""
+        return theirs_ns - self.offset_ns - (self.round_trip_ns + 1) // 2
+
+
+class ClockEstimate:
+    """Keeps the question with the shortest way of the last ten seconds.
+
+    A question leaves us at t0, arrives at t1 and is answered at t2 on their clock, and the answer is here at t3. With
+    equal ways their clock is ahead by ((t1 - t0) + (t2 - t3))/2; a way that is longer than the other moves this by
+    half the difference.
+
+    Args:
+        window_ns: How long a question counts.
+    """
+
+    def __init__(self, *, window_ns: int = WINDOW_NS) -> None:
+        self._window_ns = window_ns
+        # Each has a longer way than the one before it, so the first is the best: what a longer one before a shorter
+        # one could say is not of interest any more.
+        self._kept: deque[tuple[int, Offset]] = deque()
+
+    def add(self, t0_ns: int, t1_ns: int, t2_ns: int, t3_ns: int) -> None:
+        """Take in an answer; one whose times contradict each other is not believed."""
+        round_trip_ns = (t3_ns - t0_ns) - (t2_ns - t1_ns)
+        if t2_ns < t1_ns or round_trip_ns < 0:
+            return
+        offset = Offset(((t1_ns - t0_ns) + (t2_ns - t3_ns)) // 2, round_trip_ns)
+        while self._kept and self._kept[-1][1].round_trip_ns >= round_trip_ns:
+            self._kept.pop()
+        self._kept.append((t3_ns, offset))
+
+    def best(self, now_ns: int) -> Offset | None:
+        """Return the best of the window; ``None`` where there is none."""
+        while self._kept and now_ns - self._kept[0][0] > self._window_ns:
+            self._kept.popleft()
+        return self._kept[0][1] if self._kept else None
+
+    def forget(self) -> None:
+        """Begin anew, with another machine."""
+        self._kept.clear()
+
+
+class PeerClock:
+    """Asks the other station's time five times a second, and answers when it asks; for any thread.
+
+    Attributes:
+        last: The newest estimate there was, also where there is none any more.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._estimate = ClockEstimate()
+        self._asked: dict[int, None] = {}
+        self._next_ns = 0
+        self._send_ping: Callable[[bytes], None] = lambda _message: None
+        self._send_pong: Callable[[bytes], None] = lambda _message: None
+        self.last: Offset | None = None
+
+    def open(self, send_ping: Callable[[bytes], None], send_pong: Callable[[bytes], None]) -> None:
+        """Take note of what sends questions and answers."""
+        self._send_ping, self._send_pong = send_ping, send_pong
+
+    def ask(self, session: int, now_ns: int) -> None:
+        """Ask for the other station's time, if it is time to."""
+        if now_ns < self._next_ns:
+            return
+        self._next_ns = now_ns + _PERIOD_NS
+        with self._lock:
+            t0_ns = time.monotonic_ns()
+            self._asked[t0_ns] = None
+            while len(self._asked) > _MOST_ASKED:
+                del self._asked[next(iter(self._asked))]
+        self._send_ping(encode(Ping(session, t0_ns)))
+
+    def hear(self, key: str, data: bytes, session: int) -> None:
+        """Take in a question or an answer of a session; what is of another or cannot be read counts for nothing."""
+        now_ns = time.monotonic_ns()
+        try:
+            heard = decode(Ping, data) if key.endswith("/ping") else decode(Pong, data)
+        except msgspec.DecodeError:
+            return
+        if heard.session != session:
+            return
+        if isinstance(heard, Ping):
+            self._send_pong(encode(Pong(session, heard.t0_ns, now_ns, time.monotonic_ns())))
+            return
+        with self._lock:
+            if heard.t0_ns in self._asked:  # what we asked, and only once
+                del self._asked[heard.t0_ns]
+                self._estimate.add(heard.t0_ns, heard.t1_ns, heard.t2_ns, now_ns)
+
+    def forget(self) -> None:
+        """Begin anew, with another machine."""
+        with self._lock:
+            self._estimate.forget()
+            self._asked.clear()
+            self._next_ns = 0
+
+    def offset(self, now_ns: int) -> Offset | None:
+        """Return how far apart the clocks are; ``None`` where that is not known."""
+        with self._lock:
+            best = self._estimate.best(now_ns)
+        if best is not None:
+            self.last = best
+        return best
+
+    @property
+    def words(self) -> str:
+        """The clocks' offset, and by how much that may be wrong, in words."""
+        offset = self.offset(time.monotonic_ns())
+        if offset is None:
+            return "clock not known"
+        return f"clock {offset.offset_ns / 1e6:+.1f} ms ± {offset.round_trip_ns / 2e6:.1f}"
+
+    def summary(self) -> dict[str, float] | None:
+        """Return the offset for a run's summary; ``None`` where it was never known."""
+        if (offset := self.last) is None:
+            return None
+        return {
+            "offset_ms": round(offset.offset_ns / 1e6, 3),
+            "round_trip_ms": round(offset.round_trip_ns / 1e6, 3),
+        }

@@ -1,0 +1,257 @@
+"""Stand in for the devices of the other station: streams and sinks fed over the network link."""
+
+from __future__ import annotations
+
+import contextlib
+import queue
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from tega.devices.base import DeviceInfo, EmgChunk, InputEvent, InputReading, TactileFrame
+from tega.hand import split_level
+from tega.runtime.lifecycle import Opened
+from tega_link.pictures import unpacked
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tega.arm.pose import StampedPose
+    from tega.loop.inbox.prepared import Muscles
+    from tega.loop.inbox.sources import EmgBlock
+    from tega.loop.inbox.stream import LiveStream
+    from tega.wire import CanFrame
+
+
+_STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+_JOINTS = 16
+# Every amplifier's samples become ten levels a second.
+_BLOCKS_HZ = 10.0
+_MOST_CHUNKS = 64
+
+
+class FarFinger(Opened):
+    """A fingertip at the robot's station: what it feels comes as a stream, its pictures for display as they can.
+
+    Args:
+        name: The finger.
+        robot: Whose.
+        rate_hz: Pictures a second there; 0 where that is not known.
+    """
+
+    def __init__(self, name: str, robot: str, *, rate_hz: float) -> None:
+        self._info = DeviceInfo(
+            driver="net", kind="tactile", label=f"{name} of {robot!r}", live=True, rate_hz=rate_hz or None
+        )
+        self._pictures: queue.Queue[tuple[int, int, bytes]] = queue.Queue(1)
+        self.ended = False
+
+    @property
+    def info(self) -> DeviceInfo:
+        """Description of the fingertip."""
+        return self._info
+
+    def open(self) -> None:
+        """Do nothing: the fingertip is open at the robot's station."""
+
+    def close(self) -> None:
+        """Do nothing: the robot's station closes the fingertip."""
+
+    def show(self, t_ns: int, number: int, jpeg: bytes) -> None:
+        """Take the newest picture; one that nobody has looked at goes, and who looks unpacks it."""
+        with contextlib.suppress(queue.Empty):
+            self._pictures.get_nowait()
+        with contextlib.suppress(queue.Full):
+            self._pictures.put_nowait((t_ns, number, jpeg))
+
+    def read(self, timeout_s: float) -> TactileFrame | None:
+        """Return the next picture, or ``None`` when none came in time."""
+        try:
+            t_ns, number, jpeg = self._pictures.get(block=timeout_s > 0, timeout=timeout_s or None)
+        except queue.Empty:
+            return None
+        picture = unpacked(jpeg)
+        return None if picture is None else TactileFrame(t_ns, number, picture, "over the link")
+
+
+class FarMuscles(Opened):
+    """The operator's EMG: levels come as a stream, samples for the recording as they can."""
+
+    def __init__(self) -> None:
+        self._chunks: queue.Queue[EmgChunk] = queue.Queue(_MOST_CHUNKS)
+        self._info = DeviceInfo(
+            driver="net",
+            kind="emg",
+            label="the operator's station",
+            live=True,
+            rate_hz=_BLOCKS_HZ,
+            channels=("operator",),
+            unit="level",
+            notes=("levels are made at the operator's station; samples come for the recording, as they can",),
+        )
+        self.ended = False
+
+    @property
+    def info(self) -> DeviceInfo:
+        """Description of the EMG source."""
+        return self._info
+
+    def open(self) -> None:
+        """Do nothing: the amplifier is open at the operator's station."""
+
+    def close(self) -> None:
+        """Do nothing: the operator's station closes the amplifier."""
+
+    def give(self, chunk: EmgChunk) -> None:
+        """Take in samples, in a thread of the link's; what nobody reads in time is lost."""
+        with contextlib.suppress(queue.Full):
+            self._chunks.put_nowait(chunk)
+
+    def read(self, timeout_s: float) -> EmgChunk | None:
+        """Return the next samples, or ``None`` when none came in time."""
+        try:
+            return self._chunks.get(block=timeout_s > 0, timeout=timeout_s or None)
+        except queue.Empty:
+            return None
+
+
+def far_muscles(source: Any, blocks: LiveStream[EmgBlock]) -> Muscles:
+    """Return the EMG side of a run whose samples and levels come over the link."""
+    from tega.config.calibration import EmgMaxima
+    from tega.loop.inbox.prepared import Muscles
+    from tega.loop.inbox.sources import SourceReport
+
+    report = SourceReport()
+    blocks.on_loss = report.drop
+    # One channel, whose sample is the level itself: 5 is as far as it goes.
+    maxima = EmgMaxima(kind="envelope", rate_hz=_BLOCKS_HZ, tau=1, channels=("operator",), maxima=(5.0,))
+    return Muscles(source, maxima, None, report, blocks)
+
+
+class FarHand(Opened):
+    """The robot's hand, seen from the operator's station: keeps what it is asked, for the link to send.
+
+    Args:
+        robot: Whose.
+        answered: Tells when a command was first handed to the link at or after a monotonic time, after that time.
+    """
+
+    label: ClassVar[str] = "at the robot's station: angles as it tells them"
+
+    def __init__(self, robot: str, *, answered: Callable[[int], tuple[int, int] | None]) -> None:
+        self._info = DeviceInfo(driver="net", kind="hand", label=f"hand of {robot!r}", live=True)
+        self.asked: tuple[int, float | None] | None = None
+        self.angles: tuple[float, ...] = ()
+        self.answered_ns = answered
+
+    @property
+    def info(self) -> DeviceInfo:
+        """Description of the hand."""
+        return self._info
+
+    @property
+    def angles_rad(self) -> NDArray[np.float64]:
+        """The joint angles as last told, float64 (16,), rad; NaN before that."""
+        angles = self.angles
+        return np.array(angles, np.float64) if len(angles) == _JOINTS else np.full(_JOINTS, np.nan)
+
+    def open(self) -> None:
+        """Do nothing: the hand is open at the robot's station."""
+
+    def close(self) -> None:
+        """Do nothing: the robot's station closes the hand."""
+
+    def step(self, level: float, added: float = 0.0) -> Sequence[CanFrame]:
+        """Ask for a closure level, or a closure between two; the frames are made at the other station.
+
+        What a reflex adds here goes with the level, as one move: the other station has the reflex that is fast.
+        """
+        self.asked = split_level(level + added)
+        return ()
+
+    def limp(self) -> Sequence[CanFrame]:
+        """Ask for nothing any more; the robot's station holds, and then does what its settings say."""
+        self.asked = None
+        return ()
+
+
+class FarSwitch(Opened):
+    """A switch that the operator holds.
+
+    Args:
+        name: What it is for.
+        look: Returns when it was last heard, whether that is fresh, and whether it is held.
+    """
+
+    def __init__(self, name: str, look: Callable[[], tuple[int, bool, bool]]) -> None:
+        self._name, self._look = name, look
+        self._was_held, self._sequence = False, 0
+        self._info = DeviceInfo(driver="net", kind="input", label=f"the operator's {name}", live=True)
+
+    @property
+    def info(self) -> DeviceInfo:
+        """Description of the switch."""
+        return self._info
+
+    def open(self) -> None:
+        """Do nothing: the switch is open at the operator's station."""
+
+    def close(self) -> None:
+        """Do nothing: the operator's station closes the switch."""
+
+    def state(self) -> InputReading:
+        """Return the state of the switch now."""
+        t_ns, live, held = self._look()
+        return InputReading(t_ns, live, _STILL, frozenset({self._name}) if held else frozenset())
+
+    def events(self) -> Sequence[InputEvent]:
+        """Return whether it went down or up since the last call."""
+        t_ns, _, held = self._look()
+        if held == self._was_held:
+            return ()
+        self._was_held = held
+        self._sequence += 1
+        return (InputEvent(t_ns, self._sequence - 1, self._name, held),)
+
+
+class FarTracker(Opened):
+    """The operator's forearm, as it was seen at the other station.
+
+    Args:
+        frame: Axes of the poses; the link refuses an operator with others.
+    """
+
+    problem = ""  # the link tells by itself what is wrong with it
+
+    def __init__(self, frame: str) -> None:
+        self.frame = frame
+        self._poses: deque[tuple[StampedPose, int]] = deque(maxlen=16)
+        self._info = DeviceInfo(
+            driver="net", kind="tracker", label="the operator's station", live=True, unit="m"
+        )
+
+    @property
+    def info(self) -> DeviceInfo:
+        """Description of the tracker."""
+        return self._info
+
+    def open(self) -> None:
+        """Do nothing: the tracker is open at the operator's station."""
+
+    def close(self) -> None:
+        """Do nothing: the operator's station closes the tracker."""
+
+    def see(self, pose: StampedPose, *, use_by_ns: int) -> None:
+        """Take in a pose that may be used until some time of our clock; in a thread of the link's."""
+        self._poses.append((pose, use_by_ns))
+
+    def forget(self) -> None:
+        """Drop what nobody has read: another operator leads."""
+        self._poses.clear()
+
+    def read(self, now_ns: int) -> Sequence[StampedPose]:
+        """Return the poses that came since the last call and have not lapsed, oldest first."""
+        came = [self._poses.popleft() for _ in range(len(self._poses))]
+        return [pose for pose, use_by_ns in came if now_ns <= use_by_ns]

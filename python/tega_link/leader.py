@@ -1,0 +1,192 @@
+"""Choose who leads the robot: one operator at a time, the first."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+
+import msgspec
+
+from tega_link.messages import PROTOCOL, Join, Refused, Welcome, decode, encode
+
+# An operator who has asked but whose sign of life has not come by then has gone again.
+_SIGN_NS = 1_000_000_000
+
+
+class Leadership:
+    """Gives the lead to the first who asks, until that operator's sign of life is gone; no clock, no thread.
+
+    Args:
+        robot: The robot's name.
+        operators: Who may lead; nobody named means anybody.
+        frame: Axes in which the arm's poses are wanted; ``""`` without an arm.
+        hand: Whether there is a hand to be closed.
+
+    Attributes:
+        session: Of the leader; 0 for none.
+        name: The leader's name.
+    """
+
+    def __init__(
+        self, robot: str, *, operators: Sequence[str] = (), frame: str = "", hand: bool = True
+    ) -> None:
+        self._robot, self._operators, self._frame, self._hand = robot, tuple(operators), frame, hand
+        self.session, self.name = 0, ""
+        self._since_ns = 0
+        self._alive: set[tuple[str, int]] = set()
+
+    def ask(self, join: Join, now_ns: int) -> Refused | None:
+        """Take in that somebody asks for the lead; return why it is refused, ``None`` if it is given."""
+        self.look(now_ns)
+        if (refused := self._refusal(join)) is not None:
+            return refused
+        if self.session == 0:
+            self.session, self.name, self._since_ns = join.session, join.name, now_ns
+        return None
+
+    def _refusal(self, join: Join) -> Refused | None:
+        robot = self._robot
+        if join.protocol != PROTOCOL:
+            return Refused(
+                f"robot {robot!r} speaks protocol {PROTOCOL}, this station {join.protocol}",
+                "install the same version of TEGA on both machines",
+            )
+        if join.session <= 0:
+            return Refused("a session's number has to be above 0")
+        if self._operators and join.name not in self._operators:
+            return Refused(
+                f"robot {robot!r} may not be led by {join.name!r}",
+                "name it in net.operators of the robot's settings",
+            )
+        if self.session not in {0, join.session}:
+            return Refused(
+                f"robot {robot!r} is led by {self.name!r} already",
+                f"ask {self.name!r} to end, then start again",
+            )
+        return self._lacking(join)
+
+    def _lacking(self, join: Join) -> Refused | None:
+        """Return what the station lacks that this robot needs."""
+        robot, frame = self._robot, self._frame
+        if self._hand and not join.muscles:
+            return Refused(f"robot {robot!r} has a hand, and this station has no EMG", "set [emg]")
+        if frame and not join.dead_man:
+            return Refused(
+                f"robot {robot!r} has an arm, and this station has no dead-man switch", "set [input.dead_man]"
+            )
+        if frame and join.frame != frame:
+            said = (
+                f"gives poses in the axes {join.frame!r}" if join.frame else "has nothing that leads an arm"
+            )
+            return Refused(
+                f"robot {robot!r} has an arm that wants poses in the axes {frame!r}; this station {said}",
+                "set [net.tracker] or [input.motion] here, or arm.mapping.frame in the robot's settings",
+            )
+        return None
+
+    def sign(self, name: str, session: int, *, alive: bool) -> bool:
+        """Take in a sign of life, or its end; return whether the leader has gone."""
+        if alive:
+            self._alive.add((name, session))
+            return False
+        self._alive.discard((name, session))
+        if session != self.session or name != self.name:
+            return False
+        self._free()
+        return True
+
+    def look(self, now_ns: int) -> bool:
+        """Return whether the leader has gone without ever having given a sign of life."""
+        if (
+            self.session == 0
+            or (self.name, self.session) in self._alive
+            or now_ns - self._since_ns <= _SIGN_NS
+        ):
+            return False
+        self._free()
+        return True
+
+    def _free(self) -> None:
+        self.session, self.name = 0, ""
+
+
+class Reception:
+    """Answers operators who ask to lead, and notices when one is gone.
+
+    Args:
+        leader: Who leads.
+        lock: The station's; held while who leads changes.
+        robot: The robot's name.
+        begin: Told of a session that begins, or with ``None`` that there is none any more, with the lock held.
+        tell: Told in a sentence what happens.
+
+    Attributes:
+        welcome: What an operator who leads is told; ``None`` while nobody may lead yet.
+    """
+
+    def __init__(
+        self,
+        leader: Leadership,
+        lock: threading.Lock,
+        *,
+        robot: str,
+        begin: Callable[[int | None], None],
+        tell: Callable[[str], None],
+    ) -> None:
+        self._leader, self._lock, self._robot = leader, lock, robot
+        self._begin, self._tell = begin, tell
+        self.welcome: Welcome | None = None
+
+    def is_leader(self, key: str) -> bool:
+        """Return whether a key such as ``cmd/NAME/hand`` is the leader's."""
+        return self._leader.session != 0 and key.split("/")[1] == self._leader.name
+
+    def join(self, key: str, asked: bytes) -> bytes:
+        """Return the answer to a question under ``join/NAME``."""
+        now_ns = time.monotonic_ns()
+        try:
+            join = decode(Join, asked)
+        except msgspec.DecodeError:
+            return encode(Refused("this question cannot be read", "install the same version of TEGA on both"))
+        if key != f"join/{join.name}":  # who asks is known by the key, which the certificate allows
+            return encode(Refused(f"{join.name!r} asked as somebody else"))
+        if self.welcome is None:
+            return encode(Refused(f"robot {self._robot!r} is still preparing", final=False))
+        with self._lock:
+            before = self._leader.session
+            refused = self._leader.ask(join, now_ns)
+            if refused is None and before != join.session:
+                self._begin(join.session)
+        if refused is not None:
+            self._tell(f"operator {join.name!r} was refused: {refused.why}")
+            return encode(refused)
+        if before != join.session:
+            self._tell(f"operator {join.name!r} leads")
+        return encode(msgspec.structs.replace(self.welcome, sent_ns=now_ns))
+
+    def watch(self, key: str, alive: bool) -> None:  # noqa: FBT001  # the link's signature
+        """Take in a sign of life under ``operator/NAME/SESSION``, or its end."""
+        _, name, number = key.split("/")
+        try:
+            session = int(number, 16)
+        except ValueError:
+            return
+        with self._lock:
+            gone = self._leader.sign(name, session, alive=alive)
+            if gone:
+                self._begin(None)
+        if gone:
+            self._tell(f"operator {name!r} is gone")
+
+    def look(self, now_ns: int) -> int:
+        """Return the leader's session, 0 for none; who asked and never gave a sign of life leads no more."""
+        with self._lock:
+            name = self._leader.name
+            gone = self._leader.look(now_ns)
+            if gone:
+                self._begin(None)
+            session = self._leader.session
+        if gone:
+            self._tell(f"operator {name!r} asked and then went")
+        return session

@@ -1,0 +1,304 @@
+"""Run the operator's station: muscles, switches, vest, page; touch and robot state come over the link."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+import tega
+from tega.errors import ConfigError
+from tega.records import EmgSamples
+from tega.records import Intent as IntentRecord
+from tega_link.forearm import ForearmReader
+from tega_link.gate import StampGate
+from tega_link.intent import IntentSender
+from tega_link.lead_request import Lead
+from tega_link.link import Channel
+from tega_link.messages import Change, Join, State, Welcome, decode
+from tega_link.samples import SampleSender
+from tega_link.station import Station
+from tega_link.touch import FarTouch, with_touch
+
+if TYPE_CHECKING:
+    from tega.config import SessionConfig
+    from tega.loop.inbox.inputs import Inputs
+    from tega.loop.inbox.prepared import Prepared
+    from tega.loop.inbox.wake import Bell
+    from tega.loop.latency import LatencyTrace
+    from tega.loop.moment import LoopView
+    from tega.loop.sinks import Sinks
+    from tega.records.bus import Bus
+    from tega.safety.guard import Guard
+
+
+class OperatorStation(Station):
+    """The operator's end of the link.
+
+    Args:
+        config: The session's settings.
+        bus: Tells what passes in the session, and is told what comes over the link for a recording.
+        tell: Told in a sentence what happens.
+        stop: Asked while the robot is looked for.
+    """
+
+    def __init__(
+        self, config: SessionConfig, bus: Bus, tell: Callable[[str], None], stop: Callable[[], bool]
+    ) -> None:
+        super().__init__(config, bus, tell)
+        net = self.net
+        self.tick_s = 1 / net.rate_hz
+        self._stop = stop
+        self._lost_ns = round(net.lost_ms * 1e6)
+        self._forearm = ForearmReader(config)
+        join = Join(
+            0,
+            net.own_name,
+            tega=str(tega.__version__),
+            frame=self._forearm.frame,
+            dead_man=config.input.dead_man is not None,
+            muscles=config.emg is not None,
+        )
+        self._lead = Lead(self._link, join, anew=self._clock.forget, given=self._welcomed)
+        self._state: State | None = None
+        self._state_ns = 0
+        self._states, self._events = StampGate(ttl_ns=10**12), StampGate(ttl_ns=10**12)
+        self._touch = FarTouch(net.robot, ttl_ns=round(net.ttl_ms * 1e6))
+        self._intent = IntentSender(self._forearm, lambda stream: self._stamp(self._lead.session, stream))
+        self._samples = SampleSender(
+            lambda: self._stamp(self._lead.session, "emg"), lambda: self._lead.is_recorded
+        )
+        bus.subscribe(EmgSamples, self._samples.take, name="link")
+        bus.subscribe(IntentRecord, self._levels, name="link")
+        self._was_lost = False
+        self._n_lost = 0
+
+    def open(self) -> None:
+        """Find the robot and take the lead.
+
+        Raises:
+            DeviceUnavailableError: It is not there, or somebody else leads it.
+            KeyboardInterrupt: ``stop`` said so.
+        """
+        link = self._link
+        link.open()
+        mine = f"cmd/{self.net.own_name}"
+        self._intent.open(
+            link.sends(f"{mine}/hand", Channel.COMMAND), link.sends(f"{mine}/arm", Channel.COMMAND)
+        )
+        self._samples.open(link.sends(f"{mine}/emg", Channel.RECORD))
+        self._clock.open(
+            link.sends(f"{mine}/clock/ping", Channel.COMMAND),
+            link.sends(f"{mine}/clock/pong", Channel.COMMAND),
+        )
+        link.hears("state", self._hear_state)
+        link.hears("event", self._hear_event)
+        link.hears("clock/*", lambda key, data: self._clock.hear(key, data, self._lead.session))
+        link.hears("tactile/features/*", self._hear_feature)
+        link.hears("tactile/image/*", self._hear_image)
+        self._start()
+        try:
+            self._lead.await_yes(self.net, self._stop)
+        except BaseException:
+            self.close()
+            raise
+
+    def end(self) -> None:
+        """Let go of hand and arm."""
+        self._leaving.set()
+        self._touch.end()
+        if self._thread is not None:
+            self._thread.join(2.0)
+        if self._lead.has and self._thread is not None and not self._error:
+            self._intent.let_go()
+        self._thread = None
+
+    def close(self) -> None:
+        """Give the lead back, and end the link."""
+        self.end()
+        self._lead.end()
+        super().close()
+
+    # The session's side.
+
+    def prepared(self, prepared: Prepared) -> Prepared:
+        """Add the robot's fingertips."""
+        welcome = self._lead.welcome
+        assert welcome is not None
+        robot, preset = self.net.robot, self._config.session.preset
+        if welcome.fingers and welcome.preset != preset:
+            raise ConfigError(
+                f"robot {robot!r} measures touch by the preset {welcome.preset!r}, this station uses {preset!r}",
+                "set session.preset alike in both files",
+            )
+        fingers = self._touch.fingers(welcome)
+        prepared = prepared._replace(calibration=with_touch(prepared.calibration, welcome, robot=robot))
+        return prepared._replace(fingers=fingers)
+
+    def sinks(self, sinks: Sinks) -> Sinks:
+        """Add the robot's hand."""
+        welcome = self._lead.welcome
+        if welcome is None or not welcome.hand:
+            return sinks
+        hand: Any = self._intent.give_hand(self.net.robot)
+        return sinks._replace(steered=hand)
+
+    def inputs(self, stack: ExitStack, inputs: Inputs) -> Inputs:
+        """Take note of the switches, and open what sees the forearm."""
+        self._forearm.open(stack, inputs)
+        return inputs
+
+    def begin(
+        self,
+        prepared: Prepared,
+        *,
+        start_ns: int,
+        bell: Bell | None,
+        trace: LatencyTrace | None,
+        guard: Guard,
+    ) -> None:
+        """Take in touch from now on."""
+        self._touch.begin(prepared, self._bus, start_ns=start_ns, bell=bell, trace=trace)
+        self._intent.begin(guard)
+        self._samples.begin(start_ns)
+        self._start_ns = start_ns
+
+    def _levels(self, intent: IntentRecord) -> None:
+        """Note the newest block of EMG; what is asked of the hand is the guard's decision."""
+        if self._start_ns is not None:
+            self._intent.block(self._start_ns + intent.t_ns, intent.channels)
+
+    def missing(self) -> str:
+        """Say that the robot does not answer, or does not want us."""
+        if self._error:
+            return self._error
+        robot = self.net.robot
+        if not self._lead.has:
+            refusal = self._lead.refusal
+            why = "" if refusal is None else f": {refusal.why}"
+            return f"link: robot {robot!r} is asked for the lead again{why}"
+        away_ns = time.monotonic_ns() - self._state_ns
+        if away_ns > self._lost_ns:
+            return f"link: no word from robot {robot!r} for {away_ns / 1e9:.1f} s; nothing is sent"
+        if (state := self._state) is not None and state.problem:
+            return f"link: the robot says: {state.problem.removeprefix('link: ')}"
+        return ""
+
+    def alert(self) -> str:
+        """Return what the robot's station says is wrong there."""
+        state = self._state
+        said = () if state is None else [a for a in state.alerts if not a.startswith("link: ")]
+        return f"robot: {'; '.join(said)}" if said else ""
+
+    def shown(self, view: LoopView) -> LoopView:
+        """Complete a moment with how link and arm are."""
+        state = self._state
+        return view._replace(link=self.words, arm="" if state is None else state.arm)
+
+    @property
+    def words(self) -> str:
+        """The led robot, its state and the link's, in one line."""
+        state, robot = self._state, self.net.robot
+        if not self._lead.has:
+            return f"robot {robot} does not answer"
+        said = f"leads {robot}"
+        if state is not None and state.state:
+            said += f" ({state.state}: {state.reason})" if state.state != "active" else " (active)"
+        if (way := self._touch.way).n:
+            said += f", touch on the way {way.at(0.5) / 1e6:.1f} ms"
+        return f"{said}, {self._clock.words}"
+
+    def summary(self) -> dict[str, Any]:
+        """Return the link's part of a run's summary."""
+        return self._link_summary() | {
+            "robot": self.net.robot,
+            "joined": self._lead.n,
+            "lost": self._n_lost,
+            "commands": self._intent.n,
+            **self._touch.summary(),
+        }
+
+    # The link's side.
+
+    def _turn(self, now_ns: int) -> None:
+        lead = self._lead
+        if not lead.has:
+            lead.ask(now_ns)
+            return
+        self._clock.ask(lead.session, now_ns)
+        lost = now_ns - self._state_ns > self._lost_ns
+        if lost != self._was_lost:
+            self._was_lost = lost
+            self._n_lost += lost
+            self._tell(f"robot {self.net.robot!r} {'does not answer' if lost else 'answers again'}")
+        self._touch.mind(lost=lost)
+        if lost:
+            return
+        self._intent.say_hand()
+        if self._start_ns is not None and lead.welcome is not None and lead.welcome.arm:
+            self._intent.say_arm()
+
+    def _welcomed(self, welcome: Welcome) -> None:
+        """Listen to a robot's station from its beginning."""
+        now_ns = time.monotonic_ns()
+        with self._lock:
+            self._states.begin(welcome.station)
+            self._events.begin(welcome.station)
+            self._touch.welcome(welcome)
+            self._clock.forget()
+        self._numbers.clear()
+        self._state, self._state_ns = None, now_ns
+        if self._lead.n:
+            self._tell(f"robot {self.net.robot!r} is led again")
+
+    def _hear_state(self, _key: str, data: bytes) -> None:
+        now_ns = time.monotonic_ns()
+        try:
+            state = decode(State, data)
+        except msgspec.DecodeError:
+            return
+        lead = self._lead
+        with self._lock:
+            # A time-to-live of its own has no use: a state is what the station says of itself, whenever it came.
+            refusal = self._states.refusal(state, now_ns, self._clock.offset(now_ns))
+        if self._leaving.is_set():  # the lead was given back
+            return
+        if lead.has and lead.welcome is not None and state.session != lead.welcome.station:
+            self._lose_lead("it was started again")
+        elif not lead.has or lead.welcome is None or refusal not in {"", "no clock"}:
+            return
+        elif state.sent_ns < lead.welcome.sent_ns:
+            return  # from before we led
+        elif state.leader != lead.session:
+            self._lose_lead("it does not listen to this session any more")
+        else:
+            self._state, self._state_ns = state, now_ns
+            if (hand := self._intent.hand) is not None:
+                hand.angles = state.angles_rad
+
+    def _lose_lead(self, why: str) -> None:
+        self._lead.lose()
+        self._state = None
+        self._tell(f"robot {self.net.robot!r} is asked for the lead again: {why}")
+
+    def _hear_event(self, _key: str, data: bytes) -> None:
+        now_ns = time.monotonic_ns()
+        try:
+            event = decode(Change, data)
+        except msgspec.DecodeError:
+            return
+        with self._lock:
+            refusal = self._events.refusal(event, now_ns, self._clock.offset(now_ns))
+        if refusal in {"", "no clock"}:
+            self._tell(f"robot {self.net.robot!r}: {event.change.state}: {event.change.reason}")
+
+    def _hear_feature(self, key: str, data: bytes) -> None:
+        with self._lock:
+            now_ns = time.monotonic_ns()
+            self._touch.feature(key.rpartition("/")[2], data, now_ns, self._clock.offset(now_ns))
+
+    def _hear_image(self, key: str, data: bytes) -> None:
+        self._touch.image(key.rpartition("/")[2], data, self._clock.offset(time.monotonic_ns()))

@@ -1,0 +1,288 @@
+"""Run the robot's station: hand, arm, fingertips, recorder, and everything that keeps them safe.
+
+The station trusts nothing that comes: whatever is not of the operator who leads, in order and young, is not used, and
+the session's own guard, the arm's chain and the arm's process each hold whatever the link does.
+"""
+
+from __future__ import annotations
+
+import secrets
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+import tega
+from tega.loop.inbox.inputs import Inputs, Seat
+from tega.loop.inbox.reader import Reader, read_items
+from tega.loop.inbox.sources import samples_of
+from tega.records import Contact, Picture, RunState
+from tega_link.commands import Commands
+from tega_link.ends import FarMuscles, FarSwitch, FarTracker, far_muscles
+from tega_link.leader import Leadership, Reception
+from tega_link.link import Channel
+from tega_link.messages import Change, Feature, State, Welcome, encode
+from tega_link.pictures import PictureSender
+from tega_link.samples import SampleReceiver
+from tega_link.station import Station
+
+if TYPE_CHECKING:
+    from tega.config import SessionConfig
+    from tega.devices.base import Tracker
+    from tega.loop.inbox.prepared import Prepared
+    from tega.loop.inbox.wake import Bell
+    from tega.loop.latency import LatencyTrace
+    from tega.records.bus import Bus
+    from tega.runtime.device_items import EmgChunk
+    from tega.safety.guard import Guard
+
+
+_STATE_NS = 100_000_000
+
+
+class RobotStation(Station):
+    """The robot's end of the link."""
+
+    def __init__(self, config: SessionConfig, bus: Bus, tell: Callable[[str], None]) -> None:
+        super().__init__(config, bus, tell)
+        bus.subscribe(Contact, self._contact, name="link")
+        net, arm = self.net, config.arm
+        self._session = secrets.randbits(62) | 1
+        frame = "" if arm is None else arm.mapping.frame
+        self._has_hand = config.hand.driver is not None
+        leader = Leadership(net.own_name, operators=net.operators, frame=frame, hand=self._has_hand)
+        self._leader = leader
+        self._reception = Reception(
+            leader, self._lock, robot=net.own_name, begin=self._begin_session, tell=tell
+        )
+        self._tracker = FarTracker(frame) if arm is not None else None
+        self._commands = Commands(
+            ttl_ns=round(net.ttl_ms * 1e6),
+            offset=self._clock.offset,
+            hand=self._has_hand,
+            tracker=self._tracker,
+        )
+        self._records = config.recording.dir is not None
+        self._muscles = FarMuscles()
+        self._samples = SampleReceiver(self._muscles)
+        self._reader: Reader[EmgChunk] | None = None
+        self._n_leaders = 0
+        self._features: dict[str, Callable[[bytes], None]] = {}
+        self._pictures: PictureSender | None = None
+        self._next_state_ns = 0
+
+    def open(self) -> None:
+        """Wait for operators.
+
+        Raises:
+            TegaError: See :class:`tega_link.link.Link`.
+        """
+        link = self._link
+        link.open()
+        self._send_state = link.sends("state", Channel.STATE)
+        self._send_event = link.sends("event", Channel.EVENT)
+        self._clock.open(link.sends("clock/ping", Channel.COMMAND), link.sends("clock/pong", Channel.COMMAND))
+        for finger in self._config.tactile.in_use():
+            self._features[finger] = link.sends(f"tactile/features/{finger}", Channel.FEATURES)
+        link.hears("cmd/*/hand", self._hear_command)
+        link.hears("cmd/*/arm", self._hear_command)
+        link.hears("cmd/*/emg", self._hear_samples)
+        link.hears("cmd/*/clock/*", self._hear_clock)
+        link.watches("operator/*/*", self._reception.watch)
+        link.answers("join/*", self._reception.join)
+        self._start()
+        self._tell(f"robot {self.net.own_name!r} waits for an operator at {self.net.listen}")
+
+    def end(self) -> None:
+        """Hand nothing more to the recording."""
+        if self._reader is not None:
+            self._reader.close()
+
+    def close(self) -> None:
+        """End the link."""
+        self.end()
+        if self._pictures is not None:
+            self._pictures.close()
+        super().close()
+
+    # The session's side.
+
+    def prepared(self, prepared: Prepared) -> Prepared:
+        """Add the operator's levels, and send pictures as they are read."""
+        if self.net.images_hz > 0 and prepared.fingers:
+            self._pictures = PictureSender(
+                self._link,
+                self._session,
+                rate_hz=self.net.images_hz,
+                quality=self.net.jpeg_quality,
+                wanted=lambda: self._leader.session != 0,
+            )
+            self._pictures.open(prepared.fingers)
+            self._bus.subscribe(Picture, self._pictures.see, name="link")
+        if self._has_hand:
+            prepared = prepared._replace(muscles=far_muscles(self._muscles, self._commands.blocks))
+        return prepared
+
+    def inputs(self, stack: ExitStack, inputs: Inputs) -> Inputs:  # noqa: ARG002
+        """Return the operator's switches, where there is an arm for them."""
+        if self._tracker is None:
+            return inputs
+        seats = {}
+        for name in ("dead_man", "clutch", "recover"):
+            source: Any = FarSwitch(name, partial(self._commands.switch, name))
+            seats[name] = Seat(source, None)
+        return Inputs(seats)
+
+    @property
+    def tracker(self) -> Tracker | None:
+        """The operator's forearm."""
+        far: Any = self._tracker
+        return far  # type: ignore[no-any-return]
+
+    def begin(
+        self,
+        prepared: Prepared,
+        *,
+        start_ns: int,
+        bell: Bell | None,
+        trace: LatencyTrace | None,
+        guard: Guard,
+    ) -> None:
+        """Let operators lead from now on."""
+        del bell, guard  # the loop is woken by its own pictures
+        pictures = self._pictures
+        self._reception.welcome = Welcome(
+            station=self._session,
+            fingers={name: f.source.info.rate_hz or 0.0 for name, f in prepared.fingers.items()},
+            hand=self._has_hand,
+            arm=self._tracker is not None,
+            tega=str(tega.__version__),
+            preset=self._config.session.preset,
+            baselines={} if pictures is None else pictures.baselines(prepared),
+            records=self._records,
+            touch={f: full for f in prepared.fingers if (full := prepared.calibration.touch(f)) is not None},
+        )
+        if self._records and prepared.muscles is not None:
+            source = prepared.muscles.source
+            self._reader = Reader(
+                "emg-read",
+                partial(read_items, source),
+                lambda chunk: self._bus.publish(samples_of(chunk, live=source.info.live, start_ns=start_ns)),
+            )
+        if pictures is not None:
+            pictures.start(start_ns)
+        traced = trace is not None and prepared.muscles is not None
+        self._commands.start(start_ns, trace.source("emg") if trace is not None and traced else None)
+        self._start_ns = start_ns
+
+    def missing(self) -> str:
+        """Say that nobody leads, or that the leader's commands do not come."""
+        if self._error:
+            return self._error
+        if self._leader.session == 0:
+            return "link: no operator leads"
+        return self._commands.missing(self._leader.name)
+
+    def _contact(self, contact: Contact) -> None:
+        """Send what one picture says, in the loop's thread."""
+        if self._start_ns is None or self._leader.session == 0:
+            return
+        stamp = self._stamp(self._session, contact.finger)
+        feature = Feature(**stamp, t_ns=self._start_ns + contact.t_ns, contact=contact)
+        self._features[contact.finger](encode(feature))
+
+    def changed(self, change: RunState) -> None:
+        """Tell that the run's state has changed, here and to the operator."""
+        super().changed(change)
+        stamp = self._stamp(self._session, "event")
+        self._send_event(encode(Change(**stamp, change=change)))
+        self._next_state_ns = 0
+
+    @property
+    def words(self) -> str:
+        """The leader, the commands and the clock, in one line."""
+        if not self._leader.session:
+            return "waits for an operator"
+        commands = self._commands
+        said = f"led by {self._leader.name}, {commands.rate_hz:.0f} commands/s"
+        if commands.way.n:
+            said += f", way {commands.way.at(0.5) / 1e6:.1f} ms"
+        said += f", {self._clock.words}"
+        if refused := commands.refused:
+            said += ", refused: " + ", ".join(f"{n} {why}" for why, n in refused.items())
+        return said
+
+    def summary(self) -> dict[str, Any]:
+        """Return the link's part of a run's summary."""
+        commands = self._commands
+        with self._lock:
+            commands.keep_counts()
+        return self._link_summary() | {
+            "way_ms": commands.way.summary_ms() if commands.way.n else None,
+            "leaders": self._n_leaders,
+            "commands": commands.n,
+            "refused_commands": commands.refused_in_all,
+            "features": {f: self._numbers.get(f, -1) + 1 for f in self._features},
+            "images": {} if self._pictures is None else self._pictures.sent,
+        }
+
+    # The link's side: in Zenoh's threads.
+
+    def _begin_session(self, session: int | None) -> None:
+        """Listen to a session, or to none; with the lock held."""
+        self._commands.begin(session)
+        self._samples.begin(session)
+        self._clock.forget()
+        self._n_leaders += session is not None
+        self._next_state_ns = 0
+
+    def _hear_clock(self, key: str, data: bytes) -> None:
+        if self._reception.is_leader(key):
+            self._clock.hear(key, data, self._leader.session)
+
+    def _hear_samples(self, key: str, data: bytes) -> None:
+        if self._records and self._reception.is_leader(key):
+            now_ns = time.monotonic_ns()
+            self._samples.take(data, now_ns, self._clock.offset(now_ns))
+
+    def _hear_command(self, key: str, data: bytes) -> None:
+        commands, for_arm = self._commands, key.endswith("/arm")
+        with self._lock:
+            if not self._reception.is_leader(key):
+                commands.foreign("arm" if for_arm else "hand")
+            elif for_arm:
+                commands.arm(data)
+            else:
+                commands.hand(data)
+
+    def _turn(self, now_ns: int) -> None:
+        session = self._reception.look(now_ns)
+        if session:
+            self._clock.ask(session, now_ns)
+        self._commands.count_rate(now_ns)
+        if now_ns >= self._next_state_ns:
+            self._next_state_ns = now_ns + _STATE_NS
+            self._say_state(session)
+
+    def _say_state(self, session: int) -> None:
+        view = self._view
+        said = State(
+            **self._stamp(self._session, "state"),
+            leader=session,
+            leader_name=self._leader.name,
+            refused=self._commands.refused,
+            problem=self.missing() if session else "",
+        )
+        if view is not None:
+            said = msgspec.structs.replace(
+                said,
+                state=view.state,
+                reason=view.reason,
+                alerts=tuple(view.alerts),
+                arm=view.arm,
+                angles_rad=tuple(view.angles_rad or ()),
+            )
+        self._send_state(encode(said))

@@ -1,0 +1,193 @@
+"""Show the robot's fingertips at the operator's station: what they feel, and their pictures for display."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+
+from tega.errors import CalibrationError
+from tega.loop.inbox.histogram import Histogram
+from tega.loop.inbox.reader import Reader, read_items
+from tega.loop.inbox.sources import metrics_of, picture_of
+from tega.loop.inbox.stream import LiveStream
+from tega_link.ends import FarFinger
+from tega_link.gate import StampGate, refused_by
+from tega_link.messages import Feature, Image, Welcome, decode
+from tega_link.pictures import unpacked
+
+if TYPE_CHECKING:
+    from tega.config.calibration import Calibration
+    from tega.devices.base import TactileFrame
+    from tega.loop.inbox.prepared import Finger, Prepared
+    from tega.loop.inbox.sources import Contact, SourceReport
+    from tega.loop.inbox.wake import Bell
+    from tega.loop.latency import LatencyTrace
+    from tega.records.bus import Bus
+    from tega_link.clock import Offset
+
+
+def with_touch(calibration: Calibration, welcome: Welcome, *, robot: str) -> Calibration:
+    """Return a calibration that also knows what counts as full touch of a robot's fingertips.
+
+    What it knows itself stays; else what the robot's station knows is taken.
+
+    Raises:
+        CalibrationError: Of a fingertip neither knows it, or it was made for another preset.
+    """
+    known = {name: calibration.touch(name) or welcome.touch.get(name) for name in welcome.fingers}
+    for name, full in known.items():
+        if full is None:
+            raise CalibrationError(
+                f"what counts as full touch of the {name} of robot {robot!r} is known neither here nor there",
+                "at the robot: tega-teleop calibrate ROBOT.toml --person ID, then robot ROBOT.toml --person ID",
+            )
+    if known and calibration.preset != welcome.preset:
+        raise CalibrationError(
+            f"the calibration was made with preset {calibration.preset!r}, the run uses {welcome.preset!r}",
+            "calibrate again under the conditions of this run, or run under those of the calibration",
+        )
+    tactile = msgspec.structs.replace(calibration.tactile, **known)
+    return msgspec.structs.replace(calibration, tactile=tactile)
+
+
+class FarTouch:
+    """All fingertips of a robot.
+
+    Args:
+        robot: Its name.
+        ttl_ns: How old what comes may be.
+
+    Attributes:
+        way: How long touch was on its way, by the clock's estimate.
+    """
+
+    def __init__(self, robot: str, *, ttl_ns: int) -> None:
+        self._robot, self._ttl_ns = robot, ttl_ns
+        self._fingers: dict[str, _RobotFinger] = {}
+        self._gates: dict[str, StampGate] = {}
+        self._start_ns: int | None = None
+        self._ring: Callable[[], None] = lambda: None
+        self._readers: list[Reader[TactileFrame]] = []
+        self.way = Histogram()
+
+    def welcome(self, welcome: Welcome) -> None:
+        """Listen to a robot's station from its beginning."""
+        for name in welcome.fingers:
+            self._gates.setdefault(name, StampGate(ttl_ns=self._ttl_ns))
+        for gate in self._gates.values():
+            gate.begin(welcome.station)
+
+    def fingers(self, welcome: Welcome) -> dict[str, Finger]:
+        """Return the fingertips as a run starts with them."""
+        from tega.loop.inbox.prepared import Finger
+        from tega.loop.inbox.sources import SourceReport
+
+        fingers = {}
+        for name, rate_hz in welcome.fingers.items():
+            report = SourceReport()
+            source: Any = FarFinger(name, self._robot, rate_hz=rate_hz)
+            stream: LiveStream[Contact] = LiveStream()
+            stream.on_loss = report.drop
+            baseline = unpacked(welcome.baselines[name]) if name in welcome.baselines else None
+            if baseline is None:
+                baseline = np.zeros((0, 0, 3), np.uint8)
+            self._fingers[name] = _RobotFinger(source, stream, report)
+            fingers[name] = Finger(source, baseline, f"at robot {self._robot!r}", report, None, stream)
+        return fingers
+
+    def begin(
+        self, prepared: Prepared, bus: Bus, *, start_ns: int, bell: Bell | None, trace: LatencyTrace | None
+    ) -> None:
+        """Give the loop what comes from now on."""
+        for name, far in self._fingers.items():
+            if trace is not None:
+                far.stamp = trace.source(name)
+            source = prepared.fingers[name].source
+            tell = partial(_tell, bus, name, start_ns=start_ns)
+            self._readers.append(Reader(f"{name}-pictures-read", partial(read_items, source), tell))
+        if bell is not None:
+            self._ring = bell.ring
+        self._start_ns = start_ns
+
+    def end(self) -> None:
+        """Read no more pictures."""
+        for reader in self._readers:
+            reader.close()
+        self._readers.clear()
+
+    def mind(self, *, lost: bool) -> None:
+        """Take note of whether the robot answers."""
+        for far in self._fingers.values():
+            far.mind(lost=lost)
+
+    def feature(self, name: str, data: bytes, now_ns: int, offset: Offset | None) -> None:
+        """Take in the contact in one picture."""
+        far, gate, start_ns = self._fingers.get(name), self._gates.get(name), self._start_ns
+        if far is None or gate is None or start_ns is None:
+            return
+        try:
+            feature = decode(Feature, data)
+        except msgspec.DecodeError:
+            gate.malformed()
+            return
+        if feature.malformed():
+            gate.malformed()
+            return
+        if gate.refusal(feature, now_ns, offset) or offset is None:
+            return
+        use_by_ns = offset.earliest(feature.sent_ns) + self._ttl_ns
+        far.take(min(offset.ours(feature.t_ns), now_ns) - start_ns, now_ns, feature, use_by_ns=use_by_ns)
+        self.way.add(now_ns - offset.ours(feature.sent_ns))
+        self._ring()
+
+    def image(self, name: str, data: bytes, offset: Offset | None) -> None:
+        """Take in a picture for display."""
+        far = self._fingers.get(name)
+        if far is None or offset is None or self._start_ns is None:
+            return
+        try:
+            image = decode(Image, data)
+        except msgspec.DecodeError:
+            return
+        far.source.show(offset.ours(image.t_ns), image.number, image.jpeg)
+
+    def summary(self) -> dict[str, Any]:
+        """Return how much came and how long that took, and how much of it was not used."""
+        came = {name: far.report.n_items for name, far in self._fingers.items()}
+        way_ms = self.way.summary_ms() if self.way.n else None
+        return {"way_ms": way_ms, "features": came, "refused_features": refused_by(self._gates.values())}
+
+
+def _tell(bus: Bus, finger: str, frame: TactileFrame, *, start_ns: int) -> None:
+    bus.publish(picture_of(finger, frame, received_ns=time.monotonic_ns(), start_ns=start_ns))
+
+
+class _RobotFinger:
+    """A fingertip at the robot's station, and where what comes of it goes."""
+
+    def __init__(self, source: FarFinger, stream: LiveStream[Contact], report: SourceReport) -> None:
+        self.source, self._stream, self.report = source, stream, report
+        self.stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None
+        self._next = 0
+
+    def take(self, t_ns: int, received_ns: int, feature: Feature, *, use_by_ns: int) -> None:
+        """Take in what one picture says."""
+        self.report.n_items += 1
+        self.report.n_missing += max(0, feature.sequence - self._next) if self._next else 0
+        self._next = feature.sequence + 1
+        t_ns = max(t_ns, self._stream.end_ns)  # the clock's estimate may have moved back a little
+        self.stamp(t_ns, received_ns)
+        self._stream.put((t_ns, metrics_of(feature.contact)), use_by_ns=use_by_ns)
+
+    def mind(self, *, lost: bool) -> None:
+        """Take note of whether the robot answers."""
+        if lost and not self.report.lost:
+            self.report.lose("no data from the robot")
+            self._next = 0
+        elif not lost:
+            self.report.lost = ""

@@ -1,0 +1,160 @@
+"""Send the markers of one run to other programs, and record theirs."""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import TYPE_CHECKING, Any
+
+from tega.records import Alert, Button, Event, HeardMarker, Record, RunState
+from tega.records.bus import Backlog
+from tega_markers.lsl_in import Heard, LslMarkersIn
+from tega_markers.lsl_out import LslMarkersOut
+from tega_markers.lsl_streams import LslStreams
+
+if TYPE_CHECKING:
+    from tega.config import MarkersSection
+    from tega.records.bus import Bus
+
+
+class RunMarkers:
+    """Sends what a run does, and records what others mark. Make it early: streams take a second to find each other.
+
+    =====================  ==========================================================
+    marker                 when
+    =====================  ==========================================================
+    ``session:start``      at the zero of the session's times
+    ``trial:NAME``         likewise; the recording's name without ending, or ``start``
+    ``state:STATE``        at every change of the run's state
+    ``fault:NAME:WORDS``   when something goes wrong
+    ``fault-over:NAME``    when it is well again
+    ``pedal:BUTTON``       when a button of the seat ``marker`` goes down
+    ``touch:KIND:FINGER``  when a finger touches (``contact``), lets go (``release``), or ``touch:slip``
+    =====================  ==========================================================
+
+    Args:
+        settings: Which streams.
+        bus: Told what others mark; tells what there is to mark.
+
+    Raises:
+        MissingExtraError: pylsl is not installed.
+    """
+
+    def __init__(self, settings: MarkersSection, bus: Bus) -> None:
+        self._settings = settings
+        self._lock = threading.Lock()
+        self._early: list[Heard] = []
+        self._bus = bus
+        self._zero_ns = self._start_ns = 0
+        self._counts_real = self._begun = False
+        self._waiting = Backlog("markers")
+        self._out = None if settings.lsl_out is None else LslMarkersOut(settings.lsl_out)
+        self._in = None if settings.lsl_in is None else LslMarkersIn(settings.lsl_in, self._heard)
+        self._streams: LslStreams | None = None
+        if settings.lsl_streams:
+            prefix = settings.lsl_out or "tega"
+            self._streams = LslStreams(settings.lsl_streams, prefix, bus, self._waiting, at_ns=self._at_ns)
+        if self._out is not None:
+            told: tuple[tuple[type[Record], Any], ...] = (
+                (RunState, self._state),
+                (Alert, self._alert),
+                (Button, self._button),
+                (Event, self._event),
+            )
+            for kind, mark in told:
+                bus.subscribe(kind, mark, name="markers", backlog=self._waiting)
+
+    def problem(self) -> str:
+        """Return why nothing is heard, ``""`` while all is well; asked again and again, it also sees who listens."""
+        if self._out is not None:
+            self._out.greet()
+        return "" if self._in is None else self._in.problem
+
+    def begin(self, zero_ns: int, *, trial: str, real: bool, emg_hz: float | None = None) -> None:
+        """Begin, at the start of the session or just after.
+
+        Args:
+            zero_ns: The start on the session's clock.
+            trial: Name of the trial that begins.
+            real: Whether that is the monotonic clock.
+            emg_hz: Samples a second of the EMG source, where there is one that says so.
+        """
+        with self._lock:
+            self._counts_real, self._zero_ns = real, zero_ns
+            self._start_ns = zero_ns if real else time.monotonic_ns()
+            self._begun = True
+            early, self._early = self._early, []
+        for heard in early:
+            self._heard(heard)
+        if self._streams is not None:
+            self._streams.begin(emg_hz)
+        self._tell("session:start", self._start_ns)
+        self._tell(f"trial:{trial}", self._start_ns)
+
+    def summary(self) -> dict[str, Any]:
+        """Return the counts of the markers, sent and heard."""
+        said: dict[str, Any] = {}
+        if self._out is not None:
+            said["out"] = {"stream": self._settings.lsl_out, "sent": self._out.n_pushed}
+        if self._streams is not None:
+            said["streams"] = dict(self._streams.n_pushed)
+        if self._in is not None:
+            correction_s = self._in.correction_s
+            said["in"] = {
+                "stream": self._settings.lsl_in,
+                "heard": self._in.n_heard,
+                "clock_correction_s": correction_s,
+                "problem": self._in.problem,
+            }
+        return said
+
+    def close(self) -> None:
+        """Stop listening, and take the own stream away."""
+        self._waiting.close()
+        if self._streams is not None:
+            self._streams.close()
+        if self._in is not None:
+            self._in.close()
+        if self._out is not None:
+            self._out.close()
+
+    def _tell(self, text: str, at_ns: int) -> None:
+        if self._out is not None:
+            self._out.push(text, at_ns)
+
+    def _state(self, change: RunState) -> None:
+        self._tell(f"state:{change.state}", self._at_ns(change.t_ns))
+
+    def _alert(self, alert: Alert) -> None:
+        words = f"fault:{alert.name}:{alert.said}" if alert.said else f"fault-over:{alert.name}"
+        self._tell(words, self._at_ns(alert.t_ns))
+
+    def _button(self, button: Button) -> None:
+        if button.seat == "marker" and button.pressed:
+            # Devices stamp with the monotonic clock, whatever the session counts from.
+            self._tell(f"pedal:{button.button}", self._zero_ns + button.t_ns)
+
+    def _event(self, event: Event) -> None:
+        self._tell(f"touch:{event.kind}:{event.finger}".rstrip(":"), self._at_ns(event.t_ns))
+
+    def _at_ns(self, t_ns: int) -> int:
+        """Return when on the monotonic clock a time of the session was; now, where that is no real time."""
+        if self._counts_real:
+            return self._start_ns + t_ns
+        return time.monotonic_ns() - round(self._waiting.waited_s * 1e9)
+
+    def _heard(self, heard: Heard) -> None:
+        with self._lock:
+            if not self._begun:
+                self._early.append(heard)
+                return
+        start_ns = self._start_ns
+        marker = HeardMarker(
+            t_ns=heard.at_ns - start_ns,
+            received_ns=heard.received_ns - start_ns,
+            text=heard.text,
+            source=f"lsl:{self._settings.lsl_in}",
+            stamp_s=heard.stamp_s,
+            correction_s=heard.correction_s,
+        )
+        self._bus.publish(marker)

@@ -1,0 +1,1 @@
+"""Commands for practice: Fitts tests and vest lessons."""

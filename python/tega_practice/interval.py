@@ -1,0 +1,57 @@
+"""Estimate a mean and its 95 % interval over people or conditions, by Student's t."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from statistics import fmean, stdev
+from typing import Literal
+
+import msgspec
+
+from tega.errors import InvalidValueError
+from tega_study.packages import scipy_stats
+
+__all__ = ["Interval", "mean_interval"]
+
+
+class Interval(msgspec.Struct, frozen=True, kw_only=True):
+    """Mean with its 95 % interval.
+
+    Attributes:
+        mean: Over the units.
+        low: Lower end; ``None`` with one unit, which says nothing of how units differ.
+        high: Upper end.
+        n: Number of units.
+    """
+
+    mean: float
+    low: float | None = None
+    high: float | None = None
+    n: int
+
+    @property
+    def side(self) -> Literal[-1, 0, 1]:
+        """Sign of the mean where the interval leaves 0 out; else 0."""
+        if self.low is not None and self.low > 0:
+            return 1
+        return -1 if self.high is not None and self.high < 0 else 0
+
+
+def mean_interval(values: Sequence[float]) -> Interval:
+    """Return the mean of some values with its interval by t, n - 1 degrees of freedom.
+
+    Raises:
+        InvalidValueError: There is no value.
+        MissingExtraError: SciPy is not installed.
+
+    Example:
+        >>> mean_interval([1.0, 2.0, 3.0]).mean
+        2.0
+    """
+    if not values:
+        raise InvalidValueError("an interval needs at least one value")
+    if len(values) == 1:
+        return Interval(mean=values[0], n=1)
+    mean = fmean(values)
+    reach = float(scipy_stats().t.ppf(0.975, len(values) - 1)) * stdev(values) / len(values) ** 0.5
+    return Interval(mean=mean, low=mean - reach, high=mean + reach, n=len(values))

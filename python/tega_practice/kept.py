@@ -1,0 +1,216 @@
+"""Keep the results of Fitts tests, one file each, per person and decoder, and compare decoders with intervals."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from statistics import fmean
+from typing import ClassVar, Final, Literal
+
+import msgspec
+
+from tega.config.calibration.folder import CalibrationFolder
+from tega.config.calibration.records import CalibrationRecord, read_record, write_record
+from tega.errors import CalibrationError
+from tega_practice.fitts import FittsScore, Movement, fitts_score
+from tega_practice.interval import Interval, mean_interval
+
+__all__ = ["DecoderSkill", "FittsRecord", "compare_kept", "keep_fitts", "kept_fitts"]
+
+_NONE: Final = -1.0
+
+
+class FittsRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format", tag="tega-fitts"):
+    """Result of a Fitts test: the headline, and every movement, from which all figures can be had again.
+
+    Attributes:
+        person: Who.
+        preset: Rules of the levels.
+        decoder: Name of the decoder; with the rules, the preset's too.
+        options: Its options, as JSON.
+        seed: Of the conditions' order.
+        dwell_s: So long the cursor had to stay.
+        timeout_s: After so long the next target came.
+        cursor_step: Closure between neighbouring places of the cursor.
+        throughput_bits_s: Mean over the conditions.
+        completion_percent: Movements that hit.
+        path_efficiency_percent: Of the hits; left out without any.
+        overshoots: Per movement.
+        movements: A row a movement: distance, width, centre, start, entry, end-point (-1: none), time_s, path,
+            overshoots, 1 where it began inside its target.
+    """
+
+    comments: ClassVar[dict[str, str]] = {
+        "throughput_bits_s": "ISO 9241-411, on closure; mean over distances and widths",
+        "overshoots": "a movement",
+        "movements": "distance, width, centre, start, entry, end (-1: none), time_s, path, overshoots, began inside",
+    }
+
+    person: str
+    preset: Literal["paper", "live"]
+    decoder: str
+    options: str = ""
+    seed: int
+    dwell_s: float
+    timeout_s: float
+    cursor_step: float
+    throughput_bits_s: float
+    completion_percent: float
+    path_efficiency_percent: float | None = None
+    overshoots: float
+    movements: tuple[tuple[float, ...], ...]
+
+    def score(self) -> FittsScore:
+        """Return the figures of the movements.
+
+        Raises:
+            CalibrationError: A row is not one of a movement.
+        """
+        return fitts_score([_moved(row) for row in self.movements], cursor_step=self.cursor_step)
+
+
+def movement_row(one: Movement) -> tuple[float, ...]:
+    """Return a movement as a row of numbers."""
+    return tuple(float(_NONE if value is None else value) for value in one)
+
+
+def _moved(row: tuple[float, ...]) -> Movement:
+    if len(row) != len(Movement._fields) or not all(map(math.isfinite, row)):
+        raise CalibrationError(f"movement {row} is not {len(Movement._fields)} numbers", "do the test again")
+    distance, width, centre, start, entry, endpoint, time_s, path, overshoots, inside = row
+    ends = None if endpoint < 0 else endpoint
+    return Movement(
+        distance,
+        width,
+        centre,
+        start,
+        entry,
+        ends,
+        time_s,
+        path,
+        int(overshoots),
+        inside_at_start=bool(inside),
+    )
+
+
+def keep_fitts(record: FittsRecord, folder: CalibrationFolder) -> Path:
+    """Write a result into the person's folder; return the file."""
+    path = folder.person(record.person) / "fitts" / f"{record.made.strftime('%Y%m%d-%H%M%S')}.toml"
+    write_record(record, path)
+    return path
+
+
+def kept_fitts(folder: CalibrationFolder, person: str | None = None) -> list[FittsRecord]:
+    """Return the results of a person, or of everybody, oldest first.
+
+    Raises:
+        CalibrationError: A file is damaged.
+    """
+    who = "*" if person is None else folder.person(person).name
+    files = sorted(folder.path.glob(f"people/{who}/fitts/*.toml"))
+    return sorted((read_record(file, FittsRecord) for file in files), key=lambda record: record.made)
+
+
+class DecoderSkill(msgspec.Struct, frozen=True, kw_only=True):
+    """Skill with one decoder, beside that with the first one named.
+
+    Attributes:
+        decoder: Its name.
+        person: Who; ``None``: over people.
+        tests: How many tests.
+        unit: What the intervals go over: ``conditions`` of one person, or ``people``.
+        throughput_bits_s: Mean and interval.
+        completion: Share of movements, mean over the tests.
+        path_efficiency: Likewise; ``None`` without a hit.
+        overshoots: A movement, likewise.
+        difference_bits_s: Throughput less that of the first decoder, paired by unit; ``None`` for the first.
+    """
+
+    decoder: str
+    person: str | None
+    tests: int
+    unit: Literal["conditions", "people"]
+    throughput_bits_s: Interval
+    completion: float
+    path_efficiency: float | None
+    overshoots: float
+    difference_bits_s: Interval | None = None
+
+
+_Unit = tuple[float, float] | str
+
+
+def compare_kept(records: Sequence[FittsRecord], decoders: Sequence[str] = ()) -> list[DecoderSkill]:
+    """Compare decoders: within each person over the conditions, and over people where there are two or more.
+
+    Args:
+        records: Results.
+        decoders: Which, the first being what the others are compared with; none means all, by name.
+
+    Raises:
+        CalibrationError: There is no result.
+    """
+    if not records:
+        raise CalibrationError("no Fitts test was kept", "tega-teleop emg fitts SETTINGS.toml --person ID")
+    names = list(decoders) or sorted({record.decoder for record in records})
+    people = sorted({record.person for record in records})
+    found = []
+    for person in people:
+        mine = [record for record in records if record.person == person]
+        found += _beside(mine, names, person, {name: _by_condition(_of(mine, name)) for name in names})
+    if len(people) > 1:
+        over: dict[str, dict[_Unit, float]] = {}
+        for name in names:
+            scores = {
+                person: [r.score() for r in _of(records, name) if r.person == person] for person in people
+            }
+            over[name] = {
+                who: fmean(one.throughput_bits_s for one in some) for who, some in scores.items() if some
+            }
+        found += _beside(records, names, None, over)
+    return found
+
+
+def _of(records: Sequence[FittsRecord], decoder: str) -> list[FittsRecord]:
+    return [record for record in records if record.decoder == decoder]
+
+
+def _by_condition(records: list[FittsRecord]) -> dict[_Unit, float]:
+    values: dict[_Unit, list[float]] = {}
+    for record in records:
+        for one in record.score().conditions:
+            values.setdefault((one.distance, one.width), []).append(one.throughput_bits_s)
+    return {kind: fmean(some) for kind, some in values.items()}
+
+
+def _beside(
+    records: Sequence[FittsRecord],
+    names: list[str],
+    person: str | None,
+    units: dict[str, dict[_Unit, float]],
+) -> list[DecoderSkill]:
+    found = []
+    first = units[names[0]]
+    for name in names:
+        mine, values = [r.score() for r in _of(records, name)], units[name]
+        if not mine:
+            continue
+        both = [unit for unit in values if unit in first]
+        efficient = [one.path_efficiency for one in mine if one.path_efficiency is not None]
+        found.append(
+            DecoderSkill(
+                decoder=name,
+                person=person,
+                tests=len(mine),
+                unit="people" if person is None else "conditions",
+                throughput_bits_s=mean_interval(list(values.values())),
+                completion=fmean(one.completion for one in mine),
+                path_efficiency=fmean(efficient) if efficient else None,
+                overshoots=fmean(one.overshoots for one in mine),
+                difference_bits_s=mean_interval([values[u] - first[u] for u in both])
+                if name != names[0] and both
+                else None,
+            )
+        )
+    return found

@@ -1,0 +1,181 @@
+"""Teach a person to read a mapping on the vest: shown, practised with a staircase, then tested for a score."""
+
+from __future__ import annotations
+
+import json
+import random
+from pathlib import Path
+from statistics import fmean
+from typing import TYPE_CHECKING, Final
+
+import msgspec
+
+from tega.config.calibration.folder import device_name
+from tega.config.calibration.records import utc_now
+from tega.setup.calibration.guide import Bar, Guide
+from tega.setup.calibration.person import whose
+from tega.stages.choose import chosen_stage
+from tega_practice.two_down_one_up import TwoDownOneUp
+from tega_practice.vest_kept import VestSkillRecord, keep_vest_skill
+from tega_practice.vest_lesson import Aspect, Cue, Lesson, cue, even, words_of
+
+if TYPE_CHECKING:
+    from tega.config import SessionConfig
+    from tega.devices.base import VestSink
+    from tega.runtime.clock import Clock
+
+
+BASE: Final = 0.4
+"""Firmness of the lighter of two touches that are compared, as a share of the maximum."""
+
+_GAP_S = 0.5
+_IN_A_ROW, _MOST_ASKED = 4, 12
+
+
+def learn_vest(
+    config: SessionConfig,
+    vest: VestSink,
+    guide: Guide,
+    *,
+    questions: int = 30,
+    seed: int = 0,
+    test_only: bool = False,
+    clock: Clock | None = None,
+) -> tuple[VestSkillRecord, Path]:
+    """Teach and test a person, and keep the score.
+
+    Shown is what the mapping shows differently: a question that it cannot answer is not asked. Practice goes on until
+    four answers in a row are right, twelve questions at most; a staircase finds the smallest difference of firmness
+    that is told. In the test nothing is said about right and wrong.
+
+    Args:
+        config: The settings, with ``calibration.person``.
+        vest: The open vest, with what is left of the person's day.
+        guide: Shows and asks.
+        questions: How many the test has, at least two for each thing that can be shown.
+        seed: Of the order.
+        test_only: Leave out lesson, practice and staircase.
+        clock: Time.
+
+    Returns:
+        The score, and where it is kept.
+
+    Raises:
+        Undecided: Nobody is there to answer.
+        ConfigError: The mapping shows a value that only a real metric measures.
+        CalibrationError: No person is named, or motors are warm or the day's vibration is nearly used up.
+        DeviceUnavailableError: The vest went away.
+    """
+    person, folder = whose(config.calibration)
+    lesson = Lesson(config, vest, clock)
+    chance = random.Random(seed)
+    before_s = lesson.dose_s()
+    chosen = chosen_stage("mapping", config.stages, config.session.preset)
+    threshold = None
+    if not test_only:
+        _teach(lesson, guide, chosen.name)
+        for aspect in lesson.aspects:
+            _practise(lesson, aspect, guide, chance)
+        if any(aspect.name == "firmness" for aspect in lesson.aspects):
+            threshold = _compare(lesson, guide, chance)
+    answers = _test(lesson, guide, chance, questions)
+    record = VestSkillRecord(
+        device=device_name(vest.info),
+        driver=vest.info.driver,
+        made=utc_now(),
+        person=person,
+        mapping=chosen.name,
+        options=json.dumps(msgspec.to_builtins(chosen.options, enc_hook=str)),
+        seed=seed,
+        right_percent=round(100 * fmean(shown == said for _, shown, said, _ in answers), 1),
+        chance_percent=round(100 * fmean(1 / n for *_, n in answers), 1),
+        difference_percent=None if threshold is None else round(100 * threshold, 1),
+        dose_s=round(lesson.dose_s() - before_s, 2),
+        answers=tuple(answers),
+    )
+    return record, keep_vest_skill(record, folder)
+
+
+def _teach(lesson: Lesson, guide: Guide, mapping: str) -> None:
+    """Show every answer of every aspect, each with its words, as often as the person wants."""
+    guide.part("What it feels like", f"The mapping {mapping} shows contacts. Each is named, then shown.")
+    for aspect in lesson.aspects:
+        guide.ready(f"Next: {aspect.name}")
+        while True:
+            for shown in aspect.cues:
+                guide.say(f"Now: {shown.words}")
+                lesson.play(shown)
+                lesson.pause(_GAP_S)
+            if guide.ask("Once more?", {"y": "yes", "n": "no"}) == "n":
+                break
+
+
+def _practise(lesson: Lesson, aspect: Aspect, guide: Guide, chance: random.Random) -> None:
+    guide.part(f"Practice: {aspect.name}", f"{_IN_A_ROW} right answers in a row, or {_MOST_ASKED} questions.")
+    row = 0
+    for n in range(_MOST_ASKED):
+        shown = chance.choice(aspect.cues)
+        guide.show(aspect.name, [Bar("in a row", row / _IN_A_ROW, f"{row} of {_IN_A_ROW}")], None)
+        right = _asked(lesson, aspect, shown, guide, again=True) == shown.key
+        guide.say(
+            f"Right: {shown.words}" if right else f"No: {shown.words}", tone="good" if right else "warn"
+        )
+        row = row + 1 if right else 0
+        if row == _IN_A_ROW or n + 1 == _MOST_ASKED:
+            return
+
+
+def _compare(lesson: Lesson, guide: Guide, chance: random.Random) -> float | None:
+    """Find the smallest difference of firmness that is told; the staircase makes it harder and easier."""
+    guide.part("Which was firmer?", "Two touches come one after the other; they become more and more alike.")
+    guide.ready("Attend to how strong each is")
+    stairs = TwoDownOneUp(start=0.4, least=0.02, most=1 - BASE)
+    finger = next(a for a in lesson.aspects if a.name == "firmness").cues[0].finger
+    while not stairs.ended:
+        guide.show("Which was firmer?", [Bar("done", stairs.share, f"{stairs.n_asked} asked")], None)
+        pair = [
+            cue("1", "the lighter", finger, even(BASE)),
+            cue("2", "the firmer", finger, even(BASE + stairs.difference)),
+        ]
+        chance.shuffle(pair)
+        for one in pair:
+            lesson.play(one)
+            lesson.pause(_GAP_S)
+        said = guide.ask("Which was firmer?", {"1": "the first", "2": "the second"})
+        right = pair[int(said) - 1].words == "the firmer"
+        guide.say("Right" if right else "No, the other one", tone="good" if right else "warn")
+        stairs.answer(right=right)
+    found = stairs.threshold
+    told = "not settled" if found is None else f"{100 * found:.0f} % of the maximum"
+    guide.say(f"Smallest difference of firmness: {told}", tone="plain" if found is None else "good")
+    return found
+
+
+def _test(
+    lesson: Lesson, guide: Guide, chance: random.Random, questions: int
+) -> list[tuple[str, str, str, int]]:
+    """Ask about every aspect equally often, each of its answers equally often, in an order of chance."""
+    each = questions / len(lesson.aspects)
+    asked = [
+        (aspect, shown)
+        for aspect in lesson.aspects
+        for shown in aspect.cues * max(2, round(each / len(aspect.cues)))
+    ]
+    chance.shuffle(asked)
+    guide.part("Test", f"{len(asked)} questions. Nothing is said about right and wrong until the end.")
+    guide.ready("Attend to the vest")
+    answers = []
+    for n, (aspect, shown) in enumerate(asked):
+        guide.show("Test", [Bar("done", n / len(asked), f"{n} of {len(asked)}")], None)
+        said = _asked(lesson, aspect, shown, guide, again=False)
+        answers.append((aspect.name, shown.key, said, len(aspect.cues)))
+    return answers
+
+
+def _asked(lesson: Lesson, aspect: Aspect, shown: Cue, guide: Guide, *, again: bool) -> str:
+    """Play and ask, again as often as that is the answer."""
+    answers = {**words_of(aspect), **({"a": "again"} if again else {})}
+    while True:
+        lesson.play(shown)
+        if (said := guide.ask(aspect.question, answers)) != "a" or not again:
+            return said

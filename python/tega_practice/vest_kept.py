@@ -1,0 +1,97 @@
+"""Keep what a person could tell by the vest: a score for each test, by person and mapping."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from statistics import fmean
+from typing import ClassVar, NamedTuple
+
+from tega.config.calibration.folder import CalibrationFolder
+from tega.config.calibration.records import CalibrationRecord, read_record, write_record
+from tega.errors import CalibrationError
+
+
+class AspectScore(NamedTuple):
+    """Answers to one kind of question.
+
+    Attributes:
+        aspect: What was asked about.
+        asked: How many.
+        right: Share of right answers, 0 to 1.
+        chance: Share that guessing gives.
+    """
+
+    aspect: str
+    asked: int
+    right: float
+    chance: float
+
+
+class VestSkillRecord(
+    CalibrationRecord, frozen=True, kw_only=True, tag_field="format", tag="tega-vest-skill"
+):
+    """Result of a test of the vest, and what the staircase found before it.
+
+    Attributes:
+        person: Who.
+        mapping: Name of the mapping.
+        options: Its options, as JSON.
+        seed: Of the order.
+        right_percent: Right answers of the test.
+        chance_percent: What guessing gives.
+        difference_percent: Difference of firmness that is told in 71 % of pairs, of the maximum; left out where the
+            staircase did not settle, or was not run.
+        dose_s: What lesson and test used of the day of the most driven motor, seconds of full drive.
+        answers: A row a question of the test: about what, what was shown, what was said, how many answers there were.
+    """
+
+    comments: ClassVar[dict[str, str]] = {
+        "right_percent": "of the test's questions",
+        "difference_percent": "of the maximum, told in 71 % of pairs",
+        "dose_s": "seconds of full drive, of the most driven motor",
+        "answers": "about what, shown, said, answers to choose from",
+    }
+
+    person: str
+    mapping: str
+    options: str = ""
+    seed: int
+    right_percent: float
+    chance_percent: float
+    difference_percent: float | None = None
+    dose_s: float
+    answers: tuple[tuple[str, str, str, int], ...]
+
+    def scores(self) -> list[AspectScore]:
+        """Return the score of each aspect, in the order of their first questions.
+
+        Raises:
+            CalibrationError: There is no answer.
+        """
+        if not self.answers:
+            raise CalibrationError("the record has no answer", "do the test again")
+        aspects = dict.fromkeys(row[0] for row in self.answers)
+        found = []
+        for aspect in aspects:
+            rows = [row for row in self.answers if row[0] == aspect]
+            right = fmean(shown == said for _, shown, said, _ in rows)
+            found.append(AspectScore(aspect, len(rows), right, fmean(1 / max(row[3], 1) for row in rows)))
+        return found
+
+
+def keep_vest_skill(record: VestSkillRecord, folder: CalibrationFolder) -> Path:
+    """Write a result into the person's folder; return the file."""
+    path = folder.person(record.person) / "vest-skill" / f"{record.made.strftime('%Y%m%d-%H%M%S')}.toml"
+    write_record(record, path)
+    return path
+
+
+def kept_vest_skill(folder: CalibrationFolder, person: str, mapping: str) -> list[VestSkillRecord]:
+    """Return a person's results with a mapping, oldest first.
+
+    Raises:
+        CalibrationError: A file is damaged.
+    """
+    files = sorted((folder.person(person) / "vest-skill").glob("*.toml"))
+    records = (read_record(file, VestSkillRecord) for file in files)
+    return sorted((one for one in records if one.mapping == mapping), key=lambda one: one.made)

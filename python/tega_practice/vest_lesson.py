@@ -1,0 +1,273 @@
+"""Play contacts on a vest as the settings' mapping shows them, for a person who learns what they feel like."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from tega.config import DEFAULT_LAYOUT
+from tega.config.calibration import TouchMaxima
+from tega.devices.base import BudgetedVest
+from tega.errors import CalibrationError, DeviceUnavailableError
+from tega.haptics import FINGERS, FeltMap, MotorLevels
+from tega.loop.touch import TouchLoop
+from tega.records import Contact, Event
+from tega.runtime.clock import Clock, SystemClock
+from tega.stages.choose import chosen_stage, vest_mapping
+
+if TYPE_CHECKING:
+    from tega.config import SessionConfig
+    from tega.devices.base import VestSink
+
+_REFRESH_NS = 33_333_333
+_TOUCHES_S, _CHANGES_S, _LETS_GO_S, _ENDS_S = 0.2, 0.8, 1.4, 2.6
+_PIXELS = 10_000.0
+
+
+class TaughtTouch(NamedTuple):
+    """Touch of a finger: CCI and EDA as shares of the maxima, and how far down the picture."""
+
+    cci: float
+    eda: float
+    down: float = 0.5
+
+
+class Cue(NamedTuple):
+    """One thing to be told apart.
+
+    Attributes:
+        key: What is typed for it.
+        words: What it is.
+        finger: Which finger touches.
+        press: How, to begin with.
+        then: How from the middle on.
+        slips: Whether the object slips in the middle.
+    """
+
+    key: str
+    words: str
+    finger: str
+    press: TaughtTouch
+    then: TaughtTouch
+    slips: bool = False
+
+
+class Aspect(NamedTuple):
+    """A question and its answers."""
+
+    name: str
+    question: str
+    cues: tuple[Cue, ...]
+
+
+def even(share: float) -> TaughtTouch:
+    """Return a touch that is as sharp as it is wide."""
+    return TaughtTouch(share, share)
+
+
+def cue(
+    key: str,
+    words: str,
+    finger: str,
+    press: TaughtTouch,
+    then: TaughtTouch | None = None,
+    *,
+    slips: bool = False,
+) -> Cue:
+    """Return a cue, of an even touch unless it changes."""
+    return Cue(key, words, finger, press, press if then is None else then, slips)
+
+
+def all_aspects(fingers: Sequence[str]) -> tuple[Aspect, ...]:
+    """Return every question that a contact of these fingers can be asked about."""
+    one = "index" if "index" in fingers else fingers[0]
+    return (
+        Aspect(
+            "finger",
+            "Which finger?",
+            tuple(cue(finger[0], f"the {finger}", finger, even(0.7)) for finger in fingers),
+        ),
+        Aspect(
+            "firmness",
+            "How firm?",
+            (cue("l", "a light touch", one, even(0.4)), cue("f", "a firm touch", one, even(0.95))),
+        ),
+        Aspect(
+            "kind",
+            "Of which kind?",
+            (
+                cue("s", "sharp: a point or an edge", one, TaughtTouch(0.95, 0.35)),
+                cue("b", "broad: a face", one, TaughtTouch(0.35, 0.95)),
+            ),
+        ),
+        Aspect(
+            "change",
+            "What happened?",
+            (
+                cue("f", "it became firmer", one, even(0.5), even(0.95)),
+                cue("l", "it became lighter", one, even(0.8), even(0.35)),
+            ),
+        ),
+        Aspect(
+            "place",
+            "Where on the fingertip?",
+            (
+                cue("e", "near its end", one, TaughtTouch(0.8, 0.8, 0.05)),
+                cue("b", "near the joint", one, TaughtTouch(0.8, 0.8, 0.95)),
+            ),
+        ),
+        Aspect(
+            "slip",
+            "Did it slip?",
+            (cue("y", "it slipped", one, even(0.7), slips=True), cue("n", "it held", one, even(0.7))),
+        ),
+    )
+
+
+class Lesson:
+    """Plays cues on a vest by the mapping of some settings.
+
+    Args:
+        config: The settings; threshold and step of the vest are the person's.
+        vest: The open vest.
+        clock: Time.
+
+    Attributes:
+        aspects: What the mapping shows differently, and can be asked about.
+
+    Raises:
+        ConfigError: The mapping shows a value that only a real metric measures, such as a force.
+        CalibrationError: The mapping shows nothing differently.
+    """
+
+    def __init__(self, config: SessionConfig, vest: VestSink, clock: Clock | None = None) -> None:
+        self._config, self._vest, self._clock = config, vest, clock or SystemClock()
+        self._start_ns = self._clock.now_ns()
+        self._fingers = tuple(config.tactile.in_use()) or FINGERS
+        options = chosen_stage("mapping", config.stages, config.session.preset).options
+        self._full = {"cci": 1.0, "eda": _PIXELS}
+        for face in ("front", "back"):
+            name, full = getattr(options, face, ""), getattr(options, f"{face}_max", None)
+            if name in self._full and full is not None:
+                self._full[name] = full
+        tip = getattr(options, "picture_px", (320, 240))
+        self._size = tip[0] - 1, tip[1] - 1
+        self._end = getattr(options, "tip", "up")
+        self.aspects = tuple(aspect for aspect in all_aspects(self._fingers) if self._tells(aspect))
+        if not self.aspects:
+            raise CalibrationError(
+                "the mapping shows no contact differently from another", "tega-teleop stages"
+            )
+
+    def play(self, shown: Cue) -> None:
+        """Play a cue, 2.6 s; the vest is silent after it, however it ends.
+
+        Raises:
+            DeviceUnavailableError: The vest went away.
+            CalibrationError: Motors are warm, or the person's dose of the day is nearly used up: what was felt was
+                weaker than what was asked for, and would teach something wrong.
+        """
+        lowered = self._lowered()
+        with self.silence():
+            start_ns = self._clock.now_ns()
+            for t_ns, frame in self.frames(shown):
+                self._clock.sleep_until(start_ns + t_ns)
+                sent = self._vest.write(self._now_ns(), frame)
+                if frame.intensities.any() and not sent.intensities.any() and self._lowered() == lowered:
+                    notes = "; ".join(self._vest.info.notes) or "its link was down"
+                    raise DeviceUnavailableError(f"the vest did not show {shown.words!r}: {notes}")
+        if self._lowered() > lowered:
+            raise CalibrationError(
+                "motors are warm, or the day's vibration is nearly used up: the vest showed less than was asked for",
+                "go on when it has cooled; tomorrow, if that does not help",
+            )
+
+    def pause(self, seconds: float) -> None:
+        """Wait."""
+        self._clock.sleep_until(self._clock.now_ns() + round(seconds * 1e9))
+
+    @contextmanager
+    def silence(self) -> Iterator[None]:
+        """Leave the vest at zero, however the block is left."""
+        try:
+            yield
+        finally:
+            self._vest.write(self._now_ns(), self._loop().silence())
+
+    def dose_s(self) -> float:
+        """Return what the most driven motor has used of its day, seconds of full drive; 0 without a budget."""
+        return float(self._vest.budget.dose_s.max()) if isinstance(self._vest, BudgetedVest) else 0.0
+
+    def frames(self, shown: Cue) -> list[tuple[int, MotorLevels]]:
+        """Return the frames of a cue, with their times, nanoseconds from its beginning."""
+        loop = self._loop()
+        found, touched = [], False
+        for n in range(math.ceil(_ENDS_S * 1e9 / _REFRESH_NS)):
+            t_ns = n * _REFRESH_NS
+            t_s, before_s = t_ns * 1e-9, (t_ns - _REFRESH_NS) * 1e-9
+            on = _TOUCHES_S <= t_s < _LETS_GO_S
+            press = (shown.press if t_s < _CHANGES_S else shown.then) if on else None
+            kinds = []
+            if on != touched:
+                kinds.append("contact" if on else "release")
+            if shown.slips and before_s < _CHANGES_S <= t_s:
+                kinds.append("slip")
+            touched = on
+            contacts = {
+                f: self._contact(f, t_ns, press if f == shown.finger else None) for f in self._fingers
+            }
+            events = tuple(Event(t_ns=t_ns, finger=shown.finger, kind=kind, confidence=1.0) for kind in kinds)
+            found.append((t_ns, loop.shown(t_ns, contacts, events if loop.mapping.wants_events else ())))
+        return found
+
+    def _loop(self) -> TouchLoop:
+        vest, preset = self._config.vest, self._config.session.preset
+        felt = None
+        if (vest.threshold, vest.step) != (0.0, 1.0):
+            felt = FeltMap(threshold=vest.threshold, step=vest.step)
+        full = TouchMaxima(cci_max=self._full["cci"], eda_max=self._full["eda"])
+        return TouchLoop(
+            dict.fromkeys(self._fingers, full),
+            layout=vest.layout or DEFAULT_LAYOUT[preset],
+            mirror=vest.mirror,
+            felt=felt,
+            mapping=vest_mapping(self._config.stages, preset),
+        )
+
+    def _contact(self, finger: str, t_ns: int, press: TaughtTouch | None) -> Contact:
+        if press is None:
+            return Contact(finger=finger, t_ns=t_ns, in_contact=False)
+        down = {"up": press.down, "left": press.down}.get(self._end, 1 - press.down)
+        shares = (0.5, down) if self._end in {"up", "down"} else (down, 0.5)
+        return Contact(
+            finger=finger,
+            t_ns=t_ns,
+            in_contact=True,
+            cci=self._full["cci"] * press.cci,
+            eda=round(self._full["eda"] * press.eda),
+            centroid_xy=(shares[0] * self._size[0], shares[1] * self._size[1]),
+            strength=(press.cci + press.eda) / 2,
+            broad=press.eda / (press.cci + press.eda),
+        )
+
+    def _tells(self, aspect: Aspect) -> bool:
+        """Whether every answer of an aspect is shown otherwise than the rest."""
+        steps = {b"".join(frame.levels.tobytes() for _, frame in self.frames(one)) for one in aspect.cues}
+        return len(steps) == len(aspect.cues) > 1
+
+    def _lowered(self) -> int:
+        return self._vest.budget.n_lowered if isinstance(self._vest, BudgetedVest) else 0
+
+    def _now_ns(self) -> int:
+        return self._clock.now_ns() - self._start_ns
+
+
+def words_of(aspect: Aspect) -> Mapping[str, str]:
+    """Return the answers of an aspect by key."""
+    return {one.key: one.words for one in aspect.cues}
+
+
+SECONDS: Final = _ENDS_S
+"""How long one cue lasts."""

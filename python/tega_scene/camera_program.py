@@ -1,0 +1,52 @@
+"""Film with one scene camera as a program of its own, so that encoding never holds the run's interpreter lock.
+
+:class:`~tega_scene.filmed_run.RunCameras` starts it. Packets, small pictures for the page and counts go to its output.
+Where its input ends it encodes what it has, says its counts, and ends.
+"""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+
+from tega.runtime.every import every
+from tega.runtime.object_pipe import program_pipes, receive_object
+from tega_scene.filming import Filming
+
+_TOLD_S = 0.25
+# Where the run has no real-time priority it goes first so.
+_NICE = 5
+
+
+def main() -> None:
+    """Film from the run's word on until its input ends."""
+    asked, answers = program_pipes()
+    try:
+        camera, shows, gives_way = receive_object(asked)
+    except EOFError:  # the run was killed as soon
+        return
+    if gives_way and hasattr(os, "nice"):
+        os.nice(_NICE)
+    try:
+        film = Filming(
+            camera,
+            give=lambda packets: answers.say("video", packets) if packets else None,
+            show=(lambda t_ns, image: answers.say("shown", t_ns, image)) if shows else None,
+            reopens=True,
+        )
+        film.open()
+    except Exception as error:  # the run tells it
+        answers.say("failed", error)
+        return
+    answers.say("open")
+    film.start()
+    with every(lambda: answers.say("tally", film.tally), every_s=_TOLD_S):
+        with suppress(EOFError):
+            film.begin(receive_object(asked))
+            receive_object(asked)  # nothing more is asked: this waits for the end
+        film.leave()
+    answers.say("tally", film.tally)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,482 @@
+"""Print tags, calibrate scene cameras, and score lifts from their videos: ``tega-teleop scene``."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import click
+
+from tega.ui.cli.options import echo_json, json_option
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tega_scene.outcomes import SceneOutcome
+
+_FILE = click.Path(path_type=Path, dir_okay=False)
+_FOLDER = click.Path(path_type=Path, file_okay=False)
+
+
+@click.group(epilog="Example: tega-teleop scene score lift.mp4 --lens cam.json --layout tags.toml")
+def scene() -> None:
+    """Score lifts by cameras that see printed tags on table, hand and object."""
+
+
+def _mark(_ctx: click.Context, _option: click.Parameter, text: str | None) -> tuple[float, float] | None:
+    """Read a mark such as 50,-87, millimetres, into metres; a usage error where it is none."""
+    from tega_scene.resting import checked_mark
+
+    if text is None:
+        return None
+    try:
+        x_mm, y_mm = map(float, text.split(","))
+    except ValueError:
+        raise click.UsageError(f"--mark {text}: write it as 50,-87, in millimetres") from None
+    return checked_mark((x_mm / 1000, y_mm / 1000))
+
+
+def _optics(function: Callable[..., None], *, required: bool = True) -> Callable[..., None]:
+    for option in (
+        click.option(
+            "--mark", "mark", metavar="X,Y", callback=_mark,
+            help="Second mark, on which the object is to be put down: mm from the first one, along the table's axes.",
+        ),
+        click.option(
+            "--harm-mm", type=click.FloatRange(0.1, 100), default=6.0, show_default=True,
+            help="How far the object must narrow to count as deformed, mm.",
+        ),
+        click.option(
+            "--layout", "layout_file", type=_FILE, required=required, metavar="TAGS.toml",
+            help="File that says where the tags are.",
+        ),
+        click.option(
+            "--lens", "lens_file", type=_FILE, required=required, metavar="CAM.json", help="The camera's intrinsics."
+        ),
+    ):  # fmt: skip
+        function = option(function)
+    return function
+
+
+@scene.command(
+    epilog="Example: tega-teleop scene tags tags.pdf --layout tags.toml --height-mm 260 --base-mm 82"
+)
+@click.argument("out", type=_FILE, metavar="OUT.pdf")
+@click.option(
+    "--layout", "layout_file", type=_FILE, metavar="TAGS.toml",
+    help="Print this layout's tags; where the file is missing, write the example's into it.",
+)  # fmt: skip
+@click.option(
+    "--height-mm",
+    type=click.FloatRange(50, 1000),
+    default=260.0,
+    help="Height of the object, for the example.",
+)
+@click.option(
+    "--base-mm",
+    type=click.FloatRange(20, 500),
+    default=82.0,
+    help="Diameter of the object's base, for the example.",
+)
+@json_option
+def tags(*, out: Path, layout_file: Path | None, height_mm: float, base_mm: float, as_json: bool) -> None:
+    """Write tags and the calibration board to scale, as PDF or SVG on A4.
+
+    Print at 100 % and measure the line of 100 mm. With --json: {"files": [...], "layout": file, "tags": n}.
+    """
+    from tega_scene.layout import example_layout, load_layout, save_layout
+    from tega_scene.sheets import board_page, tag_pages, write_pages
+
+    if layout_file is not None and layout_file.exists():
+        layout = load_layout(layout_file)
+    else:
+        layout = example_layout(height_mm=height_mm, base_mm=base_mm)
+        if layout_file is not None:
+            save_layout(layout_file, layout)
+    files = write_pages(out, [*tag_pages(layout), board_page()])
+    n_tags = sum(len(body.all_tags()) for body in layout.bodies().values())
+    if as_json:
+        echo_json({"files": [str(file) for file in files], "layout": str(layout_file or ""), "tags": n_tags})
+        return
+    click.echo(f"{', '.join(map(str, files))}: {n_tags} tags and the calibration board")
+    if layout_file is not None:
+        click.echo(
+            f"{layout_file}: where they are; measure heights and distances on your object, and change them"
+        )
+
+
+@scene.command(epilog="Example: tega-teleop scene calibrate 0 cam.json")
+@click.argument("source")
+@click.argument("out", type=_FILE, metavar="CAM.json")
+@click.option(
+    "--size",
+    metavar="WxH",
+    default="1920x1080",
+    show_default=True,
+    help="Width and height of the camera's pictures.",
+)
+@json_option
+def calibrate(*, source: str, out: Path, size: str, as_json: bool) -> None:
+    """Calibrate a camera's lens with the printed board: number, /dev/video0, rtsp://, a video or a folder of pictures.
+
+    The command says where to hold the board next and takes the pictures itself. With --json: the intrinsics: width,
+    height, fx, fy, cx, cy, distortion, rms_px, n_views.
+    """
+    import msgspec
+
+    from tega_scene.lens import save_lens
+    from tega_scene.sources import calibrate_from
+
+    lens = calibrate_from(source, parse_size(size), tell=lambda line: click.echo(line, err=True))
+    save_lens(out, lens)
+    if as_json:
+        echo_json(msgspec.to_builtins(lens))
+        return
+    click.echo(f"{out}: {lens.n_views} views fit to {lens.rms_px:.3f} px; focal length {lens.fx:.0f} px")
+
+
+def parse_size(text: str) -> tuple[int, int]:
+    """Read a size such as 1920x1080; a usage error where it is none."""
+    width, _, height = text.lower().partition("x")
+    if not (width.isdecimal() and height.isdecimal() and len(text) < 12):
+        raise click.UsageError(f"--size {text}: write it as 1920x1080")
+    return int(width), int(height)
+
+
+@scene.command(epilog="Example: tega-teleop scene score lift.mp4 --lens cam.json --layout tags.toml")
+@click.argument("video", type=_FILE)
+@_optics
+@click.option(
+    "--begin-s", type=float, help="Start of the trial on the video's clock; its first picture unless given."
+)
+@click.option(
+    "--end-s", type=float, help="End of the trial on the video's clock; the last picture unless given."
+)
+@json_option
+def score(
+    *,
+    video: Path,
+    lens_file: Path,
+    layout_file: Path,
+    harm_mm: float,
+    mark: tuple[float, float] | None,
+    begin_s: float | None,
+    end_s: float | None,
+    as_json: bool,
+) -> None:
+    """Score one lift from a video: lift-off, 0.2 m, stable, slips, deformations, drop, put down, placed, with errors.
+
+    With --json: {"events": [{"kind", "t_s", "t_error_s", "size_m", "size_error_m"}], "success", "slid_m",
+    "slid_error_m", "narrowing_m", "narrowing_error_m", "height_m", "along_mm", "across_mm", "seen", "placed",
+    "hand_seen", "longest_gap_s", "notes", "rest": {"at_mm", "error_mm", "lean_deg", "since_s", "error_s", "stood_s",
+    "let_go"}, "off_mark_m", "off_mark_error_m", "on_mark"}.
+    """
+    import math
+
+    import msgspec
+
+    from tega_scene.layout import load_layout
+    from tega_scene.lens import load_lens
+    from tega_scene.outcomes import score_scene
+    from tega_scene.pictures import read_pictures
+    from tega_scene.track import track_scene
+
+    lens, layout = load_lens(lens_file), load_layout(layout_file)
+    pictures = read_pictures(
+        video,
+        begin_s=-math.inf if begin_s is None else begin_s,
+        end_s=math.inf if end_s is None else end_s,
+    )
+    outcome = score_scene(
+        track_scene(pictures, lens, layout),
+        layout,
+        begin_s=begin_s,
+        end_s=end_s,
+        harm_m=harm_mm / 1000,
+        mark_m=mark,
+    )
+    if as_json:
+        echo_json(msgspec.to_builtins(outcome))
+        return
+    _tell(outcome)
+
+
+def _tell(outcome: SceneOutcome, indent: str = "") -> None:
+    for event in outcome.events:
+        size = f", {1000 * event.size_m:.2f} ± {1000 * event.size_error_m:.2f} mm" if event.size_m else ""
+        click.echo(
+            f"{indent}{event.t_s:7.3f} s ± {1000 * event.t_error_s:.0f} ms  {event.kind.replace('_', '-')}{size}"
+        )
+    narrow = ""
+    if outcome.narrowing_m is not None and outcome.narrowing_error_m is not None:
+        narrow = f", narrowed {1000 * outcome.narrowing_m:.2f} ± {1000 * outcome.narrowing_error_m:.2f} mm"
+    click.echo(
+        f"{indent}{'lifted and held' if outcome.success else 'not lifted and held'}; "
+        f"slid {1000 * outcome.slid_m:.2f} ± {1000 * outcome.slid_error_m:.2f} mm{narrow}; one picture places the "
+        f"object to {outcome.along_mm:.2f} mm along the view, {outcome.across_mm:.2f} mm across"
+    )
+    if outcome.on_mark is not None:
+        click.echo(f"{indent}{'placed' if outcome.on_mark else 'not placed'} on the second mark")
+    if outcome.rest is not None:
+        click.echo(f"{indent}{outcome.rest.said()}")
+    for note in outcome.notes:
+        click.echo(f"{indent}look: {note}")
+
+
+@scene.command(
+    epilog="Example: tega-teleop scene measure my-study p01 cam.mp4 --lens cam.json --layout tags.toml"
+)
+@click.argument("folder", type=_FOLDER)
+@click.argument("participant")
+@click.argument("video", type=_FILE, required=False)
+@click.option(
+    "--camera", metavar="NAME", help="Which camera of the settings, where several filmed the trials."
+)
+@partial(_optics, required=False)
+@json_option
+def measure(
+    *,
+    folder: Path,
+    participant: str,
+    video: Path | None,
+    camera: str | None,
+    lens_file: Path | None,
+    layout_file: Path | None,
+    harm_mm: float,
+    mark: tuple[float, float] | None,
+    as_json: bool,
+) -> None:
+    """Score the trials of a study's session by a camera; study score compares them with the raters.
+
+    Without a video: by what a camera of the settings filmed into each trial's recording. Writes
+    sessions/ID/measured.jsonl. With --json: {"trials": [{"participant", "trial", "attempt", "object", "outcome",
+    "problem"}]}, an outcome as scene score says it.
+    """
+    import msgspec
+
+    from tega_scene.layout import load_layout
+    from tega_scene.lens import load_lens
+    from tega_study.measuring import measure_session
+
+    if video is not None and camera is not None:
+        raise click.UsageError("a video is of one camera: leave out --camera or the file")
+    if video is not None and (lens_file is None or layout_file is None):
+        raise click.UsageError("a video needs --lens CAM.json and --layout TAGS.toml")
+    found = measure_session(
+        folder,
+        participant,
+        video,
+        None if lens_file is None else load_lens(lens_file),
+        None if layout_file is None else load_layout(layout_file),
+        camera=camera,
+        harm_m=harm_mm / 1000,
+        mark_m=mark,
+    )
+    if as_json:
+        echo_json({"trials": msgspec.to_builtins(found)})
+        return
+    for one in found:
+        again = " again" if one.attempt > 1 else ""
+        click.echo(f"{one.participant} trial {one.trial}{again}, {one.object}: {one.problem or 'measured'}")
+        if one.outcome is not None:
+            _tell(one.outcome, "  ")
+
+
+@scene.command(
+    epilog="Example: tega-teleop scene confirm my-study p01 7 --rater r1 --strike 12 --add slip=4.2"
+)
+@click.argument("folder", type=_FOLDER)
+@click.argument("participant")
+@click.argument("trial", type=click.IntRange(1, 10_000))
+@click.option("--rater", required=True, metavar="ID", help="Code of the rater who looked at the video.")
+@click.option("--attempt", type=click.IntRange(1, 2), default=1, help="Which attempt of the trial.")
+@click.option("--strike", "struck", type=int, multiple=True, metavar="N", help="Event N did not happen.")
+@click.option("--add", "added", multiple=True, metavar="KIND=SECONDS", help="The camera missed this.")
+@click.option(
+    "--list", "only_list", is_flag=True, help="Show the events with their numbers, and write nothing."
+)
+@json_option
+def confirm(
+    *,
+    folder: Path,
+    participant: str,
+    trial: int,
+    rater: str,
+    attempt: int,
+    struck: tuple[int, ...],
+    added: tuple[str, ...],
+    only_list: bool,
+    as_json: bool,
+) -> None:
+    """Confirm what the camera measured of a trial, or correct it; the camera's own account stays as it is.
+
+    With --json: {"events": [{"n", "kind", "t_ns"}]}, those that count now; with --list those that were measured.
+    """
+    from tega_study.measured import read_measured
+    from tega_study.measuring import CORRECTED, confirm_trial
+
+    if only_list:
+        events = [
+            event
+            for event in read_measured(folder, participant)
+            if (event.trial, event.attempt) == (trial, attempt) and event.kind in CORRECTED
+        ]
+        if as_json:
+            echo_json({"events": [{"n": one.n, "kind": one.kind, "t_ns": one.t_ns} for one in events]})
+            return
+        for event in events:
+            click.echo(f"{event.n}: {event.text}")
+        return
+    wanted = []
+    for text in added:
+        kind, _, t_s = text.partition("=")
+        try:
+            wanted.append((kind, float(t_s)))
+        except ValueError:
+            raise click.UsageError(f"--add {text}: write it as slip=4.2") from None
+    events = confirm_trial(folder, participant, trial, rater, attempt=attempt, struck=struck, added=wanted)
+    if as_json:
+        echo_json({"events": [{"n": one.n, "kind": one.kind, "t_ns": one.t_ns} for one in events]})
+        return
+    told = ", ".join(one.kind for one in events) or "nothing"
+    click.echo(f"{participant} trial {trial}, as {rater} has it: {told}")
+
+
+@scene.command(
+    epilog="Example: tega-teleop scene record session.mcap --camera front=0 --camera side=/dev/video2"
+)
+@click.argument("out", type=_FILE, metavar="OUT.mcap")
+@click.option(
+    "--camera",
+    "cameras",
+    multiple=True,
+    required=True,
+    metavar="NAME=SOURCE",
+    help="Name and address of a camera; repeatable.",
+)
+@click.option(
+    "--size", metavar="WxH", default="1920x1080", show_default=True, help="Width and height of the pictures."
+)
+@click.option(
+    "--rate-hz", type=click.FloatRange(1, 240), default=30.0, show_default=True, help="Pictures a second."
+)
+@click.option(
+    "--video",
+    type=click.Choice(["h264", "av1"]),
+    default="h264",
+    show_default=True,
+    help="Format of the recorded video.",
+)
+@click.option(
+    "--seconds", type=click.FloatRange(0.1), help="Seconds after which recording stops; else Ctrl-C stops it."
+)
+@json_option
+def record(
+    *,
+    out: Path,
+    cameras: tuple[str, ...],
+    size: str,
+    rate_hz: float,
+    video: Literal["h264", "av1"],
+    seconds: float | None,
+    as_json: bool,
+) -> None:
+    """Record cameras (number, /dev/video0, rtsp://, a video file) on the clock that sessions of this machine keep.
+
+    With --json: {"cameras": {name: {"pictures", "seen", "dropped", "missed", "longest_gap_s", "lost", "trouble"}}}.
+    """
+    import time
+
+    import msgspec
+
+    from tega.safety.ctrl_c import CtrlC
+    from tega_scene.record import record_cameras
+
+    named = dict(text.partition("=")[::2] for text in cameras)
+    if len(named) < len(cameras) or not all(named.values()):
+        raise click.UsageError("--camera: write each as front=0, with a name of its own")
+    end_s = None if seconds is None else time.monotonic() + seconds
+    with CtrlC() as stop:
+        found = record_cameras(
+            out,
+            named,
+            size=parse_size(size),
+            rate_hz=rate_hz,
+            stop=lambda: stop() or (end_s is not None and time.monotonic() >= end_s),
+            video=video,
+        )
+    if as_json:
+        echo_json({"cameras": msgspec.to_builtins(found)})
+        return
+    for name, tally in found.items():
+        click.echo(
+            f"{name}: {tally.pictures} pictures, {tally.dropped} dropped, {tally.missed} missed, longest gap "
+            f"{1000 * tally.longest_gap_s:.0f} ms"
+            f"{'; ' + tally.trouble if tally.trouble else ''}"
+        )
+
+
+@scene.command(epilog="Example: tega-teleop scene export session.mcap front front.mp4")
+@click.argument("recording", type=_FILE)
+@click.argument("name")
+@click.argument("out", type=_FILE, metavar="OUT.mp4")
+@json_option
+def export(*, recording: Path, name: str, out: Path, as_json: bool) -> None:
+    """Write a recorded camera as MP4 with a time code beside it (OUT.times.csv); nothing is encoded anew.
+
+    With --json: {"pictures": n, "file": ..., "times": ...}.
+    """
+    from tega_scene.pictures import times_path
+    from tega_scene.record import export_camera
+
+    n = export_camera(recording, name, out)
+    if as_json:
+        echo_json({"pictures": n, "file": str(out), "times": str(times_path(out))})
+        return
+    click.echo(f"{out}: {n} pictures; {times_path(out)}: when each was taken, on the session's clock")
+
+
+@scene.command(epilog="Example: tega-teleop scene flash flashes.csv")
+@click.argument("out", type=_FILE, metavar="FLASHES.csv")
+@click.option(
+    "--flashes", type=click.IntRange(3, 100), default=12, show_default=True, help="How often it gets white."
+)
+def flash(*, out: Path, flashes: int) -> None:
+    """Make this terminal white and black by turns, fewer than two times a second, and write down when.
+
+    Hold it before the cameras while scene record runs; then scene offset says how late each camera is.
+    """
+    from tega_scene.offset import flash_light
+
+    def write(text: str) -> None:
+        click.echo(text, nl=False, color=True)
+
+    flash_light(out, write, n_flashes=flashes)
+    click.echo(f"{out}: {2 * flashes} moments; tega-teleop scene offset SCENE.mcap NAME {out}")
+
+
+@scene.command(epilog="Example: tega-teleop scene offset session.mcap front flashes.csv")
+@click.argument("recording", type=_FILE)
+@click.argument("name")
+@click.argument("flashes", type=_FILE, metavar="FLASHES.csv")
+@json_option
+def offset(*, recording: Path, name: str, flashes: Path, as_json: bool) -> None:
+    """Estimate how late a recorded camera is by the light of scene flash, and keep that beside the recording.
+
+    Export, play and clips take it off. With --json: {"late_s", "error_s", "n_edges", "file"}.
+    """
+    import msgspec
+
+    from tega_scene.offset import measure_offset
+    from tega_scene.offset_file import keep_offset, offsets_path
+
+    found = measure_offset(recording, name, flashes)
+    keep_offset(recording, name, found)
+    if as_json:
+        echo_json({**msgspec.to_builtins(found), "file": str(offsets_path(recording))})
+        return
+    click.echo(
+        f"{name}: {1000 * found.late_s:.1f} ± {1000 * found.error_s:.1f} ms late, by {found.n_edges} switchings; "
+        f"{offsets_path(recording)}: taken off by export, play and clips"
+    )

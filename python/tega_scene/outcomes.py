@@ -1,0 +1,434 @@
+"""Score a lift from the poses that a camera saw: lift-off, 0.2 m, stable, slips, deformations, drop, put down, placed.
+
+The rule is that of a simulated trial's truth (:class:`tega_sim.score.TrialScorer`); what it is told here is measured.
+Heights and width are smoothed by straight lines about each moment, slip by few pieces of parabolas, which neither
+smear the beginning of a fall nor take noise for motion (:mod:`tega_scene.smoothing`). All are looked at a hundred times
+a second.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final, Literal, NamedTuple
+
+import msgspec
+import numpy as np
+
+from tega.errors import RecordingError
+from tega_scene.layout import TagBody, TagLayout
+from tega_scene.resting import (
+    LOST_M,
+    TALL_M,
+    SceneRest,
+    checked_mark,
+    likely_error,
+    placed,
+    resting,
+)
+from tega_scene.smoothing import Course, joined, smoothed, trended, where_seen
+from tega_scene.track import BodyTrack, SceneTrack
+from tega_sim.score import LIFT_WINDOW_S, STABLE_S, TrialScorer
+from tega_sim.seams import WorldTruth
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+OFF_M, STANDS_M = 1e-3, 0.5e-3
+"""Height of the object's lowest point from which it is off the table, and below which it stands again."""
+
+_GRID_S: Final = 0.01
+_REST_S: Final = 0.6
+_GAP_S: Final = 0.25
+_SUSTAINED_S: Final = 0.05
+_TAKEN_S: Final = 0.07
+"""How long after its lift-off an object gives in the hand before that counts as a slip."""
+
+OutcomeKind = Literal["lift_off", "lifted", "slip", "deformation", "drop", "put_down", "placed"]
+
+
+class SceneEvent(msgspec.Struct, frozen=True):
+    """One outcome, as measured.
+
+    Attributes:
+        kind: What; ``lifted`` is stable at 0.2 m, ``put_down`` stands on the table again, ``placed`` stands on the
+            second mark, upright and still for a second, and let go of.
+        t_s: When, on the video's clock; ``lifted`` and ``placed``: when it was complete.
+        t_error_s: Standard error of that.
+        size_m: Slip: way slid. Deformation: largest narrowing. Put down and placed: distance from the mark in the end,
+            from the first one where no second is given. Else 0.
+        size_error_m: Standard error of that.
+    """
+
+    kind: OutcomeKind
+    t_s: float
+    t_error_s: float = 0.0
+    size_m: float = 0.0
+    size_error_m: float = 0.0
+
+
+class SceneOutcome(msgspec.Struct, frozen=True, kw_only=True):
+    """Outcome of a trial as a camera measured it.
+
+    Attributes:
+        events: In the order of time.
+        success: Whether it was lifted to 0.2 m, was stable there for a second, within the window, and not dropped;
+            with a second mark, whether it was placed there as well.
+        slid_m: Way slid in all, metres.
+        slid_error_m: Standard error of that.
+        narrowing_m: Largest narrowing; not there where its tags were not seen.
+        narrowing_error_m: Standard error of that.
+        height_m: Largest height, metres.
+        along_mm: Standard error of the object's place along the view, millimetres, one picture of those that place it.
+        across_mm: Likewise across it.
+        seen: Share of the pictures in which the object was seen.
+        placed: Share of the pictures that place it (:data:`~tega_scene.resting.PLACED_M`).
+        hand_seen: Share in which the hand was.
+        longest_gap_s: Longest time without the object, between two sights of it.
+        notes: What to look at before these numbers are believed.
+        rest: Where it stands at the end; ``None`` where it was not put down, or not seen then.
+        off_mark_m: How far from the second mark that is, metres; ``None`` without a mark.
+        off_mark_error_m: Standard error of that.
+        on_mark: Whether it was placed on the second mark; ``None`` without a mark.
+    """
+
+    events: tuple[SceneEvent, ...]
+    success: bool
+    slid_m: float
+    slid_error_m: float
+    narrowing_m: float | None
+    narrowing_error_m: float | None
+    height_m: float
+    along_mm: float
+    across_mm: float
+    seen: float
+    placed: float
+    hand_seen: float
+    longest_gap_s: float
+    notes: tuple[str, ...]
+    rest: SceneRest | None = None
+    off_mark_m: float | None = None
+    off_mark_error_m: float | None = None
+    on_mark: bool | None = None
+
+
+class SceneCourses(NamedTuple):
+    """Courses of height, slip and width that the rule judges, n moments.
+
+    Attributes:
+        t_s: float64 (n,), a hundred a second.
+        height: Of the object's grip point over where it stood, metres.
+        lowest: Of the lowest point of its base, likewise; straight from picture to picture, since a fitted line would
+            round the moment of lift-off off.
+        slip: How far its grip point is lower than the palm, against the start, metres.
+        width: How much wider it is than untouched, metres.
+    """
+
+    t_s: NDArray[np.float64]
+    height: Course
+    lowest: Course
+    slip: Course
+    width: Course
+
+
+def righted(track: SceneTrack, layout: TagLayout, *, begin_s: float) -> SceneTrack:
+    """Return poses of an object that stands upright on the table while it rests at the trial's start.
+
+    A box on its lid is never quite parallel to it: what it leans at rest is taken out, about the middle of its tags.
+    Then its base is over or under the table by what the place is wrong, nearly all of it along the view: that much it
+    is moved along the view (conditional mean of a normal error), and what is left, straight down.
+
+    Args:
+        track: Poses.
+        layout: Which tags are where.
+        begin_s: Start of the trial on the video's clock.
+
+    Raises:
+        RecordingError: The object is not seen at the start, so that there is nothing to measure against.
+    """
+    body = track.object
+    rest = (track.t_s >= begin_s) & (track.t_s <= begin_s + _REST_S) & np.isfinite(body.position_m[:, 0])
+    if rest.sum() < 3:
+        raise RecordingError(
+            f"the object's tags are seen in {rest.sum()} pictures of the trial's first {_REST_S} s, 3 are needed",
+            "leave the object untouched and in sight when the trial begins",
+        )
+    turn = body.rotation[rest]
+    up = np.median(turn[:, 2], axis=0)  # the table's up in the body's axes
+    up /= np.linalg.norm(up)
+    # The shortest turn that brings the body's axis there (Rodrigues, for the cross product of both).
+    axis = np.cross((0, 0, 1.0), up)
+    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    right = np.eye(3) + cross + cross @ cross / (1 + up[2])
+    middle = np.mean([tag.at_mm for tag in layout.object.all_tags() if not any(tag.slides)], axis=0) / 1000
+    position = body.position_m + body.rotation @ (middle - right @ middle)
+    ray = np.median(position[rest], axis=0) + middle - track.eye_m
+    ray /= np.linalg.norm(ray)
+    likely = likely_error(ray)
+    position -= np.median(position[rest, 2]) * likely[:, 2] / (likely[2, 2] + TALL_M**2)
+    position[:, 2] -= np.median(position[rest, 2])
+    return track._replace(object=body._replace(position_m=position, rotation=body.rotation @ right))
+
+
+def scene_courses(track: SceneTrack, layout: TagLayout, *, begin_s: float, end_s: float) -> SceneCourses:
+    """Return what the rule is told.
+
+    Args:
+        track: Poses, :func:`righted`.
+        layout: Which tags are where.
+        begin_s: Start of the trial on the video's clock; the object stands untouched for a moment from then on.
+        end_s: Its end.
+    """
+    t_s, thing = track.t_s, track.object
+    grip, grip_error = _heights(track, thing, layout.object, np.array([0, 0, layout.object.grip_mm / 1000]))
+    base, base_error = _heights(track, thing, layout.object, np.zeros(3))
+    lowest = base - layout.object.base_mm / 2000 * np.sqrt(np.clip(1 - thing.rotation[:, 2, 2] ** 2, 0, 1))
+    rest = (t_s >= begin_s) & (t_s <= begin_s + _REST_S) & np.isfinite(grip)
+    grid = np.arange(begin_s, end_s, _GRID_S)
+    palm, palm_error = np.full((2, len(t_s)), np.nan)
+    if layout.hand.all_tags():
+        palm, palm_error = _heights(track, track.hand, layout.hand, np.zeros(3))
+    width = thing.width_m - (
+        np.nanmedian(thing.width_m[rest]) if np.isfinite(thing.width_m[rest]).any() else 0.0
+    )
+    return SceneCourses(
+        grid,
+        smoothed(t_s, grip - np.median(grip[rest]), grip_error, grid),
+        joined(t_s, lowest - np.median(lowest[rest]), base_error, grid),
+        trended(t_s, palm - grip, np.hypot(grip_error, palm_error), grid),
+        where_seen(t_s[np.isfinite(width)], grid, smoothed(t_s, width, thing.width_error_m, grid)),
+    )
+
+
+def _heights(
+    track: SceneTrack, pose: BodyTrack, body: TagBody, at_m: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return a point's height over the table in each picture, and its standard error there, float64 (n,), metres.
+
+    A camera sees what is across its view some ten times better than what is along it, and looks down, so that the
+    noise along the view is in the height. But how far something is from the camera on level ground hardly changes
+    while it is lifted, slips or falls: that is smoothed over time, and the height is where each picture's ray is at
+    that distance.
+
+    Args:
+        track: Where the camera stands.
+        pose: Of the body.
+        body: Its tags; the ray is that to their middle.
+        at_m: The point, float64 (3,), in the body's axes.
+    """
+    middle = np.mean([tag.at_mm for tag in body.all_tags() if not any(tag.slides)], axis=0) / 1000
+    place, cov = pose.point(middle)
+    from_eye = place - track.eye_m
+    away = np.hypot(from_eye[:, 0], from_eye[:, 1])
+    level = np.zeros_like(from_eye)
+    level[:, :2] = from_eye[:, :2] / away[:, None]
+    grid = np.arange(track.t_s[0], track.t_s[-1] + _GRID_S, _GRID_S)
+    steady = trended(track.t_s, away, np.sqrt(np.einsum("ni,nij,nj->n", level, cov, level)), grid)
+    drop = from_eye[:, 2] / away
+    across = np.array([0, 0, 1.0]) - drop[:, None] * level
+    arm = pose.rotation @ (at_m - middle)
+    turn = np.column_stack([arm[:, 1], -arm[:, 0]])  # how a small turn about x and y moves its end up
+    variance = np.einsum("ni,nij,nj->n", across, cov, across) + np.einsum(
+        "ni,nij,nj->n", turn, pose.covariance[:, 3:5, 3:5], turn
+    )
+    height = track.eye_m[2] + drop * np.interp(track.t_s, grid, steady.value) + arm[:, 2]
+    return height, np.sqrt(variance)
+
+
+def score_scene(
+    track: SceneTrack,
+    layout: TagLayout,
+    *,
+    begin_s: float | None = None,
+    end_s: float | None = None,
+    harm_m: float = 0.006,
+    window_s: float = LIFT_WINDOW_S,
+    mark_m: tuple[float, float] | None = None,
+) -> SceneOutcome:
+    """Score a trial by rule.
+
+    Args:
+        track: Poses.
+        layout: Which tags are where.
+        begin_s: Start of the trial on the video's clock; the first picture where ``None``.
+        end_s: Its end; the last picture where ``None``.
+        harm_m: Narrowing from which the object counts as deformed, metres.
+        window_s: Time within which the second at 0.2 m has to be complete, seconds.
+        mark_m: Second mark, on which the object is to be put down: x and y from the first one in the table's axes,
+            metres. ``None`` where it is not asked for.
+
+    Raises:
+        InvalidValueError: The mark is no place on the table.
+        RecordingError: See :func:`righted`.
+    """
+    if mark_m is not None:
+        checked_mark(mark_m)
+    begin_s = float(track.t_s[0]) if begin_s is None else begin_s
+    end_s = float(track.t_s[-1]) if end_s is None else end_s
+    track = righted(track, layout, begin_s=begin_s)
+    courses = scene_courses(track, layout, begin_s=begin_s, end_s=end_s)
+    ruling = SceneRule(courses, harm_m)
+    ruling.go()
+    inside = (track.t_s >= begin_s) & (track.t_s <= end_s)
+    at = track.object.position_m[inside]
+    seen = np.isfinite(at[:, 0])
+    events = [ruling.measured(one.kind, one.t_s, one.size_m) for one in ruling.scorer.events]
+    rest = None
+    if not ruling.aloft:
+        rest = resting(
+            track, layout, stood_s=ruling.stands_s[-1] if ruling.stands_s else begin_s, end_s=end_s
+        )
+    on_mark = None if mark_m is None else _on_mark(ruling, rest, mark_m)
+    off_mark_m, off_mark_error_m = (None, None) if rest is None or mark_m is None else rest.off(mark_m)
+    events += _put_down(ruling, rest, mark_m, on_mark=on_mark)
+    events.sort(key=lambda event: event.t_s)
+    grip = np.array([0, 0, layout.object.grip_mm / 1000])
+    sure = inside & placed(track.object, grip)
+    cov = track.object.point(grip)[1][
+        sure if sure.any() else inside & np.isfinite(track.object.position_m[:, 0])
+    ]
+    along = np.sqrt(np.einsum("i,nij,j->n", track.view, cov, track.view))
+    across = np.sqrt(np.maximum(0, np.trace(cov, axis1=1, axis2=2) - along**2) / 2)
+    times = track.t_s[inside][seen]
+    gap_s = float(np.diff(times).max()) if len(times) > 1 else end_s - begin_s
+    lifted_s = ruling.scorer.time_of("lifted")
+    narrow = -courses.width.value
+    widest = int(np.nanargmax(narrow)) if np.isfinite(narrow).any() else None
+    notes = []
+    if track.n_moved:
+        notes.append(
+            f"the camera was pushed: the table's tags moved in {track.n_moved} pictures that were looked at"
+        )
+    if gap_s > _GAP_S:
+        notes.append(f"the object was out of sight for {gap_s:.2f} s")
+    hand_seen = float(np.isfinite(track.hand.position_m[inside, 0]).mean())
+    if hand_seen < 0.5:
+        notes.append(f"the hand was seen in {hand_seen:.0%} of the pictures: slips and drops may be missing")
+    width = np.isfinite(track.object.width_m)
+    if widest is not None and not (width & (track.t_s >= begin_s) & (track.t_s <= begin_s + _REST_S)).any():
+        notes.append(
+            "the width's tags were not seen before the touch: every width is off by how they are folded"
+        )
+    if rest is None and ruling.stands_s and not ruling.aloft:
+        notes.append("the object was not seen where it was put down")
+    elif rest is not None and mark_m is not None and rest.let_go is None:
+        notes.append(
+            "the hand was not seen after the object was put down: whether it has let go is not known"
+        )
+    return SceneOutcome(
+        events=tuple(events),
+        success=lifted_s is not None
+        and lifted_s - begin_s <= window_s
+        and ruling.scorer.time_of("drop") is None
+        and on_mark is not False,
+        slid_m=ruling.scorer.slid_m,
+        slid_error_m=float(np.nanmedian(courses.slip.error) * np.sqrt(2)),
+        narrowing_m=None if widest is None else max(0.0, float(narrow[widest])),
+        narrowing_error_m=None if widest is None else float(courses.width.error[widest]),
+        height_m=float(np.nanmax(courses.height.value)),
+        along_mm=float(1000 * np.median(along)),
+        across_mm=float(1000 * np.median(across)),
+        seen=float(seen.mean()),
+        placed=float(sure[inside].mean()),
+        hand_seen=hand_seen,
+        longest_gap_s=gap_s,
+        notes=tuple(notes),
+        rest=rest,
+        off_mark_m=off_mark_m,
+        off_mark_error_m=off_mark_error_m,
+        on_mark=on_mark,
+    )
+
+
+class SceneRule:
+    """Tells the rule of a trial what was measured, moment by moment.
+
+    Args:
+        courses: What was measured.
+        harm_m: Narrowing from which the object counts as deformed, metres.
+
+    Attributes:
+        scorer: The rule; its times are those of the video.
+        stands_s: Times at which the object stood again after it had left the table.
+        aloft: Whether it is off the table.
+    """
+
+    def __init__(self, courses: SceneCourses, harm_m: float) -> None:
+        self._courses = courses
+        self.scorer = TrialScorer(harm_m)
+        self.stands_s: list[float] = []
+        self.aloft = False
+
+    def go(self) -> None:
+        """Tell it all."""
+        courses = self._courses
+        dropped = False
+        reference_m = off_s = 0.0
+        sustained = round(_SUSTAINED_S / _GRID_S)
+        off = courses.lowest.value > OFF_M
+        for k, t_s in enumerate(courses.t_s.tolist()):
+            if not self.aloft and off[k] and off[k : k + sustained].all():
+                self.aloft, reference_m, off_s = True, float(courses.slip.value[k]), t_s
+            elif self.aloft and courses.lowest.value[k] < STANDS_M:
+                self.aloft = False
+                self.stands_s.append(t_s)
+            # While the hand takes the load over the object still gives; a slip that goes on then began with the
+            # lift-off, and all of its way counts.
+            carried = self.aloft and t_s > off_s + _TAKEN_S
+            slip_m = float(courses.slip.value[k]) - reference_m if carried else 0.0
+            if not np.isfinite(slip_m):
+                slip_m = self.scorer.slid_m
+            dropped = dropped or slip_m > LOST_M
+            narrow = float(courses.width.value[k])
+            truth = WorldTruth(
+                t_s=t_s,
+                object_height_m=float(courses.height.value[k]),
+                lift_off=self.aloft,
+                pad_force_n=(0.0, 0.0, 0.0, 0.0),
+                slip_m=slip_m,
+                slip_m_s=float(np.nan_to_num(courses.slip.slope[k])) if carried else 0.0,
+                deformation_m=-narrow if np.isfinite(narrow) else 0.0,
+                damage_m=0.0,
+                dropped=dropped,
+                hand_to_object_m=0.0,
+            )
+            self.scorer.take(t_s, truth, placing=False)
+        self.scorer.close()
+
+    def measured(
+        self, kind: Literal["lift_off", "lifted", "slip", "deformation", "drop"], t_s: float, size_m: float
+    ) -> SceneEvent:
+        """Return an event with its errors: that of what crossed a threshold, over the speed at which it did."""
+        courses = self._courses
+        k = int(np.clip(np.searchsorted(courses.t_s, t_s), 0, len(courses.t_s) - 1))
+        course = {
+            "lift_off": courses.lowest,
+            "lifted": courses.height,
+            "slip": courses.slip,
+            "drop": courses.slip,
+            "deformation": courses.width,
+        }[kind]
+        speed = max(abs(float(course.slope[k])), 0.005)
+        error_m = float(course.error[k])
+        size_error_m = {"slip": np.sqrt(2) * error_m, "deformation": error_m}.get(kind, 0.0)
+        return SceneEvent(kind, t_s, float(np.hypot(error_m / speed, _GRID_S)), size_m, float(size_error_m))
+
+
+def _on_mark(ruling: SceneRule, rest: SceneRest | None, mark_m: tuple[float, float]) -> bool:
+    """Whether the object was put down on a mark, and not dropped."""
+    lost = ruling.scorer.time_of("drop") is not None
+    return bool(ruling.stands_s) and not lost and rest is not None and rest.stands(mark_m)
+
+
+def _put_down(
+    ruling: SceneRule, rest: SceneRest | None, mark_m: tuple[float, float] | None, *, on_mark: bool | None
+) -> list[SceneEvent]:
+    """Return when the object stood again at last, after it was lifted, and when it had stood on the second mark."""
+    if rest is None or not ruling.stands_s:
+        return []
+    away, lifted_s = rest.off(mark_m or (0.0, 0.0)), ruling.scorer.time_of("lifted")
+    events = []
+    stood_s = ruling.stands_s[-1]
+    if lifted_s is not None and stood_s > lifted_s and ruling.scorer.time_of("drop") is None:
+        events.append(SceneEvent("put_down", stood_s, _GRID_S, *away))
+    if on_mark:
+        events.append(SceneEvent("placed", rest.since_s + STABLE_S, rest.error_s, *away))
+    return events

@@ -1,0 +1,109 @@
+"""Read the pictures of a scene video, each with its time: an MP4 with a time code beside it, or any other video."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tega.errors import RecordingError
+from tega.runtime.files.foreign_file import check_file, read_words
+from tega.runtime.lifecycle import require
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+_MOST_MIB = 64 * 1024
+_MOST_TIMES_MIB = 256
+
+
+def times_path(video: Path) -> Path:
+    """Return where a video's time code is: ``cam.mp4`` has ``cam.times.csv``."""
+    return video.with_suffix(".times.csv")
+
+
+def read_times(path: Path) -> list[int]:
+    """Read a time code: the columns ``picture`` and ``t_ns``, a line a picture.
+
+    Returns:
+        Nanoseconds on the clock of the machine that recorded, rising.
+
+    Raises:
+        RecordingError: It is no such file, or the times do not rise.
+    """
+    try:
+        head, *rows = csv.reader(io.StringIO(read_words(path, most_mib=_MOST_TIMES_MIB)))
+        times = [int(t_ns) for _, t_ns in rows]
+        numbers = [int(number) for number, _ in rows]
+    except (OSError, ValueError, csv.Error) as error:
+        raise RecordingError(
+            f"{path.name}: no time code of a video: {error}",
+            "export the video again with tega-teleop scene export",
+        ) from error
+    if (
+        head != ["picture", "t_ns"]
+        or numbers != list(range(len(times)))
+        or any(b <= a for a, b in pairwise(times))
+    ):
+        raise RecordingError(
+            f"{path.name}: no time code of a video: picture,t_ns with pictures from 0 on and rising times",
+            "export the video again with tega-teleop scene export",
+        )
+    return times
+
+
+def read_pictures(
+    video: Path, *, begin_s: float = -np.inf, end_s: float = np.inf
+) -> Iterator[tuple[float, NDArray[np.uint8]]]:
+    """Return times and pictures of a video file.
+
+    With a time code beside it (:func:`times_path`) times are those of the machine that recorded; without one they are
+    seconds from the first picture, as the file says.
+
+    Args:
+        video: The file.
+        begin_s: Pictures before are passed over, seconds.
+        end_s: Pictures after are left out.
+
+    Returns:
+        Seconds, and uint8 (H, W, 3), blue, green, red.
+
+    Raises:
+        RecordingError: It is missing, is no video, has fewer pictures than its time code, or its time code is damaged.
+        MissingExtraError: PyAV is not installed.
+    """
+    av: Any = require("av", driver="scene", extra="lerobot")
+    try:
+        check_file(video, most_mib=_MOST_MIB)
+    except OSError as error:
+        raise RecordingError(
+            f"{video.name}: cannot be read: {error.strerror}", f"looked for {video}"
+        ) from error
+    code = times_path(video)
+    times = read_times(code) if code.exists() else None
+    number = 0
+    try:
+        with av.open(str(video)) as container:
+            for frame in container.decode(video=0):
+                if times is not None and number == len(times):
+                    break
+                t_s = float(frame.time or 0.0) if times is None else times[number] / 1e9
+                number += 1
+                if t_s > end_s:
+                    return
+                if t_s >= begin_s:
+                    yield t_s, np.asarray(frame.to_ndarray(format="bgr24"), np.uint8)
+    except Exception as error:  # of a damaged file decoders raise what they like
+        raise RecordingError(
+            f"{video.name}: cannot be decoded as a video after {number} pictures: {error}", "export it again"
+        ) from error
+    if times is not None and number < len(times):
+        raise RecordingError(
+            f"{video.name}: {number} pictures decode, its time code has {len(times)}",
+            "the video was cut short; export it again",
+        )

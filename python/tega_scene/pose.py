@@ -1,0 +1,325 @@
+"""Fit the pose of a body to the corners of all its tags at once, with its error.
+
+Least squares of the reprojection error (Gauss-Newton with damping) over position and rotation; tags that slide with the
+object's width are measured against that pose. The covariance is the inverse of the normal matrix times the corners'
+variance, taken from what is left over, though never less than :data:`CORNER_PX` of error.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+
+from tega.runtime.opencv import load_cv2
+from tega_scene.layout import TagBody
+from tega_scene.lens import Lens
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+CORNER_PX: Final = 0.05
+"""Error of a corner that a fit never claims to be below, pixels: what is the same in all corners does not show."""
+
+_STEPS: Final = 30
+STRANGE_PX: Final = 1.5
+"""Residual from which a tag is left out: half hidden, misread, or elsewhere than the layout says."""
+
+
+_WIDE_PX: Final = 40.0
+"""Width of a tag, where it is narrowest, from which its corners are as good as they get. Of narrower ones the lens's
+blur runs both edges of the black border into one another: with the blur of `dim` (docs/evidence/scene.md) corners were
+off by 0.1 px at 40 px, 0.2 px at 32, 0.4 px at 28, and 0.7 px at 25, by much the same in picture after picture."""
+
+
+class FittedPose(NamedTuple):
+    """Pose of a body in the camera's axes: x right, y down, z along the view.
+
+    Attributes:
+        position_m: float64 (3,), where the body's origin is.
+        rotation: float64 (3, 3), from the body's axes to the camera's.
+        covariance: float64 (6, 6), of position (m²) and of a small turn about the camera's axes (rad²).
+        rms_px: Root mean square of the corners' residuals, pixels.
+        n_tags: Tags that were used.
+        width_m: How much wider the object is than untouched, metres; not a number where its tags are not seen.
+        width_error_m: Standard error of that.
+    """
+
+    position_m: NDArray[np.float64]
+    rotation: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    rms_px: float
+    n_tags: int
+    width_m: float = float("nan")
+    width_error_m: float = float("nan")
+
+
+class BodyFitter:
+    """Fits the poses of one body.
+
+    Args:
+        body: Its tags.
+        lens: Of the camera.
+
+    Attributes:
+        ids: Numbers of its tags.
+        corners_m: Corners of those that do not slide, float64 (4, 3) by number, in the body's axes; may be replaced.
+        strange_px: Residual from which a tag is left out, pixels.
+    """
+
+    def __init__(self, body: TagBody, lens: Lens) -> None:
+        self._lens = lens
+        self.strange_px = STRANGE_PX
+        self._cv2 = load_cv2("scene")
+        tags = body.all_tags()
+        self.ids = frozenset(tag.id for tag in tags)
+        self.corners_m = {tag.id: tag.corners_m() for tag in tags if not any(tag.slides)}
+        # Of a tag that slides only the middle counts: the wall that it is on tilts as it gives.
+        self._sliding = {
+            tag.id: (np.array(tag.at_mm) / 1000, np.array(tag.slides) / 2) for tag in tags if any(tag.slides)
+        }
+
+    def fit(
+        self, seen: dict[int, NDArray[np.float64]], before: FittedPose | None = None
+    ) -> FittedPose | None:
+        """Return the pose.
+
+        Args:
+            seen: Corners of tags, (4, 2) pixels by number, as :meth:`~tega_scene.corners.TagFinder.find` says them.
+            before: The pose in the picture before: with one tag alone two turns fit nearly as well, and the one
+                nearer to it is taken.
+
+        Returns:
+            ``None`` where no tag of the body is seen, or none fits.
+        """
+        used = [number for number in self.corners_m if number in seen]
+        while used:
+            found = self._fit_rigid(used, seen, before)
+            if found is None:
+                return None
+            position, rotation, left = found
+            worst = int(np.argmax(left))
+            if left[worst] <= self.strange_px or len(used) == 1:
+                break
+            del used[worst]
+        if not used or left[worst] > 2 * self.strange_px:
+            return None
+        return self._with_width(used, seen, position, rotation)
+
+    def _fit_rigid(
+        self, used: list[int], seen: dict[int, NDArray[np.float64]], before: FittedPose | None
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
+        """Return position, rotation, and each tag's largest residual, pixels."""
+        points = np.concatenate([self.corners_m[number] for number in used])
+        rays = self._lens.rays(np.concatenate([seen[number] for number in used]))
+        weights = np.concatenate([corner_weights(seen[number]) for number in used])
+        starts: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
+        if before is not None:
+            starts.append((before.position_m, before.rotation))
+        for turn, shift in _first_poses(self._cv2, points, rays, flat=len(used) == 1):
+            starts.append((shift, turn))
+        best: tuple[float, NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None = None
+        for shift, turn in starts:
+            refined = _refine(points, rays, weights, shift, turn)
+            if refined is None:
+                continue
+            position, rotation, left = refined
+            cost = float((left**2).sum())
+            left = left / weights
+            if best is None or cost < best[0] * (0.5 if before is not None else 1):
+                best = cost, position, rotation, left
+        if best is None:
+            return None
+        _, position, rotation, left = best
+        return position, rotation, np.abs(left.reshape(len(used), -1)).max(1) * self._lens.fx
+
+    def _with_width(
+        self,
+        used: list[int],
+        seen: dict[int, NDArray[np.float64]],
+        position: NDArray[np.float64],
+        rotation: NDArray[np.float64],
+    ) -> FittedPose | None:
+        """Say how exact the pose is, and measure the width against it.
+
+        The tags of the width have no say in the pose: how they sit on their stalks would move it whenever one of them
+        is hidden.
+        """
+        points = np.concatenate([self.corners_m[number] for number in used])
+        rays = self._lens.rays(np.concatenate([seen[number] for number in used]))
+        weights = np.concatenate([corner_weights(seen[number]) for number in used])
+        left, slope = _weighed(points, rays, weights, position, rotation)
+        rms_px = float(np.sqrt((left**2).sum() / max(1, len(left) - 6))) * self._lens.fx
+        normal = slope.T @ slope
+        if np.linalg.cond(normal) > 1e14:
+            return None
+        sigma = max(rms_px, CORNER_PX) / self._lens.fx
+        covariance = np.asarray(np.linalg.inv(normal) * sigma**2, np.float64)
+        width, width_error = self._width(seen, position, rotation, covariance, sigma)
+        return FittedPose(position, rotation, covariance, rms_px, len(used), width, width_error)
+
+    def _width(
+        self,
+        seen: dict[int, NDArray[np.float64]],
+        position: NDArray[np.float64],
+        rotation: NDArray[np.float64],
+        covariance: NDArray[np.float64],
+        sigma: float,
+    ) -> tuple[float, float]:
+        """Return how much wider the object is than untouched, and its standard error, metres."""
+        moving = [number for number in self._sliding if number in seen]
+        if len(moving) < 2:
+            return float("nan"), float("nan")
+        rays = self._lens.rays(np.array([_middle(seen[number]) for number in moving]))
+        points = np.array([self._sliding[number][0] for number in moving])
+        left, slope = residuals(points, rays, position, rotation)
+        ways = np.array([self._sliding[number][1] for number in moving]) @ rotation.T
+        along = _along(ways, points, position, rotation)
+        share = -along / (along @ along)
+        spread = (share @ share) * sigma**2 + share @ slope @ covariance @ slope.T @ share
+        return float(share @ left), float(np.sqrt(spread))
+
+
+def corner_weights(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return what the eight coordinates of a tag's corners, (4, 2) pixels, count in a fit, (8,), 1 where it is wide."""
+    (x1, y1), (x2, y2) = corners[2] - corners[0], corners[3] - corners[1]
+    longest = max(float(np.hypot(*(corners[k] - corners[k - 1]))) for k in range(4))
+    narrow_px = float(abs(x1 * y2 - x2 * y1)) / 2 / longest
+    return np.full(8, min(1.0, narrow_px / _WIDE_PX) ** 4)
+
+
+def _middle(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return where a tag's diagonals meet, which perspective leaves its middle."""
+    a, b, c, d = corners
+    matrix = np.column_stack([c - a, b - d])
+    s = np.linalg.solve(matrix, b - a)[0]
+    return np.asarray(a + s * (c - a))
+
+
+def _first_poses(
+    cv2: object, points: NDArray[np.float64], rays: NDArray[np.float64], *, flat: bool
+) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Return rotations and positions to begin with."""
+    poses = []
+    if flat:
+        # The two turns of a flat square; its own axes are needed for that.
+        middle = points.mean(0)
+        x, y = points[1] - points[0], points[0] - points[3]
+        side = float(np.linalg.norm(x))
+        axes = np.column_stack([x / side, y / side, np.cross(x, y) / side**2])
+        square = np.array([[-1, 1, 0], [1, 1, 0], [1, -1, 0], [-1, -1, 0.0]]) * side / 2
+        _, turns, shifts, _ = cv2.solvePnPGeneric(  # type: ignore[attr-defined]
+            square,
+            rays,
+            np.eye(3),
+            None,
+            flags=cv2.SOLVEPNP_IPPE_SQUARE,  # type: ignore[attr-defined]
+        )
+        for turn, shift in zip(turns, shifts, strict=True):
+            rotation = cv2.Rodrigues(turn)[0] @ axes.T  # type: ignore[attr-defined]
+            poses.append((rotation, shift.ravel() - rotation @ middle))
+    else:
+        ok, turns, shifts, _ = cv2.solvePnPGeneric(  # type: ignore[attr-defined]
+            points,
+            rays,
+            np.eye(3),
+            None,
+            flags=cv2.SOLVEPNP_SQPNP,  # type: ignore[attr-defined]
+        )
+        for turn, shift in zip(turns, shifts, strict=True) if ok else ():
+            poses.append((cv2.Rodrigues(turn)[0], shift.ravel()))  # type: ignore[attr-defined]
+    return poses
+
+
+def _refine(
+    points: NDArray[np.float64],
+    rays: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    position: NDArray[np.float64],
+    rotation: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
+    """Return position, rotation and weighed residuals (2 n,) at depth 1, of their least sum of squares near a start."""
+    damping = 1e-6
+    left, slope = _weighed(points, rays, weights, position, rotation)
+    cost = float(left @ left)
+    for _ in range(_STEPS):
+        normal = slope.T @ slope
+        step = -np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), slope.T @ left)
+        there, turned = position + step[:3], rotation_about(step[3:]) @ rotation
+        new, new_slope = _weighed(points, rays, weights, there, turned)
+        new_cost = float(new @ new)
+        if not np.isfinite(new_cost):
+            return None
+        if new_cost < cost:
+            done = cost - new_cost < 1e-10 * cost
+            position, rotation, left, slope, cost = there, turned, new, new_slope, new_cost
+            damping = max(damping / 10, 1e-12)
+            if done:
+                break
+        else:
+            damping *= 10
+            if damping > 1e3:
+                break
+    return (position, rotation, left) if position[2] > 0 else None
+
+
+def _weighed(
+    points: NDArray[np.float64],
+    rays: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    position: NDArray[np.float64],
+    rotation: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return :func:`residuals` times weights (2 n,)."""
+    left, slope = residuals(points, rays, position, rotation)
+    return left * weights, slope * weights[:, None]
+
+
+def residuals(
+    points: NDArray[np.float64],
+    rays: NDArray[np.float64],
+    position: NDArray[np.float64],
+    rotation: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return where points are seen less where they were, (2 n,), and its slope over shift and small turn, (2 n, 6)."""
+    arms = points @ rotation.T
+    there = arms + position
+    with np.errstate(divide="ignore", invalid="ignore"):
+        deep = 1 / there[:, 2]
+        left = (there[:, :2] * deep[:, None] - rays).ravel()
+    shift = _per_metre(there, deep)
+    turn = np.empty((len(points), 2, 3))
+    turn[:, :, 0] = shift[:, :, 2] * arms[:, None, 1] - shift[:, :, 1] * arms[:, None, 2]
+    turn[:, :, 1] = shift[:, :, 0] * arms[:, None, 2] - shift[:, :, 2] * arms[:, None, 0]
+    turn[:, :, 2] = shift[:, :, 1] * arms[:, None, 0] - shift[:, :, 0] * arms[:, None, 1]
+    return left, np.concatenate([shift, turn], axis=2).reshape(-1, 6)
+
+
+def _per_metre(there: NDArray[np.float64], deep: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return how the places at depth 1 change with the points, (n, 2, 3)."""
+    slope = np.zeros((len(there), 2, 3))
+    slope[:, 0, 0] = slope[:, 1, 1] = deep
+    slope[:, :, 2] = -there[:, :2] * deep[:, None] ** 2
+    return slope
+
+
+def _along(
+    ways: NDArray[np.float64],
+    points: NDArray[np.float64],
+    position: NDArray[np.float64],
+    rotation: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return how what is seen changes as each point moves along its way, (2 n,)."""
+    there = points @ rotation.T + position
+    slope: NDArray[np.float64] = np.einsum("nij,nj->ni", _per_metre(there, 1 / there[:, 2]), ways).ravel()
+    return slope
+
+
+def rotation_about(turn: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
+    """Return the rotation about a vector by its length, rad (Rodrigues)."""
+    angle = float(np.linalg.norm(turn))
+    if angle < 1e-12:
+        return np.eye(3)
+    x, y, z = turn / angle
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross)

@@ -1,0 +1,206 @@
+"""Record scene cameras into an MCAP file on the machine's clock, and export them as MP4 with a time code.
+
+Every picture is one ``foxglove.CompressedVideo`` message on ``/scene/NAME/video``. Its time is when the machine had it,
+on the monotonic clock that sessions of the same machine keep, so that a trial of a study is found in it without more.
+Cameras that a session's settings name are in the session's own recording instead (:mod:`tega_scene.filmed_run`).
+"""
+
+from __future__ import annotations
+
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Mapping
+from fractions import Fraction
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
+
+import msgspec
+
+from tega.errors import RecordingError
+from tega.recording.mcap_file import McapFile
+from tega.recording.mcap_reader import McapReader, table_ns
+from tega.records import SceneVideo
+from tega.runtime.files.foreign_file import tells_damage
+from tega.runtime.files.plain_name import plain_name
+from tega.runtime.files.whole_file import write_whole
+from tega.runtime.lifecycle import require
+from tega_scene.decode import stands_alone
+from tega_scene.filming import CameraTally, Filming
+from tega_scene.offset_file import read_offsets
+from tega_scene.pictures import times_path
+from tega_scene.settings import SceneConfig, VideoFormat
+
+TABLE = "tega_scene"
+_Writer = Callable[[list[tuple[int, bytes]]], None]
+_TICKS: Final = 90_000
+
+
+def record_cameras(
+    out: Path,
+    cameras: Mapping[str, str],
+    *,
+    size: tuple[int, int],
+    rate_hz: float,
+    stop: Callable[[], bool],
+    video: VideoFormat = "h264",
+) -> dict[str, CameraTally]:
+    """Record until told to stop, or until every camera has stopped.
+
+    Args:
+        out: The MCAP file; it must not exist.
+        cameras: Number, device, address or video file by name.
+        size: Width and height of the pictures, pixels.
+        rate_hz: Pictures a second.
+        stop: Asked twenty times a second.
+        video: Format of the stream.
+
+    Raises:
+        DeviceUnavailableError: A camera does not open; nothing is recorded then.
+        InvalidValueError: A name is not plain, or a size cannot be encoded.
+        RecordingError: The file cannot be made.
+        MissingExtraError: A package of the extras ``record`` and ``lerobot`` is not installed.
+    """
+    films: dict[str, Filming] = {}
+    writers: dict[str, _Writer] = {}
+    lock = threading.Lock()
+    for name, source in cameras.items():
+        plain_name(name, what="camera", source="--camera")
+        settings = SceneConfig(
+            name=name, source=source, width=size[0], height=size[1], rate_hz=rate_hz, video=video
+        )
+        # What writes is made with the file, which is made once every camera is open.
+        films[name] = Filming(settings, give=partial(_give, writers, name))
+        films[name].open()
+    file = McapFile(out, lossless=True)
+    file.epoch_ns = time.time_ns() - time.monotonic_ns()
+    file.metadata(TABLE, {"clock": "monotonic", "epoch_ns": str(file.epoch_ns)})
+    try:
+        for name, film in films.items():
+            writers[name] = partial(_write, file, lock, name, video)
+            film.begin(0)
+            film.start()
+        while not stop() and any(film.is_alive for film in films.values()):
+            time.sleep(0.05)
+    finally:
+        for film in films.values():
+            film.leave()
+        tallies = {name: film.tally for name, film in films.items()}
+        for name, tally in tallies.items():
+            told = {key: str(value) for key, value in msgspec.to_builtins(tally).items()}
+            file.metadata(f"{TABLE}.{name}", told)
+        file.close()
+    return tallies
+
+
+def _give(writers: Mapping[str, _Writer], name: str, packets: list[tuple[int, bytes]]) -> None:
+    writers[name](packets)
+
+
+def _write(
+    file: McapFile, lock: threading.Lock, camera: str, video: VideoFormat, packets: list[tuple[int, bytes]]
+) -> None:
+    """Write packets, which have times on the monotonic clock; each camera has a thread that does so."""
+    for t_ns, data in packets:
+        with lock:
+            file.write(SceneVideo(camera=camera, t_ns=t_ns, data=data, video=video), t_ns)
+
+
+@tells_damage
+def export_camera(recording: Path, name: str, out: Path) -> int:
+    """Write a camera of a recording as MP4, without encoding it anew, and its time code beside it.
+
+    The times are less the camera's offset, where one was estimated (:mod:`tega_scene.offset`).
+
+    Args:
+        recording: The MCAP file.
+        name: The camera's name.
+        out: The MP4 file; its time code is ``out`` with the suffix ``.times.csv``.
+
+    Returns:
+        How many pictures.
+
+    Raises:
+        RecordingError: The recording is damaged, or has no such camera.
+        MissingExtraError: A package of the extras ``record`` and ``lerobot`` is not installed.
+    """
+    av = require("av", driver="export", extra="lerobot")
+    plain_name(name, what="camera", source=recording.name)
+    topic = f"/scene/{name}/video"
+    reader = McapReader(recording)
+    times: list[int] = []
+    others: set[str] = set()
+    kind = ""
+    with tempfile.TemporaryDirectory() as folder:
+        stream = Path(folder, "stream")
+        with stream.open("wb") as raw:
+            for message in reader.messages(lambda one: one == topic):
+                if message.topic != topic or message.schema != "foxglove.CompressedVideo":
+                    others.add(message.topic)
+                    continue
+                kind = message.value.format
+                if not times and kind in {"h264", "av1"} and not stands_alone(kind, message.value.data):
+                    continue  # a part of a film: no player can begin with this one
+                raw.write(message.value.data)
+                times.append(message.log_ns)
+        if kind not in {"h264", "av1"}:
+            there = ", ".join(sorted(others)) or "none"
+            raise RecordingError(f"{recording.name}: no camera {name!r}", f"its topics: {there}")
+        epoch_ns = scene_epoch(reader)
+        if not times:
+            raise RecordingError(
+                f"{recording.name}: {name} is no whole {kind} video: no picture stands alone"
+            )
+        try:
+            number = _mux(av, stream, kind, times, out)
+        except Exception as error:  # of a damaged stream the library raises what it likes
+            out.unlink(missing_ok=True)
+            raise RecordingError(f"{recording.name}: {name} is no whole {kind} video: {error}") from error
+    if number != len(times):
+        raise RecordingError(f"{recording.name}: {number} of {len(times)} pictures of {name} are whole")
+    offset = read_offsets(recording).get(name)
+    zero_ns = epoch_ns + (0 if offset is None else offset.late_ns)
+    lines = [f"{k},{t_ns - zero_ns}\n" for k, t_ns in enumerate(times)]
+    write_whole(times_path(out), "picture,t_ns\n" + "".join(lines))
+    return len(times)
+
+
+def scene_epoch(reader: McapReader) -> int:
+    """Return the log time at which the machine's monotonic clock was 0, by a recording that has been read.
+
+    Of a session that filmed itself that is by the session's own start.
+
+    Raises:
+        RecordingError: It does not say.
+    """
+    table = reader.metadata.get(TABLE, {})
+    if not table and "start_ns" in (session := reader.metadata.get("tega", {})):
+        epoch_ns, start_ns = table_ns(session, "epoch_ns"), table_ns(session, "start_ns")
+        if epoch_ns is not None and start_ns is not None:
+            return epoch_ns - start_ns
+    if (epoch_ns := table_ns(table, "epoch_ns")) is None:
+        told = table.get("epoch_ns", "")[:40]
+        raise RecordingError(
+            f"{reader.path.name}: {TABLE} has no epoch_ns, so its times have no clock: {told!r}"
+        )
+    return epoch_ns
+
+
+def _mux(av: Any, stream: Path, kind: str, times: list[int], out: Path) -> int:
+    """Put a stream of packets into an MP4 file at their times; return how many there were."""
+    number = 0
+    with (
+        av.open(str(stream), format="h264" if kind == "h264" else "obu") as source,
+        av.open(str(out), "w", format="mp4") as target,
+    ):
+        track = target.add_stream_from_template(source.streams.video[0], opaque=True)
+        for packet in source.demux(video=0):
+            if packet.size == 0 or number == len(times):
+                continue
+            packet.stream = track
+            packet.pts = packet.dts = (times[number] - times[0]) * _TICKS // 1_000_000_000
+            packet.time_base = Fraction(1, _TICKS)
+            target.mux(packet)
+            number += 1
+    return number

@@ -1,0 +1,135 @@
+"""Open scene cameras and files of pictures by one name: a number, a device, an address, a video or a folder."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Generator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from tega.devices.fingertip.video_nodes import camera_place
+from tega.errors import DeviceUnavailableError, RecordingError
+from tega.runtime.opencv import IMAGE_SUFFIXES, load_cv2, read_image
+from tega_scene.calibrate import LensCalibration
+from tega_scene.lens import Lens
+from tega_scene.pictures import read_pictures
+from tega_scene.settings import ADDRESSES, full_source, is_camera
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+_OPEN_MS, _READ_MS = 5000, 3000
+_MOST_PICTURES: Final = 3000
+
+
+def open_camera(source: str, size: tuple[int, int], rate_hz: float = 30.0) -> Any:
+    """Open a camera, and return OpenCV's capture.
+
+    Args:
+        source: A number, a device or an address.
+        size: Width and height to ask a local camera for, pixels; an address sends what it sends.
+        rate_hz: Pictures a second to ask for, likewise.
+
+    Raises:
+        DeviceUnavailableError: It does not open, or gives another size.
+        MissingExtraError: OpenCV is not installed.
+    """
+    # A camera that says nothing any more blocks a read for so many seconds; read by OpenCV at the first capture.
+    os.environ.setdefault("OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT", str(_READ_MS // 1000))
+    cv2 = load_cv2("scene")
+    if source.startswith(ADDRESSES):
+        limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, _OPEN_MS, cv2.CAP_PROP_READ_TIMEOUT_MSEC, _READ_MS]
+        capture = cv2.VideoCapture(full_source(source), cv2.CAP_FFMPEG, [*limits, cv2.CAP_PROP_N_THREADS, 1])
+        fix = "is the address right, its sender on, and the network up?"
+    else:
+        place, way_in = camera_place(f"camera:{source}" if source.isdecimal() else source)
+        capture = cv2.VideoCapture(place, getattr(cv2, way_in))
+        fix = "another program may use it, or your user may not read it; tega-teleop doctor lists cameras"
+    if not capture.isOpened():
+        capture.release()
+        raise DeviceUnavailableError(f"scene camera {source} does not open", fix)
+    if not source.startswith(ADDRESSES):
+        for setting, value in (
+            (cv2.CAP_PROP_FOURCC, cv2.VideoWriter.fourcc(*"MJPG")),
+            (cv2.CAP_PROP_FRAME_WIDTH, size[0]),
+            (cv2.CAP_PROP_FRAME_HEIGHT, size[1]),
+            (cv2.CAP_PROP_FPS, rate_hz),
+            (cv2.CAP_PROP_AUTOFOCUS, 0),  # a lens that focuses anew is another lens than the one calibrated
+        ):
+            capture.set(setting, value)
+        given = (round(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), round(capture.get(cv2.CAP_PROP_FRAME_HEIGHT)))
+        if given != size:
+            capture.release()
+            raise DeviceUnavailableError(
+                f"scene camera {source}: asked for {size[0]}×{size[1]}, it gives {given[0]}×{given[1]}",
+                f"write --size {given[0]}x{given[1]}, or one that it has",
+            )
+    return capture
+
+
+def open_pictures(source: str, size: tuple[int, int], rate_hz: float = 30.0) -> Generator[NDArray[np.uint8]]:
+    """Open a camera, a video or a folder, and return its pictures; those of a camera have no end.
+
+    Args:
+        source: A number, a device, an address, a video file or a folder of pictures.
+        size: Width and height to ask a camera for, pixels.
+        rate_hz: Pictures a second to ask it for.
+
+    Raises:
+        DeviceUnavailableError: The camera does not open; later: it stopped.
+        RecordingError: The folder has no pictures; later: there is no such video, or it is damaged.
+    """
+    if is_camera(source):
+        return _filmed(open_camera(source, size, rate_hz), source)
+    path = Path(source)
+    if not path.is_dir():
+        return (image for _, image in read_pictures(path))
+    files = sorted(file for file in path.iterdir() if file.suffix.lower() in IMAGE_SUFFIXES)
+    if not files:
+        raise RecordingError(f"{path.name}: holds no pictures", "name a folder of PNG or JPEG files")
+    return (read_image(file, driver="scene") for file in files[:_MOST_PICTURES])
+
+
+def _filmed(capture: Any, source: str) -> Generator[NDArray[np.uint8]]:
+    try:
+        while True:
+            ok, image = capture.read()
+            if not ok:
+                raise DeviceUnavailableError(f"scene camera {source} stopped", "plug it in again")
+            yield np.asarray(image, np.uint8)
+    finally:
+        capture.release()
+
+
+def calibrate_from(source: str, size: tuple[int, int], *, tell: Callable[[str], None]) -> Lens:
+    """Calibrate a lens from a camera, a video or a folder, and say meanwhile where the board is wanted.
+
+    Args:
+        source: As of :func:`open_pictures`.
+        size: Likewise.
+        tell: Given a line for whoever holds the board.
+
+    Raises:
+        CalibrationError: There are too few views, or they do not fit a flat board.
+        DeviceUnavailableError: The camera does not open, or stops.
+        RecordingError: There is no such file, or it has no pictures.
+    """
+    calibration: LensCalibration | None = None
+    said = ""
+    live = is_camera(source)
+    for image in open_pictures(source, size):
+        calibration = calibration or LensCalibration(image.shape[1], image.shape[0])
+        taken = calibration.take(image)
+        wish = calibration.wish()
+        if live and not wish:
+            break
+        if live and (taken or not said) and wish != said:
+            tell(f"{len(calibration.views)} views; {wish}")
+            said = wish
+    if calibration is None:
+        raise RecordingError(f"{source}: has no pictures")
+    if (wish := calibration.wish()) and not live:
+        tell(f"{len(calibration.views)} views; better would be: {wish}")
+    return calibration.solve()

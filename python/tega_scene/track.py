@@ -1,0 +1,244 @@
+"""Follow table, hand and object through a video: poses against the table, and their errors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+from tega.errors import RecordingError
+from tega_scene.corners import TagFinder
+from tega_scene.layout import TagLayout
+from tega_scene.lens import Lens
+from tega_scene.pose import CORNER_PX, BodyFitter, FittedPose
+from tega_scene.refine import refined_corners
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+_MARGIN_PX: Final = 70
+_WHOLE_EVERY: Final = 30
+"""Of so many pictures one is looked at whole; in the others, where the tags were."""
+
+_MOVED_PX: Final = 2.0
+_REFINED_STRANGE_PX: Final = 0.6
+
+
+class BodyTrack(NamedTuple):
+    """Poses of a body against the table over n pictures; not a number where it was not seen.
+
+    Attributes:
+        position_m: float64 (n, 3), of the body's origin.
+        rotation: float64 (n, 3, 3), from the body's axes to the table's.
+        covariance: float64 (n, 6, 6), of position (m²) and a small turn about the table's axes (rad²).
+        n_tags: int (n,), tags that were used.
+        width_m: float64 (n,), how much wider than untouched.
+        width_error_m: float64 (n,), standard error of that.
+        rms_px: float64 (n,), residual of the fit.
+    """
+
+    position_m: NDArray[np.float64]
+    rotation: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    n_tags: NDArray[np.int64]
+    width_m: NDArray[np.float64]
+    width_error_m: NDArray[np.float64]
+    rms_px: NDArray[np.float64]
+
+    def point(self, at_m: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return where a point of the body is, float64 (n, 3), and its covariance (n, 3, 3)."""
+        arm = self.rotation @ at_m
+        # A small turn w moves the point by w × arm.
+        cross = np.zeros((len(arm), 3, 3))
+        cross[:, 0, 1], cross[:, 0, 2] = arm[:, 2], -arm[:, 1]
+        cross[:, 1, 0], cross[:, 1, 2] = -arm[:, 2], arm[:, 0]
+        cross[:, 2, 0], cross[:, 2, 1] = arm[:, 1], -arm[:, 0]
+        slope = np.concatenate([np.broadcast_to(np.eye(3), cross.shape), cross], axis=2)
+        return self.position_m + arm, slope @ self.covariance @ slope.transpose(0, 2, 1)
+
+
+class SceneTrack(NamedTuple):
+    """Poses of object and hand in n pictures.
+
+    Attributes:
+        t_s: float64 (n,), times of the pictures.
+        object: Of what is lifted.
+        hand: Of the hand.
+        view: float64 (3,), direction in which the camera looks, in the table's axes.
+        eye_m: float64 (3,), where it stands.
+        table_rms_px: Residual of the table's tags.
+        n_moved: Pictures in which all of the table's tags, two or more, stood more than two pixels off: the camera was
+            pushed.
+    """
+
+    t_s: NDArray[np.float64]
+    object: BodyTrack
+    hand: BodyTrack
+    view: NDArray[np.float64]
+    eye_m: NDArray[np.float64]
+    table_rms_px: float
+    n_moved: int
+
+
+class SceneSightings(NamedTuple):
+    """Tags that were seen in n pictures.
+
+    Attributes:
+        t_s: Times of the pictures, seconds, rising.
+        corners: Of each picture: (4, 2) pixels by tag. Those of the table are there now and then.
+    """
+
+    t_s: list[float]
+    corners: list[dict[int, NDArray[np.float64]]]
+
+
+def track_scene(
+    pictures: Iterable[tuple[float, NDArray[np.uint8]]], lens: Lens, layout: TagLayout
+) -> SceneTrack:
+    """Follow the bodies of a layout through pictures: :func:`sight_tags`, then :func:`follow_bodies`.
+
+    Args:
+        pictures: Time in seconds, rising, and picture, uint8 (H, W) or (H, W, 3).
+        lens: Of the camera.
+        layout: Which tags are where.
+
+    Raises:
+        RecordingError: There is no picture, one has another size than the lens was calibrated for, or the table's tags
+            are never seen.
+    """
+    return follow_bodies(sight_tags(pictures, lens, layout), lens, layout)
+
+
+def sight_tags(
+    pictures: Iterable[tuple[float, NDArray[np.uint8]]], lens: Lens, layout: TagLayout
+) -> SceneSightings:
+    """Find the tags of a layout in pictures, which are looked at whole only now and then or when a body is lost.
+
+    Arguments and errors as of :func:`track_scene`.
+    """
+    tags = {name: body.all_tags() for name, body in layout.bodies().items()}
+    finder = TagFinder(layout.family, frozenset(tag.id for some in tags.values() for tag in some))
+    moving = frozenset(tag.id for name in ("object", "hand") for tag in tags[name])
+    # By tags that slide alone no pose is known: the others may be beyond the part that is looked at.
+    firm = [{tag.id for tag in tags[name] if not any(tag.slides)} for name in ("object", "hand")]
+    sightings = SceneSightings([], [])
+    seen: dict[int, NDArray[np.float64]] = {}
+    for number, (t_s, image) in enumerate(pictures):
+        if image.shape[:2] != (lens.height, lens.width):
+            raise RecordingError(
+                f"picture {number} is {image.shape[1]}×{image.shape[0]}, the lens was calibrated at "
+                f"{lens.width}×{lens.height}",
+                "record at that resolution, or calibrate at this one",
+            )
+        lost = any(some and not some & seen.keys() for some in firm)
+        around = [corners for tag, corners in seen.items() if tag in moving]
+        whole = number % _WHOLE_EVERY == 0 or lost
+        seen = finder.find(image, within=None if whole else _around(around, lens))
+        sightings.t_s.append(t_s)
+        sightings.corners.append(seen)
+    if not sightings.t_s:
+        raise RecordingError("the video has no pictures")
+    return sightings
+
+
+def follow_bodies(sightings: SceneSightings, lens: Lens, layout: TagLayout) -> SceneTrack:
+    """Fit the bodies of a layout to the tags that were seen.
+
+    The table's tags are taken over all pictures together: the camera stands still. Where each tag truly sits on its
+    body is found from the pictures, too (:mod:`tega_scene.refine`).
+
+    Args:
+        sightings: As of :func:`sight_tags`.
+        lens: Of the camera.
+        layout: Which tags are where.
+
+    Raises:
+        RecordingError: The table's tags are never seen.
+    """
+    fitters = {name: BodyFitter(body, lens) for name, body in layout.bodies().items()}
+    table_ids = fitters["table"].ids
+    lying = [
+        table
+        for one in sightings.corners
+        if (table := {tag: corners for tag, corners in one.items() if tag in table_ids})
+    ]
+    middle = {
+        tag: np.median([one[tag] for one in lying if tag in one], axis=0)
+        for tag in sorted(frozenset().union(*lying) if lying else ())
+    }
+    table_pose = fitters["table"].fit(middle)
+    if table_pose is None:
+        raise RecordingError(
+            "none of the table's tags is seen, so nothing says where up is",
+            f"are tags {', '.join(map(str, sorted(table_ids)))} in the picture, flat, with their white margin?",
+        )
+    moved = sum(
+        min(float(np.abs(corners - middle[tag]).max()) for tag, corners in one.items()) > _MOVED_PX
+        for one in lying
+        if len(one) > 1
+    )
+    found: dict[str, list[FittedPose | None]] = {}
+    for name in ("object", "hand"):
+        fitter = fitters[name]
+        poses = _fitted(fitter, sightings)
+        fitter.strange_px = _REFINED_STRANGE_PX
+        fitter.corners_m = refined_corners(fitter.corners_m, sightings.corners, poses, lens)
+        found[name] = _fitted(fitter, sightings)
+    up = table_pose.rotation.T
+    return SceneTrack(
+        np.array(sightings.t_s),
+        _against_table(found["object"], table_pose),
+        _against_table(found["hand"], table_pose),
+        up[:, 2],
+        -up @ table_pose.position_m,
+        table_pose.rms_px,
+        moved,
+    )
+
+
+def _fitted(fitter: BodyFitter, sightings: SceneSightings) -> list[FittedPose | None]:
+    """Return the pose in each picture, each begun with the one before."""
+    before: FittedPose | None = None
+    poses = []
+    for seen in sightings.corners:
+        poses.append(fitter.fit(seen, before))
+        before = poses[-1] or before
+    return poses
+
+
+def _around(corners: list[NDArray[np.float64]], lens: Lens) -> tuple[int, int, int, int]:
+    """Return the part of the picture about tags."""
+    places = np.concatenate(corners)
+    left, top = np.maximum(places.min(0) - _MARGIN_PX, 0).astype(int).tolist()
+    right, bottom = (places.max(0) + _MARGIN_PX).astype(int).tolist()
+    return left, top, min(right, lens.width), min(bottom, lens.height)
+
+
+def _against_table(poses: list[FittedPose | None], table: FittedPose) -> BodyTrack:
+    n = len(poses)
+    track = BodyTrack(
+        np.full((n, 3), np.nan),
+        np.full((n, 3, 3), np.nan),
+        np.full((n, 6, 6), np.nan),
+        np.zeros(n, np.int64),
+        *np.full((3, n), np.nan),
+    )
+    up = table.rotation.T
+    both = np.kron(np.eye(2), up)
+    # One tag alone leaves two residuals, which are small by chance now and then: no picture is better than most.
+    usual_px = float(np.median([pose.rms_px for pose in poses if pose and pose.n_tags > 1] or [CORNER_PX]))
+    for k, pose in enumerate(poses):
+        if pose is None:
+            continue
+        too_small = max(1.0, usual_px / max(pose.rms_px, CORNER_PX)) ** 2
+        track.position_m[k] = up @ (pose.position_m - table.position_m)
+        track.rotation[k] = up @ pose.rotation
+        track.covariance[k] = too_small * both @ pose.covariance @ both.T
+        track.n_tags[k] = pose.n_tags
+        track.width_m[k], track.width_error_m[k], track.rms_px[k] = (
+            pose.width_m,
+            pose.width_error_m,
+            pose.rms_px,
+        )
+    return track

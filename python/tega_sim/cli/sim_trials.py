@@ -1,0 +1,195 @@
+"""Run many simulated trials over all cores: ``tega-teleop sim trials``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from tega.ui.cli.options import (
+    NameList,
+    chosen_objects,
+    json_option,
+    loop_options,
+    loop_sets,
+    object_options,
+)
+from tega_sim.conditions import CONDITIONS
+
+if TYPE_CHECKING:
+    from tega_sim.table import Row
+    from tega_sim.trial import TrialResult
+
+
+@click.group(epilog="Example: tega-teleop sim trials --seeds 10 --out trials.jsonl")
+def sim() -> None:
+    """Simulate trials without a study's folder."""
+
+
+@sim.command(epilog="Example: tega-teleop sim trials --seeds 10 --out trials.jsonl")
+@click.option(
+    "--objects",
+    type=NameList(),
+    default="bottle,container,bag",
+    show_default=True,
+    help="Objects that are lifted.",
+)
+@click.option(
+    "--conditions",
+    type=NameList(),
+    default="haptic,non-haptic",
+    show_default=True,
+    help=f"Conditions to compare: any of {', '.join(CONDITIONS)}.",
+)
+@click.option(
+    "--seeds",
+    "n_seeds",
+    type=click.IntRange(1, 100_000),
+    default=10,
+    show_default=True,
+    help="How many persons.",
+)
+@click.option(
+    "--first-seed", type=click.IntRange(0, 2**31), default=1, show_default=True, help="The first one."
+)
+@click.option(
+    "--operator",
+    type=click.Choice(["simulated", "scripted"]),
+    default="simulated",
+    show_default=True,
+    help="Who leads the hand: the simulated person, or a fixed script.",
+)
+@click.option(
+    "--practice", type=click.IntRange(0, 100), default=0, show_default=True, help="Lifts before each trial."
+)
+@click.option(
+    "--rules",
+    type=click.IntRange(1, 3),
+    default=1,
+    show_default=True,
+    help="Version of the rules that the persons follow; by 2 and 3 they practise first.",
+)
+@click.option(
+    "--task",
+    type=click.Choice(["lift", "place"]),
+    default="lift",
+    show_default=True,
+    help="lift: put down where it stood. place: carried to a second marked place first.",
+)
+@object_options
+@loop_options
+@click.option(
+    "--jobs",
+    type=click.IntRange(0, 1024),
+    default=0,
+    help="Worker processes; 0 for as many as there are cores.",
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Keep results in this file, and go on from it.",
+)
+@json_option
+def trials(
+    *,
+    objects: list[str],
+    conditions: list[str],
+    n_seeds: int,
+    first_seed: int,
+    operator: str,
+    practice: int,
+    rules: int,
+    task: str,
+    view: str,
+    objects_file: Path | None,
+    mass_kg: list[float] | None,
+    stiffness_n_m: list[float] | None,
+    friction: list[float] | None,
+    preset: str,
+    shear: str,
+    config: Path | None,
+    sets: tuple[str, ...],
+    jobs: int,
+    out: Path | None,
+    as_json: bool,
+) -> None:
+    """Run every object under every condition with every seed, and compare. Everything in it is simulated.
+
+    A seed is a person: trials that differ only in object or condition have the same person and the same chance. The
+    results are the same with any number of workers. With --out they are kept, one JSON object a line, and trials
+    that the file holds already are not run again.
+
+    \b
+    --json prints one object:
+      trials   as in the file: [{object, condition, seed, success, slips, deformations, drops, duration_s,
+               peak_force_n, ...}]
+      table    [{object, condition, n, success, slips, deformations, drops, duration_s, peak_force_n}], means
+      wall_s, simulated_s, jobs
+    """  # noqa: D301  # click keeps the lines after \b as they are
+    import os
+    import time
+
+    import msgspec
+
+    from tega.ui.cli.options import echo_json, progress_bar
+    from tega_sim.table import summarise_trials
+    from tega_sim.trials import plan_trials, run_trials
+
+    plans = plan_trials(
+        objects if objects_file is None else chosen_objects(objects, objects_file),
+        conditions,
+        range(first_seed, first_seed + n_seeds),
+        operator=operator,
+        practice=practice,
+        rules=rules,
+        task=task,
+        preset=preset,
+        shear=shear,
+        view=view,
+        mass_kg=mass_kg or (None,),
+        stiffness_n_m=stiffness_n_m or (None,),
+        friction=friction or (None,),
+        settings=loop_sets(config, sets),
+    )
+    jobs = jobs or os.cpu_count() or 1
+    started = time.perf_counter()
+    with progress_bar() as progress:
+        results = run_trials(plans, jobs=jobs, out=out, progress=progress)
+    wall_s = time.perf_counter() - started
+    table = summarise_trials(results)
+    if as_json:
+        simulated_s = sum(result.simulated_s for result in results)
+        measured = {"wall_s": wall_s, "simulated_s": simulated_s, "jobs": jobs}
+        echo_json({"trials": msgspec.to_builtins(results), "table": msgspec.to_builtins(table), **measured})
+    else:
+        _print(results, table, wall_s=wall_s, jobs=jobs)
+
+
+def _print(results: list[TrialResult], table: list[Row], *, wall_s: float, jobs: int) -> None:
+    from rich.box import SIMPLE
+    from rich.console import Console
+    from rich.table import Table
+
+    out = Console(highlight=False, width=110)
+    shown = Table(title="simulated trials, means", title_justify="left", box=SIMPLE)
+    columns: list[tuple[str, Any]] = [
+        ("object", lambda row: row.object),
+        ("condition", lambda row: row.condition),
+        ("trials", lambda row: str(row.n)),
+        ("lifted", lambda row: f"{row.success:.0%}"),
+        ("slips", lambda row: f"{row.slips:.2f}"),
+        ("deformations", lambda row: f"{row.deformations:.2f}"),
+        ("drops", lambda row: f"{row.drops:.2f}"),
+        ("time s", lambda row: f"{row.duration_s:.1f}"),
+        ("peak N", lambda row: f"{row.peak_force_n:.1f}"),
+    ]
+    for name, _ in columns:
+        shown.add_column(name, justify="left" if name in {"object", "condition"} else "right")
+    for row in table:
+        shown.add_row(*(text(row) for _, text in columns))
+    out.print(shown)
+    out.print(
+        f"{len(results)} trials with {len({r.seed for r in results})} simulated persons took {wall_s:.1f} s "
+        f"({jobs} workers)"
+    )

@@ -1,0 +1,147 @@
+"""Choose what the worn vest tells under each condition of a comparison, and through which motors and skin.
+
+``haptic`` shows the loop's frames, ``non-haptic`` nothing, ``event-gated`` pulses at contact, slip and release, which
+the person is told.
+
+The shams tell nothing or something else. Their person is told what the haptic arm's is told, and has the same chance
+in everything else: a benefit that they show too does not come from what the vest tells. See
+:mod:`tega_sim.operator.shams`.
+
+The positive controls tell what is so, which no sensor has to find out: a person who gains nothing from these could not
+have gained from a vest. ``oracle`` pulses at true slips, ``true-force`` shows the pads' true forces by the law of the
+real vest, ``true-steps`` in equal steps of sensation (:mod:`tega.stages.equal_steps`), ``ideal-vest`` in proportion, on
+a skin that misses nothing. From one to the next, ``ideal-vest``, ``true-force`` or ``true-steps``, and ``haptic`` with
+the same mapping add the real vest with its wearer's skin, and the real reading of pictures. The sham of
+``oracle`` is ``mistimed``: the pulses of another trial.
+
+``reflex`` has no vest and a reflex that firms the grip (:mod:`tega.loop.reflex`), ``haptic-reflex`` both, at the
+settings' reflex or, where they name none, ``grip``; its authority is that of the settings or, where that is 0, full:
+so a reflex of the settings without authority acts in these arms alone. ``true-reflex`` is their positive control: the
+same reflex is told the true speed of the slide and, of gels that give way sideways, the share that has truly slid.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Final, Literal, NamedTuple, TypeAlias, get_args
+
+if TYPE_CHECKING:
+    from tega.haptics import Layout, MotorLevels
+    from tega_sim.operator.shams import Sham, ShamName
+
+
+Condition = Literal[
+    "haptic",
+    "non-haptic",
+    "silent",
+    "constant",
+    "unrelated",
+    "replayed",
+    "permuted",
+    "inverted",
+    "half",
+    "unfelt",
+    "event-gated",
+    "oracle",
+    "true-force",
+    "true-steps",
+    "ideal-vest",
+    "mistimed",
+    "reflex",
+    "haptic-reflex",
+    "true-reflex",
+]
+
+CONDITIONS: tuple[Condition, ...] = get_args(Condition)
+"""Haptic, non-haptic, the sham arms, event-gated, the positive controls, and the arms with a reflex."""
+
+Tells: TypeAlias = Literal[
+    "touch", "events", "true slips", "true force", "true force, equal steps", "true force, linear"
+]
+"""What the vest's frames are made of: what the loop measured, or what is true in the simulated world."""
+
+WornOn: TypeAlias = Literal["own", "clear", "none"]
+"""Skin that the motors reach: the person's own, one that misses nothing, or none."""
+
+
+_OF_FRAMES: Final = frozenset({"informative", "permuted", "inverted", "half"})
+"""Shams that make what is worn of the frame that the loop made."""
+
+ReflexTells: TypeAlias = Literal["none", "touch", "true slips"]
+"""What a reflex learns of slips from: what the loop measured, or the world's truth."""
+
+
+class Arm(NamedTuple):
+    """One condition of a comparison.
+
+    Attributes:
+        tells: What the frames are made of.
+        sham: What is worn of them, see :func:`tega_sim.operator.sham_vest`.
+        skin: What the motors reach.
+        reflex: What tells the reflex of a slip, where there is one.
+    """
+
+    tells: Tells = "touch"
+    sham: ShamName = "informative"
+    skin: WornOn = "own"
+    reflex: ReflexTells = "none"
+
+    @property
+    def pulses(self) -> bool:
+        """Whether events are told by pulses, which the person knows."""
+        return self.tells in {"events", "true slips"}
+
+    @property
+    def hangs_on_pictures(self) -> bool:
+        """Whether what is worn, or the reflex, hangs on what the fingertips' pictures show."""
+        return self.reflex == "touch" or (self.tells in {"touch", "events"} and self.sham in _OF_FRAMES)
+
+
+ARMS: Final[dict[Condition, Arm]] = {
+    "haptic": Arm(),
+    "non-haptic": Arm(sham="off"),
+    "silent": Arm(sham="silent"),
+    "constant": Arm(sham="constant"),
+    "unrelated": Arm(sham="unrelated"),
+    "replayed": Arm(sham="replayed"),
+    "permuted": Arm(sham="permuted"),
+    "inverted": Arm(sham="inverted"),
+    "half": Arm(sham="half"),
+    "unfelt": Arm(skin="none"),
+    "event-gated": Arm("events"),
+    "oracle": Arm("true slips"),
+    "true-force": Arm("true force"),
+    "true-steps": Arm("true force, equal steps"),
+    "ideal-vest": Arm("true force, linear", skin="clear"),
+    "mistimed": Arm("true slips", sham="replayed"),
+    "reflex": Arm(sham="off", reflex="touch"),
+    "haptic-reflex": Arm(reflex="touch"),
+    "true-reflex": Arm(sham="off", reflex="true slips"),
+}
+"""What each condition is."""
+
+SESSION_CONDITIONS: tuple[Condition, ...] = tuple(name for name, arm in ARMS.items() if arm.skin == "own")
+"""Those that one person can meet in one session: their own skin stays on."""
+
+
+def worn(
+    condition: Condition,
+    *,
+    layout: Layout,
+    seed: int,
+    recorded: Sequence[tuple[float, MotorLevels]] = (),
+) -> Sham:
+    """Return the function that turns the frames that were made into those that are worn.
+
+    Args:
+        condition: The arm.
+        layout: Of the vest.
+        seed: Of the shams that draw.
+        recorded: For ``replayed``: times in seconds and frames of another trial.
+
+    Raises:
+        InvalidValueError: ``replayed`` has nothing to replay.
+    """
+    from tega_sim.operator import sham_vest
+
+    return sham_vest(ARMS[condition].sham, seed=seed, layout=layout, recorded=recorded)

@@ -1,0 +1,204 @@
+"""Run the demo: lift one object after the other, looked at meanwhile, with tables and a picture afterwards."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from tega.config import FINGERS
+from tega_sim.conditions import ARMS
+from tega_sim.lab import lab_of
+from tega_sim.plan import TrialPlan, TrialResult
+from tega_sim.streams import Streams
+from tega_sim.trial import run_trial
+from tega_sim.world.scene import import_mujoco
+
+if TYPE_CHECKING:
+    from tega.ui.view.state import ViewState
+    from tega_sim.recorded import LiftRecorder
+    from tega_sim.rig import TrialSteering
+
+
+DEMO_FORMAT = "tega-demo"
+
+
+class DemoReport(msgspec.Struct, frozen=True, kw_only=True):
+    """Result of a demo. Everything in it is simulated.
+
+    Attributes:
+        simulated_s: Time simulated, seconds.
+        wall_s: Time that took, from the first physics step to the last trial's end: rendering, mapping, scoring and the
+            building of the scenes in between included.
+        real_time_factor: Their ratio.
+        trials: The results.
+        format: Always ``tega-demo``.
+        version: Of the format.
+    """
+
+    simulated_s: float
+    wall_s: float
+    real_time_factor: float
+    trials: list[TrialResult]
+    format: str = DEMO_FORMAT
+    version: int = 1
+
+
+def run_demo(
+    plans: Sequence[TrialPlan],
+    *,
+    person: TrialSteering | None = None,
+    real_time: bool = True,
+    observer: Callable[[ViewState], None] | None = None,
+    recorder: LiftRecorder | None = None,
+    next_object: Callable[[], str | None] = lambda: None,
+    stop: Callable[[], bool] = lambda: False,
+    paused: Callable[[], bool] = lambda: False,
+    muted: Callable[[], bool] = lambda: False,
+) -> tuple[DemoReport, list[Streams]]:
+    """Run trials one after the other.
+
+    Args:
+        plans: The trials.
+        person: Who acts in all of them, instead of their plans' operator.
+        real_time: Whether to keep to the machine's clock.
+        observer: Told thirty times a second of simulated time what there is to see.
+        recorder: What records each trial.
+        next_object: Asked all the time whether another object is wanted at once; the running trial is then left.
+        stop: Asked all the time whether to end; the running trial then counts as it stands.
+        paused: Asked all the time whether to stand still.
+        muted: Asked whether somebody has switched the vest off.
+
+    Returns:
+        The report, and the course of each trial in it.
+
+    Raises:
+        MissingExtraError: A package of the extra ``sim`` is not installed.
+    """
+    left = list(plans)
+    results: list[TrialResult] = []
+    courses: list[Streams] = []
+    wish: list[str] = []
+
+    def leave() -> bool:
+        if (name := next_object()) is not None:
+            wish.append(name)
+        return stop() or bool(wish)
+
+    prepare_demo(plans)
+    started = time.perf_counter()
+    while left and not stop():
+        plan, streams = left.pop(0), Streams()
+        result = run_trial(
+            plan,
+            person=person,
+            real_time=real_time,
+            observer=observer,
+            streams=streams,
+            recorder=recorder,
+            stop=leave,
+            paused=paused,
+            muted=muted,
+        )
+        results.append(result)
+        courses.append(streams)
+        if wish:
+            left.insert(0, msgspec.structs.replace(plan, object=wish.pop()))
+            wish.clear()
+    wall_s = time.perf_counter() - started
+    simulated_s = sum(result.simulated_s for result in results)
+    report = DemoReport(
+        simulated_s=simulated_s, wall_s=wall_s, real_time_factor=simulated_s / wall_s, trials=results
+    )
+    return report, courses
+
+
+def prepare_demo(plans: Sequence[TrialPlan]) -> None:
+    """Do what belongs to no trial's time: calibrate the simulated people, and load the physics.
+
+    Raises:
+        MissingExtraError: MuJoCo is not installed.
+    """
+    for plan in plans:
+        lab_of(plan.seed, plan.preset, plan.settings, plan.shear)
+    import_mujoco()
+
+
+def demo_outputs(folder: Path) -> list[Path]:
+    """Return what an earlier demo left beside its ``summary.json``: its picture, and each trial's folder of tables."""
+    trials = sorted({table.parent for table in folder.glob("[0-9]*-*/vest.csv")})
+    return [*trials, *folder.glob("demo.png")]
+
+
+def write_demo(folder: Path, report: DemoReport, courses: Sequence[Streams]) -> None:
+    """Write the summary, and each trial's tables into a folder of its own.
+
+    Args:
+        folder: Where to; it must exist.
+        report: What was done.
+        courses: The course of each trial in it.
+    """
+    for number, (result, streams) in enumerate(zip(report.trials, courses, strict=True), start=1):
+        below = folder / f"{number}-{result.object}"
+        below.mkdir(exist_ok=True)
+        streams.write_tables(below)
+    text = msgspec.json.format(msgspec.json.encode(report), indent=2)
+    (folder / "summary.json").write_bytes(text + b"\n")
+
+
+def draw_demo(path: Path, report: DemoReport, courses: Sequence[Streams]) -> None:
+    """Draw every trial: each finger's firmest contact, and the course of touch, pose and height.
+
+    Args:
+        path: The PNG to write.
+        report: What was done.
+        courses: The course of each trial in it.
+
+    Raises:
+        MissingExtraError: matplotlib is not installed.
+    """
+    from tega.ui.view.trials import TrialPicture, trials_figure
+
+    rows = []
+    for result, streams in zip(report.trials, courses, strict=True):
+        lab = lab_of(result.seed, result.preset, result.settings, result.shear)
+        rows.append(
+            TrialPicture(
+                title=_title(result),
+                touch={f: streams.picture(f, lab) for f in FINGERS},
+                course=streams.course(pose_base=lab.config.session.pose_base),
+                height_t_s=streams.array("truth", "t_s"),
+                height_m=streams.array("truth", "object_height_m"),
+                events=[(event.kind, event.t_s) for event in result.events],
+            )
+        )
+    trials_figure(path, rows, demo_heading(report.trials))
+
+
+def demo_heading(plans: Sequence[TrialPlan]) -> str:
+    """Return the heading of a picture of trials: who steered, and what of the vest reached them."""
+    return f"TEGA demo, simulated: {'; '.join(dict.fromkeys(_who(plan) for plan in plans))}"
+
+
+def _who(plan: TrialPlan) -> str:
+    if plan.operator == "scripted":
+        return "three muscles follow a fixed course, whatever the vest does"
+    if plan.operator == "keyboard":
+        return "somebody at the keyboard steers three simulated muscles, without a vest"
+    vest = {
+        "haptic": "feels the vest",
+        "non-haptic": "wears no vest",
+        "unfelt": "wears the vest and does not feel it",
+    }.get(plan.condition)
+    if vest is None:
+        kind = "vest" if ARMS[plan.condition].sham == "informative" else "sham vest"
+        vest = f"wears a {kind} ({plan.condition})"
+    return f"the person {vest} and steers with three muscles"
+
+
+def _title(result: TrialResult) -> str:
+    outcome = "lifted and held" if result.success else "dropped" if result.drops else "not lifted"
+    return f"{result.object}, {result.condition}: {outcome}, peak {result.peak_force_n:.1f} N on a fingertip"

@@ -1,0 +1,295 @@
+"""Simulate a fingertip camera: from what presses the gel to the picture and the true contact.
+
+Rigid shapes go into a skin on springs until the springs carry their forces; slopes become colours by a
+light field that was fitted to one real sensor, and noise has the statistics of its pictures.
+``docs/evidence/sim-touch.md`` says how close that comes to real pictures and what is not modelled. Seed,
+settings, indenters and frame number decide what a frame shows, to the last bit; with ``memory`` also what
+pressed before and how long.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tega import _native
+from tega_sim.seams import Indenter, Shear
+
+HEIGHT: Final = 320
+WIDTH: Final = 240
+PX_PER_MM: Final = _native.GEL_PX_PER_MM
+"""Scale of the picture at the gel's top; what lies lower is nearer to the camera and looks larger."""
+LENGTH_MM: Final = _native.GEL_LENGTH_MM
+"""How far the gel is pulled down beside a contact: its slope dies away over this length, 20 pixels."""
+STIFFNESS_N_MM3: Final = _native.GEL_STIFFNESS_N_MM3
+"""Pressure a displacement, newtons per cubic millimetre."""
+SHEAR_STIFFNESS_N_MM3: Final = _native.GEL_SHEAR_STIFFNESS_N_MM3
+"""Traction a sideways displacement, newtons per cubic millimetre."""
+RADIUS_ACROSS_MM: Final = _native.GEL_RADIUS_ACROSS_MM
+"""Radius of the ``digit`` gel across the finger."""
+HEIGHTS_ALONG_MM: Final = tuple(_native.GEL_HEIGHTS_ALONG_MM)
+"""Its heights along the middle line: millimetres along the finger, millimetres high; the published drawing's."""
+MIDDLE_ALONG_MM: Final = _native.GEL_MIDDLE_ALONG_MM
+"""Where along it the picture has its middle."""
+CAMERA_MM: Final = _native.GEL_CAMERA_MM
+"""From the camera's pinhole to the gel's top."""
+CAMERA_HZ: Final = 60.0
+"""Frames a second: what turns a frame's number into a time."""
+
+
+class GelTruth(NamedTuple):
+    """True contact, whatever the picture shows; of the part of the gel that is in the picture."""
+
+    touches: bool
+    """Whether anything lies against the gel, in the picture or beside it."""
+    area_px: int
+    """Touching area, pixels; found on cells of 4 x 4."""
+    area_mm2: float
+    """The same, square millimetres."""
+    depth_mm: float
+    """Largest displacement of the gel, millimetres."""
+    centre_xy: tuple[float, float]
+    """Middle of the displacement of what touches, pixels (column, row); NaN where nothing does."""
+
+
+class ShearTruth(NamedTuple):
+    """True shear of a contact, whatever the picture shows; of the part of the gel that is in the picture."""
+
+    mean_mm: tuple[float, float]
+    """Mean displacement of the touching gel, to the right and down the picture, millimetres."""
+    peak_mm: float
+    """Largest length of a displacement, millimetres."""
+    slid: float
+    """Share of the touching area whose traction is at the limit of friction, 0 to 1; 0 without contact."""
+
+
+class Gel:
+    """One unit: its own gel, background, light and noise.
+
+    Args:
+        seed: Of everything that differs between units, and of which noise each frame shows; 0 to 2⁶⁴ - 1.
+        spread: How much gel, light, background and noise differ from those of the fitted sensor: 0 not at all, 1 as
+            sensors may differ, at most 2.
+        shape: ``digit``, rounded across the finger as the published drawing, or ``flat`` as a GelSight's.
+        memory: Whether the gel creeps under a load and leaves something after release, and its colours drift for
+            minutes, as recorded ones do. A press then lasts until the next call, whose time may not be earlier; the
+            truth tells how far the gel is displaced in all, and what touches.
+        shear: Whether the gel gives way sideways and slips, and what on it shows that: ``texture`` the faint grain of a
+            recorded DIGIT, ``dots`` that and dark dots as on a GelSight Mini. ``off`` has neither shear nor grain; the
+            pictures of the others are those of ``off`` with the grain added.
+
+    Attributes:
+        pressed: When the latest picture was taken, seconds, and the shapes that pressed then.
+
+    Raises:
+        InvalidValueError: ``spread`` is out of range, or ``shape`` or ``shear`` not known.
+
+    Example:
+        >>> gel = Gel(seed=1)
+        >>> image = gel.frame([ball(force_n=3.0)], index=0)
+        >>> image.shape, image.dtype, 0.7 < gel.truth.depth_mm < 1.2
+        ((320, 240, 3), dtype('uint8'), True)
+    """
+
+    def __init__(
+        self,
+        seed: int,
+        *,
+        spread: float = 1.0,
+        shape: Literal["digit", "flat"] = "digit",
+        memory: bool = False,
+        shear: Shear = "off",
+    ) -> None:
+        self._gel = _native.Gel(seed, spread=spread, shape=shape, memory=memory, shear=shear)
+        self.pressed: tuple[float, Sequence[Indenter]] = (0.0, ())
+
+    def frame(
+        self,
+        indenters: Sequence[Indenter],
+        index: int,
+        *,
+        t_s: float | None = None,
+        out: NDArray[np.uint8] | None = None,
+    ) -> NDArray[np.uint8]:
+        """Return the picture of these shapes pressed in; :attr:`truth` is then of this press.
+
+        Where nothing touches nothing is solved, and nothing shaded unless something is left of an earlier press: the
+        picture is the still one and new noise, so that no two frames are equal. Ask :meth:`press` first to leave such
+        frames out altogether.
+
+        Args:
+            indenters: What presses, at most 8; one with a force of 0 does not. ``pose_mm``'s z does not matter: each
+                shape goes in until the gel carries its force.
+            index: Number of the frame: picks its noise and how far the colours have drifted (60 frames a second).
+            t_s: When, seconds, for a gel with ``memory``; ``None`` is ``index`` / 60.
+            out: Where to write, uint8 (320, 240, 3) without gaps; ``None`` makes a new array.
+
+        Returns:
+            uint8 (320, 240, 3), BGR, upright; ``out`` where given.
+
+        Raises:
+            InvalidValueError: A shape is not known, a number is out of range, ``out`` cannot be written, or a gel with
+                memory is asked for a time before the latest one.
+            ShapeError: ``pose_mm`` is not (3, 4) or ``out`` not as above.
+        """
+        if out is None:
+            out = np.empty((HEIGHT, WIDTH, 3), np.uint8)
+        t_s = index / CAMERA_HZ if t_s is None else t_s
+        self.pressed = t_s, indenters
+        self._gel.frame(
+            _poses(indenters), index, t_s=t_s, pull=_pull(indenters), relief=_relief(indenters), out=out
+        )
+        return out
+
+    def sums(
+        self, indenters: Sequence[Indenter], index: int, *, t_s: float | None = None
+    ) -> NDArray[np.int16]:
+        """Return the sums over cells of 8 x 8 pixels of the picture that :meth:`frame` would paint, equal to the bit.
+
+        What does not hang on single pixels is not worked out pixel by pixel: it takes a fraction of the time.
+        Args and errors are those of :meth:`frame`.
+
+        Returns:
+            int16 (3, 1200): blue, green and red, each 40 rows of 30 cells, one after the other.
+        """
+        t_s = index / CAMERA_HZ if t_s is None else t_s
+        return self._gel.sums(
+            _poses(indenters), index, t_s=t_s, pull=_pull(indenters), relief=_relief(indenters)
+        )
+
+    def press(self, indenters: Sequence[Indenter], *, t_s: float | None = None) -> GelTruth:
+        """Press shapes in without making a picture; :attr:`truth` and the arrays below are then of this press.
+
+        Args and errors are those of :meth:`frame`; without ``t_s`` no time passes.
+        """
+        t_s = (self._gel.last_s() or 0.0) if t_s is None else t_s
+        self._gel.press(_poses(indenters), t_s, pull=_pull(indenters), relief=_relief(indenters))
+        return self.truth
+
+    def remains(self, t_s: float) -> bool:
+        """Return whether the gel would show anything at a time, seconds, if nothing pressed it from then on."""
+        return self._gel.remains(t_s)
+
+    def forget(self) -> None:
+        """Forget what pressed and when, as a new gel of the same unit."""
+        self._gel.forget()
+
+    @property
+    def truth(self) -> GelTruth:
+        """True contact of the latest press, measured when asked for."""
+        return GelTruth._make(self._gel.touch())
+
+    @property
+    def sheared(self) -> ShearTruth:
+        """True shear of the latest press, measured when asked for; 0 of a gel without."""
+        return ShearTruth._make(self._gel.shear())
+
+    def shear_mm(self) -> NDArray[np.float32]:
+        """Return how far the gel is pulled to the right and down, float32 (40, 30, 2), mm, 8 x 8 pixels each."""
+        return self._gel.shear_mm()
+
+    @property
+    def in_view(self) -> float:
+        """Share of the latest press's touching area that is in the picture, 0 to 1; NaN where no cell touches.
+
+        Found on cells of 8 x 8 pixels, whose answer is coarser than the picture's: where planes lie over one another
+        none of them may touch. What lies more than 3.4 mm beyond the picture is not counted.
+        """
+        return self._gel.in_view()
+
+    def still(self, index: int = 0) -> NDArray[np.uint8]:
+        """Return the untouched gel without noise, as it is by frame ``index``, uint8 (320, 240, 3), BGR."""
+        return self._gel.still(index)
+
+    def contact_mask(self) -> NDArray[np.bool_]:
+        """Return the touching pixels of the latest press, bool (320, 240); their number is ``truth.area_px``."""
+        return self._gel.contact_mask()
+
+    def displacement_mm(self) -> NDArray[np.float32]:
+        """Return how far the latest press displaces the gel, float32 (80, 60), one value for 4 x 4 pixels."""
+        return self._gel.displacement_mm()
+
+    def surface_mm(self) -> NDArray[np.float32]:
+        """Return where the untouched gel lies that 4 x 4 pixels each show, float32 (80, 60, 4).
+
+        x, y and z in the pad frame, z 0 at the gel's top, millimetres; and its area, square millimetres.
+        """
+        return self._gel.surface()
+
+
+def ball(
+    *,
+    force_n: float,
+    radius_mm: float = 4.4,
+    centre_xy: tuple[float, float] = (119.5, 159.5),
+    on: Gel | None = None,
+) -> Indenter:
+    """Return a ball that presses at a place of the picture.
+
+    Args:
+        force_n: Normal force, newtons.
+        radius_mm: The ball's radius; 4.4 is that of the recorded presses.
+        centre_xy: Where, pixels (column, row).
+        on: The gel that it is to touch first at that place; ``None`` has it so on a flat one. On a rounded gel a ball
+            beside the middle touches nearer to the middle than its own is.
+    """
+    x, y = ((at - middle) / PX_PER_MM for at, middle in zip(centre_xy, (119.5, 159.5), strict=True))
+    if on is not None:
+        x, y = _beside(on.surface_mm(), centre_xy, radius_mm)
+    pose = np.array([[1.0, 0.0, 0.0, x], [0.0, 1.0, 0.0, y], [0.0, 0.0, 1.0, radius_mm]])
+    return Indenter("sphere", (radius_mm, 0.0, 0.0), pose, force_n)
+
+
+def board(*, force_n: float) -> Indenter:
+    """Return a flat board, larger than the finger, that presses."""
+    pose = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0]])
+    return Indenter("plane", (0.0, 0.0, 0.0), pose, force_n)
+
+
+def fall(x_mm: float, y_mm: float) -> tuple[float, float]:
+    """Return how steeply the drawing's gel falls off at a place of the pad frame: to the right, down the picture."""
+    return _native.gel_fall(x_mm, y_mm)
+
+
+def _beside(
+    surface: NDArray[np.float32], centre_xy: tuple[float, float], radius_mm: float
+) -> tuple[float, float]:
+    """Return where a ball's middle is that touches a surface at a place of the picture, millimetres."""
+    rows, columns = surface.shape[:2]
+    c, r = (
+        int(np.clip((at - 1.5) / 4, 1, size - 3)) for at, size in zip(centre_xy, (columns, rows), strict=True)
+    )
+    share = np.array([(centre_xy[0] - 1.5) / 4 - c, (centre_xy[1] - 1.5) / 4 - r])
+    (x, y), right, down = surface[r, c, :2], surface[r, c + 1, :2], surface[r + 1, c, :2]
+    # Slopes a cell on either side; a cell's x hangs little on its row, and the other way round.
+    slope_x = (surface[r, c + 1, 2] - surface[r, c - 1, 2]) / (surface[r, c + 1, 0] - surface[r, c - 1, 0])
+    slope_y = (surface[r + 1, c, 2] - surface[r - 1, c, 2]) / (surface[r + 1, c, 1] - surface[r - 1, c, 1])
+    normal = np.array([-slope_x, -slope_y, 1.0])
+    normal /= np.linalg.norm(normal)
+    at_x = x + share[0] * (right[0] - x) + share[1] * (down[0] - x)
+    at_y = y + share[0] * (right[1] - y) + share[1] * (down[1] - y)
+    return float(at_x + radius_mm * normal[0]), float(at_y + radius_mm * normal[1])
+
+
+def _pull(indenters: Sequence[Indenter]) -> tuple[float, float, float]:
+    """Return the sum of the tangential forces, newtons, and the friction: its mean over the normal forces."""
+    load_n = sum(i.force_n for i in indenters)
+    friction = sum(i.force_n * i.friction for i in indenters) / load_n if load_n > 0 else 1.0
+    return sum(i.shear_n[0] for i in indenters), sum(i.shear_n[1] for i in indenters), friction
+
+
+def _relief(indenters: Sequence[Indenter]) -> tuple[int, float, float]:
+    """Return which shape presses most, and its relief's contrast and wave; smooth without one."""
+    if not indenters:
+        return 0, 0.0, 1.0
+    which, one = max(enumerate(indenters), key=lambda pair: pair[1].force_n)
+    return which, one.relief_counts, one.relief_mm
+
+
+def _poses(
+    indenters: Sequence[Indenter],
+) -> list[tuple[str, tuple[float, float, float], NDArray[np.float64], float]]:
+    return [(i.shape, i.size_mm, np.asarray(i.pose_mm, np.float64), i.force_n) for i in indenters]

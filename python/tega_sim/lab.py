@@ -1,0 +1,195 @@
+"""Make a person's lab, once for a seed and kept over trials: gels, electrodes and calibration.
+
+Calibration is that of people. EMG maxima come from three strong squeezes through the real chain; touch maxima from
+five presses on each fingertip, by the rule that a recording of presses is calibrated with.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from tega.config import FINGERS
+from tega.config.calibration import EmgMaxima
+from tega.errors import InvalidValueError
+from tega.loop.inbox.frames import FrameMeter
+from tega.loop.inbox.sources import SourceReport
+from tega.runtime.device_items import TactileFrame
+from tega.setup.calibration.maxima import guided_maxima
+from tega.stages.choose import block_s, finger_metric, muscle_decoder
+from tega_sim.conditions import ARMS
+from tega_sim.gel import Gel, ball, board
+from tega_sim.plan import loop_settings
+from tega_sim.seams import Indenter, Shear
+from tega_sim.true_touch import FULL_N
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from tega.config.calibration import TouchMaxima
+    from tega.stages.base import Decoder, Metric
+    from tega_sim.operator import Calibrated, ForearmEmg, Operator, Parameters, RulesVersion, ScriptedOperator
+    from tega_sim.trial import TrialPlan
+
+
+EMG_HZ = 1000.0
+"""Rate of the EMG."""
+
+# The guided presses: a large marble and a flat board in turn, as firmly as the hand can. The marble is the most focal
+# of what is grasped, the board the broadest, so that neither column of the vest is full for a whole hold.
+PRESSES = 6
+PRESS_FRAMES = 24
+# Between two presses, longer than the gel needs to be told from a touched one.
+PAUSE_FRAMES = 90
+FRAME_NS = round(1e9 / 60)
+MARBLE_RADIUS_MM = 12.0
+BASELINE_FRAMES = 30
+
+
+class Lab:
+    """Gels, electrodes and calibration of one person, which last longer than a trial.
+
+    Args:
+        seed: Who.
+        preset: Readings of the loop.
+        parameters: Of the population; none means the package's own.
+        settings: Of the loop, see :class:`tega_sim.plan.TrialPlan`.
+        shear: Of the gels, likewise.
+
+    Attributes:
+        gels: The four fingertips' gels and cameras.
+        baselines: Their untouched pictures, as recorded before the session.
+        touch: What counts as full, by finger.
+        calibrated: The EMG maxima, and the effort that they stand for.
+    """
+
+    def __init__(
+        self,
+        seed: int,
+        preset: Literal["paper", "live"],
+        parameters: Parameters | None = None,
+        *,
+        settings: Sequence[str] = (),
+        shear: Shear = "off",
+    ) -> None:
+        from tega_sim.operator import calibrate, draw_person, load_parameters
+
+        self._seed, self.preset = seed, preset
+        self.config = loop_settings(preset, settings)
+        self._parameters = parameters or load_parameters()
+        self._someone = draw_person(seed, self._parameters)
+        self.calibrated: Calibrated = calibrate(
+            self._someone, seed=seed, rate_hz=EMG_HZ, preset=preset, tau_s=block_s(self.config)
+        )
+        self.gels: Mapping[str, Gel] = {
+            finger: Gel(len(FINGERS) * seed + number, memory=True, shear=shear)
+            for number, finger in enumerate(FINGERS)
+        }
+        self.baselines = {finger: _baseline(gel) for finger, gel in self.gels.items()}
+        self.touch: Mapping[str, TouchMaxima] = {finger: self._press(finger) for finger in FINGERS}
+
+    def digest(self, rules: RulesVersion) -> str:
+        """Return the first digits of the SHA-256 that says who the people are who follow these rules."""
+        from tega_sim.operator import people_digest
+
+        return people_digest(self._parameters.digest, rules)[:16]
+
+    def emg(self, lift: str) -> ForearmEmg:
+        """Return the forearm's EMG for one lift, by its name: other lifts, other noise."""
+        from tega_sim.operator import ForearmEmg
+
+        return ForearmEmg(self._someone, seed=self._seed, label=lift, rate_hz=EMG_HZ)
+
+    def person(self, plan: TrialPlan) -> Operator | ScriptedOperator:
+        """Return the plan's operator.
+
+        Raises:
+            InvalidValueError: The plan's is at a keyboard.
+        """
+        from tega_sim.operator import Operator, Rules, ScriptedOperator, clear_skin
+        from tega_sim.operator.forearm import AWAY_M
+        from tega_sim.operator.scripted import DEFAULT_COURSE, PLACE_COURSE
+
+        full_effort, places = self.calibrated.full_effort, plan.task == "place"
+        if plan.operator == "scripted":
+            return ScriptedOperator(PLACE_COURSE if places else DEFAULT_COURSE, full_effort=full_effort)
+        if plan.operator == "keyboard":
+            raise InvalidValueError("nobody is at the keyboard", "give run_trial() a person")
+        skin = ARMS[plan.condition].skin
+        return Operator(
+            clear_skin(self._someone) if skin == "clear" else self._someone,
+            seed=self._seed,
+            feels=skin != "none",
+            full_effort=full_effort,
+            rules=Rules(version=plan.rules),
+            view=plan.view,
+            away_m=AWAY_M if places else 0.0,
+        )
+
+    def metric(self, finger: str) -> Metric:
+        """Make the metric of a finger."""
+        return finger_metric(self.config.stages, self.preset, finger, self.baselines[finger])
+
+    @property
+    def muscles(self) -> EmgMaxima:
+        """The maxima of the muscles, and what they hold under."""
+        return EmgMaxima(
+            kind="raw",
+            rate_hz=EMG_HZ,
+            tau=self.calibrated.tau,
+            channels=("ECR", "FCU", "FDS"),
+            maxima=tuple(float(maximum) for maximum in self.calibrated.maxima),
+        )
+
+    def decoder(self) -> Decoder:
+        """Make the decoder of the muscles."""
+        return muscle_decoder(self.config.stages, self.preset, self.muscles)
+
+    def _press(self, finger: str) -> TouchMaxima:
+        """Take the maxima of the guided press of one fingertip."""
+        meter = FrameMeter(self.baselines[finger], self.metric(finger), SourceReport(), live=False)
+        gel = self.gels[finger]
+        gel.forget()
+        contacts = []
+        for number in range(PRESSES * (PRESS_FRAMES + PAUSE_FRAMES)):
+            press, since = divmod(number, PRESS_FRAMES + PAUSE_FRAMES)
+            force_n = (
+                FULL_N * math.sin(math.pi * (since + 0.5) / PRESS_FRAMES) if since < PRESS_FRAMES else 0.0
+            )
+            image = gel.frame([_object(press, force_n)], number)
+            contact = meter.take(TactileFrame(number, number * FRAME_NS, image, "simulated press"))
+            if contact is not None:
+                contacts.append(contact)
+        return guided_maxima(contacts)
+
+
+def _object(press: int, force_n: float) -> Indenter:
+    """Return what is pressed the next time: the marble, then the board."""
+    if press % 2 == 0:
+        return ball(force_n=force_n, radius_mm=MARBLE_RADIUS_MM)
+    return board(force_n=force_n)
+
+
+def lab_of(
+    seed: int, preset: Literal["paper", "live"], settings: tuple[str, ...] = (), shear: Shear = "off"
+) -> Lab:
+    """Return a person's lab, from memory where it was there just now."""
+    return _lab_of(seed, preset, settings, shear)
+
+
+@lru_cache(maxsize=8)  # which tells a default that is left out from the same one that is given
+def _lab_of(seed: int, preset: Literal["paper", "live"], settings: tuple[str, ...], shear: Shear) -> Lab:
+    return Lab(seed, preset, settings=settings, shear=shear)
+
+
+def _baseline(gel: Gel) -> NDArray[np.uint8]:
+    """Return the untouched gel's picture, as people record it: the mean of 30 frames. It cannot be written into."""
+    frames = [gel.frame([], number).astype(np.uint16) for number in range(BASELINE_FRAMES)]
+    mean: NDArray[np.uint8] = np.rint(np.mean(frames, axis=0)).astype(np.uint8)
+    mean.flags.writeable = False
+    return mean

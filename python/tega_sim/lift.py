@@ -1,0 +1,372 @@
+"""Run one lift: a rig with a fresh world, the dual loop around it, and the result."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tega.config import FINGERS
+from tega.errors import InvalidValueError
+from tega.hand.poses import ClosureScale
+from tega.loop.beside import look_on
+from tega.loop.hand_look import HandLooks
+from tega.loop.inbox.frames import FrameMeter
+from tega.loop.inbox.sources import BlockMeter, SourceReport
+from tega.loop.loop import DualLoop
+from tega.loop.moment import LoopView, Moment
+from tega.records import BesideContact, BesideIntent, Contact, Intent
+from tega.records.bus import Bus
+from tega.runtime.clock import ManualClock, PausableClock, SystemClock
+from tega.safety.guard import Guard
+from tega.stages.base import MeasuredPicture
+from tega.stages.choose import chosen_stage
+from tega.ui.view.state import EmgTail, ViewState
+from tega_sim.beside import BesideNotes
+from tega_sim.commanded import BlockSource, StraightBlocks, level_of_drive
+from tega_sim.conditions import ARMS, worn
+from tega_sim.hand import SimulatedAllegro, SimulatedBus, encoded
+from tega_sim.lab import EMG_HZ
+from tega_sim.other_trial import other_vest
+from tega_sim.pacing import SimulatedPacer
+from tega_sim.plan import TrialPlan, TrialResult
+from tega_sim.reflex import trial_reflex
+from tega_sim.rig import TrialRig
+from tega_sim.score import LIFT_WINDOW_S, ON_MARK_M, UPRIGHT, TrialScorer
+from tega_sim.true_touch import TrueTouch, stages_of, touch_of
+
+if TYPE_CHECKING:
+    from tega.haptics import Layout
+    from tega.ui.view.state import Shape
+    from tega_sim.lab import Lab
+    from tega_sim.recorded import LiftRecorder
+    from tega_sim.rig import TrialSteering
+    from tega_sim.seams import Act, Percept
+    from tega_sim.streams import Streams
+
+
+# Time to put the object down and let go, after the window in which it has to be lifted, seconds.
+_AFTER_S = 15.0
+_REST_S = 60.0
+_LAYOUT: Layout = "x40"
+
+
+class Lift:
+    """A lift, ready to go.
+
+    Args:
+        lab: The person's lab.
+        plan: The trial.
+        person: Who acts.
+        number: Of the lift in the trial; another number, other chance.
+        fatigue: Fatigued share of the muscles at the end of the lift before, a minute of rest ago.
+        streams: Where to keep truth and sensors.
+        recorder: What records it.
+        watched: Whether somebody looks on in :meth:`go`.
+        muted: Asked whether somebody has switched the vest off.
+        skip_untouched: Whether fingertips that nothing touches go without rendering, and all of them where nothing
+            that is felt, kept or looked at hangs on their pictures.
+        lift_by_s: When it is over unless the object was lifted by then, seconds.
+
+    Attributes:
+        layout: Which motors the vest has.
+        rig: What is simulated.
+        scorer: Counts what happens.
+
+    Raises:
+        InvalidValueError: Mass, stiffness or friction is out of range, or the truth was to be recorded.
+        MissingExtraError: A package of the extra ``sim`` is not installed.
+    """
+
+    def __init__(
+        self,
+        lab: Lab,
+        plan: TrialPlan,
+        person: TrialSteering,
+        number: int,
+        *,
+        fatigue: float = 0.0,
+        streams: Streams | None = None,
+        recorder: LiftRecorder | None = None,
+        watched: bool = False,
+        muted: Callable[[], bool] = lambda: False,
+        skip_untouched: bool = True,
+        lift_by_s: float = LIFT_WINDOW_S,
+    ) -> None:
+        from tega_sim.operator import Operator
+        from tega_sim.world import FULL_DUTY_NM, GRASP_POSES_RAD, World, hand_controller
+
+        spec = plan.object_spec
+        self._lab, self._plan, self._person = lab, plan, person
+        self._streams, self._recorder = streams, recorder
+        self._full_duty_nm = FULL_DUTY_NM
+        self.layout: Layout = lab.config.vest.layout or _LAYOUT
+        self._controller = hand_controller()
+        self._level_sum = self._level_n = 0
+        maxima = lab.calibrated
+        decoder = lab.decoder()
+        self._emg_full = np.array(decoder.full_scale or maxima.maxima)
+        self.scorer = TrialScorer(spec.harm_m)
+        self._arm = ARMS[plan.condition]
+        # Before this lift's own rig is made: the gels are the lab's, and forget what touched them when a rig begins.
+        recorded = other_vest(lab, plan, number) if self._arm.sham == "replayed" else ()
+        if isinstance(person, Operator):
+            person.pulses = self._arm.pulses
+            person.bears_m = spec.harm_m
+        person.begin(plan.object, width_m=spec.diameter_m, trial=number, rest_s=_REST_S)
+        self._emg = lab.emg(f"{plan.object} {number}")
+        self._emg.fatigue = fatigue
+        self._emg.rest(_REST_S)
+        self._bus = self._telling()
+        stages = lab.config.stages
+        kept = streams is not None or recorder is not None or bool(stages.beside)
+        everywhere = stages.reflex.name is not None and stages.reflex.authority > 0
+        felt = self._arm.hangs_on_pictures or (everywhere and self._arm.reflex == "none")
+        # What has truly slid is the gels' own, which are pressed where a camera looks at them.
+        felt = felt or (plan.shear != "off" and self._arm.reflex == "true slips")
+        self.rig = TrialRig(
+            world=World(spec, seed=plan.seed + number, shear=plan.shear != "off"),
+            poses_rad=GRASP_POSES_RAD,
+            gels=lab.gels,
+            baselines=lab.baselines,
+            person=person,
+            emg=self._emg,
+            worn=worn(plan.condition, layout=self.layout, seed=plan.seed, recorded=recorded),
+            meters={
+                finger: FrameMeter(lab.baselines[finger], lab.metric(finger), SourceReport(), live=False)
+                for finger in FINGERS
+            },
+            blocks=self._commanded(BlockMeter(decoder, SourceReport(), maxima=lab.muscles, live=False)),
+            block_ns=round(maxima.tau * 1e9 / EMG_HZ),
+            scorer=self.scorer,
+            bus=self._bus,
+            end_s=lift_by_s + _AFTER_S,
+            lift_by_s=lift_by_s,
+            muted=muted,
+            skip_untouched=skip_untouched and not _remembers(lab),
+            with_cameras=watched or kept or felt or not skip_untouched,
+            painted=watched or not skip_untouched,
+            on_act=self._note,
+        )
+        self._touch = touch_of(lab, plan, layout=self.layout)
+        if recorder is not None and isinstance(self._touch, TrueTouch):
+            raise InvalidValueError(
+                f"condition {plan.condition!r} cannot be recorded: its vest is not made of the pictures",
+                "leave --record out, or choose another condition",
+            )
+        self._reflex = trial_reflex(
+            lab.config,
+            self._arm.reflex,
+            self._bus,
+            closure=self.rig.closure,
+            slip_mm_s=lambda: 1e3 * self.rig.truth.slip_m_s,
+            forces_n=lambda: self.rig.truth.pad_force_n,
+            slid=None if plan.shear == "off" else lambda: [lab.gels[name].sheared.slid for name in FINGERS],
+        )
+        if recorder is not None and self._arm.reflex != "none" and lab.config.stages.reflex.name is None:
+            raise InvalidValueError(
+                f"condition {plan.condition!r} cannot be recorded: the settings name no reflex",
+                'name one, such as stages.reflex.name = "grip", or choose another condition',
+            )
+        self._beside = self._look_on()
+
+    @property
+    def fatigue(self) -> float:
+        """Fatigued share of the muscles now."""
+        return self._emg.fatigue
+
+    @property
+    def end_s(self) -> float:
+        """Time that has passed in the lift, seconds."""
+        return self.rig.t_ns / 1e9
+
+    @cached_property
+    def _shapes(self) -> Sequence[Shape]:
+        # Under its own name a display can draw it as what it stands for.
+        own = {"object": self._plan.object}
+        return [shape._replace(name=own.get(shape.name, shape.name)) for shape in self.rig.world.shapes()]
+
+    def go(
+        self,
+        *,
+        real_time: bool,
+        observer: Callable[[ViewState], None] | None,
+        stop: Callable[[], bool],
+        paused: Callable[[], bool],
+    ) -> None:
+        """Run the loop until the lift is over; see :func:`tega_sim.trial.run_trial`.
+
+        An observer is told of pictures only where the lift was made to be ``watched``.
+        """
+        rig, world = self.rig, self.rig.world
+
+        if observer is not None:
+            self._bus.subscribe(Moment, lambda moment: observer(self._moment(moment.view)), vital=True)
+        clock = PausableClock(paused, SystemClock() if real_time else ManualClock())
+        pacer = SimulatedPacer(clock, rig.advance_to)
+        pacer.start()
+        if self._recorder is not None:
+            stages = stages_of(self._lab, self._plan)
+            self._recorder.begin(self._lab, self._bus, stages=stages, layout=self.layout)
+        loop = DualLoop(
+            pacer=pacer,
+            touch=self._touch,
+            contacts=rig.contacts,
+            levels=rig.levels,
+            hand=SimulatedAllegro(self._controller, lambda: world.angles_rad),
+            vests=[rig] if self._streams is None else [rig, self._streams],
+            hands=[SimulatedBus(world.set_torques, full_duty=self._full_duty_nm)],
+            bus=self._bus,
+            guard=None if observer is None else Guard(),  # nothing here gets lost; its state is shown
+            reflex=self._reflex,
+            look=self._looks() if self._lab.config.stages.slips == "hand" else None,
+        )
+        loop.run(stop=stop)
+        self.scorer.close()
+        if self._recorder is not None:
+            self._recorder.end(loop.report, pacer.n_waits)
+
+    def result(self, simulated_s: float) -> TrialResult:
+        """Return the outcome of the plan, this lift being the one that counts."""
+        scorer = self.scorer
+        lifted_s, drops = scorer.time_of("lifted"), scorer.count("drop")
+        held_up = lifted_s is not None and lifted_s <= LIFT_WINDOW_S and drops == 0
+        placed, off_mark_m = self._placed() if self._plan.task == "place" else (None, None)
+        return TrialResult(
+            **{name: getattr(self._plan, name) for name in TrialPlan.__struct_fields__},
+            success=held_up and placed is not False,
+            slips=scorer.count("slip"),
+            deformations=scorer.count("deformation"),
+            drops=drops,
+            duration_s=self.end_s,
+            peak_force_n=scorer.peak_force_n,
+            lift_off_s=scorer.time_of("lift_off"),
+            lifted_s=lifted_s,
+            slid_m=scorer.slid_m,
+            deformation_m=scorer.deformation_m,
+            mean_level=self._level_sum / self._level_n if self._level_n else 0.0,
+            events=tuple(scorer.events),
+            simulated_s=simulated_s,
+            person=self._lab.digest(self._plan.rules) if self._plan.operator == "simulated" else "",
+            beside=() if self._beside is None else self._beside.results(),
+            placed=placed,
+            off_mark_m=off_mark_m,
+        )
+
+    def _looks(self) -> HandLooks:
+        """Return the looks at hand and arm as their sensors tell them."""
+        from tega_sim.world import GRASP_POSES_RAD
+
+        rig, world = self.rig, self.rig.world
+        return HandLooks(
+            lambda: encoded(world.angles_rad),
+            lambda: rig.act.forearm_m[0],
+            ClosureScale(GRASP_POSES_RAD),
+            lambda: rig.t_ns,
+        )
+
+    def _placed(self) -> tuple[bool, float]:
+        """Whether the object stands on its second mark, and how far from it, metres."""
+        from tega_sim.operator.forearm import AWAY_M
+
+        rig, world = self.rig, self.rig.world
+        middle, axis = world.object_pose
+        off_m = float(np.linalg.norm((middle - world.mark_m(AWAY_M))[:2]))
+        stands = not rig.truth.lift_off and float(axis[2]) > UPRIGHT
+        let_go = rig.act.phase in {"release", "done"} and not any(rig.truth.pad_force_n)
+        return stands and let_go and not rig.truth.dropped and off_m <= ON_MARK_M, off_m
+
+    def _commanded(self, blocks: BlockSource) -> BlockSource:
+        """Return what tells the hand its level, by the plan's way from the person to it."""
+        if self._plan.hand == "aim":
+            return StraightBlocks(blocks, lambda: self._person.level)
+        if self._plan.hand == "drive":
+            full = self._lab.calibrated.full_effort
+            return StraightBlocks(blocks, lambda: level_of_drive(self.rig.act.excitation, full))
+        return blocks
+
+    def _look_on(self) -> BesideNotes | None:
+        """Have the stages beside look on; return what notes what they say."""
+        lab = self._lab
+        if not lab.config.stages.beside:
+            return None
+        notes = BesideNotes(self._bus)
+        if self._streams is not None:
+            self._bus.subscribe(BesideContact, self._streams.beside_contact)
+            self._bus.subscribe(BesideIntent, self._streams.beside_levels)
+        with ExitStack() as stack:  # nothing in it has a thread of its own
+            look_on(
+                stack,
+                lab.config,
+                self._bus,
+                baselines=lab.baselines,
+                touch=lab.touch.get,
+                muscles=lab.muscles,
+            )
+        return notes
+
+    def _telling(self) -> Bus:
+        """Return a bus that tells levels, and where somebody keeps them contacts."""
+        bus, streams = Bus(), self._streams
+        bus.subscribe(Intent, self._levels, vital=True)
+        if streams is not None:
+            bus.subscribe(Contact, streams.contact, vital=True)
+            bus.subscribe(MeasuredPicture, streams.picture_of, vital=True)
+            bus.subscribe(Intent, streams.levels, vital=True)
+        return bus
+
+    def _levels(self, intent: Intent) -> None:
+        """Take note of an EMG block."""
+        if self.rig.truth.lift_off and self.rig.act.phase in {"lift", "hold", "carry"}:
+            self._level_sum += intent.level
+            self._level_n += 1
+
+    def _note(self, percept: Percept, act: Act) -> None:
+        if isinstance(self._touch, TrueTouch):
+            self._touch.watch(percept.t_s, percept.scene)
+        if self._streams is not None:
+            self._streams.act(percept, act)
+
+    def _moment(self, view: LoopView) -> ViewState:
+        """Return what there is to see; nothing in it is written into afterwards."""
+        rig, world = self.rig, self.rig.world
+        tail = (
+            EmgTail(np.concatenate(rig.emg_tail), EMG_HZ, self._emg_full, "raw", "µV")
+            if rig.emg_tail
+            else None
+        )
+        return ViewState(
+            view.t_ns,
+            view._replace(vest=rig.vest),  # what is worn, which need not be what the loop sent
+            images=rig.touch_images(),
+            shapes=self._shapes,
+            poses=world.poses(),
+            palm=world.palm_row,
+            contact_points=world.contact_points(),
+            emg=tail,
+            rows=self._rows(),
+            latency_ms=view.picture_to_vest_ms,
+        )
+
+    def _rows(self) -> dict[str, str]:
+        truth, plan = self.rig.truth, self._plan
+        slips, deformations = self.scorer.count("slip"), self.scorer.count("deformation")
+        return {
+            "object": plan.object,
+            "vest": plan.condition,
+            "phase": self.rig.act.phase,
+            "height": f"{100 * truth.object_height_m:.1f} cm",
+            "grip": f"{sum(truth.pad_force_n):.1f} N",
+            "slips": str(slips),
+            "deformed": str(deformations),
+            "lifted": "yes" if self.scorer.time_of("lifted") is not None else "no",
+        }
+
+
+def _remembers(lab: Lab) -> bool:
+    """Whether a metric that looks on learns from an untouched gel."""
+    beside = (one for one in lab.config.stages.beside if one.group == "metric")
+    return any(chosen_stage("metric", one.stages, lab.preset).kind.memory for one in beside)

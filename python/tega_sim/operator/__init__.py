@@ -1,0 +1,50 @@
+"""Simulate the person at the task: perception, decisions, muscles, EMG. Labelled as simulated."""
+
+from tega.runtime.keys import Keys
+from tega_sim.operator.acting import Operator
+from tega_sim.operator.calibrate import Calibrated, calibrate
+from tega_sim.operator.effects import EFFECTS
+from tega_sim.operator.emg import CHANNELS, ForearmEmg
+from tega_sim.operator.emg_noise import TICK_HZ
+from tega_sim.operator.keyboard import KEYS_HELP, KeyboardOperator
+from tega_sim.operator.person import (
+    Parameters,
+    PersonNumbers,
+    clear_skin,
+    draw_person,
+    load_parameters,
+    typical_person,
+)
+from tega_sim.operator.rules import Rules, RulesVersion, people_digest, rules_digest
+from tega_sim.operator.scripted import ScriptedOperator
+from tega_sim.operator.shams import SHAMS, Sham, sham_vest
+from tega_sim.operator.vision import VIEWS, ViewName
+
+__all__ = [
+    "CHANNELS",
+    "EFFECTS",
+    "KEYS_HELP",
+    "SHAMS",
+    "TICK_HZ",
+    "VIEWS",
+    "Calibrated",
+    "ForearmEmg",
+    "KeyboardOperator",
+    "Keys",
+    "Operator",
+    "Parameters",
+    "PersonNumbers",
+    "Rules",
+    "RulesVersion",
+    "ScriptedOperator",
+    "Sham",
+    "ViewName",
+    "calibrate",
+    "clear_skin",
+    "draw_person",
+    "load_parameters",
+    "people_digest",
+    "rules_digest",
+    "sham_vest",
+    "typical_person",
+]

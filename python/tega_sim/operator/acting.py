@@ -1,0 +1,324 @@
+"""Simulate the operator, who takes percepts in and gives acts out, a hundred times a second.
+
+The person sees and, where the vest is worn, feels; decides twenty times a second; muscles follow. With and without
+the vest everything but the vest's own percepts is the same: guesses, costs, gaze, errors, random streams.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from tega.errors import InvalidValueError
+from tega.haptics import MotorLevels
+from tega_sim.operator.belief import Closure, ObjectBelief, Panel
+from tega_sim.operator.forearm import SimulatedForearm
+from tega_sim.operator.grip import Decision, GripDecisions
+from tega_sim.operator.motor import MuscleMotor
+from tega_sim.operator.panels import ConfirmedClosure
+from tega_sim.operator.person import PersonNumbers, stream
+from tega_sim.operator.renewing import RenewingGrip
+from tega_sim.operator.rules import Rules, RulesVersion
+from tega_sim.operator.settled import JudgingEyes, SettledGrip
+from tega_sim.operator.vest_sense import LOOK_S, Skin
+from tega_sim.operator.vision import Eyes, SeenEvent, ViewName
+from tega_sim.seams import Act, Percept
+
+PRACTISED_LEVELS = (2, 3, 4, 5, 4, 3, 2, 3, 4, 5)
+"""Levels gone through in practice."""
+
+PRACTICE_S = 1.5
+"""How long each is held, seconds."""
+
+_TICK_S = 0.01
+_VEST_READ_S = 0.5
+# How long after a command has been followed the closure aimed at is a fair guess of the real one.
+_FRESH_S = 1.0
+_PANELS: tuple[Panel, Panel] = ("front", "back")
+_DECISIONS: dict[RulesVersion, type[GripDecisions]] = {1: GripDecisions, 2: RenewingGrip, 3: SettledGrip}
+
+
+@dataclass
+class TrialOfPerson:
+    """State of a simulated person that begins anew with each trial."""
+
+    grip: GripDecisions
+    eyes: Eyes
+    motor: MuscleMotor
+    pending: list[SeenEvent] = field(default_factory=list)
+    last_s: float = -_TICK_S
+    next_decision_s: float = 0.0
+    next_vest_read_s: float = 0.0
+    lost: bool = False
+
+
+class Operator:
+    """A person at the task.
+
+    Beliefs about objects, and the skin's adaptation, last from trial to trial; nothing else does.
+
+    Args:
+        person: Who.
+        seed: Of everything random in what the person does.
+        feels: Whether what the vest does is felt at all; ``False`` is the control who cannot feel it.
+        full_effort: Excitation at which a channel's mean is Emax, which practice with the calibrated system has
+            taught (:func:`tega_sim.operator.calibrate`); none means the effort of the calibration itself.
+        rules: Which rules are followed.
+        view: Sight of the hand while the object is held. Who is not told by the eyes learns from an object that falls,
+            which nobody misses, that the grip was too loose; by the third version of the rules everybody does.
+        away_m: How far back of where it stood the object is put down, metres.
+
+    Attributes:
+        pulses: Whether the vest tells contact, slip and release only, which the person has been told: nothing is then
+            read from how strong it is, and a pulse on both faces while something is held is answered as a slip that is
+            seen.
+        bears_m: Narrowing from which the next object counts as harmed, metres, which the person was shown; 0 where
+            nobody has said. The third version of the rules asks for it.
+
+    Raises:
+        InvalidValueError: ``full_effort`` is not above 0.
+
+    Example:
+        >>> from tega_sim.operator import Operator, typical_person
+        >>> from tega_sim.seams import Percept, WorldTruth
+        >>> operator = Operator(typical_person(), seed=1)
+        >>> operator.begin("bottle", width_m=0.07)
+        >>> nothing = WorldTruth(0.0, 0.0, False, (0.0,) * 4, 0.0, 0.0, 0.0, 0.0, False, 0.1)
+        >>> operator.act(Percept(0.0, nothing, None)).phase
+        'reach'
+    """
+
+    def __init__(
+        self,
+        person: PersonNumbers,
+        *,
+        seed: int,
+        feels: bool = True,
+        full_effort: float | None = None,
+        rules: Rules | None = None,
+        view: ViewName = "direct",
+        away_m: float = 0.0,
+    ) -> None:
+        self._away_m = away_m
+        self._rules = rules or Rules()
+        self._view = view
+        self.person = person
+        self.pulses = False
+        self.bears_m = 0.0
+        self._seed, self._feels = seed, feels
+        self._full = person.motor.calibration_effort if full_effort is None else full_effort
+        if not self._full > 0:
+            raise InvalidValueError(f"full_effort = {self._full} is not above 0")
+        self._skin = Skin(person.vest, person.vision)
+        self.beliefs: dict[str, ObjectBelief] = {}
+        self._last_belief: ObjectBelief | None = None
+        self._trial: TrialOfPerson | None = None
+
+    def begin(self, name: str, *, width_m: float, trial: int = 0, rest_s: float = 60.0) -> None:
+        """Start a trial.
+
+        Args:
+            name: Of the object; what was learned of it before is remembered.
+            width_m: Its width, metres: plain to see.
+            trial: Number of the trial; another number, other random draws.
+            rest_s: How long the person has rested, seconds.
+
+        Raises:
+            InvalidValueError: The width is not above 0, or the rest is negative.
+        """
+        if not width_m > 0 or not rest_s >= 0:
+            raise InvalidValueError(
+                f"width_m = {width_m} m has to be above 0, rest_s = {rest_s} s at least 0"
+            )
+        self._start(name, width_m, trial, rest_s)
+
+    def act(self, percept: Percept) -> Act:
+        """Take in a percept and return what the person does.
+
+        Args:
+            percept: Of this moment; time must not go back within a trial.
+
+        Raises:
+            InvalidValueError: Time went back.
+        """
+        trial, t_s = self._trial or self._start("object", 0.07, 0, 0.0), percept.t_s
+        dt_s = t_s - trial.last_s
+        if dt_s <= 0:
+            raise InvalidValueError(
+                f"t_s = {t_s} s is not after {trial.last_s} s", "begin() a new trial first"
+            )
+        trial.last_s = t_s
+        grip = trial.grip
+        trial.pending += trial.eyes.see(
+            t_s,
+            dt_s,
+            percept.scene,
+            carried=grip.carrying,
+            lifting=grip.phase == "lift",
+            held=grip.held,
+        )
+        learns = self._rules.version == 3 or self._view != "direct"
+        if percept.scene.dropped and grip.held and learns and not trial.lost:
+            trial.lost = True
+            grip.belief.slipped(grip.closure.x, grip.closure.var)
+        if self._feels:
+            self._skin.feel(t_s, dt_s, percept.vest)
+        if t_s >= trial.next_decision_s - 1e-9:
+            trial.next_decision_s = t_s + LOOK_S
+            self._decide(t_s, percept, trial)
+        excitation = trial.motor.step(t_s, dt_s)
+        return Act(excitation, grip.forearm.step(t_s), grip.phase)
+
+    def practise(self, name: str, shown: Callable[[float, float], MotorLevels | None]) -> None:
+        """Close and open the hand on an object level by level, watching it and feeling the vest, before it is lifted.
+
+        The first version of the rules learns nothing from it, the others only what each panel does at each closure.
+
+        Args:
+            name: Of the object.
+            shown: What the vest is told, by the time in seconds and the closure in levels.
+        """
+        belief = self._recall(name, 0.0)
+        if not self._feels or not isinstance(belief.closure, ConfirmedClosure):
+            return
+        noise, reaction, link = (
+            stream(self._seed, "operator", name, "practice", what) for what in ("vest", "touch", "link")
+        )
+        self._skin.begin(rest_s=0.0, noise=noise, reaction=reaction, link=link)
+        looks_per_level = round(PRACTICE_S / LOOK_S)
+        for n in range(len(PRACTISED_LEVELS) * looks_per_level):
+            level = PRACTISED_LEVELS[n // looks_per_level]
+            for tick in range(5):
+                t_s = n * LOOK_S + tick * _TICK_S
+                self._skin.feel(t_s, _TICK_S, shown(t_s, float(level)))
+            self._skin.look(t_s, LOOK_S)
+            if (n + 1) % looks_per_level == 0:
+                # The pose is in plain sight for several looks.
+                belief.closure.set(float(level), self.person.vision.pose_sd**2 / 4)
+                for panel in _PANELS:
+                    if (felt := self._skin.mean_log(panel, t_s - _VEST_READ_S)) is not None:
+                        belief.closure.feel(panel, *felt)
+
+    @property
+    def commands(self) -> tuple[Decision, ...]:
+        """The commands of this trial so far."""
+        return tuple(self._trial.grip.commands) if self._trial is not None else ()
+
+    @property
+    def level(self) -> int:
+        """The level the person aims at now."""
+        return self._trial.grip.level if self._trial is not None else 1
+
+    def _decide(self, t_s: float, percept: Percept, trial: TrialOfPerson) -> None:
+        grip = trial.grip
+        if self._feels and percept.vest is not None:
+            self._attend(t_s, trial)
+        if grip.age_s(t_s) >= self.person.motor.effort_wait_s:
+            if grip.touching:
+                grip.judge_effort(trial.motor.felt_level(), self.person.motor.effort_sd)
+            elif percept.closure is not None:
+                grip.judge_pose(trial.eyes.pose(percept.closure))
+        due = [event for event in trial.pending if event.due_s <= t_s]
+        trial.pending = [event for event in trial.pending if event.due_s > t_s]
+        decision = grip.decide(t_s, LOOK_S, due, percept.scene)
+        if decision is not None:
+            if decision.change is None:
+                trial.motor.command(decision.level)
+            else:
+                trial.motor.shift(decision.change)
+
+    def _attend(self, t_s: float, trial: TrialOfPerson) -> None:
+        skin, grip = self._skin, trial.grip
+        skin.look(t_s, LOOK_S)
+        heeded = tuple(self._heeds(grip.closure, panel) for panel in _PANELS)
+        if (
+            self._rules.onset
+            and grip.phase == "grasp"
+            and (self.pulses or any(heeded))
+            and (event := skin.onset(t_s)) is not None
+        ):
+            trial.pending.append(event)
+        if self.pulses:
+            if grip.held and (event := skin.slip_pulse(t_s)) is not None:
+                trial.pending.append(event)
+            return
+        closure = grip.closure
+        if self._rules.weaker and any(heeded) and grip.steady(t_s):
+            # As the person is told, stronger is tighter, unless this object has taught the contrary.
+            front, back = (
+                None if not heed else not (closure.known(panel) and closure.slope(panel) < 0)
+                for panel, heed in zip(_PANELS, heeded, strict=True)
+            )
+            if (event := skin.weaker(t_s, (front, back))) is not None:
+                trial.pending.append(event)
+        if self._rules.reading and t_s >= trial.next_vest_read_s and grip.touching:
+            if isinstance(closure, ConfirmedClosure) and not grip.settled(t_s, _VEST_READ_S):
+                return
+            trial.next_vest_read_s = t_s + _VEST_READ_S
+            for panel in _PANELS:
+                if (felt := skin.mean_log(panel, t_s - _VEST_READ_S)) is None:
+                    continue
+                if isinstance(closure, ConfirmedClosure):
+                    closure.feel(panel, *felt, fresh=not grip.settled(t_s, _VEST_READ_S + _FRESH_S))
+                else:
+                    closure.feel(panel, *felt)
+
+    def _heeds(self, closure: Closure, panel: Panel) -> bool:
+        """Whether the person follows what a panel tells: at once by the first version, else once it is confirmed."""
+        return not isinstance(closure, ConfirmedClosure) or closure.trust(panel) > 0.5
+
+    def _recall(self, name: str, rest_s: float) -> ObjectBelief:
+        """What is believed of an object: faded from its last trial, or a first guess drawn to the last object's."""
+        belief = self.beliefs.get(name)
+        if belief is None:
+            belief = self.beliefs[name] = ObjectBelief(self.person.grip, self._closure())
+            if self._last_belief is not None:
+                mean, sd = belief.need
+                belief.need = (mean + self.person.grip.carry_over * (self._last_belief.need[0] - mean), sd)
+        else:
+            # The skin adapts and recovers; how far, the person cannot tell.
+            vest = self.person.vest
+            belief.fade(math.log1p(vest.adapt_gain) ** 2 * -math.expm1(-rest_s / vest.adapt_s))
+        self._last_belief = belief
+        return belief
+
+    def _closure(self) -> Closure:
+        if self._rules.version == 1:
+            return Closure(self.person.grip)
+        return ConfirmedClosure(self.person.grip, self.person.vest.threshold)
+
+    def _start(self, name: str, width_m: float, trial: int, rest_s: float) -> TrialOfPerson:
+        def process(what: str) -> np.random.Generator:
+            return stream(self._seed, "operator", name, trial, what)
+
+        person = self.person
+        self._skin.begin(
+            rest_s=rest_s, noise=process("vest"), reaction=process("tactile reaction"), link=process("link")
+        )
+        version = self._rules.version
+        sight: dict[str, Any] = {
+            "width_m": width_m,
+            "gaze": process("gaze"),
+            "looks": process("vision"),
+            "poses": process("pose"),
+            "reaction": process("visual reaction"),
+            "view": self._view,
+        }
+        self._trial = TrialOfPerson(
+            grip=_DECISIONS[version](
+                person, self._recall(name, rest_s), SimulatedForearm((0.0, person.forearm.back_m))
+            ),
+            eyes=JudgingEyes(person.vision, bears_m=self.bears_m, **sight)
+            if version == 3
+            else Eyes(person.vision, **sight),
+            motor=MuscleMotor(
+                person.motor, full_effort=self._full, aim=process("aim"), sense=process("effort sense")
+            ),
+        )
+        self._trial.grip.away_m = self._away_m
+        self._trial.motor.command(1)
+        return self._trial

@@ -1,0 +1,144 @@
+"""Make noise for the synthetic EMG in bulk, a second at a time, ready to be scaled by the muscles' effort."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tega_sim.operator.person import stream
+from tega_sim.operator.sections import Emg
+
+TICK_HZ = 100
+"""Acts a second."""
+
+# Noise is made at no less than this and every few samples taken, as an amplifier without an anti-alias filter does.
+_LEAST_RATE_HZ = 2000.0
+# The spectrum's filter has died away after this.
+_KERNEL_S = 0.04
+
+
+class Second(NamedTuple):
+    """A second of noise.
+
+    Attributes:
+        sources: For each muscle, what full unit activity of it gives at the three electrodes, (n, 3) each.
+        sensor: What is there without muscles: white noise, mains, offset and drift, µV, (n, 3).
+        drive: Slow drive noise of the three muscles, unit variance, a row a tick.
+        chance: A uniform number a tick, for what happens now and then.
+        bounds: First sample of each tick, and the end.
+    """
+
+    sources: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+    sensor: NDArray[np.float64]
+    drive: list[list[float]]
+    chance: list[float]
+    bounds: list[int]
+
+
+class NoiseMaker:
+    """Makes one second after the other; filters run on across them.
+
+    Args:
+        emg: The person's numbers.
+        rate_hz: Samples per second.
+        seed: Of everything random.
+        label: Which stretch of the session.
+        turned: Weights with which each electrode sees what the electrodes saw before, (3, 3); ``None``: as they sat.
+    """
+
+    def __init__(
+        self,
+        emg: Emg,
+        *,
+        rate_hz: float,
+        seed: int,
+        label: str | int,
+        turned: NDArray[np.float64] | None = None,
+    ) -> None:
+        self._p, self._rate_hz = emg, rate_hz
+        self._step = math.ceil(_LEAST_RATE_HZ / rate_hz)
+        self._taps = round(_KERNEL_S * rate_hz * self._step)
+        self._signal = stream(seed, "emg", label, "signal")
+        self._slow = stream(seed, "emg", label, "slow drive")
+        self._chance = stream(seed, "emg", label, "chance")
+        flexors, extensor = emg.crosstalk_flexors, emg.crosstalk_extensor
+        self._mix = np.array([[1, extensor, extensor], [extensor, 1, flexors], [extensor, flexors, 1]])
+        if turned is not None:
+            self._mix = turned @ self._mix
+        self._white = self._signal.standard_normal((3, self._taps - 1))
+        self._drive: list[float] = self._slow.standard_normal(4).tolist()
+        self._wander_uv = np.zeros(3)
+        self._mains_phase = 2 * math.pi * float(self._slow.random())
+        self._number = 0
+
+    def second(self, fatigue: float) -> Second:
+        """Make the next second; a fatigued muscle's spectrum is lower."""
+        rate_hz, number = self._rate_hz, self._number
+        start, end = math.floor(number * rate_hz), math.floor((number + 1) * rate_hz)
+        ticks = range(number * TICK_HZ, (number + 1) * TICK_HZ + 1)
+        bounds = [math.floor(tick * rate_hz / TICK_HZ) - start for tick in ticks]
+        unit = self._unit(end - start, fatigue)
+        sources = [unit[m][:, None] * self._mix[:, m] for m in range(3)]
+        sensor = self._sensor(start, end, bounds)
+        self._number += 1
+        chance: list[float] = self._chance.random(TICK_HZ).tolist()
+        return Second((sources[0], sources[1], sources[2]), sensor, self._slow_drive(), chance, bounds)
+
+    def _unit(self, n: int, fatigue: float) -> NDArray[np.float64]:
+        """Noise of unit variance and the muscles' spectrum, (3, n)."""
+        fresh = self._signal.standard_normal((3, n * self._step))
+        white = np.concatenate([self._white, fresh], axis=1)
+        self._white = white[:, -(self._taps - 1) :]
+        slower = 1 - self._p.fatigue_slowing * fatigue
+        kernel = _kernel(self._p, self._rate_hz * self._step, self._taps, slower)
+        return _filter(white, kernel)[:, :: self._step]
+
+    def _sensor(self, start: int, end: int, bounds: list[int]) -> NDArray[np.float64]:
+        p = self._p
+        angle = 2 * math.pi * p.mains_hz * np.arange(start, end) / self._rate_hz + self._mains_phase
+        mains = math.sqrt(2) * p.mains_uv * (np.sin(angle) + 0.3 * np.sin(3 * angle))
+        steps_uv = self._slow.standard_normal((TICK_HZ, 3)) * (p.drift_uv / math.sqrt(60 * TICK_HZ))
+        wander = self._wander_uv + np.cumsum(steps_uv, axis=0)
+        self._wander_uv = wander[-1]
+        sensor = self._signal.standard_normal((end - start, 3)) * p.white_uv
+        sensor += mains[:, None]
+        sensor += np.repeat(wander + p.offset_uv, np.diff(bounds), axis=0)
+        return sensor
+
+    def _slow_drive(self) -> list[list[float]]:
+        """First-order low-pass noise of unit variance, one common and one for each muscle, mixed."""
+        p = self._p
+        keep = math.exp(-2 * math.pi * p.drive_corner_hz / TICK_HZ)
+        fresh, shared, own = math.sqrt(1 - keep * keep), math.sqrt(p.common), math.sqrt(1 - p.common)
+        draws = fresh * self._slow.standard_normal((TICK_HZ, 4))
+        draws = np.column_stack([shared * draws[:, 0], own * draws[:, 1:]])
+        common, first, second, third = self._drive
+        rows = []
+        for a, b, c, d in draws.tolist():
+            common = keep * common + a
+            first, second, third = keep * first + b, keep * second + c, keep * third + d
+            rows.append([common + first, common + second, common + third])
+        self._drive = [common, first, second, third]
+        return rows
+
+
+def _kernel(p: Emg, rate_hz: float, taps: int, slower: float) -> NDArray[np.float64]:
+    """Impulse response of the spectrum's filter, unit output variance for unit white input."""
+    f = np.fft.rfftfreq(8 * taps, 1 / rate_hz)
+    low, high = p.spectrum_low_hz * slower, p.spectrum_high_hz * slower
+    response = 1j * f / ((low + 1j * f) * (high + 1j * f) ** 2)
+    kernel = np.fft.irfft(response)[:taps]
+    shaped: NDArray[np.float64] = kernel / np.sqrt(np.sum(kernel * kernel))
+    return shaped
+
+
+def _filter(white: NDArray[np.float64], kernel: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Convolve each row and keep the samples that the kernel covers wholly."""
+    size = white.shape[1]
+    n_fft = min(k << max(0, math.ceil(math.log2(size / k))) for k in (8, 9, 10, 12, 15))
+    spectrum = np.fft.rfft(white, n_fft, axis=1) * np.fft.rfft(kernel, n_fft)
+    whole: NDArray[np.float64] = np.fft.irfft(spectrum, n_fft, axis=1)[:, len(kernel) - 1 : size]
+    return whole

@@ -1,0 +1,289 @@
+"""Decide for the simulated person: which level, and when to lift, put down and let go.
+
+The person wants the object lifted with the least force. Percepts become named events, events become rules, rules
+become a level; at most one command in a refractory time. Rules: slip seen or weakening felt, one level up;
+deformation seen, one down; else the neighbour of least expected cost, as long as that does not undo what was just
+seen to be needed.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from tega_sim.operator.belief import ObjectBelief, best_level, cost
+from tega_sim.operator.forearm import FARTHEST_M, SimulatedForearm
+from tega_sim.operator.person import PersonNumbers
+from tega_sim.operator.vision import Kind, SeenEvent
+from tega_sim.seams import WorldTruth
+
+_CARRYING = frozenset({"lift", "carry", "place"})
+_CONTACT = frozenset({"contact", "onset", "slip", "deformation"})
+HELD = frozenset({"lift", "hold", "carry", "place"})
+_LIFTED_M = 0.005
+# Level 1 is the open hand: who holds something does not go there.
+LOOSEST = 2
+
+
+class Decision(NamedTuple):
+    """A command of the person.
+
+    Attributes:
+        t_s: When.
+        level: The level aimed at.
+        why: The rule: ``close``, ``slip``, ``weaker``, ``deformation``, ``cost``, ``open``.
+        change: By how many levels the present closure is corrected to get there; ``None`` where the level is aimed at
+            anew.
+    """
+
+    t_s: float
+    level: int
+    why: str
+    change: float | None = None
+
+
+class GripDecisions:
+    """One trial's course of decisions.
+
+    Args:
+        person: The person.
+        belief: What the person believes of this object.
+        forearm: Moves the hand.
+
+    Attributes:
+        away_m: How far back the place is where the object is put down, metres; 0 is where it stood.
+    """
+
+    def __init__(self, person: PersonNumbers, belief: ObjectBelief, forearm: SimulatedForearm) -> None:
+        self._grip, self._arm, self._aim_sd = person.grip, person.forearm, person.motor.aim_sd
+        self.belief, self.closure, self.forearm = belief, belief.closure, forearm
+        self.phase = "reach"
+        self.away_m = 0.0
+        self.level = 1
+        self.commands: list[Decision] = []
+        self._set_closure(1.0)
+        self._commanded_s = 0.0
+        self._free_s = 0.0
+        self._phase_s = 0.0
+        self._contact_s: float | None = None
+        # What this command has taught so far: each once.
+        self._judged = self._posed = self._need_told = self._harm_told = False
+        self._before = (1.0, 0.0)
+        self._barred = 0
+        self._attempts, self._least = 1, 1
+        self._give_up_s: float | None = None
+        forearm.move((0.0, 0.0), 0.0, self._arm.reach_s)
+
+    @property
+    def carrying(self) -> bool:
+        """Whether the hand is moving the object about."""
+        return self.phase in _CARRYING
+
+    @property
+    def touching(self) -> bool:
+        """Whether the person takes the hand to be on the object."""
+        return self.phase in HELD or self._contact_s is not None
+
+    @property
+    def held(self) -> bool:
+        """Whether the person takes the object to be in the hand."""
+        return self.phase in HELD
+
+    def steady(self, t_s: float) -> bool:
+        """Whether a change of what is felt has to come from the object: held, command unchanged for a second."""
+        return self.phase in {"lift", "hold"} and t_s - self._commanded_s >= 1.0
+
+    def settled(self, t_s: float, window_s: float) -> bool:
+        """Whether the hand had followed the last command before the last ``window_s`` began."""
+        return t_s - self._commanded_s >= self._grip.closing_step_s + window_s
+
+    def age_s(self, t_s: float) -> float:
+        """Return how long the last command has stood."""
+        return t_s - self._commanded_s
+
+    def judge_effort(self, felt_level: float, effort_sd: float) -> None:
+        """Weigh the own effort against what was aimed at, once a command."""
+        if not self._judged:
+            self._judged = True
+            self.closure.observe(felt_level, max((effort_sd * max(felt_level - 0.5, 0.25)) ** 2, 0.01))
+
+    def judge_pose(self, seen: tuple[float, float] | None) -> None:
+        """Take in the hand's pose before it touches: once a command, where the eyes were on it."""
+        if seen is not None and not self._posed:
+            self._posed = True
+            self.closure.observe(*seen)
+
+    def decide(self, t_s: float, dt_s: float, events: list[SeenEvent], scene: WorldTruth) -> Decision | None:
+        """Go on by one decision interval.
+
+        Args:
+            t_s: Now, seconds.
+            dt_s: Since the last decision, seconds.
+            events: What can be acted on now.
+            scene: What is before the eyes, for the course of the task.
+
+        Returns:
+            The new command, if there is one.
+        """
+        self.closure.drift(self._grip.closure_drift**2 * dt_s)
+        kinds = {event.kind for event in events}
+        if self.phase == "grasp" and self._contact_s is None and kinds & _CONTACT:
+            self._contact_s = t_s
+        level, why = self._task(t_s, scene)
+        if level is None and self.touching:
+            self._learn(t_s, events)
+            if t_s >= self._free_s:
+                level, why = self._adjust({event.kind for event in events if self._answers(event)})
+        return None if level is None else self._command(t_s, level, why)
+
+    def _learn(self, t_s: float, events: list[SeenEvent]) -> None:
+        for event in events:
+            x, var = self._before if self._precedes(event) else (self.closure.x, self.closure.var)
+            if event.kind == "slip" and self.phase in HELD:
+                self.belief.slipped(x, var)
+                self._need_told = True
+            elif event.kind == "deformation":
+                self.belief.harmed(x, var)
+                self._harm_told = True
+        if t_s - max(self._commanded_s, self._phase_s) < self._grip.quiet_s:
+            return
+        # Once a command: to go on holding is no new evidence.
+        if self.phase == "hold" and not self._need_told:
+            self.belief.sufficed(self.closure.x, self.closure.var)
+            self._need_told, self._barred = True, max(self._barred, 0)
+        if not self._harm_told:
+            self.belief.spared(self.closure.x, self.closure.var)
+            self._harm_told = True
+
+    def _precedes(self, event: SeenEvent) -> bool:
+        """Whether an event belongs to the closure before the last command: the hand needs a moment to follow one."""
+        return event.began_s < self._commanded_s + self._grip.closing_step_s
+
+    def _answers(self, _event: SeenEvent) -> bool:
+        """Whether an event is answered by a command at all."""
+        return True
+
+    def _adjust(self, kinds: set[Kind]) -> tuple[int | None, str]:
+        if self.phase in HELD and kinds & {"slip", "weaker"}:
+            self._barred = -1
+            return (self.level + 1, "slip" if "slip" in kinds else "weaker") if self.level < 5 else (None, "")
+        if "deformation" in kinds:
+            self._barred = 1
+            return (self.level - 1, "deformation") if self.level > LOOSEST else (None, "")
+        closure = self.closure
+        here = cost(self.belief, closure.x, closure.var)
+        options = {
+            step: cost(self.belief, closure.x + step, closure.var + (self._aim_sd * closure.x) ** 2)
+            for step in (-1, 1)
+            if max(self._least, LOOSEST) <= self.level + step <= 5 and step != self._barred
+        }
+        step = min(options, key=lambda s: options[s], default=0)
+        return (
+            (self.level + step, "cost")
+            if step and here - options[step] > self._grip.gain_to_act
+            else (None, "")
+        )
+
+    def _command(self, t_s: float, level: int, why: str) -> Decision:
+        step = level - self.level
+        adjusted = why not in {"close", "open"} and abs(step) == 1
+        self._before = (self.closure.x, self.closure.var)
+        self._set_closure(self.closure.x + step if adjusted else float(level))
+        self.level = level
+        self._commanded_s, self._free_s = t_s, t_s + self._grip.refractory_ms / 1e3
+        self._judged = self._posed = self._need_told = self._harm_told = False
+        self.commands.append(Decision(t_s, level, why))
+        return self.commands[-1]
+
+    def _set_closure(self, x: float) -> None:
+        self.closure.set(x, (self._aim_sd * self.level) ** 2 + self._grip.closure_sd**2)
+
+    def _task(self, t_s: float, scene: WorldTruth) -> tuple[int | None, str]:
+        """Go through the phases; return a level where the phase itself asks for one."""
+        arm, forearm = self._arm, self.forearm
+        if self.phase in HELD and scene.dropped:
+            # Seeing it lie there and giving up takes a moment.
+            self._give_up_s = t_s + self._arm.settle_s if self._give_up_s is None else self._give_up_s
+            if t_s >= self._give_up_s:
+                return self._let_go(t_s)
+        elif self.phase == "reach" and forearm.still(t_s, arm.settle_s):
+            self._enter("grasp", t_s)
+        elif self.phase == "grasp":
+            return self._close(t_s)
+        elif self.phase == "lift":
+            if forearm.at_m[0] > arm.missed_m and not scene.lift_off and scene.object_height_m < _LIFTED_M:
+                return self._missed(t_s)
+            if forearm.still(t_s, 0.0):
+                self._enter("hold", t_s)
+        else:
+            return self._put_back(t_s)
+        return None, ""
+
+    def _close(self, t_s: float) -> tuple[int | None, str]:
+        grip, waited = self._grip, t_s - self._commanded_s
+        direct = self.belief.need[1] < grip.direct_sd or self._attempts > 1
+        if self.level == 1:
+            best = self._first_level() if direct else LOOSEST
+            return max(best, self._least, LOOSEST), "close"
+        if self._contact_s is not None:
+            if t_s - self._contact_s >= grip.contact_wait_s:
+                self._lift(t_s)
+            return None, ""
+        if waited < (grip.closing_wait_s if direct or self.level == 5 else grip.closing_step_s):
+            return None, ""
+        if self.level == 5:
+            self._lift(t_s)
+            return None, ""
+        return self.level + 1, "close"
+
+    def _first_level(self) -> int:
+        return best_level(self.belief, self._aim_sd)
+
+    def _lift(self, t_s: float) -> None:
+        self._enter("lift", t_s)
+        self.forearm.move((self._arm.lift_m, 0.0), t_s, self._arm.lift_s)
+
+    def _missed(self, t_s: float) -> tuple[int | None, str]:
+        """The object stayed behind: learn from it, go back down open, try again more firmly or give up."""
+        late = t_s < self._commanded_s + self._grip.closing_step_s
+        self.belief.slipped(*(self._before if late else (self.closure.x, self.closure.var)))
+        self._least = min(self.level + (not late), 5)
+        if self._attempts >= self._arm.attempts:
+            return self._let_go(t_s)
+        self._attempts += 1
+        self._contact_s = None
+        self._enter("reach", t_s)
+        self.forearm.move((0.0, 0.0), t_s, self._arm.reach_s)
+        return 1, "open"
+
+    def _put_back(self, t_s: float) -> tuple[int | None, str]:
+        """Go through the phases from the hold on: carry where there is a second place, put down, let go, draw back."""
+        arm, forearm = self._arm, self.forearm
+        if self.phase == "hold" and t_s - self._phase_s >= arm.hold_s:
+            if self.away_m:
+                self._enter("carry", t_s)
+                forearm.move((arm.lift_m, self.away_m), t_s, arm.reach_s)
+            else:
+                self._put_down(t_s)
+        elif self.phase == "carry" and forearm.still(t_s, arm.settle_s):
+            self._put_down(t_s)
+        elif self.phase == "place" and forearm.still(t_s, arm.settle_s):
+            return self._let_go(t_s)
+        elif self.phase == "release" and t_s - self._phase_s >= arm.release_s:
+            away_m = min(self.away_m + arm.back_m, max(FARTHEST_M, arm.back_m))
+            if forearm.at_m == (0.0, away_m):
+                self._enter("done", t_s)
+            elif forearm.still(t_s, arm.settle_s):
+                forearm.move((0.0, away_m), t_s, arm.reach_s)
+        return None, ""
+
+    def _put_down(self, t_s: float) -> None:
+        self._enter("place", t_s)
+        self.forearm.move((0.0, self.away_m), t_s, self._arm.place_s)
+
+    def _let_go(self, t_s: float) -> tuple[int | None, str]:
+        self._enter("release", t_s)
+        self._contact_s = None
+        return 1, "open"
+
+    def _enter(self, phase: str, t_s: float) -> None:
+        self.phase, self._phase_s = phase, t_s

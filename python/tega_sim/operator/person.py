@@ -1,0 +1,242 @@
+"""Draw a simulated person from the population, whose parameters are in the file beside this module.
+
+Example:
+    >>> from tega_sim.operator import draw_person, load_parameters
+    >>> parameters = load_parameters()
+    >>> person = draw_person(7, parameters)
+    >>> person == draw_person(7, parameters), 160 <= person.vision.rt_ms <= 345
+    (True, True)
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from importlib.resources import files
+from pathlib import Path
+from statistics import NormalDist
+from typing import Literal
+
+import msgspec
+import numpy as np
+
+from tega.errors import ConfigError
+from tega.runtime.files.foreign_file import parse_toml, read_foreign
+from tega_sim.operator.sections import (
+    BodySection,
+    Emg,
+    ForearmSection,
+    GripSection,
+    MotorSection,
+    VestSection,
+    Vision,
+)
+
+FROZEN_SHA256 = "101a8f666f21c0758534eb3afb6042942ec306f22020a4590ac3539a7a26006f"
+"""Of the parameter file as it was before the first closed-loop run; any other file is called changed."""
+
+
+class Parameter(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """One line of the parameter file.
+
+    Attributes:
+        value: Mean over people; median where ``law`` is ``lognormal``.
+        low: Lower bound.
+        high: Upper bound.
+        unit: Its unit; empty for a pure number.
+        mark: How well it is known: F, A, M, G or P, as the file's head explains.
+        source: Where it comes from.
+        sd: Spread over people, of the value or of its logarithm; 0 for what is the same for everyone.
+        law: Of the spread.
+    """
+
+    value: float
+    low: float
+    high: float
+    unit: str
+    mark: Literal["F", "A", "M", "G", "P"]
+    source: str
+    sd: float = 0.0
+    law: Literal["normal", "lognormal"] = "normal"
+
+
+class Parameters(msgspec.Struct, frozen=True):
+    """All parameters of the population, as the parameter file has them.
+
+    Attributes:
+        sections: By section and name.
+        digest: SHA-256 of the file's bytes; reports carry it.
+    """
+
+    sections: dict[str, dict[str, Parameter]]
+    digest: str
+
+    def __iter__(self) -> Iterator[tuple[str, str, Parameter]]:
+        """Yield section, name and parameter in the file's order."""
+        for section, entries in self.sections.items():
+            for name, entry in entries.items():
+                yield section, name, entry
+
+    @property
+    def frozen(self) -> bool:
+        """Whether the file is the one that was frozen before the first closed-loop run."""
+        return self.digest == FROZEN_SHA256
+
+    def of_everyone(self, values: Mapping[str, float]) -> Parameters:
+        """Return the population in which everybody has these values; the digest stays that of the file.
+
+        Args:
+            values: By ``section.name``.
+
+        Raises:
+            ConfigError: There is no such parameter, or a value is not within its bounds.
+
+        Example:
+            >>> load_parameters().of_everyone({"vest.weber": 0.5}).sections["vest"]["weber"].sd
+            0.0
+        """
+        sections = {section: dict(entries) for section, entries in self.sections.items()}
+        for key, value in values.items():
+            section, _, name = key.partition(".")
+            p = sections.get(section, {}).get(name)
+            if p is None:
+                raise ConfigError(f"parameter {key!r} is not known", "write section.name, such as vest.weber")
+            if not p.low <= value <= p.high:
+                raise ConfigError(f"{key} = {value:g} {p.unit} is not within {p.low:g} to {p.high:g}")
+            sections[section][name] = msgspec.structs.replace(p, value=float(value), sd=0.0)
+        return Parameters(sections, self.digest)
+
+
+class PersonNumbers(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One person's numbers; units as in the parameter file.
+
+    Attributes:
+        body: Age, and what follows from it.
+        vision: What is seen, and how late.
+        vest: What is felt on the torso.
+        grip: Guesses, costs and pace.
+        motor: Commands to excitation.
+        forearm: Movements of the hand as a whole.
+        emg: Muscles, electrodes and amplifier.
+    """
+
+    body: BodySection
+    vision: Vision
+    vest: VestSection
+    grip: GripSection
+    motor: MotorSection
+    forearm: ForearmSection
+    emg: Emg
+
+
+def load_parameters(path: Path | None = None) -> Parameters:
+    """Read a parameter file.
+
+    Args:
+        path: The file; none means the one that belongs to the package.
+
+    Raises:
+        ConfigError: The file is not valid, misses a parameter or has one that is not known, or a value lies
+            outside its own bounds.
+    """
+    source = files("tega_sim.operator") / "parameters.toml" if path is None else path
+    content = source.read_bytes() if path is None else read_foreign(path, most_mib=1, error=ConfigError)
+    hint = "every parameter needs value, low, high, unit, mark and source"
+    try:
+        tree = parse_toml(content.decode("utf-8-sig"))
+        sections = msgspec.convert(tree, dict[str, dict[str, Parameter]])
+        msgspec.convert(_values(sections), PersonNumbers)
+    except (ValueError, msgspec.ValidationError) as error:
+        raise ConfigError(f"{source.name}: {error}", hint) from error
+    parameters = Parameters(sections, hashlib.sha256(content).hexdigest())
+    for section, name, p in parameters:
+        if not p.low <= p.value <= p.high:
+            raise ConfigError(
+                f"{source.name}: {section}.{name} = {p.value} {p.unit} is not within {p.low} to {p.high}"
+            )
+    return parameters
+
+
+def typical_person(parameters: Parameters | None = None) -> PersonNumbers:
+    """Return the person in whom every parameter has its central value."""
+    return msgspec.convert(_values((parameters or load_parameters()).sections), PersonNumbers)
+
+
+def draw_person(seed: int, parameters: Parameters | None = None) -> PersonNumbers:
+    """Draw one person from the population, each parameter from its own stream.
+
+    Reaction times to touch and to sight are correlated, and both grow with age.
+
+    Args:
+        seed: Who; the same seed is the same person.
+        parameters: The population; none means the package's own.
+    """
+    parameters = parameters or load_parameters()
+    values = _values(parameters.sections)
+    for section, name, p in parameters:
+        if p.sd == 0:
+            continue
+        score = float(stream(seed, "person", section, name).standard_normal())
+        if (section, name) == ("vest", "rt_ms"):
+            rho = values["body"]["rt_correlation"]
+            seen = float(stream(seed, "person", "vision", "rt_ms").standard_normal())
+            score = rho * seen + (1 - rho * rho) ** 0.5 * score
+        values[section][name] = _within(p, score)
+    slower_ms = values["body"]["rt_per_year_ms"] * max(0.0, values["body"]["age_years"] - 25.0)
+    values["vision"]["rt_ms"] += slower_ms
+    values["vest"]["rt_ms"] += slower_ms
+    return msgspec.convert(values, PersonNumbers)
+
+
+def clear_skin(person: PersonNumbers) -> PersonNumbers:
+    """Return the person with a skin that misses nothing: no noise, no delay, no threshold to speak of.
+
+    Motors neither lag nor need a start, but still go in steps of a fifteenth. Reaction times stay.
+    """
+    vest = msgspec.structs.replace(
+        person.vest,
+        weber=0.01,
+        lapse=0.0,
+        adapt_gain=0.0,
+        link_ms=0.0,
+        link_sd_ms=0.0,
+        dead_ms=0.0,
+        lag_up_ms=1.0,
+        lag_down_ms=1.0,
+        start_level=1.0,
+        spread=0.0,
+        threshold=0.03,
+        threshold_log_sd=0.05,
+        panel_swap=0.0,
+    )
+    return msgspec.structs.replace(person, vest=vest)
+
+
+def stream(seed: int, *names: str | int) -> np.random.Generator:
+    """Return the random stream of one named process.
+
+    Streams of different names are independent, so that a draw more in one changes nothing in another.
+
+    Args:
+        seed: Of the run.
+        names: What it is for: operator, object, trial, process.
+    """
+    key = hashlib.blake2b("\x1f".join(map(str, names)).encode(), digest_size=16).digest()
+    words = [int.from_bytes(key[n : n + 4], "little") for n in range(0, 16, 4)]
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, *words])))
+
+
+def _values(sections: dict[str, dict[str, Parameter]]) -> dict[str, dict[str, float]]:
+    return {section: {name: p.value for name, p in entries.items()} for section, entries in sections.items()}
+
+
+def _within(p: Parameter, score: float) -> float:
+    """Value of a standard score under the truncated law: the score's rank, between the ranks of the bounds."""
+    if p.law == "lognormal":
+        law, low, high = NormalDist(float(np.log(p.value)), p.sd), float(np.log(p.low)), float(np.log(p.high))
+    else:
+        law, low, high = NormalDist(p.value, p.sd), p.low, p.high
+    rank = law.cdf(low) + NormalDist().cdf(score) * (law.cdf(high) - law.cdf(low))
+    value = law.inv_cdf(min(max(rank, 1e-12), 1 - 1e-12))
+    value = float(np.exp(value)) if p.law == "lognormal" else value
+    return min(max(value, p.low), p.high)

@@ -1,0 +1,83 @@
+"""Decide by the second version of the person's rules, which corrects the grip from where it is believed to be.
+
+What differs from :class:`tega_sim.operator.grip.GripDecisions`, for who wears a vest and who does not alike:
+
+- A command either aims anew at the middle of a level, with the error of a whole movement, or corrects: goes from the
+  closure believed in by what is missing, with an error in proportion to that (signal-dependent noise; Harris and
+  Wolpert 1998, doi 10.1038/29528). The surer of the two is taken. Who is told nothing believes in the middle of the
+  level and has next to nothing to correct; force that is fed back lets people correct drift and dispersion (Dosen 2015,
+  doi 10.1186/s12984-015-0047-z). The first version could only aim anew, at a neighbouring level.
+- The level may stay as it is and be restored. The first version answered every weakening by the next level, although
+  muscles slacken in every hold.
+- A slip seen is answered by restoring the level where it is believed to be lost, and by the next one otherwise;
+  deformation likewise, downwards.
+- A quiet second at a closure that is believed to be lower than the last one that sufficed is evidence again.
+"""
+
+from __future__ import annotations
+
+from tega_sim.operator.belief import cost
+from tega_sim.operator.grip import HELD, LOOSEST, Decision, GripDecisions
+from tega_sim.operator.vision import Kind, SeenEvent
+
+
+class RenewingGrip(GripDecisions):
+    """One trial's course of decisions by the second version of the rules."""
+
+    _suffices = 9.0
+
+    def _learn(self, t_s: float, events: list[SeenEvent]) -> None:
+        if self._need_told and self.closure.x < self._suffices - self._grip.belief_floor_sd:
+            self._need_told = False
+        told = self._need_told
+        super()._learn(t_s, events)
+        if self._need_told and not told:
+            self._suffices = self.closure.x
+
+    def _adjust(self, kinds: set[Kind]) -> tuple[int | None, str]:
+        # Less than this cannot be told from the middle of the level.
+        lost = self.level - self.closure.x
+        if self.phase in HELD and "slip" in kinds:
+            self._barred = -1
+            return self._best((0, 1) if lost > self._grip.closure_sd else (1,)), "slip"
+        if "deformation" in kinds:
+            self._barred = 1
+            return self._best((-1, 0) if -lost > self._grip.closure_sd else (-1,)), "deformation"
+        here = cost(self.belief, self.closure.x, self.closure.var)
+        if self.phase in HELD and "weaker" in kinds and self._expected(self.level) < here:
+            return self.level, "weaker"
+        level = self._best(tuple(step for step in (-1, 0, 1) if step == 0 or step != self._barred))
+        if here - self._expected(level) > self._grip.gain_to_act:
+            return level, "cost"
+        return None, ""
+
+    def _best(self, steps: tuple[int, ...]) -> int:
+        lowest = max(self._least, LOOSEST)
+        levels = [self.level + step for step in steps if lowest <= self.level + step <= 5]
+        return min(levels or [self.level], key=self._expected)
+
+    def _expected(self, level: int) -> float:
+        return cost(self.belief, level, min(self._anew(level), self._corrected(level)))
+
+    def _anew(self, level: int) -> float:
+        """Variance of the closure after aiming at a level anew."""
+        return (self._aim_sd * level) ** 2 + self._grip.closure_sd**2
+
+    def _corrected(self, level: int) -> float:
+        """Variance of the closure after going to a level from the closure believed in."""
+        return self.closure.var + (self._aim_sd * (level - self.closure.x)) ** 2
+
+    def _command(self, t_s: float, level: int, why: str) -> Decision:
+        if why in {"close", "open"} or self._anew(level) <= self._corrected(level):
+            decision = super()._command(t_s, level, why)
+            self._set_closure(float(level))
+            self._suffices = 9.0
+            return decision
+        change, var = level - self.closure.x, self._corrected(level)
+        decision = super()._command(t_s, level, why)._replace(change=change)
+        self.closure.set(float(level), var)
+        # The sense of effort is off by the same share as before: nothing new is learned from it.
+        self._judged = True
+        self._suffices = 9.0
+        self.commands[-1] = decision
+        return decision

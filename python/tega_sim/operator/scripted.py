@@ -1,0 +1,118 @@
+"""Follow a script as the operator, whatever happens: for tests of other parts and a demo that must go well."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from tega.errors import InvalidValueError
+from tega_sim.operator.forearm import AWAY_M, FARTHEST_M, SimulatedForearm
+from tega_sim.operator.motor import level_effort
+from tega_sim.operator.person import typical_person
+from tega_sim.seams import Act, Percept
+
+
+class Step(NamedTuple):
+    """One step of a script.
+
+    Attributes:
+        t_s: When it begins.
+        phase: What it is called.
+        level: Level aimed at, 1 to 5; fractions lie between.
+        forearm_m: Where the hand goes: height over the grasp pose, distance back from it, metres.
+        move_s: How long that takes.
+    """
+
+    t_s: float
+    phase: str
+    level: float
+    forearm_m: tuple[float, float]
+    move_s: float
+
+
+DEFAULT_COURSE = (
+    Step(0.0, "reach", 1, (0.0, 0.0), 1.2),
+    Step(1.5, "grasp", 2, (0.0, 0.0), 0.0),
+    Step(2.3, "grasp", 3, (0.0, 0.0), 0.0),
+    Step(3.8, "lift", 3, (0.22, 0.0), 2.0),
+    Step(5.8, "hold", 3, (0.22, 0.0), 0.0),
+    Step(9.0, "place", 3, (0.0, 0.0), 2.0),
+    Step(11.3, "release", 1, (0.0, 0.0), 0.0),
+    Step(12.3, "release", 1, (0.0, 0.10), 1.2),
+    Step(13.8, "done", 1, (0.0, 0.10), 0.0),
+)
+"""Reach, close to level 3, lift to 0.22 m, hold, put down, let go."""
+
+PLACE_COURSE = (
+    *DEFAULT_COURSE[:5],
+    Step(7.0, "carry", 3, (0.22, AWAY_M), 1.5),
+    Step(9.0, "place", 3, (0.0, AWAY_M), 2.0),
+    Step(11.3, "release", 1, (0.0, AWAY_M), 0.0),
+    Step(12.3, "release", 1, (0.0, FARTHEST_M), 1.2),
+    Step(13.8, "done", 1, (0.0, FARTHEST_M), 0.0),
+)
+"""The same, but carried to the second marked place before it is put down."""
+
+
+class ScriptedOperator:
+    """Follows a fixed course of level and forearm movement, without error, noise or perception.
+
+    Args:
+        course: The steps, in order of time; the first begins at 0.
+        full_effort: Excitation at which a channel's mean is Emax.
+        start_m: Where the hand starts.
+
+    Raises:
+        InvalidValueError: There is no step, the first does not begin at 0, times do not rise, or a level is not
+            within 1 to 5.
+
+    Example:
+        >>> from tega_sim.operator import ScriptedOperator
+        >>> ScriptedOperator(full_effort=0.7).at(2.0).phase
+        'grasp'
+    """
+
+    def __init__(
+        self,
+        course: Sequence[Step] = DEFAULT_COURSE,
+        *,
+        full_effort: float = 0.7,
+        start_m: tuple[float, float] = (0.0, 0.10),
+    ) -> None:
+        if not course or course[0].t_s != 0 or any(a.t_s >= b.t_s for a, b in itertools.pairwise(course)):
+            raise InvalidValueError("a script needs steps whose times rise from 0 s")
+        for step in course:
+            if not 1 <= step.level <= 5:
+                raise InvalidValueError(f"level = {step.level} at {step.t_s} s is not within 1 to 5")
+        self._course, self._full, self._start_m = tuple(course), full_effort, start_m
+        self._motor = typical_person().motor
+        self.begin()
+
+    def begin(self, name: str = "", *, width_m: float = 0.0, trial: int = 0, rest_s: float = 0.0) -> None:
+        """Start over; the arguments are those of :meth:`tega_sim.operator.Operator.begin` and change nothing."""
+        del name, width_m, trial, rest_s
+        self._forearm, self._next = SimulatedForearm(self._start_m), 0
+
+    @property
+    def level(self) -> int:
+        """Whole level that the script aims at now."""
+        return round(self._course[max(self._next - 1, 0)].level)
+
+    def act(self, percept: Percept) -> Act:
+        """Return the script's act for the percept's time; time must not go back."""
+        return self.at(percept.t_s)
+
+    def at(self, t_s: float) -> Act:
+        """Return the script's act for a time; times must be asked for in order."""
+        while self._next < len(self._course) and self._course[self._next].t_s <= t_s:
+            step = self._course[self._next]
+            self._forearm.step(step.t_s)
+            self._forearm.move(step.forearm_m, step.t_s, step.move_s)
+            self._next += 1
+        step = self._course[max(self._next - 1, 0)]
+        low = int(step.level)
+        effort = level_effort(self._motor, low)
+        if step.level > low:
+            effort += (level_effort(self._motor, low + 1) - effort) * (step.level - low)
+        return Act(min(self._full * effort, 1.15), self._forearm.step(t_s), step.phase)

@@ -1,0 +1,172 @@
+"""Define a trial's plan and its result: two records that go to files and between processes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal, Self, TypeAlias
+
+import msgspec
+
+from tega.config import LOOP_KEYS, SessionConfig, load_config
+from tega.errors import ConfigError, InvalidValueError
+from tega_sim.beside import BesideResult
+from tega_sim.commanded import HandWay
+from tega_sim.conditions import CONDITIONS, Condition
+from tega_sim.operator.vision import ViewName
+from tega_sim.score import TrialEvent
+from tega_sim.seams import Shear
+from tega_sim.world.objects import OBJECTS, ObjectSpec
+
+Task: TypeAlias = Literal["lift", "place"]
+"""What a trial asks for."""
+
+
+class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Plan of a trial; equal plans give equal results, bit for bit.
+
+    Attributes:
+        object: Name in :data:`tega_sim.world.OBJECTS`, or of ``spec``.
+        condition: What the vest does.
+        seed: Who the person is, and all chance: the same for all objects and conditions.
+        operator: ``simulated``: a person drawn from the population. ``scripted``: a fixed course. ``keyboard``:
+            somebody at the keys, who is given to :func:`run_trial`.
+        practice: Lifts of the same object under the same condition before the one that counts.
+        preset: Readings of the loop.
+        mass_kg: Instead of the object's own, as the following.
+        stiffness_n_m: Of the object's wall.
+        friction: Between object and gel.
+        settings: Of the loop, as ``key=value``: those of stages (``stages.metric.name=reading``) and
+            :data:`tega.config.LOOP_KEYS`.
+        rules: Version of the rules that a simulated person follows, see :class:`tega_sim.operator.Rules`; by 2 and 3
+            the person practises with object and vest first, see :mod:`tega_sim.practice`.
+        view: Sight of the hand while the object is held, see :data:`tega_sim.operator.VIEWS`.
+        spec: The object, where it is none of :data:`tega_sim.world.OBJECTS`.
+        shear: Whether the gels give way sideways, and what on them shows it, see :class:`tega_sim.gel.Gel`.
+        hand: What the hand's level comes from, see :mod:`tega_sim.commanded`.
+        task: ``lift``: up, held and put down where it stood. ``place``: carried to a second marked place before that.
+    """
+
+    object: str
+    condition: Condition = "haptic"
+    seed: Annotated[int, msgspec.Meta(ge=0, lt=2**32)] = 0
+    operator: Literal["simulated", "scripted", "keyboard"] = "simulated"
+    practice: Annotated[int, msgspec.Meta(ge=0, le=100)] = 0
+    preset: Literal["paper", "live"] = "live"
+    mass_kg: float | None = None
+    stiffness_n_m: float | None = None
+    friction: float | None = None
+    settings: tuple[str, ...] = ()
+    rules: Literal[1, 2, 3] = 1
+    view: ViewName = "direct"
+    spec: ObjectSpec | None = None
+    shear: Shear = "off"
+    task: Task = "lift"
+    hand: HandWay = "decoder"
+
+    @property
+    def object_spec(self) -> ObjectSpec:
+        """The object, with what the plan changes in it.
+
+        Raises:
+            InvalidValueError: A value is out of range.
+        """
+        changes = {name: value for name, value in self.changes.items() if value is not None}
+        return (self.spec or OBJECTS[self.object]).with_(**changes)
+
+    @property
+    def changes(self) -> dict[str, float | None]:
+        """What the plan changes in the object, by attribute."""
+        return {name: getattr(self, name) for name in ("mass_kg", "stiffness_n_m", "friction")}
+
+    @classmethod
+    def checked(cls, fields: dict[str, Any]) -> Self:
+        """Make a plan of plain values.
+
+        Raises:
+            InvalidValueError: A value is unknown or out of range.
+        """
+        name, spec = fields.get("object"), fields.get("spec")
+        if name not in OBJECTS if spec is None else getattr(spec, "name", None) != name:
+            raise InvalidValueError(f"object = {name!r} is not known", f"choose from {', '.join(OBJECTS)}")
+        condition = fields.get("condition", "haptic")
+        if condition not in CONDITIONS:
+            raise InvalidValueError(
+                f"condition = {condition!r} is not known", f"choose from {', '.join(CONDITIONS)}"
+            )
+        try:
+            plan = msgspec.convert({**fields, "spec": msgspec.to_builtins(spec)}, cls)
+        except msgspec.ValidationError as error:
+            raise InvalidValueError(f"plan of a trial: {error}") from error
+        loop_settings(plan.preset, plan.settings)
+        _ = plan.object_spec  # refuses what is out of range
+        return plan
+
+
+def loop_settings(preset: Literal["paper", "live"], settings: Sequence[str]) -> SessionConfig:
+    """Return the settings of a trial's loop.
+
+    Args:
+        preset: The preset.
+        settings: What differs from it, as ``key=value``.
+
+    Raises:
+        ConfigError: A key is not one of the loop's, unknown, of a wrong type or out of range.
+    """
+    for item in settings:
+        key = item.partition("=")[0].strip()
+        if not key.startswith("stages.") and key not in LOOP_KEYS:
+            raise ConfigError(
+                f"--set {item!r}: a simulated trial has no such setting",
+                f"it has stages.*, {', '.join(LOOP_KEYS)}",
+            )
+    return load_config(None, environ={}, sets=[f"session.preset={preset}", *settings]).config
+
+
+class TrialResult(TrialPlan, frozen=True, kw_only=True):
+    """Outcome of a trial, with its plan repeated.
+
+    Attributes:
+        success: Lifted to 0.2 m and held there for 1 s within 15 s, and not dropped; in a task ``place`` put down on
+            its mark as well.
+        slips: Visible slips after lift-off, until it was put down.
+        deformations: Times the object was narrowed more than is good for it.
+        drops: 1 if it was lifted and fell.
+        duration_s: From the start until the person was done, or the trial was ended.
+        peak_force_n: Largest normal force on one fingertip, newtons.
+        lift_off_s: When it left the table; ``None`` if it didn't.
+        lifted_s: When it had been at the height for a second; ``None`` if it hadn't.
+        slid_m: Way slid in all, metres.
+        deformation_m: Largest narrowing, metres.
+        mean_level: Mean closure level from lift-off until it was put down; 0 without lift-off.
+        events: What happened when.
+        simulated_s: Time simulated, practice included, seconds.
+        person: First digits of the SHA-256 of the people's numbers, and by version 2 of their rules as well; empty
+            without a simulated person.
+        beside: What the stages beside the connected ones said.
+        placed: Task ``place``: whether it stands upright within 20 mm of the second mark, let go of and not dropped;
+            ``None`` in other tasks.
+        off_mark_m: How far from that mark it is in the end, metres.
+    """
+
+    success: bool
+    slips: int
+    deformations: int
+    drops: int
+    duration_s: float
+    peak_force_n: float
+    lift_off_s: float | None
+    lifted_s: float | None
+    slid_m: float
+    deformation_m: float
+    mean_level: float
+    events: tuple[TrialEvent, ...]
+    simulated_s: float
+    person: str = ""
+    beside: tuple[BesideResult, ...] = ()
+    placed: bool | None = None
+    off_mark_m: float | None = None
+
+    @property
+    def plan(self) -> TrialPlan:
+        """The plan it came from."""
+        return TrialPlan(**{name: getattr(self, name) for name in TrialPlan.__struct_fields__})

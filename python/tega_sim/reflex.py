@@ -1,0 +1,113 @@
+"""Give a simulated trial its reflex: that of the settings, on what the loop measured or on the world's truth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Final
+
+import msgspec
+
+from tega.config import FINGERS, ReflexSection
+from tega.loop.reflex import ReflexArc, ReflexMoment
+from tega.records import Contact, NamedValue
+from tega.stages.choose import grip_reflex
+
+if TYPE_CHECKING:
+    from tega.config import SessionConfig
+    from tega.records import Event
+    from tega.records.bus import Bus
+    from tega.stages.base import Reflex
+    from tega_sim.conditions import ReflexTells
+
+
+FULL_REFLEX: Final = ReflexSection(name="grip", authority=1.0)
+"""Reflex of the arms that have one, where the settings name none; authority of it, where they give none."""
+
+
+class TrueSlipArc(ReflexArc):
+    """An arc whose reflex is told what is true, on every finger that bears a force, and no event.
+
+    It is told the speed of the slide and, where the gels give way sideways, the share of each that has slid.
+
+    Args:
+        reflex: The stage.
+        settings: Its bounds.
+        moment: As of :class:`tega.loop.reflex.ReflexArc`.
+        slip_mm_s: Tells how fast the object slides through the grasp now, mm/s.
+        forces_n: Tells the true force on each pad, newtons, thumb first.
+        slid: Tells the share of each gel that has slid, likewise; ``None`` of gels without.
+    """
+
+    def __init__(
+        self,
+        reflex: Reflex,
+        settings: ReflexSection,
+        *,
+        moment: Callable[[int], ReflexMoment],
+        slip_mm_s: Callable[[], float],
+        forces_n: Callable[[], Sequence[float]],
+        slid: Callable[[], Sequence[float]] | None,
+    ) -> None:
+        super().__init__(reflex, settings, moment=moment)
+        self._slip_mm_s, self._forces_n, self._slid = slip_mm_s, forces_n, slid
+
+    def heard(self, events: Sequence[Event]) -> None:
+        """Hear nothing of what was found in the pictures."""
+
+    def step(
+        self,
+        t_ns: int,
+        own: float,
+        contacts: Callable[[], Mapping[str, Contact]],  # noqa: ARG002
+    ) -> tuple[float, float]:
+        """Return what the hand is to be told at a tick: own level and addition."""
+        speed = NamedValue("slip_mm_s", self._slip_mm_s(), "mm/s")
+        told: list[tuple[NamedValue, ...]] = [(speed,)] * len(FINGERS)
+        if self._slid is not None:
+            told = [(speed, NamedValue("incipient", share)) for share in self._slid()]
+        true = {
+            name: Contact(finger=name, t_ns=t_ns, in_contact=force_n > 0, more=values)
+            for name, force_n, values in zip(FINGERS, self._forces_n(), told, strict=True)
+        }
+        return super().step(t_ns, own, lambda: true)
+
+
+def trial_reflex(
+    config: SessionConfig,
+    tells: ReflexTells,
+    bus: Bus,
+    *,
+    closure: Callable[[], float],
+    slip_mm_s: Callable[[], float],
+    forces_n: Callable[[], Sequence[float]],
+    slid: Callable[[], Sequence[float]] | None = None,
+) -> ReflexArc | None:
+    """Make the reflex of a trial; ``None`` where neither its condition nor the settings have one.
+
+    Args:
+        config: The trial's settings.
+        tells: What tells it of slips, by the condition.
+        bus: Told of every addition.
+        closure: Tells the hand's closure by its joints, levels.
+        slip_mm_s: Tells how fast the object slides, mm/s.
+        forces_n: Tells the true force on each pad, newtons, thumb first.
+        slid: Tells the share of each gel that has slid, likewise; ``None`` of gels without.
+    """
+    stages = config.stages
+    if tells != "none" and stages.reflex.name is None:
+        stages = msgspec.structs.replace(stages, reflex=FULL_REFLEX)
+    elif tells != "none" and stages.reflex.authority == 0:
+        full = msgspec.structs.replace(stages.reflex, authority=FULL_REFLEX.authority)
+        stages = msgspec.structs.replace(stages, reflex=full)
+    settings = stages.reflex
+    reflex = grip_reflex(stages, config.session.preset, FINGERS)
+    if reflex is None:
+        return None
+
+    def moment(_t_ns: int) -> ReflexMoment:
+        measured = closure() if settings.authority > 0 else None
+        return ReflexMoment(settings.authority, allowed=True, measured=measured)
+
+    if tells == "true slips":
+        return TrueSlipArc(reflex, settings, moment=moment, slip_mm_s=slip_mm_s, forces_n=forces_n, slid=slid)
+    return ReflexArc(reflex, settings, moment=moment, tell=bus.publish)

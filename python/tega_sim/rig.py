@@ -1,0 +1,272 @@
+"""Run the simulated lab on one clock: hand, object, cameras, muscles and person, around the loop's streams.
+
+Time passes when the loop waits for it. Until the loop's next deadline the rig does, in the order of their times, what
+happens in between: every 10 ms the amplifier delivers a block of EMG, the truth is scored and the person perceives and
+acts; sixty times a second all four cameras expose at once (real ones run free of one another) and their pictures
+reach the loop 25 ms later. The physics goes on in steps of its own underneath.
+
+A fingertip that nothing touches and on which nothing is left of a touch is not rendered: the loop is given the picture
+of the untouched gel again, under a new number, which it knows without looking and takes for a fresh frame without
+contact. Where a metric reads sums over cells and nobody looks at pixels, those sums are all that is made of a picture.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Protocol
+
+from tega.config import FINGERS
+from tega.hand.poses import ClosureScale
+from tega.loop.inbox.frames import FrameMeter
+from tega.loop.inbox.sources import Contact, EmgBlock, picture_of, samples_of
+from tega.loop.inbox.stream import NEVER_NS, LiveStream
+from tega.records import EmgSamples, Picture
+from tega.runtime.device_items import EmgChunk, TactileFrame
+from tega.stages.base import MeasuredPicture
+from tega.tactile import ContactMetrics
+from tega.ui.view.state import TouchImage
+from tega_sim.gel import CAMERA_HZ
+from tega_sim.hand import encoded
+from tega_sim.seams import Act, Indenter, Percept
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tega.haptics import MotorLevels
+    from tega.records.bus import Bus
+    from tega_sim.commanded import BlockSource
+    from tega_sim.gel import Gel
+    from tega_sim.operator import ForearmEmg
+    from tega_sim.operator.shams import Sham
+    from tega_sim.score import TrialScorer
+    from tega_sim.world import World
+
+
+ACT_NS = 10_000_000
+"""Between two looks of the person at the world, nanoseconds; also the length of an EMG block."""
+
+CAMERA_DELAY_NS = 25_000_000
+"""From exposure to the loop, nanoseconds; measured systems need 17 to 33 ms."""
+
+_TAIL = 400
+_PLACING = frozenset({"place", "release", "done"})
+
+
+class TrialSteering(Protocol):
+    """Operator of a lift: a simulated person, a script, a hand on a keyboard."""
+
+    @property
+    def level(self) -> int:
+        """Level aimed at now, 1 to 5."""
+        ...
+
+    def begin(self, name: str, *, width_m: float, trial: int = 0, rest_s: float = 60.0) -> None:
+        """Start a lift of an object of a name and width, the how many-th of it, after so much rest."""
+        ...
+
+    def act(self, percept: Percept) -> Act:
+        """Take in a percept and return what the person does."""
+        ...
+
+
+class TrialRig:
+    """One trial's lab.
+
+    Args:
+        world: Hand and object, at the trial's beginning.
+        poses_rad: The hand's closure poses, float64 (5, 16).
+        gels: A fingertip's gel and camera, by finger.
+        baselines: Their untouched pictures.
+        person: Who acts.
+        emg: Turns excitation into EMG.
+        worn: The vest, in the trial's condition.
+        meters: Measure each finger's frames.
+        blocks: Turns EMG into levels.
+        block_ns: How long a block is.
+        scorer: Counts what happens.
+        bus: Told of every picture, before and after it is measured, and of every block of EMG.
+        end_s: When the trial is over whatever happens, seconds.
+        lift_by_s: When it is over unless the object was lifted by then, seconds.
+        muted: Asked whether somebody has switched the vest off.
+        skip_untouched: Whether a fingertip that nothing touches goes without rendering.
+        with_cameras: Whether there are pictures; without them the loop feels nothing, and nothing else is different.
+        painted: Whether every picture is painted, for who looks at :attr:`frames`; else only those that somebody on
+            the bus wants, or whose metric needs pixels.
+        on_act: Told after every 10 ms what was perceived and done.
+
+    Attributes:
+        contacts: Stream of measured frames, by finger, for the loop.
+        levels: Stream of EMG blocks, for the loop.
+        frames: The newest picture of each finger that was painted.
+        metrics: What was measured in it.
+        emg_tail: The newest few seconds of EMG, a block of (10, 3) an entry, microvolts.
+        vest: What the vest's motors are told now; ``None`` where it is off or not worn.
+        act: What the person does now.
+        truth: What is so, as of the person's last look.
+        t_ns: Time that has passed, nanoseconds.
+    """
+
+    def __init__(
+        self,
+        *,
+        world: World,
+        poses_rad: NDArray[np.float64],
+        gels: Mapping[str, Gel],
+        baselines: Mapping[str, NDArray[np.uint8]],
+        person: TrialSteering,
+        emg: ForearmEmg,
+        worn: Sham,
+        meters: Mapping[str, FrameMeter],
+        blocks: BlockSource,
+        block_ns: int,
+        scorer: TrialScorer,
+        bus: Bus,
+        end_s: float,
+        lift_by_s: float,
+        muted: Callable[[], bool] = lambda: False,
+        skip_untouched: bool = True,
+        with_cameras: bool = True,
+        painted: bool = True,
+        on_act: Callable[[Percept, Act], None] = lambda _percept, _act: None,
+    ) -> None:
+        self.world = world
+        self._closure = ClosureScale(poses_rad)
+        self._gels = [gels[finger] for finger in FINGERS]
+        for gel in self._gels:
+            gel.forget()
+        self._meters = [meters[finger] for finger in FINGERS]
+        self._person, self._emg, self._worn = person, emg, worn
+        self._blocks, self._block_ns, self._scorer = blocks, block_ns, scorer
+        self._end_ns, self._lift_by_ns = round(end_s * 1e9), round(lift_by_s * 1e9)
+        self._muted, self._skip_untouched, self._painted = muted, skip_untouched, painted
+        self._on_act = on_act
+        due_ns = CAMERA_DELAY_NS if with_cameras else NEVER_NS
+        self.contacts = {finger: LiveStream[Contact](due_ns=due_ns) for finger in FINGERS}
+        self.levels = LiveStream[EmgBlock](due_ns=block_ns)
+        self._streams = list(self.contacts.values())
+        self._still = [baselines[finger] for finger in FINGERS]
+        self.frames = list(self._still)
+        self.metrics = [ContactMetrics() for _ in FINGERS]
+        self._bus = bus
+        self.emg_tail: deque[NDArray[np.float64]] = deque(maxlen=_TAIL)
+        self._act_ns = 0
+        self._camera_ns = 0 if with_cameras else NEVER_NS
+        self._n_frames = self._n_samples = 0
+        self.vest: MotorLevels | None = None
+        self._over = False
+        self.t_ns = 0
+        self.truth = world.truth()
+        self.act = Act(0.0, (0.0, 0.0), "reach")
+
+    def advance_to(self, t_ns: int) -> None:
+        """Let time pass; nothing happens any more once the trial is over."""
+        while not self._over:
+            due_ns = self.t_ns = min(self._act_ns, self._camera_ns, t_ns)
+            self.world.advance_to(due_ns / 1e9)
+            if due_ns == self._camera_ns:
+                self._expose(due_ns)
+            if due_ns == self._act_ns:
+                self._look(due_ns)
+            if due_ns == t_ns:
+                return
+
+    def write(self, t_ns: int, frame: MotorLevels) -> None:
+        """Take a vest frame from the loop."""
+        self.vest = None if self._muted() else self._worn(t_ns / 1e9, frame)
+
+    def _expose(self, t_ns: int) -> None:
+        """Take four pictures and put what they show on its way to the loop."""
+        number = self._n_frames
+        self._n_frames = number + 1
+        self._camera_ns = round((number + 1) * 1e9 / CAMERA_HZ)
+        arrival_ns, next_ns = t_ns + CAMERA_DELAY_NS, self._camera_ns + CAMERA_DELAY_NS
+        # As each finger was in the frame before: the cameras take theirs at one time.
+        bearing = [meter.metric.bears_load for meter in self._meters]
+        shown, told = self._bus.wants(Picture), self._bus.wants(MeasuredPicture)
+        unseen = not (self._painted or shown or told)
+        for finger, indenters in enumerate(self.world.pads()):
+            gel, meter = self._gels[finger], self._meters[finger]
+            meter.metric.loaded = any(bearing[:finger] + bearing[finger + 1 :])
+            contact: Contact | None
+            if unseen and meter.metric.reads_sums:
+                contact = meter.take_sums(number, arrival_ns, gel.sums(indenters, number))
+            else:
+                frame = TactileFrame(
+                    arrival_ns, number, self._picture(finger, indenters, number), "simulated frame"
+                )
+                if shown:
+                    self._bus.publish(picture_of(FINGERS[finger], frame))
+                contact = meter.take(frame)
+            if contact is None:
+                continue
+            self.metrics[finger] = contact[1]
+            self._streams[finger].put(contact, next_ns=next_ns)
+            if told:
+                self._bus.publish(
+                    MeasuredPicture(
+                        finger=FINGERS[finger],
+                        t_ns=arrival_ns,
+                        image=self.frames[finger],
+                        metrics=contact[1],
+                        metric=meter.metric,
+                    )
+                )
+
+    def _picture(self, finger: int, indenters: Sequence[Indenter], number: int) -> NDArray[np.uint8]:
+        """Return what a camera shows; the untouched gel's picture where that is all there is to see."""
+        gel = self._gels[finger]
+        # A metric that learns from an untouched gel is shown it.
+        seen = not self._skip_untouched or self._meters[finger].metric.memory
+        image = (
+            gel.frame(indenters, number)
+            if indenters or seen or gel.remains(number / CAMERA_HZ)
+            else self._still[finger]
+        )
+        self.frames[finger] = image
+        return image
+
+    def touch_images(self) -> dict[str, TouchImage]:
+        """Return each finger's newest picture with what its metric made of it."""
+        return {
+            finger: TouchImage(self.frames[k], self.metrics[k], self._meters[k].metric.touch_map())
+            for k, finger in enumerate(FINGERS)
+        }
+
+    def _look(self, t_ns: int) -> None:
+        """Deliver the EMG of the last 10 ms, score the truth, let the person perceive and act."""
+        self._act_ns = t_ns + ACT_NS
+        if t_ns:
+            samples = self._emg.samples(self.act)
+            self.emg_tail.append(samples)
+            chunk = EmgChunk(t_ns, self._n_samples, samples)
+            self._n_samples += len(samples)
+            if self._bus.wants(EmgSamples):
+                self._bus.publish(samples_of(chunk, live=False, start_ns=0))
+            for block in self._blocks.take(chunk):
+                self.levels.put(block, next_ns=t_ns + self._block_ns)
+        truth = self.truth = self.world.truth()
+        t_s = t_ns / 1e9
+        percept = Percept(t_s, truth, self.vest, self.closure(), encoded(self.world.angles_rad))
+        act = self.act = self._person.act(percept)
+        self.world.set_forearm(act.forearm_m)
+        self._scorer.take(t_s, truth, placing=act.phase in _PLACING)
+        self._on_act(percept, act)
+        if self._ends(t_ns, act):
+            self._over = True
+            streams: list[LiveStream[Any]] = [*self._streams, self.levels]
+            for stream in streams:
+                stream.end(t_ns)
+                stream.close()
+
+    def closure(self) -> float:
+        """Return the hand's closure as it can be seen: 1 in the open pose, 5 in the tight one."""
+        return self._closure(self.world.angles_rad)
+
+    def _ends(self, t_ns: int, act: Act) -> bool:
+        if act.phase == "done" or t_ns >= self._end_ns:
+            return True
+        if self._scorer.time_of("drop") is not None:
+            return True
+        return t_ns >= self._lift_by_ns and self._scorer.time_of("lifted") is None

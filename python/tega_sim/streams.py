@@ -1,0 +1,196 @@
+"""Keep the course of a trial, the truth beside what the sensors said, as arrays and as tables."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+
+from tega.config import FINGERS
+from tega.records import BesideContact, BesideIntent, Contact, Intent, NamedValue
+from tega.records.table import columns, numbers
+from tega.runtime.files.csv_writer import CsvWriter
+from tega.ui.view.figures import Firmest, SessionCourse, TouchPicture
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tega.haptics import MotorLevels
+    from tega.stages.base import MeasuredPicture
+    from tega.ui.view.state import TouchImage
+    from tega_sim.lab import Lab
+    from tega_sim.seams import Act, Percept
+
+
+_CHANNELS = tuple(f"channel_{k}" for k in (1, 2, 3))
+_COLUMNS: dict[str, tuple[str, ...]] = {
+    "truth": (
+        "t_s",
+        "object_height_m",
+        "lift_off",
+        *(f"{finger}_force_n" for finger in FINGERS),
+        "slip_m",
+        "slip_m_s",
+        "deformation_m",
+        "damage_m",
+        "dropped",
+        "hand_to_object_m",
+        "excitation",
+        "forearm_height_m",
+        "forearm_back_m",
+        "phase",
+    ),
+    "contacts": columns(Contact),
+    "levels": (*columns(Intent, channels=_CHANNELS), "closure"),
+    "values": ("t_s", "finger", *NamedValue.__struct_fields__),
+    "beside-contacts": columns(BesideContact),
+    "beside-values": ("t_s", "stage", "finger", *NamedValue.__struct_fields__),
+    "beside-levels": columns(BesideIntent, channels=_CHANNELS),
+}
+# Tables that are there only where a stage of the settings fills them.
+_AT_NEED = ("values", "beside-contacts", "beside-values", "beside-levels")
+
+
+class Streams:
+    """Keeps the course of one lift; give it to :func:`tega_sim.trial.run_trial`.
+
+    Attributes:
+        rows: By table (``truth`` a hundred times a second, ``contacts`` every frame, ``levels`` every EMG block,
+            ``vest`` every frame that the loop sent, ``values`` what a metric measures besides, ``beside-…`` what stages
+            beside the connected ones say), each a list of rows; the first number of a row is the time in seconds.
+            ``truth`` has what the person did, too.
+    """
+
+    def __init__(self) -> None:
+        self.rows: dict[str, list[tuple[Any, ...]]] = {
+            table: [] for table in ("truth", "contacts", "levels", "vest", *_AT_NEED)
+        }
+        self._motors: tuple[str, ...] = ()
+        self._firmest = Firmest()
+
+    def act(self, percept: Percept, act: Act) -> None:
+        """Keep one look at the world and what the person did."""
+        scene = percept.scene
+        self.rows["truth"].append(
+            (
+                percept.t_s,
+                *scene[1:3],
+                *scene.pad_force_n,
+                *scene[4:],
+                act.excitation,
+                *act.forearm_m,
+                act.phase,
+            )
+        )
+
+    def picture_of(self, picture: MeasuredPicture) -> None:
+        """Keep a finger's picture with its map if no contact before was as large."""
+        self._firmest.take(picture)
+
+    def contact(self, contact: Contact) -> None:
+        """Keep what was measured in one frame."""
+        self.rows["contacts"].append(numbers(contact))
+        for one in contact.more:
+            self.rows["values"].append((contact.t_ns / 1e9, contact.finger, *msgspec.structs.astuple(one)))
+
+    def beside_contact(self, said: BesideContact) -> None:
+        """Keep what a metric beside the connected one says of a picture."""
+        t_s, who = said.t_ns / 1e9, (said.stage, said.finger)
+        self.rows["beside-contacts"].append(numbers(said))
+        for one in said.more:
+            self.rows["beside-values"].append((t_s, *who, *msgspec.structs.astuple(one)))
+
+    def beside_levels(self, said: BesideIntent) -> None:
+        """Keep what a decoder beside the connected one says."""
+        self.rows["beside-levels"].append((*numbers(said)[:-1], _closure(said)))
+
+    def levels(self, intent: Intent) -> None:
+        """Keep one EMG block."""
+        self.rows["levels"].append((*numbers(intent), _closure(intent)))
+
+    def write(self, t_ns: int, frame: MotorLevels) -> None:
+        """Keep one vest frame as the loop sent it."""
+        if not self._motors:
+            self._motors = tuple(f"m{int(motor)}" for motor in frame.motors)
+        self.rows["vest"].append((t_ns / 1e9, *frame.intensities.tolist()))
+
+    def columns(self, table: str) -> tuple[str, ...]:
+        """Return the column names of a table."""
+        return ("t_s", *self._motors) if table == "vest" else _COLUMNS[table]
+
+    def array(self, table: str, column: str, *, where: tuple[str, object] | None = None) -> NDArray[Any]:
+        """Return one column.
+
+        Args:
+            table: Its table.
+            column: Its name.
+            where: Only rows that have this value in that column, such as ``("finger", "thumb")``.
+        """
+        names = self.columns(table)
+        index = names.index(column)
+        rows = self.rows[table]
+        if where is not None:
+            key = names.index(where[0])
+            rows = [row for row in rows if row[key] == where[1]]
+        return np.array([row[index] for row in rows])
+
+    def picture(self, finger: str, lab: Lab) -> TouchPicture:
+        """Return a finger's firmest contact, ready to be drawn; the untouched gel where it never touched."""
+        return self._firmest.picture(finger, lab.touch[finger], lab.baselines[finger])
+
+    def firmest(self) -> tuple[str, TouchImage] | None:
+        """Return the finger that was touched most firmly, and its picture then; ``None`` without a contact."""
+        images = self._firmest.images
+        if not images:
+            return None
+        finger = max(images, key=lambda one: images[one].metrics.mass)
+        return finger, images[finger]
+
+    def course(self, *, pose_base: int = 1) -> SessionCourse:
+        """Return touch, as the mean over the fingers in contact, and level over time.
+
+        Args:
+            pose_base: Number of the most open level as it is drawn, 0 or 1.
+        """
+        at: dict[float, list[tuple[float, float]]] = {}
+        for t_s, _, _, _, cci_norm, eda_norm, _, in_contact, *_ in self.rows["contacts"]:
+            touching = at.setdefault(t_s, [])
+            if in_contact:
+                touching.append((cci_norm, eda_norm))
+        means = np.array([np.mean(pairs, axis=0) if pairs else (0.0, 0.0) for pairs in at.values()])
+        means = means.reshape(-1, 2)
+        return SessionCourse(
+            touch_t_s=np.array(list(at)),
+            cci_norm=means[:, 0],
+            eda_norm=means[:, 1],
+            level_t_s=self.array("levels", "t_s"),
+            level=self.array("levels", "fused"),
+            pose_base=pose_base,
+        )
+
+    def write_tables(self, folder: Path) -> None:
+        """Write each table as a CSV file of its name.
+
+        Args:
+            folder: Where to; it must exist.
+        """
+        for table, rows in self.rows.items():
+            if table in _AT_NEED and not rows:
+                continue
+            file = CsvWriter(folder / f"{table}.csv", self.columns(table))
+            try:
+                file.write(*[",".join(map(_text, row)) + "\n" for row in rows])
+            finally:
+                file.close()
+
+
+def _closure(said: Intent | BesideIntent) -> float | str:
+    return "" if said.closure is None else said.closure
+
+
+def _text(value: object) -> str:
+    if isinstance(value, bool | np.bool_):
+        return str(int(value))
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,163 @@
+"""Run many simulated trials over all cores: resumable, with the same results for any number of workers.
+
+A trial is a function of its plan, so workers share nothing. Results are written one JSON object a line as they come
+and read again by the next run; when all are there the file is put into the order of the plans.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import IO
+
+import msgspec
+
+from tega.errors import RecordingError
+from tega.runtime.files.foreign_file import parse_json, read_foreign
+from tega.runtime.files.whole_file import write_whole
+from tega_sim.trial import TrialPlan, TrialResult, run_trial
+from tega_sim.workers import over_cores
+from tega_sim.world.objects import ObjectSpec
+
+
+def plan_trials(
+    objects: Sequence[str] | Mapping[str, ObjectSpec],
+    conditions: Sequence[str],
+    seeds: Iterable[int],
+    *,
+    mass_kg: Sequence[float | None] = (None,),
+    stiffness_n_m: Sequence[float | None] = (None,),
+    friction: Sequence[float | None] = (None,),
+    **settings: object,
+) -> list[TrialPlan]:
+    """Plan every object, with every mass, stiffness and friction, under every condition with every seed.
+
+    A seed is a person with all their chance: trials that differ only in object or condition are of the same person,
+    and those that differ only in mass, stiffness, friction or condition have the same chance, too.
+
+    Args:
+        objects: Names in :data:`tega_sim.world.OBJECTS`, or other objects by name.
+        conditions: The arms to compare.
+        seeds: Seeds, 0 or more.
+        mass_kg: Masses of each object; ``None`` is its own, as with the following.
+        stiffness_n_m: Of its wall.
+        friction: Between it and the gel.
+        settings: Further attributes of :class:`TrialPlan`, the same for all.
+
+    Raises:
+        InvalidValueError: A name, condition or setting is unknown or out of range.
+    """
+    plans = []
+    specs: Mapping[str, ObjectSpec] = objects if isinstance(objects, Mapping) else {}
+    factors = itertools.product(mass_kg, stiffness_n_m, friction)
+    for seed, name, changes, condition in itertools.product(seeds, objects, factors, conditions):
+        changed = dict(zip(("mass_kg", "stiffness_n_m", "friction"), changes, strict=True))
+        plan = {"object": name, "condition": condition, "seed": seed, **changed, **settings}
+        plans.append(TrialPlan.checked({**plan, "spec": specs.get(name)}))
+    return plans
+
+
+def run_trials(
+    plans: Sequence[TrialPlan],
+    *,
+    jobs: int = 1,
+    out: Path | None = None,
+    progress: Callable[[str, int, int], None] = lambda _what, _done, _total: None,
+) -> list[TrialResult]:
+    """Run trials, or those of them that ``out`` does not hold yet.
+
+    Args:
+        plans: What to run.
+        jobs: Worker processes; 0 for as many as there are cores. One runs in this process.
+        out: A file of results, one JSON object a line; trials it holds already are not run again, and new ones are
+            added as they end. Results of other plans in it are kept.
+        progress: Told how many are done.
+
+    Returns:
+        The results in the order of the plans.
+
+    Raises:
+        MissingExtraError: A package of the extra ``sim`` is not installed.
+        RecordingError: ``out`` holds something else, or results of persons with other parameters or rules.
+    """
+    known = read_results(out) if out is not None else {}
+    if out is not None:
+        _check_persons(out, known.values())
+    left = [plan for plan in dict.fromkeys(plans) if plan not in known]
+    n_done = len(set(plans)) - len(left)
+    file = None
+    if out is not None and left:
+        _write(out, plans, known)  # a line that was cut off must not stay before what is added
+        file = out.open("ab")
+    try:
+        progress("trials", n_done, n_done + len(left))
+        for result in over_cores(run_trial, left, jobs or os.cpu_count() or 1):
+            known[result.plan] = result
+            if file is not None:
+                _add(file, result)
+            n_done += 1
+            progress("trials", n_done, len(set(plans)))
+    finally:
+        if file is not None:
+            file.close()
+    if out is not None and left:
+        _write(out, plans, known)
+    return [known[plan] for plan in plans]
+
+
+def read_results(path: Path) -> dict[TrialPlan, TrialResult]:
+    """Read a file of results; a last line that was cut off is passed over, a missing file holds none.
+
+    Args:
+        path: The file.
+
+    Raises:
+        RecordingError: Another line is no result of this version.
+    """
+    if not path.exists():
+        return {}
+    results = {}
+    content = read_foreign(path, most_mib=1024)
+    lines = content.split(b"\n")
+    for number, line in enumerate(lines, start=1):
+        if not line:
+            continue
+        try:
+            result = parse_json(line, TrialResult)
+        except msgspec.DecodeError as error:
+            if number == len(lines):  # no newline behind it: the run that wrote it was ended there
+                break
+            raise RecordingError(
+                f"{path.name}: line {number} is no result of a trial: {error}",
+                "name a new file, or one that this version wrote",
+            ) from error
+        results[result.plan] = result
+    return results
+
+
+def _check_persons(path: Path, results: Iterable[TrialResult]) -> None:
+    """Refuse results of simulated persons whose parameters, or rules, were not today's."""
+    from tega_sim.operator import load_parameters, people_digest
+
+    numbers = load_parameters().digest
+    for result in results:
+        today = people_digest(numbers, result.rules)
+        if not today.startswith(result.person):
+            raise RecordingError(
+                f"{path.name}: made with people {result.person}, who are {today[:16]} now",
+                "name a new file",
+            )
+
+
+def _add(file: IO[bytes], result: TrialResult) -> None:
+    file.write(msgspec.json.encode(result) + b"\n")
+    file.flush()
+
+
+def _write(path: Path, plans: Sequence[TrialPlan], known: dict[TrialPlan, TrialResult]) -> None:
+    """Write what is known in the order of the plans, other plans' results behind; equal runs give equal bytes."""
+    ordered = dict.fromkeys([*plans, *known])
+    lines = [msgspec.json.encode(known[plan]) + b"\n" for plan in ordered if plan in known]
+    write_whole(path, b"".join(lines))

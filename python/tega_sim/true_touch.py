@@ -1,0 +1,127 @@
+"""Show the wearer what is true in the simulated world in the place of what the pictures show: positive controls.
+
+The loop goes on as ever: it measures every picture, and its tables and displays have what it measured. Only the frames
+of the vest are made of the truth, at the same rate, by a mapping of the real vest, and they go the same way to the
+skin.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final
+
+import msgspec
+
+from tega.config import FINGERS, StageConfig, StagesSection
+from tega.errors import InvalidValueError
+from tega.loop.touch import TouchLoop
+from tega.records import Contact, Event
+from tega.stages.choose import vest_mapping
+from tega_sim.conditions import ARMS
+from tega_sim.score import REST_M_S, REST_S, SLIP_M_S
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from tega.config.calibration import TouchMaxima
+    from tega.haptics import Layout, Mirror, MotorLevels
+    from tega.stages.base import Mapping as MappingStage
+    from tega.stages.base import VestSetup
+    from tega_sim.conditions import Tells
+    from tega_sim.lab import Lab
+    from tega_sim.plan import TrialPlan
+    from tega_sim.seams import WorldTruth
+
+
+FULL_N: Final = 8.0
+"""Force on a pad that counts as full, newtons: that of the guided presses, by which the pictures' maxima are taken."""
+
+_FORCE: Final = {"front": "force_n", "back": "force_n", "front_max": FULL_N, "back_max": FULL_N}
+_SHOWN: Final[dict[Tells, StageConfig]] = {
+    "true slips": StageConfig("pulses", {"contact": 0.0, "release": 0.0}),
+    "true force": StageConfig("columns", _FORCE),
+    "true force, equal steps": StageConfig("equal-steps", _FORCE),
+    "true force, linear": StageConfig("columns", {**_FORCE, "law": "linear"}),
+}
+
+
+class TrueTouch(TouchLoop):
+    """Makes vest frames of the world's truth, and everything else of the measured contacts.
+
+    A slip begins when the object, off the table, slides down through the grasp at 5 mm/s, the speed by which slips are
+    counted, and is over when it has rested for 0.2 s. It is told at once: that it goes on for 30 ms and comes to 3 mm,
+    as what is counted does, cannot be known yet.
+
+    Args:
+        tells: Which truth.
+        maxima: As of :class:`tega.loop.touch.TouchLoop`, like the following.
+        layout: Which motors the vest has.
+        mirror: Which faces have their columns reversed.
+        mapping: Makes the mapping of measured contacts, for display.
+
+    Raises:
+        InvalidValueError: That is no truth.
+    """
+
+    def __init__(
+        self,
+        tells: Tells,
+        maxima: Mapping[str, TouchMaxima],
+        *,
+        layout: Layout,
+        mirror: Mirror = "none",
+        mapping: Callable[[VestSetup], MappingStage] | None = None,
+    ) -> None:
+        if tells not in _SHOWN:
+            raise InvalidValueError(f"tells = {tells!r} is no truth", f"choose from {', '.join(_SHOWN)}")
+        super().__init__(maxima, layout=layout, mirror=mirror, mapping=mapping)
+        shown: Any = vest_mapping(StagesSection(mapping=_SHOWN[tells]), "live")
+        self._told = TouchLoop(maxima, layout=layout, mirror=mirror, mapping=shown)
+        self._forces_n: tuple[float, ...] = (0.0,) * len(FINGERS)
+        self._slips: list[Event] = []
+        self._slid_s: float | None = None
+
+    def watch(self, t_s: float, truth: WorldTruth) -> None:
+        """Take note of what is true now; asked a hundred times a second."""
+        self._forces_n = truth.pad_force_n
+        if self._slid_s is not None and t_s - self._slid_s >= REST_S:
+            self._slid_s = None
+        if not truth.lift_off or truth.dropped:
+            return
+        if truth.slip_m_s >= SLIP_M_S and self._slid_s is None:
+            t_ns = round(t_s * 1e9)
+            self._slips.append(Event(t_ns=t_ns, finger="", kind="slip", began_ns=t_ns))
+            self._slid_s = t_s
+        elif truth.slip_m_s >= REST_M_S and self._slid_s is not None:
+            self._slid_s = t_s
+
+    def frame(self, t_ns: int) -> MotorLevels:
+        """Return the vest frame of what is true now."""
+        contacts = {
+            finger: Contact(finger=finger, t_ns=t_ns, in_contact=force_n > 0, force_n=force_n)
+            for finger, force_n in zip(FINGERS, self._forces_n, strict=True)
+        }
+        slips, self._slips = self._slips, []
+        return self._told.shown(t_ns, contacts, slips)
+
+
+def stages_of(lab: Lab, plan: TrialPlan) -> StagesSection:
+    """Return the stages of a trial: those of its settings, with the mapping that its condition has."""
+    stages = lab.config.stages
+    if ARMS[plan.condition].tells != "events":
+        return stages
+    return msgspec.structs.replace(stages, mapping=StageConfig(name="pulses"))
+
+
+def touch_of(lab: Lab, plan: TrialPlan, *, layout: Layout) -> TouchLoop:
+    """Return what makes the vest's frames in a trial: of what was measured, or of what is true.
+
+    Args:
+        lab: The person's lab.
+        plan: The trial.
+        layout: Of the vest.
+    """
+    config, tells = lab.config, ARMS[plan.condition].tells
+    mapping, mirror = vest_mapping(stages_of(lab, plan), plan.preset), config.vest.mirror
+    if tells in _SHOWN:
+        return TrueTouch(tells, lab.touch, layout=layout, mirror=mirror, mapping=mapping)
+    return TouchLoop(lab.touch, layout=layout, mirror=mirror, mapping=mapping)

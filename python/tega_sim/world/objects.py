@@ -1,0 +1,212 @@
+"""Read the objects that the hand lifts from a file: three of everyday life, others, and variations of them.
+
+Mass, stiffness and friction are independent of one another and of the size, so that a study can vary one alone.
+Values, ranges and sources of the three stand in ``objects.toml`` beside this module.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal
+
+import msgspec
+
+from tega.errors import ConfigError, InvalidValueError, TegaError
+from tega.runtime.files.foreign_file import parse_toml, read_foreign
+from tega.runtime.files.plain_name import plain_name
+
+PALM_FACE_M: Final = 0.0111
+"""How far the palm's face is before the palm's frame."""
+
+# Factor and form of a value in a name: a study's objects have letters, digits, + - _ in theirs.
+_IN_NAME: Final = {"mass_kg": (1e3, "{}g"), "stiffness_n_m": (1.0, "{}npm"), "friction": (1e2, "mu{}")}
+
+
+class ObjectSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """An upright round object whose wall gives under each finger.
+
+    The wall under one fingertip pushes back with ``stiffness · x + stiffening · x³`` newtons at a dent of ``x``
+    metres, whatever the direction in the horizontal plane. A share of the linear part is plastic: it yields
+    beyond ``yield_m`` and then leaves a dent.
+
+    Attributes:
+        name: What it is called.
+        mass_kg: All of it.
+        stiffness_n_m: Of the wall under one fingertip, N/m, when new.
+        friction: Coulomb coefficient between the object and whatever touches it.
+        diameter_m: Of the upright cylinder that it is; thinner ones slip through the five closure poses.
+        height_m: Of that.
+        stiffening_n_m3: Cubic part of the wall's law, N/m³.
+        damping_ratio: Of the wall's springs with their own mass.
+        plastic_share: Part of ``stiffness_n_m`` that yields, 0 to 0.9.
+        yield_m: Dent at which it begins to.
+        harm_m: Narrowing beyond which a person would call it badly deformed.
+        grasp_height_m: Height of the middle of the palm over the table when the object is grasped.
+        clearance_m: Between the palm and the object in the grasp pose.
+        forward_m: How far towards the fingertips the object's axis is from the palm's frame then.
+        relief_counts: Contrast of its relief's imprint in full, see :class:`tega_sim.seams.Indenter`; 0 is smooth.
+        relief_mm: Strongest wave of that.
+        rgba: Colour to draw it in.
+        shell: What gives: ``pads``, a wall on springs for each finger; ``flex``, all of it as one linear elastic
+            solid as soft as that wall. A flex has no ``stiffening_n_m3`` and no ``plastic_share``.
+    """
+
+    name: str
+    mass_kg: Annotated[float, msgspec.Meta(ge=0.15, le=2.0)]
+    stiffness_n_m: Annotated[float, msgspec.Meta(ge=50, le=10_000)]
+    friction: Annotated[float, msgspec.Meta(ge=0.1, le=1.5)]
+    diameter_m: Annotated[float, msgspec.Meta(ge=0.07, le=0.12)]
+    height_m: Annotated[float, msgspec.Meta(ge=0.14, le=0.35)]
+    stiffening_n_m3: Annotated[float, msgspec.Meta(ge=0, le=1e7)] = 0.0
+    damping_ratio: Annotated[float, msgspec.Meta(ge=0.01, le=2)] = 0.5
+    plastic_share: Annotated[float, msgspec.Meta(ge=0, le=0.9)] = 0.0
+    yield_m: Annotated[float, msgspec.Meta(gt=0, le=0.1)] = 0.1
+    harm_m: Annotated[float, msgspec.Meta(gt=0, le=0.1)] = 0.006
+    grasp_height_m: Annotated[float, msgspec.Meta(ge=0.07, le=0.2)] = 0.11
+    clearance_m: Annotated[float, msgspec.Meta(ge=0, le=0.05)] = 0.003
+    forward_m: Annotated[float, msgspec.Meta(ge=-0.05, le=0.1)] = -0.01
+    relief_counts: Annotated[float, msgspec.Meta(ge=0, le=20)] = 0.0
+    relief_mm: Annotated[float, msgspec.Meta(ge=0.1, le=5)] = 0.6
+    rgba: tuple[float, float, float, float] = (0.6, 0.6, 0.6, 1.0)
+    shell: Literal["pads", "flex"] = "pads"
+
+    @property
+    def palm_to_axis_m(self) -> tuple[float, float]:
+        """Way from palm frame to object axis in the grasp pose, metres: out of the palm, to the fingertips."""
+        return PALM_FACE_M + self.diameter_m / 2 + self.clearance_m, self.forward_m
+
+    def with_(self, **changes: object) -> ObjectSpec:
+        """Return the same object with some attributes changed.
+
+        Args:
+            changes: New values by attribute name.
+
+        Raises:
+            InvalidValueError: There is no such attribute, or a value is out of its range.
+
+        Example:
+            >>> OBJECTS["bottle"].with_(mass_kg=0.53).mass_kg
+            0.53
+        """
+        try:
+            return msgspec.convert(msgspec.to_builtins(self) | changes, ObjectSpec)
+        except msgspec.ValidationError as error:
+            raise InvalidValueError(f"object {self.name!r}: {error}") from error
+
+
+class ObjectRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One object of a file.
+
+    Attributes:
+        spec: The object.
+        range: Lowest and highest plausible value by attribute; for maps and factorial plans.
+        source: Where values come from, by attribute; the harm rule's has to be there.
+    """
+
+    spec: ObjectSpec
+    range: dict[str, tuple[float, float]]
+    source: dict[str, str]
+
+
+def read_objects(path: Path | None = None) -> dict[str, ObjectRecord]:
+    """Read a file of objects.
+
+    Args:
+        path: The file; none means the package's own.
+
+    Raises:
+        ConfigError: The file is not valid, a value is out of range, or mass, stiffness, friction or the harm rule has
+            no source.
+        UnsafeNameError: An object's name could not name a file.
+    """
+    source = files("tega_sim.world") / "objects.toml" if path is None else path
+    content = source.read_bytes() if path is None else read_foreign(path, most_mib=1, error=ConfigError)
+    try:
+        tree: dict[str, Any] = parse_toml(content.decode("utf-8-sig"))
+        records = {name: _record(name, dict(table), source.name) for name, table in tree.items()}
+    except TegaError:
+        raise
+    except (TypeError, ValueError) as error:  # of TOML and of msgspec
+        raise ConfigError(
+            f"{source.name}: {error}", "write one table an object, as in tega_sim/world/objects.toml"
+        ) from error
+    if not records:
+        raise ConfigError(f"{source.name}: has no object", "write one table an object, such as [bottle]")
+    return records
+
+
+def crossed(
+    specs: Sequence[ObjectSpec],
+    *,
+    mass_kg: Sequence[float] = (),
+    stiffness_n_m: Sequence[float] = (),
+    friction: Sequence[float] = (),
+) -> dict[str, ObjectSpec]:
+    """Cross objects with values of mass, stiffness and friction, for a factorial plan.
+
+    Args:
+        specs: The objects.
+        mass_kg: Values of it; none leaves each object's own, as with the following.
+        stiffness_n_m: Of the wall.
+        friction: Between object and gel.
+
+    Returns:
+        A variant for each combination, by a name that tells it, such as ``bag_600g_mu30``.
+
+    Raises:
+        InvalidValueError: A value is out of range.
+
+    Example:
+        >>> list(crossed([OBJECTS["bag"]], mass_kg=[0.3, 0.6], friction=[0.5]))
+        ['bag_300g_mu50', 'bag_600g_mu50']
+    """
+    factors = {"mass_kg": mass_kg, "stiffness_n_m": stiffness_n_m, "friction": friction}
+    asked = {what: tuple(dict.fromkeys(values)) for what, values in factors.items() if values}
+    variants: dict[str, ObjectSpec] = {}
+    for spec, values in itertools.product(specs, itertools.product(*asked.values())):
+        changes = dict(zip(asked, values, strict=True))
+        name = variant_name(spec.name, changes)
+        variants[name] = spec.with_(name=name, **changes)
+    return variants
+
+
+def variant_name(name: str, changes: Mapping[str, float | None]) -> str:
+    """Return the name of an object with mass, stiffness or friction changed; ``None`` is no change.
+
+    Example:
+        >>> variant_name("bag", {"mass_kg": 0.6, "stiffness_n_m": None, "friction": 0.45})
+        'bag_600g_mu45'
+    """
+    for what, value in changes.items():
+        if value is not None:
+            factor, form = _IN_NAME[what]
+            name += "_" + form.format(f"{factor * value:g}".replace(".", "-"))
+    return name
+
+
+def _record(name: str, table: dict[str, Any], where: str) -> ObjectRecord:
+    plain_name(name, what="object", source=where)
+    ranges = msgspec.convert(table.pop("range", {}), dict[str, tuple[float, float]])
+    source = msgspec.convert(table.pop("source", {}), dict[str, str])
+    if missing := sorted(
+        {"mass_kg", "stiffness_n_m", "friction", "harm_m"} - {k for k, v in source.items() if v}
+    ):
+        raise ConfigError(
+            f"{where}: object {name!r} has no source for {', '.join(missing)}",
+            f"write it under [{name}.source]",
+        )
+    spec = msgspec.convert({**table, "name": name}, ObjectSpec)
+    for what, (low, high) in ranges.items():
+        if not low <= getattr(spec, what, high + 1) <= high:
+            raise ConfigError(
+                f"{where}: object {name!r}: {what} is not within its range {low:g} to {high:g}",
+                "correct one of them",
+            )
+    return ObjectRecord(spec, ranges, source)
+
+
+OBJECTS: Final[dict[str, ObjectSpec]] = {name: record.spec for name, record in read_objects().items()}
+"""Bottle (heavy, rigid), container (medium) and bag (light, soft), by name."""

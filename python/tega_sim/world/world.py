@@ -1,0 +1,301 @@
+"""Simulate hand, arm, table and one object, in steps of physics."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from tega import _native
+from tega.errors import InvalidValueError, ShapeError
+from tega.hand.mjcf import TORQUE_LIMITS_NM, joint_names
+from tega_sim.world.body import body_of
+from tega_sim.world.follower import ArmFollower
+from tega_sim.world.objects import OBJECTS, ObjectSpec
+from tega_sim.world.pads import PadContacts
+from tega_sim.world.poses import GRASP_POSES_RAD
+from tega_sim.world.scene import PALM_ROTATION, Physics, build, grasp_palm_m, import_mujoco, physics_for
+from tega_sim.world.shapes import Shape
+from tega_sim.world.truth import Witness
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from tega_sim.seams import Indenter, WorldTruth
+
+__all__ = ["Shape", "World"]
+
+_ATTEND_S = 12e-3
+_SETTLE_S = 0.3
+_PLACING_M = 1e-3
+_BACK = -np.array([0.5, 0.75**0.5, 0.0])
+"""The way back from the grasp pose: 30° from straight out of the palm."""
+
+
+class World:
+    """A hand on an arm before an object on a table.
+
+    The hand takes torques, the arm a place to lead the hand to; both keep theirs until they are given new ones.
+    World frame: metres, z up, the origin on the table where the object is to stand; in the grasp pose the
+    fingers point along x and the palm faces y. The same arguments and calls give the same bits.
+
+    Args:
+        spec: The object, or the name of one of :data:`~tega_sim.world.OBJECTS`.
+        seed: Of where exactly the object stands: off its mark by a normal deviate of 1 mm in x and y.
+        physics: How the motion is computed.
+        start_m: Where the hand waits: height over the grasp pose and distance back from it, metres.
+        shear: Whether :meth:`pads` says how far each shape pulls its gel sideways.
+
+    Attributes:
+        spec: The object.
+        physics: How the motion is computed.
+        mujoco: MuJoCo's module.
+        model: Its model of the scene; to read, not to change.
+        data: Its state, likewise.
+
+    Raises:
+        InvalidValueError: There is no such object.
+        MissingExtraError: mujoco-core is not installed.
+    """
+
+    def __init__(
+        self,
+        spec: ObjectSpec | str,
+        *,
+        seed: int = 0,
+        physics: Physics | None = None,
+        start_m: tuple[float, float] = (0.0, 0.15),
+        shear: bool = True,
+    ) -> None:
+        """Build the scene and let the object come to rest."""
+        if isinstance(spec, str):
+            if spec not in OBJECTS:
+                raise InvalidValueError(f"there is no object {spec!r}", f"one of {', '.join(OBJECTS)}")
+            spec = OBJECTS[spec]
+        self.spec, self.physics = spec, physics_for(spec, physics)
+        self.mujoco = mujoco = import_mujoco()
+        self.model = model = build(mujoco, spec, self.physics)
+        self.data = data = mujoco.MjData(model)
+        self._grasp = grasp_palm_m(spec)
+        # Views of MuJoCo's own memory: they follow the state. The hand's joints lie in it one after the other.
+        first, dof = model.joint(joint_names()[0]).qposadr[0], model.joint(joint_names()[0]).dofadr[0]
+        self._angles, self._velocities = data.qpos[first : first + 16], data.qvel[dof : dof + 16]
+        self._torques = data.ctrl[7:23]
+        self._palm_body, self._palm = model.body("palm").id, model.site("palm").id
+        self._hand_weight_n = 9.81 * float(model.body_subtreemass[self._palm_body])
+        self._forearm_m: tuple[float, float] | None = None
+        self._arm = ArmFollower(mujoco, model, self._place(*start_m), PALM_ROTATION)
+        data.qpos[:7] = data.act[:7] = self._arm.angles_rad
+        self._angles[:] = GRASP_POSES_RAD[0]
+        self._body = body_of(mujoco, model, data, spec)
+        self._body.move(*np.random.default_rng(seed).normal(0, _PLACING_M, 2))
+        warnings = mujoco.mjtWarning
+        self._runaway = [
+            int(warnings.mjWARN_BADQPOS),
+            int(warnings.mjWARN_BADQVEL),
+            int(warnings.mjWARN_BADQACC),
+        ]
+        self._steps = 0
+        self._attend_every = max(1, round(_ATTEND_S / self.physics.timestep_s))
+        self._jacobian, self._velocity = np.zeros((3, model.nv)), np.zeros(6)
+        mujoco.mj_forward(model, data)
+        self._touch = PadContacts(mujoco, model, data, spec, self._body, shear=shear)
+        self._witness: Witness | None = None
+        self._hold_still(_SETTLE_S)
+        self._witness = Witness(model, data, spec, self._touch, self._body)
+        self._steps = 0
+        drawn = [i for i in range(model.ngeom) if model.geom_rgba[i, 3] > 0]
+        self._drawn = np.array(drawn)
+
+    @property
+    def t_s(self) -> float:
+        """Simulated time, seconds."""
+        return self._steps * self.physics.timestep_s
+
+    @property
+    def angles_rad(self) -> NDArray[np.float64]:
+        """The hand's joint angles, float64 (16,), in the order of :data:`tega.hand.JOINT_NAMES`."""
+        return np.array(self._angles)
+
+    @property
+    def velocities_rad_s(self) -> NDArray[np.float64]:
+        """The hand's joint velocities, float64 (16,)."""
+        return np.array(self._velocities)
+
+    @property
+    def palm_pose(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Where the palm is and how it is turned, world frame: float64 (3,) metres and (3, 3)."""
+        data = self.data
+        return np.array(data.site_xpos[self._palm]), np.array(data.site_xmat[self._palm]).reshape(3, 3)
+
+    @property
+    def palm_row(self) -> NDArray[np.float64]:
+        """Where the palm is, float64 (7,), as a row of :meth:`poses`."""
+        row = np.empty(7)
+        row[:3], row[3:] = self.data.xpos[self._palm_body], self.data.xquat[self._palm_body]
+        return row
+
+    @property
+    def object_pose(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Where the object's middle is and where its axis points, world frame: float64 (3,) metres and (3,)."""
+        return np.array(self._body.middle_m()), np.array(self._body.upright())
+
+    def set_torques(self, torques_nm: ArrayLike) -> None:
+        """Set the hand's joint torques, cut to the vendor's limits.
+
+        Args:
+            torques_nm: (16,), N·m: torque units times :data:`~tega_sim.world.FULL_DUTY_NM`.
+
+        Raises:
+            ShapeError: There are not 16.
+            InvalidValueError: One is not finite; nothing changes then.
+        """
+        torques = np.asarray(torques_nm, np.float64)
+        if torques.shape != (16,):
+            raise ShapeError(f"torques_nm has shape {torques.shape}, not (16,)")
+        if not _native.limit_torques(torques, TORQUE_LIMITS_NM, self._torques):
+            raise InvalidValueError(f"torques_nm has a value that is not finite: {torques}")
+
+    def set_forearm(self, forearm_m: tuple[float, float]) -> None:
+        """Lead the hand to a height over the grasp pose and a distance back from it, metres (``Act.forearm_m``).
+
+        Raises:
+            InvalidValueError: Beyond -0.05 to 0.35 m of height, or -0.05 to 0.2 m back.
+        """
+        if forearm_m == self._forearm_m:
+            return
+        height, back = forearm_m
+        if not (-0.05 <= height <= 0.35 and -0.05 <= back <= 0.2):
+            raise InvalidValueError(
+                f"the hand cannot go to {height} m height, {back} m back",
+                "height -0.05 to 0.35 m, back -0.05 to 0.2 m",
+            )
+        self._arm.lead(self._place(height, back))
+        self._forearm_m = forearm_m
+
+    def set_palm(self, palm_m: ArrayLike, rotation: ArrayLike | None = None) -> None:
+        """Lead the palm to a place and turn, world frame.
+
+        Args:
+            palm_m: (3,), metres.
+            rotation: (3, 3), palm to world; None: as it is led now.
+        """
+        turn = None if rotation is None else np.asarray(rotation, np.float64)
+        self._forearm_m = None
+        self._arm.lead(np.array(palm_m, np.float64), turn)
+
+    def step(self, n: int = 1) -> None:
+        """Go on by ``n`` steps of physics.
+
+        Raises:
+            InvalidValueError: The motion has run away: the steps are too long for a wall this stiff.
+        """
+        every, done = self._attend_every, 0
+        while done < n:
+            if self._steps % every == 0:
+                self._attend()
+            chunk = min(n - done, every - self._steps % every)
+            self.mujoco.mj_step(self.model, self.data, chunk)
+            self._steps += chunk
+            done += chunk
+
+    def advance_to(self, t_s: float) -> None:
+        """Go on to the first step at or after a time."""
+        # A step that ends a rounding error short of the time has reached it.
+        steps = math.ceil(t_s / self.physics.timestep_s - 1e-6)
+        if steps > self._steps:
+            self.step(steps - self._steps)
+
+    def truth(self) -> WorldTruth:
+        """Return the true state now."""
+        assert self._witness is not None
+        return self._witness.truth(self.t_s, self._palm_speed_m_s)
+
+    def pads(self) -> list[list[Indenter]]:
+        """Return the shapes that press each fingertip, thumb first; an empty list where nothing does."""
+        return self._touch.indenters()
+
+    def hand_forces_n(self) -> tuple[NDArray[np.float64], float]:
+        """Return normal forces on the pads, float64 (4,) thumb first, and on links and palm together, newtons."""
+        pads, rest, _ = self._touch.read()
+        return np.array(pads), rest
+
+    @property
+    def hand_height_m(self) -> float:
+        """Height of the palm over its place in the grasp pose, metres: where the arm is, not where it is led."""
+        return float(self.data.site_xpos[self._palm][2] - self._grasp[2])
+
+    def shapes(self) -> list[Shape]:
+        """Return the primitives to draw, in the order of :meth:`poses`."""
+        kinds: dict[int, Literal["sphere", "capsule", "cylinder", "box", "plane"]] = {
+            0: "plane",
+            2: "sphere",
+            3: "capsule",
+            5: "cylinder",
+            6: "box",
+        }
+        model = self.model
+        return [
+            Shape(
+                model.geom(i).name or f"part{i}",
+                kinds[int(model.geom_type[i])],
+                tuple(model.geom_size[i].tolist()),
+                tuple(model.geom_rgba[i].tolist()),
+            )
+            for i in self._drawn
+        ] + self._body.shapes()
+
+    def poses(self) -> NDArray[np.float64]:
+        """Return where the primitives are: float64 (n, 7), position in metres and quaternion w, x, y, z."""
+        more = self._body.poses()
+        poses = np.empty((len(self._drawn) + len(more), 7))
+        poses[: len(self._drawn), :3] = self.data.geom_xpos[self._drawn]
+        poses[len(self._drawn) :] = more
+        for row, i in enumerate(self._drawn):
+            self.mujoco.mju_mat2Quat(poses[row, 3:], self.data.geom_xmat[i])
+        return poses
+
+    def contact_points(self) -> NDArray[np.float64]:
+        """Return each contact's place and the force on the object there, float64 (k, 6), metres and newtons."""
+        return self._touch.arrows()
+
+    def mark_m(self, away_m: float) -> NDArray[np.float64]:
+        """Return the mark on the table so far back of the one where the object stands, float64 (3,), metres."""
+        mark: NDArray[np.float64] = away_m * _BACK
+        return mark
+
+    def _place(self, height_m: float, back_m: float) -> NDArray[np.float64]:
+        # Back is away from the palm, and somewhat from the fingertips: so an open hand comes to the object untouched.
+        place: NDArray[np.float64] = self._grasp + back_m * _BACK + np.array([0.0, 0.0, height_m])
+        return place
+
+    def _attend(self) -> None:
+        """Do what is due between steps: lead the arm, carry the hand's weight, take note."""
+        warnings = self.data.warning.number.tolist()
+        if any(warnings[kind] for kind in self._runaway):
+            raise InvalidValueError(
+                f"the motion ran away before {self.t_s:.3f} s with steps of {1e3 * self.physics.timestep_s:g} ms and a "
+                f"wall of {self.spec.stiffness_n_m:g} N/m",
+                "use shorter steps, or integrator = 'discrete'",
+            )
+        # The set angles move evenly from one look to the next: steps of them would shake what the hand holds.
+        tick_s = self._attend_every * self.physics.timestep_s
+        self._arm.tick(tick_s)
+        self.data.ctrl[:7] = (self._arm.angles_rad - self.data.act) / tick_s
+        self.mujoco.mj_jacSubtreeCom(self.model, self.data, self._jacobian, self._palm_body)
+        self.data.qfrc_applied[:7] = self._hand_weight_n * self._jacobian[2, :7]
+        if self._witness is not None:
+            self._witness.watch()
+
+    def _hold_still(self, seconds: float) -> None:
+        """Let the object settle with the hand held by its joints."""
+        for _ in range(round(seconds / self.physics.timestep_s)):
+            error = GRASP_POSES_RAD[0] - self.angles_rad
+            self.set_torques(1.5 * error - 0.08 * self.velocities_rad_s)
+            self.step(1)
+
+    def _palm_speed_m_s(self) -> float:
+        kind = self.mujoco.mjtObj.mjOBJ_SITE
+        self.mujoco.mj_objectVelocity(self.model, self.data, kind, self._palm, self._velocity, 0)
+        return float(self._velocity[5])

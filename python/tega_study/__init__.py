@@ -1,0 +1,32 @@
+"""Plan a user study, lead its trials, keep what happens, analyse it and report it.
+
+::
+
+    plan.py      study.toml and plan.csv, never changed once written
+    order.py     who does what in which order, from a seed
+    journal.py   a session's events, appended and synced one by one
+    state.py     what the events say: which trials are done, which comes next
+    lead/        leading a session through its trials
+    observe/     a rater's console beside it
+    observers.py the raters' files
+    score/       how far accounts of the same trials agree; BORIS files
+    ratings.py   what participants answered
+    touch_rows.py what each fingertip said, frame by frame
+    privacy.py   withdrawal and the anonymised copy
+    trials.py    one row a trial, with the events it comes from
+    rank.py people.py counts.py coupling.py power.py    the statistics, each with its source
+    analyse.py   all numbers of a report in one record
+    figures.py tables.py page.py report.py    the record as pictures, CSV and one HTML file
+    silico/      the whole study with simulated people
+
+Example::
+
+    from tega_study import make_plan, write_plan
+    write_plan(make_plan(participants=12, seed=7), Path("study"))
+"""
+
+from __future__ import annotations
+
+from tega_study.plan import StudyPlan, make_plan, read_plan, write_plan
+
+__all__ = ["StudyPlan", "make_plan", "read_plan", "write_plan"]

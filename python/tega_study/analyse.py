@@ -1,0 +1,390 @@
+"""Analyse a study into one record that holds every number its report shows, and nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+
+from tega.errors import RecordingError
+from tega_sim.operator.person import Parameter
+from tega_study.answers import ArmCoupling, Contrast, PoseUse, TrialCoupling, answers
+from tega_study.cells import Cell, cells_of
+from tega_study.compare import Test, compare
+from tega_study.coupling import TouchCourse, read_course
+from tega_study.difference import OutcomeDifference, outcomes
+from tega_study.directions import Direction, directions
+from tega_study.finger_rows import FingerRow, finger_rows
+from tega_study.journal import read_events
+from tega_study.objects import ObjectFacts, read_objects
+from tega_study.plan import default_family
+from tega_study.power import SPREADS, count_power, people_for
+from tega_study.privacy import withdrawn_ids
+from tega_study.probe import ProbeUse, probe_uses
+from tega_study.ratings import RatingUse, ratings
+from tega_study.score.accounts import agreements
+from tega_study.score.agree import Agreement
+from tega_study.silico.assumptions import Assumptions, read_assumptions, read_parameters
+from tega_study.silico.sensitivity import SensitivityRow, read_sensitivity
+from tega_study.state import derive, events_path, rehearsed
+from tega_study.touch_picture import FingerPicture, pictures_of
+from tega_study.trials import Trial, bench_trials, course_path, study_trials
+
+FORMAT = "tega-study-analysis"
+
+
+class Flow(msgspec.Struct, frozen=True, kw_only=True):
+    """Counts of the people and trials that took part.
+
+    Attributes:
+        planned_people: As planned; ``None`` where there is no plan.
+        withdrawn: People whose data were deleted.
+        people: With at least one trial.
+        complete: With all their trials over.
+        planned_trials: Of those who have not withdrawn.
+        status: Number of trials by how they ended; ``not run`` for the rest.
+        redone: Trials of which an attempt that had taken place does not count, with the experimenter's reason.
+    """
+
+    planned_people: int | None
+    withdrawn: int
+    people: int
+    complete: int
+    planned_trials: int | None
+    status: dict[str, int]
+    redone: dict[str, str] = {}
+
+
+class Planner(msgspec.Struct, frozen=True, kw_only=True):
+    """Number of people a next study needs to find an effect on slips or deformations as large as this one's.
+
+    Attributes:
+        metric: ``slips`` or ``deformations``.
+        object: What is lifted.
+        mean: Under the first condition.
+        reference: Under the second.
+        spread: Name in :data:`tega_study.power.SPREADS`.
+        people: For 80 % power of the paired t on log sums at 0.05; ``None`` for more than thirty.
+        power_at_12: Of twelve people, one full set of orders.
+        error: Two standard errors of that, at most.
+    """
+
+    metric: str
+    object: str
+    mean: float
+    reference: float
+    spread: str
+    people: int | None
+    power_at_12: float
+    error: float
+
+
+class Analysis(msgspec.Struct, frozen=True, kw_only=True):
+    """All numbers of a report; equal input gives equal bytes.
+
+    Attributes:
+        source: What it was made from.
+        simulated: Whether the people are simulated.
+        interim: Whether the plan is not yet done; p-values are then withheld unless asked for.
+        p_shown: Whether p-values are in it.
+        objects: In the order of the tables.
+        conditions: The first is compared with the second.
+        family: Tests that were corrected together.
+        alpha: Level.
+        plan_sha256: Of the plan; empty without one.
+        flow: Who took part.
+        trials: One row a trial, with its events.
+        cells: Table I.
+        tests: All tests.
+        couplings: Pose and touch, by trial.
+        arms: By condition.
+        contrasts: First condition against second.
+        pose_use: Dwell and transitions.
+        planner: What the next study needs.
+        agreements: Of raters, experimenter and, in simulation, the truth.
+        ratings: What participants answered after blocks.
+        probes: The second task, where the plan has one.
+        directions: The paper's differences and the study's, where its people are simulated.
+        assumptions: What a study in silico takes for granted.
+        parameters: Of the simulated people, by section and name.
+        sensitivity: Which directions hold when that is changed.
+        fingers: The contacts that Fig 3 shows.
+        outcomes: Each outcome's difference between the first two conditions, over people.
+        further: The same of each further condition, less the second.
+        object_facts: What is known of the objects.
+        rehearsed: In a plan of people, those whose session did not run in the lab.
+        format: Always ``tega-study-analysis``.
+        version: Of the format.
+    """
+
+    source: str
+    simulated: bool
+    interim: bool
+    p_shown: bool
+    objects: tuple[str, ...]
+    conditions: tuple[str, ...]
+    family: tuple[str, ...]
+    alpha: float
+    plan_sha256: str
+    flow: Flow
+    trials: tuple[Trial, ...]
+    cells: tuple[Cell, ...]
+    tests: tuple[Test, ...]
+    couplings: tuple[TrialCoupling, ...]
+    arms: tuple[ArmCoupling, ...]
+    contrasts: tuple[Contrast, ...]
+    pose_use: tuple[PoseUse, ...]
+    planner: tuple[Planner, ...]
+    agreements: tuple[Agreement, ...] = ()
+    ratings: tuple[RatingUse, ...] = ()
+    probes: tuple[ProbeUse, ...] = ()
+    directions: tuple[Direction, ...] = ()
+    assumptions: Assumptions | None = None
+    parameters: dict[str, dict[str, Parameter]] = {}
+    sensitivity: tuple[SensitivityRow, ...] = ()
+    fingers: tuple[FingerRow, ...] = ()
+    outcomes: tuple[OutcomeDifference, ...] = ()
+    further: tuple[OutcomeDifference, ...] = ()
+    object_facts: dict[str, ObjectFacts] = {}
+    rehearsed: tuple[str, ...] = ()
+    format: str = FORMAT
+    version: int = 1
+
+
+class FigureMaterial(NamedTuple):
+    """Courses and pictures that the figures are drawn from, besides the numbers.
+
+    Attributes:
+        courses: Touch and pose, by trial id.
+        pictures: Fingertips, by trial id.
+    """
+
+    courses: Mapping[str, TouchCourse] = {}
+    pictures: Mapping[str, FingerPicture] = {}
+
+
+def analyse_study(folder: Path, *, interim: bool = False) -> tuple[Analysis, FigureMaterial]:
+    """Analyse a study's folder.
+
+    Args:
+        folder: The study's folder; nothing else is read.
+        interim: Show p-values before the plan is done. Looking early and stopping where p is small is no test.
+
+    Returns:
+        The analysis, and the courses and pictures it used.
+
+    Raises:
+        RecordingError: The folder is damaged, or has no trial that counts.
+    """
+    plan, trials = study_trials(folder)
+    settings, gone = plan.settings, withdrawn_ids(folder)
+    stay = [person for person in plan.participants if person not in gone]
+    complete = sum(
+        derive(plan.of(person), read_events(events_path(folder, person))).next is None for person in stay
+    )
+    planned = sum(len(plan.of(person)) for person in stay)
+    status = _status(trials)
+    if planned > len(trials):
+        status["not run"] = planned - len(trials)
+    flow = Flow(
+        planned_people=settings.participants,
+        withdrawn=settings.participants - len(stay),
+        people=len({trial.participant for trial in trials}),
+        complete=complete,
+        planned_trials=planned,
+        status=status,
+        redone={trial.id: trial.redone for trial in trials if trial.redone},
+    )
+    courses = {}
+    for trial in trials:
+        path = course_path(folder, trial)
+        if trial.counts and path.exists():
+            courses[trial.id] = read_course(path)
+    unfinished = complete < len(stay)
+    result = analyse(
+        trials,
+        courses,
+        source="study",
+        objects=settings.objects,
+        conditions=settings.conditions,
+        family=settings.family,
+        alpha=settings.alpha,
+        simulated=settings.simulated,
+        interim=unfinished,
+        p_shown=interim or not unfinished,
+        crossed=settings.layout == "period",
+        plan_sha256=settings.plan_sha256,
+        flow=flow,
+        per_cell=settings.trials,
+    )
+    pictures = pictures_of(folder, trials, settings.objects, settings.conditions[0])
+    result = msgspec.structs.replace(
+        result,
+        agreements=tuple(agreements(folder)),
+        ratings=ratings(folder),
+        probes=probe_uses(trials, settings.conditions),
+        assumptions=read_assumptions(folder),
+        parameters=read_parameters(folder),
+        sensitivity=read_sensitivity(folder),
+        object_facts=read_objects(folder),
+        fingers=finger_rows(pictures, trials),
+        rehearsed=()
+        if settings.simulated
+        else tuple(person for person in stay if rehearsed(read_events(events_path(folder, person)))),
+    )
+    return result, FigureMaterial(courses, pictures)
+
+
+def analyse_bench(paths: Sequence[Path]) -> Analysis:
+    """Analyse results of ``tega-teleop sim trials``; they have no courses.
+
+    Raises:
+        RecordingError: A file is missing, holds something else, or has fewer than two conditions.
+    """
+    trials = bench_trials(paths)
+    objects = tuple(dict.fromkeys(trial.object for trial in trials))
+    conditions = tuple(dict.fromkeys(trial.condition for trial in trials))
+    if len(conditions) < 2:
+        raise RecordingError(
+            f"{', '.join(path.name for path in paths)}: has {len(conditions)} conditions, a comparison needs two",
+            "run sim trials with --conditions haptic,non-haptic",
+        )
+    if "non-haptic" in conditions:  # the reference
+        others = [one for one in conditions if one not in {"haptic", "non-haptic"}]
+        conditions = (*(["haptic"] if "haptic" in conditions else []), *others)
+        conditions = (conditions[0], "non-haptic", *conditions[1:])
+    people = len({trial.participant for trial in trials})
+    flow = Flow(
+        planned_people=None,
+        withdrawn=0,
+        people=people,
+        complete=people,
+        planned_trials=None,
+        status=_status(trials),
+    )
+    return analyse(
+        trials,
+        {},
+        source=", ".join(path.name for path in paths),
+        objects=objects,
+        conditions=conditions,
+        family=default_family(objects),
+        simulated=True,
+        flow=flow,
+        per_cell=max(trial.repeat for trial in trials),
+    )
+
+
+def analyse(
+    trials: Sequence[Trial],
+    courses: Mapping[str, TouchCourse],
+    *,
+    source: str,
+    objects: Sequence[str],
+    conditions: Sequence[str],
+    family: Sequence[str],
+    flow: Flow,
+    per_cell: int,
+    alpha: float = 0.05,
+    simulated: bool = False,
+    interim: bool = False,
+    p_shown: bool = True,
+    crossed: bool = False,
+    plan_sha256: str = "",
+) -> Analysis:
+    """Work out all numbers of a report.
+
+    Args:
+        trials: One row a trial.
+        courses: By trial id, of those that have one.
+        per_cell: Trials per person, object and condition, for the planner.
+        source: As in :class:`Analysis`, like the others.
+        objects: In the order of the tables.
+        conditions: The first is compared with the second.
+        family: ``metric:object``.
+        flow: Who took part.
+        alpha: Level.
+        simulated: Whether the people are.
+        interim: Whether the plan is not yet done.
+        p_shown: Whether to keep p-values.
+        crossed: Whether each person had one condition before the other.
+        plan_sha256: Of the plan.
+
+    Raises:
+        RecordingError: No trial counts.
+    """
+    if not any(trial.counts for trial in trials):
+        raise RecordingError("there is no finished trial yet", "run some trials first")
+    pair = (conditions[0], conditions[1])
+    cells = cells_of(trials, objects, conditions)
+    tests = compare(trials, objects, pair, family=family, crossed=crossed)
+    couplings, arms, contrasts, uses = answers(trials, courses, objects, conditions)
+    if not p_shown:
+        tests = [msgspec.structs.replace(t, p=None, p_holm=None, p_exact=None) for t in tests]
+        contrasts = [msgspec.structs.replace(c, p=None) for c in contrasts]
+    return Analysis(
+        source=source,
+        simulated=simulated,
+        interim=interim,
+        p_shown=p_shown,
+        objects=tuple(objects),
+        conditions=tuple(conditions),
+        family=tuple(family),
+        alpha=alpha,
+        plan_sha256=plan_sha256,
+        flow=flow,
+        trials=tuple(trials),
+        cells=tuple(cells),
+        tests=tuple(tests),
+        couplings=tuple(couplings),
+        arms=tuple(arms),
+        contrasts=tuple(contrasts),
+        pose_use=tuple(uses),
+        planner=tuple(_planner(cells, family, pair, per_cell)),
+        outcomes=outcomes(trials, objects, pair),
+        further=tuple(
+            one for other in conditions[2:] for one in outcomes(trials, objects, (other, conditions[1]))
+        ),
+        directions=tuple(one for one in directions(trials, pair) if one.object in objects)
+        if simulated and pair == ("haptic", "non-haptic")
+        else (),
+    )
+
+
+def _planner(
+    cells: Sequence[Cell], family: Sequence[str], conditions: tuple[str, str], per_cell: int
+) -> list[Planner]:
+    found = []
+    of = {(cell.object, cell.condition): cell for cell in cells}
+    for test in family:
+        metric, _, name = test.partition(":")
+        if metric == "duration_s" or any((name, condition) not in of for condition in conditions):
+            continue
+        mean, reference = (getattr(of[name, condition], metric) for condition in conditions)
+        if not mean or not reference or mean == reference:
+            continue
+        for label, spread in SPREADS.items():
+            at_12 = count_power(mean, reference, people=12, trials=per_cell, spread=spread, runs=1000)
+            needed = people_for(mean, reference, trials=per_cell, spread=spread, runs=1000)
+            found.append(
+                Planner(
+                    metric=metric,
+                    object=name,
+                    mean=mean,
+                    reference=reference,
+                    spread=label,
+                    people=None if needed is None else needed[0],
+                    power_at_12=at_12.paired_t,
+                    error=at_12.error,
+                )
+            )
+    return found
+
+
+def _status(trials: Sequence[Trial]) -> dict[str, int]:
+    counts: dict[str, int] = {}
+    for trial in trials:
+        counts[trial.status] = counts.get(trial.status, 0) + 1
+    return dict(sorted(counts.items()))

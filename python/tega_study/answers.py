@@ -1,0 +1,321 @@
+"""Correlate pose with touch over a study's trials, compare with nulls, and measure how poses were used."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import msgspec
+import numpy as np
+
+from tega_study.compare import SMALLEST_FOR_P
+from tega_study.coupling import (
+    GRID_HZ,
+    TouchCourse,
+    correlate,
+    dwell,
+    fisher_mean,
+    lag_sweep,
+    on_grid,
+    other_trials,
+    pearson,
+    response_slope,
+    transitions,
+)
+from tega_study.people import sign_flip
+from tega_study.trials import Trial
+
+MOST_LAG_S = 1.0
+SIGNALS = ("cci", "eda")
+
+
+class TrialCoupling(msgspec.Struct, frozen=True, kw_only=True):
+    """One trial's correlation of the pose with one signal.
+
+    Attributes:
+        trial: Its id.
+        participant: Whose.
+        object: What was lifted.
+        condition: What the vest did.
+        signal: ``cci`` or ``eda``.
+        samples: On the grid.
+        n_eff: Independent samples that they are worth.
+        r: Pearson, lag 0; ``None`` where a series does not change.
+        low: Lower end of the 95 % interval with ``n_eff``.
+        high: Upper end.
+        r_others: Mean with the touch of the person's other trials of this object and condition.
+        p_others: Share of those pairings, and this one, that reach ``r``: one-sided, 1 / number at least.
+        slope: Answer to touch, see :func:`tega_study.coupling.response_slope`.
+    """
+
+    trial: str
+    participant: str
+    object: str
+    condition: str
+    signal: str
+    samples: int
+    n_eff: float | None
+    r: float | None
+    low: float | None
+    high: float | None
+    r_others: float | None
+    p_others: float | None
+    slope: float | None
+
+
+class ArmCoupling(msgspec.Struct, frozen=True, kw_only=True):
+    """One condition's correlations of the pose with one signal.
+
+    Attributes:
+        condition: What the vest did.
+        signal: ``cci`` or ``eda``.
+        trials: With a correlation.
+        people: They are of.
+        r: Mean by Fisher's z over each person's trials, then over people.
+        lowest: Of all trials.
+        positive: Share of trials with r above 0.
+        r_pooled: Over all samples of all trials in one; mixes differences between trials into it.
+        r_others: As ``r``, with other trials' touch: what the shared course alone gives.
+        slope: Mean answer over people.
+        lags_s: Lags, seconds; above 0 touch follows the pose.
+        lag_r: Mean by Fisher's z over trials at each lag.
+        peak_lag_s: Where that is highest.
+    """
+
+    condition: str
+    signal: str
+    trials: int
+    people: int
+    r: float | None
+    lowest: float | None
+    positive: float
+    r_pooled: float | None
+    r_others: float | None
+    slope: float | None
+    lags_s: tuple[float, ...]
+    lag_r: tuple[float | None, ...]
+    peak_lag_s: float | None
+
+
+class Contrast(msgspec.Struct, frozen=True, kw_only=True):
+    """First condition less the second, person by person.
+
+    Attributes:
+        signal: ``cci`` or ``eda``.
+        what: ``r`` (in Fisher's z) or ``slope``.
+        people: With both.
+        difference: Mean.
+        p: Sign-flip; ``None`` below six people.
+    """
+
+    signal: str
+    what: str
+    people: int
+    difference: float
+    p: float | None
+
+
+class PoseUse(msgspec.Struct, frozen=True, kw_only=True):
+    """Use of the poses with one object under one condition.
+
+    Attributes:
+        object: Its name.
+        condition: The vest's.
+        trials: With a course.
+        dwell: Mean share of time at each of the poses 0 to 4.
+        intermediate: Share at 1 to 3.
+        transitions: Mean number of changes per trial.
+        transitions_intermediate: Of those, into or out of an intermediate pose.
+        silent: Mean share of the time with a closed hand after lift-off in which no finger is read as touching, so
+            that the vest is still; ``None`` where nothing was lifted off.
+    """
+
+    object: str
+    condition: str
+    trials: int
+    dwell: tuple[float, ...]
+    intermediate: float
+    transitions: float
+    transitions_intermediate: float
+    silent: float | None = None
+
+
+def answers(
+    trials: Sequence[Trial],
+    courses: Mapping[str, TouchCourse],
+    objects: Sequence[str],
+    conditions: Sequence[str],
+) -> tuple[list[TrialCoupling], list[ArmCoupling], list[Contrast], list[PoseUse]]:
+    """Correlate pose with touch in all trials, compare the conditions, and measure the use of the poses.
+
+    Args:
+        trials: All; those that do not count or have no course are passed over.
+        courses: By trial id.
+        objects: What was lifted.
+        conditions: The first is compared with the second.
+
+    Returns:
+        By trial and signal; by condition and signal; first condition against second; use of the poses.
+    """
+    use = [trial for trial in trials if trial.counts and trial.id in courses]
+    even = {trial.id: on_grid(courses[trial.id]) for trial in use}
+    rows = [row for signal in SIGNALS for row in _by_trial(use, even, signal)]
+    order = {trial.id: place for place, trial in enumerate(use)}
+    rows.sort(key=lambda row: (SIGNALS.index(row.signal), order[row.trial]))
+    arms = [
+        arm
+        for signal in SIGNALS
+        for condition in conditions
+        if (arm := _arm(rows, use, even, signal, condition)) is not None
+    ]
+    contrasts = [c for signal in SIGNALS for c in _contrasts(rows, signal, conditions)]
+    return rows, arms, contrasts, _pose_use(use, even, objects, conditions)
+
+
+def _by_trial(use: Sequence[Trial], even: Mapping[str, TouchCourse], signal: str) -> list[TrialCoupling]:
+    groups: dict[tuple[str, str, str], list[Trial]] = {}
+    for trial in use:
+        groups.setdefault((trial.participant, trial.object, trial.condition), []).append(trial)
+    rows = []
+    for group in groups.values():
+        poses = [even[trial.id].pose for trial in group]
+        touches = [getattr(even[trial.id], signal) for trial in group]
+        for trial, pose, touch, others in zip(
+            group, poses, touches, other_trials(poses, touches), strict=True
+        ):
+            found = correlate(pose, touch)
+            null = [r for r in others if not math.isnan(r)]
+            p = (
+                None
+                if not null or math.isnan(found.r)
+                else (1 + sum(r >= found.r for r in null)) / (1 + len(null))
+            )
+            rows.append(
+                TrialCoupling(
+                    trial=trial.id,
+                    participant=trial.participant,
+                    object=trial.object,
+                    condition=trial.condition,
+                    signal=signal,
+                    samples=found.n,
+                    n_eff=_number(found.n_eff),
+                    r=_number(found.r),
+                    low=_number(found.low),
+                    high=_number(found.high),
+                    r_others=_number(fisher_mean(null)),
+                    p_others=p,
+                    slope=_number(response_slope(pose, touch)),
+                )
+            )
+    return rows
+
+
+def _arm(
+    rows: Sequence[TrialCoupling],
+    use: Sequence[Trial],
+    even: Mapping[str, TouchCourse],
+    signal: str,
+    condition: str,
+) -> ArmCoupling | None:
+    mine = [row for row in rows if (row.signal, row.condition) == (signal, condition) and row.r is not None]
+    if not mine:
+        return None
+    pairs = [(even[t.id].pose, getattr(even[t.id], signal)) for t in use if t.condition == condition]
+    most = round(MOST_LAG_S * GRID_HZ)
+    sweeps = [[r for _, r in lag_sweep(pose, touch, most=most)] for pose, touch in pairs]
+    curve = [_number(fisher_mean([sweep[i] for sweep in sweeps])) for i in range(2 * most + 1)]
+    lags_s = tuple(lag / GRID_HZ for lag in range(-most, most + 1))
+    known = [(r, lag_s) for r, lag_s in zip(curve, lags_s, strict=True) if r is not None]
+    rs = [row.r for row in mine if row.r is not None]
+    pooled = pearson(
+        np.concatenate([pose for pose, _ in pairs]), np.concatenate([touch for _, touch in pairs])
+    )
+    return ArmCoupling(
+        condition=condition,
+        signal=signal,
+        trials=len(mine),
+        people=len({row.participant for row in mine}),
+        r=_number(fisher_mean(list(_by_person(mine, "r").values()))),
+        lowest=min(rs),
+        positive=sum(r > 0 for r in rs) / len(rs),
+        r_pooled=_number(pooled),
+        r_others=_number(fisher_mean(list(_by_person(mine, "r_others").values()))),
+        slope=_number(_average(list(_by_person(mine, "slope").values()))),
+        lags_s=lags_s,
+        lag_r=tuple(curve),
+        peak_lag_s=max(known)[1] if known else None,
+    )
+
+
+def _by_person(rows: Sequence[TrialCoupling], what: str) -> dict[str, float]:
+    """Average over each person's trials: correlations by Fisher's z, slopes plainly."""
+    values: dict[str, list[float]] = {}
+    for row in rows:
+        value = getattr(row, what)
+        if value is not None:
+            values.setdefault(row.participant, []).append(value)
+    average = _average if what == "slope" else fisher_mean
+    return {person: average(some) for person, some in values.items()}
+
+
+def _contrasts(rows: Sequence[TrialCoupling], signal: str, conditions: Sequence[str]) -> list[Contrast]:
+    found = []
+    for what in ("r", "slope"):
+        sides = [
+            _by_person([row for row in rows if (row.signal, row.condition) == (signal, condition)], what)
+            for condition in conditions[:2]
+        ]
+        both = [person for person in sides[0] if person in sides[1]]
+        if not both:
+            continue
+
+        def scaled(value: float, what: str = what) -> float:
+            return math.atanh(min(max(value, -0.999999), 0.999999)) if what == "r" else value
+
+        off = [scaled(sides[0][person]) - scaled(sides[1][person]) for person in both]
+        p = sign_flip(off) if len(both) >= SMALLEST_FOR_P else None
+        found.append(Contrast(signal=signal, what=what, people=len(both), difference=_average(off), p=p))
+    return found
+
+
+def _pose_use(
+    use: Sequence[Trial], even: Mapping[str, TouchCourse], objects: Sequence[str], conditions: Sequence[str]
+) -> list[PoseUse]:
+    found = []
+    for name in objects:
+        for condition in conditions:
+            mine = [t for t in use if (t.object, t.condition) == (name, condition)]
+            poses = [even[t.id].pose for t in mine]
+            if not poses:
+                continue
+            silent = [one for t in mine if (one := _silent(t, even[t.id])) is not None]
+            shares = np.mean([dwell(pose) for pose in poses], axis=0)
+            changes = np.mean([transitions(pose) for pose in poses], axis=0)
+            found.append(
+                PoseUse(
+                    object=name,
+                    condition=condition,
+                    trials=len(poses),
+                    dwell=tuple(shares.tolist()),
+                    intermediate=float(shares[1:4].sum()),
+                    transitions=float(changes[0]),
+                    transitions_intermediate=float(changes[1]),
+                    silent=_number(_average(silent)),
+                )
+            )
+    return found
+
+
+def _silent(trial: Trial, course: TouchCourse) -> float | None:
+    if trial.lift_off_s is None:
+        return None
+    closed = (course.t_s >= trial.lift_off_s) & (course.pose >= 1)
+    return float(np.mean((course.cci == 0) & (course.eda == 0), where=closed)) if closed.any() else None
+
+
+def _average(values: Sequence[float]) -> float:
+    return sum(values) / len(values) if values else math.nan
+
+
+def _number(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -1,0 +1,342 @@
+"""Write one person's session as one file, and open it at another lab with every hash checked.
+
+A bundle is a ZIP file, which any computer unpacks: the plan, and all files and folders of the study that bear the
+person's id (events, raters, courses, recordings with their settings). ``manifest.json`` has the length and SHA-256 of
+each, the versions that wrote it, and the outcome of every trial. Opened, it is a study's folder again: every verb of
+``tega-teleop study`` works on it, and its trials are worked out again and compared with those of the manifest.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import tempfile
+import zipfile
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO, Final, Literal, NamedTuple
+
+import msgspec
+
+from tega.errors import InvalidValueError, RecordingError, UnsafeNameError
+from tega.recording.versions import versions
+from tega.runtime.files.foreign_file import MIB, check_file, parse_json, tells_damage
+from tega.runtime.files.lock import LOCK_SUFFIX
+from tega.runtime.files.plain_name import path_below
+from tega.runtime.files.whole_file import new_file
+from tega_study.bids_names import bids_names
+from tega_study.journal import read_events
+from tega_study.lead.status_file import board_path
+from tega_study.objects import OBJECTS, read_objects
+from tega_study.plan import read_plan
+from tega_study.privacy import (
+    ELSEWHERE,
+    REPORTS,
+    check_not_led,
+    note_elsewhere,
+    own_name,
+    withdrawn_ids,
+)
+from tega_study.silico.assumptions import PARAMETERS, SIMULATION
+from tega_study.state import events_path, rehearsed
+from tega_study.trials import Trial, study_trials
+
+MANIFEST: Final = "manifest.json"
+_OF_THE_STUDY = ("study.toml", "plan.csv", OBJECTS, SIMULATION, PARAMETERS)
+_PACKED = {".mcap", ".avi", ".mp4", ".png", ".jpg", ".jpeg", ".xz"}
+_MOST_MIB: Final = 256 * 1024
+_MOST_MANIFEST_MIB: Final = 64
+_CHUNK: Final = MIB
+# The earliest that ZIP knows: equal sessions give equal bytes, and no date tells when somebody took part.
+_NO_DATE = (1980, 1, 1, 0, 0, 0)
+
+
+class BundledFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """One file of a bundle.
+
+    Attributes:
+        path: Below the study's folder, with ``/`` between its parts.
+        n_bytes: Its length.
+        sha256: Of its content, hexadecimal.
+        name: In the ZIP file, where that is not the path.
+    """
+
+    path: str
+    n_bytes: int
+    sha256: str
+    name: str = ""
+
+    @property
+    def entry(self) -> str:
+        """Its name in the ZIP file."""
+        return self.name or self.path
+
+
+class BundleManifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Manifest of a bundle, ``manifest.json``.
+
+    Attributes:
+        participant: Anonymous id of the person.
+        plan_sha256: Of the study's plan.
+        rehearsed: Whether the session, or a part of it, did not run in the lab.
+        written_by: Versions of TEGA, Python and packages.
+        trials: The outcome of each trial when the bundle was written.
+        files: All other files.
+        format: Always ``tega-session-bundle``.
+        version: Of the format.
+    """
+
+    participant: str
+    plan_sha256: str
+    rehearsed: bool
+    written_by: dict[str, str]
+    trials: tuple[Trial, ...]
+    files: tuple[BundledFile, ...]
+    format: Literal["tega-session-bundle"] = "tega-session-bundle"
+    version: Literal[1] = 1
+
+
+class WrittenBundle(NamedTuple):
+    """A bundle that was written.
+
+    Attributes:
+        manifest: What it holds.
+        left_out: Files and links of the person that it does not hold: links, and names that no other computer takes.
+    """
+
+    manifest: BundleManifest
+    left_out: list[Path]
+
+
+class OpenedBundle(NamedTuple):
+    """A bundle that was opened; each of its files had the right hash.
+
+    Attributes:
+        manifest: What it holds.
+        trials: Worked out from its events by this version of TEGA.
+    """
+
+    manifest: BundleManifest
+    trials: tuple[Trial, ...]
+
+    @property
+    def same(self) -> bool:
+        """Whether every trial came out as it did where the bundle was written."""
+        return self.trials == self.manifest.trials
+
+
+def write_bundle(folder: Path, participant: str, out: Path, *, bids: bool = False) -> WrittenBundle:
+    """Write a person's session as one file. Muscle signals are in it, and can identify the person.
+
+    Args:
+        folder: The study's folder.
+        participant: Whose session.
+        out: The file; new, and outside of the study's folder. Its place is noted, for a withdrawal.
+        bids: Name the files in it as BIDS does (:mod:`tega_study.bids_names`); opened, they have their own names again.
+
+    Raises:
+        InvalidValueError: Nobody in the plan has that id, or the file cannot be there.
+        RecordingError: The person has no session or has withdrawn, or the study is damaged.
+        DeviceUnavailableError: The session is open in another program.
+    """
+    plan, trials = study_trials(folder)
+    plan.of(participant)
+    if participant in withdrawn_ids(folder):
+        raise RecordingError(f"{participant} has withdrawn", "there is nothing to bundle")
+    events = read_events(events_path(folder, participant))
+    if not events:
+        raise RecordingError(f"{participant} has no session yet", "lead it with tega-teleop study run")
+    if os.path.lexists(out):
+        raise InvalidValueError(f"{out}: is there already", "a bundle is never overwritten; name a new file")
+    if out.absolute().resolve().is_relative_to(folder.absolute().resolve()):
+        raise InvalidValueError(
+            f"{out}: lies in the study's folder, and would be part of the next bundle", "name another place"
+        )
+    check_not_led(folder, participant)
+    left_out: list[Path] = []
+    files: list[BundledFile] = []
+    out.parent.mkdir(parents=True, exist_ok=True)
+    note_elsewhere(folder, participant, out)
+    with new_file(out, sync=True) as file, zipfile.ZipFile(file, "w") as packed:
+        paths = {
+            path.relative_to(folder).as_posix(): path for path in _files_of(folder, participant, left_out)
+        }
+        names = bids_names(paths, plan) if bids else {}
+        for name, path in paths.items():
+            with path.open("rb") as source:
+                files.append(_pack(packed, name, source, named=names.get(name, "")))
+        manifest = BundleManifest(
+            participant=participant,
+            plan_sha256=plan.settings.plan_sha256,
+            rehearsed=rehearsed(events),
+            written_by=versions(),
+            trials=tuple(trial for trial in trials if trial.participant == participant),
+            files=tuple(files),
+        )
+        text = msgspec.json.format(msgspec.json.encode(manifest), indent=1) + b"\n"
+        packed.writestr(_entry(MANIFEST), text)
+    return WrittenBundle(manifest, left_out)
+
+
+def _files_of(folder: Path, participant: str, left_out: list[Path]) -> Iterator[Path]:
+    """Find the files that a person's bundle holds, in the order of their paths."""
+    own, source = own_name(participant), folder.name
+    board = board_path(folder, participant)
+    yield from (folder / name for name in _OF_THE_STUDY if (folder / name).is_file())
+    photos = {folder / facts.photo for facts in read_objects(folder).values() if facts.photo}
+    yield from sorted(path for path in photos if path.is_file() and not path.is_symlink())
+    for where, folders, names in os.walk(folder):  # which follows no links
+        here = Path(where)
+        folders[:] = sorted(name for name in folders if here != folder or name not in REPORTS)
+        mine = any(own.fullmatch(part) for part in here.relative_to(folder).parts)
+        for name in sorted([*names, *(one for one in folders if (here / one).is_symlink())]):
+            path = here / name
+            if not (mine or own.fullmatch(name)) or path == board:
+                continue
+            if name == ELSEWHERE or name.startswith(".") or name.endswith(LOCK_SUFFIX):
+                continue  # paths of this machine, and what is being written
+            try:
+                path_below(folder, path.relative_to(folder).as_posix(), what="file", source=source)
+            except UnsafeNameError:
+                left_out.append(path)
+                continue
+            if path.is_symlink() or not path.is_file():
+                left_out.append(path)
+            else:
+                yield path
+
+
+def _entry(name: str) -> zipfile.ZipInfo:
+    entry = zipfile.ZipInfo(name, _NO_DATE)
+    packed = Path(name).suffix in _PACKED
+    entry.compress_type = zipfile.ZIP_STORED if packed else zipfile.ZIP_DEFLATED
+    entry.external_attr = 0o644 << 16
+    return entry
+
+
+def _pack(packed: zipfile.ZipFile, name: str, source: BinaryIO, *, named: str) -> BundledFile:
+    seen, n_bytes = hashlib.sha256(), 0
+    with packed.open(_entry(named or name), "w", force_zip64=True) as target:
+        while chunk := source.read(_CHUNK):
+            seen.update(chunk)
+            n_bytes += len(chunk)
+            target.write(chunk)
+    return BundledFile(name, n_bytes, seen.hexdigest(), named)
+
+
+@tells_damage
+def open_bundle(bundle: Path, out: Path) -> OpenedBundle:
+    """Check a bundle and unpack it into a new folder, whole or not at all.
+
+    Args:
+        bundle: The file.
+        out: Must not exist, or be empty; becomes a study's folder with this one session.
+
+    Raises:
+        InvalidValueError: There is something already, or there is no room.
+        UnsafeNameError: A file's name could lie outside of the folder.
+        RecordingError: It is no bundle, or a file in it is missing, unlisted or not as it was written.
+    """
+    if os.path.lexists(out) and (not out.is_dir() or any(out.iterdir())):
+        raise InvalidValueError(f"{out}: is there already", "name a new folder")
+    check_file(bundle, most_mib=_MOST_MIB)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with _zip_of(bundle) as packed:
+        manifest = _read_manifest(packed, bundle)
+        _check_names(packed, manifest, bundle.name)
+        room, n_bytes = shutil.disk_usage(out.parent).free, sum(one.n_bytes for one in manifest.files)
+        if n_bytes > room:
+            raise InvalidValueError(
+                f"{bundle.name}: holds {n_bytes / MIB:.0f} MiB, and {room / MIB:.0f} MiB are free in {out.parent}",
+                "open it on another disk",
+            )
+        beside = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
+        try:
+            for one in manifest.files:
+                _unpack(packed, one, path_below(beside, one.path, what="file", source=bundle.name), bundle)
+            trials = _work_out(beside, manifest, bundle)
+            beside.chmod(out.parent.stat().st_mode & 0o777)
+            if out.exists():
+                out.rmdir()  # refuses if somebody has put something there meanwhile
+            beside.rename(out)
+        except BaseException:
+            shutil.rmtree(beside, ignore_errors=True)
+            raise
+    return OpenedBundle(manifest, trials)
+
+
+def _zip_of(bundle: Path) -> zipfile.ZipFile:
+    try:
+        packed = zipfile.ZipFile(bundle)
+    except zipfile.BadZipFile as error:
+        raise RecordingError(
+            f"{bundle.name}: no ZIP file, or cut short: {error}", "ask for the bundle again"
+        ) from error
+    if any(entry.header_offset < 0 for entry in packed.infolist()):
+        packed.close()
+        raise RecordingError(f"{bundle.name}: its first bytes are missing", "ask for the bundle again")
+    return packed
+
+
+def _read_manifest(packed: zipfile.ZipFile, bundle: Path) -> BundleManifest:
+    if MANIFEST not in packed.namelist():
+        raise RecordingError(
+            f"{bundle.name}: has no {MANIFEST}, so it is no bundle",
+            "one is written by tega-teleop study bundle",
+        )
+    most = _MOST_MANIFEST_MIB * MIB
+    with packed.open(MANIFEST) as file:
+        text = file.read(most + 1)
+    if len(text) > most:
+        raise RecordingError(
+            f"{bundle.name}: {MANIFEST} has more than {_MOST_MANIFEST_MIB} MiB", "it is no bundle of TEGA"
+        )
+    try:
+        return parse_json(text, BundleManifest)
+    except msgspec.DecodeError as error:
+        raise RecordingError(
+            f"{bundle.name}: {MANIFEST}: {error}", "open it with the version of TEGA that wrote it"
+        ) from error
+
+
+def _check_names(packed: zipfile.ZipFile, manifest: BundleManifest, source: str) -> None:
+    """Refuse names that lie outside, stand for two files, or are in one of manifest and file only."""
+    names = [entry.filename for entry in packed.infolist()]
+    listed, paths = [one.entry for one in manifest.files], [one.path for one in manifest.files]
+    for name in (*names, *listed, *paths):
+        path_below(Path(), name, what="file", source=source)
+    # Windows and macOS take Events.jsonl and events.jsonl for one file.
+    folded = [name.casefold() for name in names]
+    if len(set(folded)) < len(folded) or any(len(set(some)) < len(some) for some in (listed, paths)):
+        raise RecordingError(f"{source}: a name stands for two files", "ask for the bundle again")
+    if odd := sorted({*names} ^ {*listed, MANIFEST}):
+        raise RecordingError(
+            f"{source}: {odd[0]} is in the {'file' if odd[0] in names else 'manifest'} only",
+            "ask for the bundle again",
+        )
+
+
+def _unpack(packed: zipfile.ZipFile, one: BundledFile, path: Path, bundle: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    seen, n_bytes = hashlib.sha256(), 0
+    try:
+        with packed.open(one.entry) as source, path.open("xb") as target:
+            while n_bytes <= one.n_bytes and (chunk := source.read(_CHUNK)):
+                seen.update(chunk)
+                n_bytes += len(chunk)
+                target.write(chunk)
+    except (zipfile.BadZipFile, zlib.error):  # a bit has tipped: the sum of the ZIP file itself is another
+        n_bytes = -1
+    if n_bytes != one.n_bytes or seen.hexdigest() != one.sha256:
+        raise RecordingError(
+            f"{bundle.name}: {one.path} is not as it was written: another length or SHA-256",
+            "nothing was unpacked; ask for the bundle again",
+        )
+
+
+def _work_out(folder: Path, manifest: BundleManifest, bundle: Path) -> tuple[Trial, ...]:
+    if read_plan(folder).settings.plan_sha256 != manifest.plan_sha256:
+        raise RecordingError(f"{bundle.name}: the plan is not the session's", "ask for the bundle again")
+    return tuple(study_trials(folder)[1])

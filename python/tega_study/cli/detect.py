@@ -1,0 +1,63 @@
+"""Find lift-off, slip and deformation in the signals of trials: ``tega-teleop study detect``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from tega.ui.cli.options import echo_json, json_option
+
+if TYPE_CHECKING:
+    from tega_study.detecting import TrialEvents
+
+
+@click.command(epilog="Example: tega-teleop study detect my-study p01")
+@click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
+@click.argument("participants", nargs=-1, metavar="[PARTICIPANT]...")
+@click.option(
+    "--live", is_flag=True, help="Use only what was known at each moment, as event-gated feedback must."
+)
+@json_option
+def detect(*, folder: Path, participants: tuple[str, ...], live: bool, as_json: bool) -> None:
+    """Find lift-off, slip and deformation in the signals of the trials that were run.
+
+    Fingertips, hand and arm are looked at, and nothing that anybody has said. Each event has a time and a confidence of
+    0 to 1; they are written beside the session (sessions/ID/detected.jsonl) and compared with observers by study score
+    and study report. They replace no observer's counts. With --json: {"trials": [{"participant", "trial", "attempt",
+    "object", "events": [{"kind", "t_s", "confidence", "known_s", "finger"}], "missing"}]}.
+    """
+    import msgspec
+
+    from tega_study.detecting import detect_study
+
+    found = detect_study(folder, participants, live=live)
+    if as_json:
+        rows = msgspec.to_builtins(found)
+        for row, one in zip(rows, found, strict=True):
+            row["events"] = [event._asdict() for event in one.events]
+        echo_json({"trials": rows})
+        return
+    for one in found:
+        again = " again" if one.attempt > 1 else ""
+        click.echo(f"{one.participant} trial {one.trial}{again}, {one.object}: {_told(one)}")
+    for what, lacks in _LACKS.items():
+        if n_lack := sum(what in one.missing for one in found):
+            click.echo(f"{n_lack} of {len(found)} trials have no {lacks}")
+
+
+_LACKS = {
+    "closure": "closure of the hand on record: no deformation is found in them",
+    "height": "height of the arm on record: no lift-off is found in them, and slips in the fingertips alone",
+}
+
+
+def _told(one: TrialEvents) -> str:
+    words = [
+        f"{event.kind.replace('_', '-')} {event.t_s:.2f} s ({event.confidence:.2f})"
+        for event in one.events
+        if not event.finger
+    ]
+    fingers = sum(event.kind == "contact" for event in one.events)
+    return ", ".join([*words, f"{fingers} contact{'' if fingers == 1 else 's'} of fingers"])

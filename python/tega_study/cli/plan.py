@@ -1,0 +1,164 @@
+"""Write a study's plan and show how far it is: ``tega-teleop study plan`` and ``status``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from tega.ui.cli.options import NameList, echo_json, json_option
+
+if TYPE_CHECKING:
+    from tega_study.order import Layout
+
+
+_FOLDER = click.Path(path_type=Path, file_okay=False)
+
+
+@click.command(epilog="Example: tega-teleop study plan --participants 12 --seed 7 --out my-study")
+@click.option("--participants", type=click.IntRange(1, 999), required=True, help="How many people.")
+@click.option(
+    "--out", type=_FOLDER, required=True, help="New folder for the plan; nothing is ever overwritten."
+)
+@click.option(
+    "--seed",
+    type=click.IntRange(0, 2**63 - 1),
+    default=1,
+    show_default=True,
+    help="Seed from which all orders are drawn.",
+)
+@click.option(
+    "--objects",
+    type=NameList(),
+    default="bottle,container,bag",
+    show_default=True,
+    help="Objects that are lifted.",
+)
+@click.option(
+    "--conditions",
+    type=NameList(),
+    default="haptic,non-haptic",
+    show_default=True,
+    help="Conditions: the first is compared with the second; a third can be event-gated.",
+)
+@click.option(
+    "--trials",
+    type=click.IntRange(1, 1000),
+    default=10,
+    show_default=True,
+    help="Trials of each object under each condition.",
+)
+@click.option(
+    "--layout",
+    type=click.Choice(["abba", "pairs", "period"]),
+    default="abba",
+    show_default=True,
+    help="Order of conditions: there and back per object (abba), in random pairs, or one after the other (period).",
+)
+@click.option(
+    "--rest-s",
+    type=click.FloatRange(0, 3600),
+    default=60.0,
+    show_default=True,
+    help="Seconds of rest between two trials.",
+)
+@click.option(
+    "--probe", is_flag=True, help="A second task in every trial: beeps to be answered with a pedal."
+)
+@click.option(
+    "--simulated", is_flag=True, help="For rehearsals on simulated and emulated devices, not for people."
+)
+@json_option
+def plan(
+    *,
+    participants: int,
+    out: Path,
+    seed: int,
+    objects: list[str],
+    conditions: list[str],
+    trials: int,
+    layout: Layout,
+    rest_s: float,
+    probe: bool,
+    simulated: bool,
+    as_json: bool,
+) -> None:
+    """Write a counterbalanced plan: study.toml and plan.csv, never changed afterwards.
+
+    The plan has ids only. Keep who they are on paper, elsewhere.
+    """
+    import msgspec
+
+    from tega_study import make_plan, write_plan
+
+    made = make_plan(
+        participants=participants,
+        seed=seed,
+        objects=objects,
+        conditions=conditions,
+        simulated=simulated,
+        trials=trials,
+        layout=layout,
+        rest_s=rest_s,
+        probe=probe,
+    )
+    write_plan(made, out)
+    first = made.of(made.participants[0])
+    rests_s = sum(trial.rest_s for trial in first)
+    if as_json:
+        echo_json({"out": str(out), **msgspec.to_builtins(made.settings)})
+        return
+    click.echo(f"{out}: {participants} people, {len(first)} trials each, seed {seed}")
+    click.echo(f"{first[0].participant} begins with {first[0].object}, {first[0].condition}")
+    click.echo(
+        f"rests alone take {rests_s / 60:.0f} min a person; with 15 s a trial {rests_s / 60 + len(first) / 4:.0f} min"
+    )
+    if participants < 6:
+        click.echo(
+            f"note: with {participants} people no test over people can reach p = 0.05; six can", err=True
+        )
+
+
+@click.command(epilog="Example: tega-teleop study status my-study")
+@click.argument("folder", type=_FOLDER)
+@json_option
+def status(*, folder: Path, as_json: bool) -> None:
+    """Show how far everybody is, and which trial comes next. What comes next is not shown to who recruits."""
+    from tega_study import read_plan
+    from tega_study.journal import read_events
+    from tega_study.privacy import withdrawn_ids
+    from tega_study.state import derive, events_path
+
+    made, gone = read_plan(folder), withdrawn_ids(folder)
+    rows: list[dict[str, Any]] = []
+    for person in made.participants:
+        mine = made.of(person)
+        if person in gone:
+            rows.append({"participant": person, "state": "withdrawn"})
+            continue
+        events = read_events(events_path(folder, person))
+        state = derive(mine, events)
+        what = "complete" if state.next is None else "under way" if events else "not begun"
+        row: dict[str, Any] = {
+            "participant": person,
+            "state": what,
+            "over": state.n_over,
+            "trials": len(mine),
+        }
+        if state.next is not None and events:
+            number, attempt = state.next
+            trial = mine[number - 1]
+            row |= {"next": number, "attempt": attempt, "object": trial.object, "condition": trial.condition}
+        rows.append(row)
+    if as_json:
+        echo_json({"participants": rows})
+        return
+    for row in rows:
+        text = f"{row['participant']}  {row['state']:<10}"
+        if "over" in row:
+            text += f"  {row['over']:>3} of {row['trials']}"
+        if "next" in row:
+            again = ", again" if row["attempt"] > 1 else ""
+            text += f"  next: trial {row['next']}, {row['object']}, {row['condition']}{again}"
+        click.echo(text)

@@ -1,0 +1,61 @@
+"""Delete a person's data, or write an anonymised copy: ``tega-teleop study withdraw`` and ``export``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from tega.ui.cli.options import echo_json, json_option
+
+_FOLDER = click.Path(path_type=Path, file_okay=False)
+
+
+@click.command(epilog="Example: tega-teleop study withdraw my-study p03")
+@click.argument("folder", type=_FOLDER)
+@click.argument("participant")
+@click.option("--yes", is_flag=True, help="Do not ask.")
+@json_option
+def withdraw(*, folder: Path, participant: str, yes: bool, as_json: bool) -> None:
+    """Delete everything of one person, and reports made with it. It cannot be undone.
+
+    Links are deleted and not followed. What they led to, what lies elsewhere, such as the person's calibration, and
+    files of others that bear the id are listed: look at them, and at backups and copies, by hand.
+    """
+    from tega_study import read_plan
+    from tega_study.privacy import withdraw as delete
+
+    read_plan(folder).of(participant)
+    if not yes:
+        click.confirm(f"Delete everything of {participant} for good?", abort=True, err=True)
+    gone = delete(folder, participant)
+    if as_json:
+        echo_json({"participant": participant, **{k: [str(p) for p in v] for k, v in gone._asdict().items()}})
+        return
+    for path in gone.deleted:
+        click.echo(f"deleted {path}")
+    for path in gone.changed:
+        click.echo(f"taken out of {path}")
+    for path in gone.left:
+        click.echo(f"not deleted, look at it by hand: {path}")
+    click.echo(f"{participant} has withdrawn; backups and earlier exports have to be deleted by hand")
+
+
+@click.command(epilog="Example: tega-teleop study export my-study --out my-study-open")
+@click.argument("folder", type=_FOLDER)
+@click.option("--out", type=_FOLDER, required=True, help="New folder for the copy.")
+@json_option
+def export(*, folder: Path, out: Path, as_json: bool) -> None:
+    """Write an anonymised copy, fit to be published: new ids, no muscle signals, texts, names or dates.
+
+    Nobody can work out the old ids, you included: the key that made the new ones is thrown away.
+    """
+    import secrets
+
+    from tega_study.privacy import export as copy
+
+    new = copy(folder, out, key=secrets.token_hex(32))
+    if as_json:
+        echo_json({"out": str(out), "participants": len(new)})
+    else:
+        click.echo(f"{out}: {len(new)} people under new ids")

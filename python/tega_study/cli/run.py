@@ -1,0 +1,235 @@
+"""Lead a participant through the planned trials: ``tega-teleop study run``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import click
+
+from tega.ui.cli.options import echo_json, json_option, loop_sets, shear_option
+
+if TYPE_CHECKING:
+    from tega_sim.seams import Shear
+    from tega_study.lead.benches import TrialBench
+    from tega_study.lead.trial import Task
+    from tega_study.masking_sound import MaskingSound
+    from tega_study.plan import StudyPlan
+    from tega_study.state import Where
+
+
+@click.command(epilog="Example: tega-teleop study run my-study p01 --lab lab.toml")
+@click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
+@click.argument("participant")
+@click.option(
+    "--lab",
+    type=click.Path(path_type=Path),
+    metavar="LAB.toml",
+    help="Settings file of the lab's devices, as for run.",
+)
+@click.option(
+    "--emulated", is_flag=True, help="Run on emulated devices; only in a plan made with --simulated."
+)
+@click.option(
+    "--simulated",
+    is_flag=True,
+    help="Run on the simulated bench, with a simulated participant; only in such a plan.",
+)
+@click.option(
+    "--set",
+    "sets",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Override a setting; with --simulated: of the loop, as stages.*, vest.layout. Repeatable.",
+)
+@click.option(
+    "--config",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="LAB.toml",
+    help="With --simulated: take the stages, vest.layout, vest.mirror and session.pose_base of these settings.",
+)
+@click.option(
+    "--preset", type=click.Choice(["paper", "live"]), default="live", show_default=True,
+    help="Preset of the loop, with --simulated.",
+)  # fmt: skip
+@shear_option
+@click.option(
+    "--task",
+    type=click.Choice(["lift", "place"]),
+    default="lift",
+    show_default=True,
+    help="lift: a trial ends when the object is held up. place: it ends when the object is put down again (Enter).",
+)
+@click.option(
+    "--pedals", "--pedal", default="", metavar="KEYS",
+    help="Keys that foot pedals type, such as 12345: go on, end, slip, deformation, again.",
+)  # fmt: skip
+@click.option(
+    "--answer", default="p", show_default=True, metavar="KEY",
+    help="The key that the participant's pedal types at a beep, in a plan made with --probe.",
+)  # fmt: skip
+@click.option("--trials", type=click.IntRange(1), help="Number of trials after which to stop.")
+@click.option("--yes", is_flag=True, help="Go on by the clock and pass over the questions; to rehearse.")
+@click.option(
+    "--time-scale", type=click.FloatRange(0.01, 1.0), default=1.0, metavar="FACTOR",
+    help="Shorten rests and countdowns; to rehearse.",
+)  # fmt: skip
+@json_option
+def run(
+    *,
+    folder: Path,
+    participant: str,
+    lab: Path | None,
+    emulated: bool,
+    simulated: bool,
+    sets: tuple[str, ...],
+    config: Path | None,
+    preset: Literal["paper", "live"],
+    shear: Shear,
+    task: Task,
+    pedals: str,
+    answer: str,
+    trials: int | None,
+    yes: bool,
+    time_scale: float,
+    as_json: bool,
+) -> None:
+    """Lead a participant through the planned trials, or go on where it was stopped.
+
+    Keyboard or pedal only. Rests are enforced. Each trial is recorded into recordings/ID; the person's calibration is
+    used (tega-teleop calibrate LAB.toml --person ID). Ctrl-C breaks a running trial off; the same command goes on. With
+    --json: {"participant", "over", "trials", "next"}.
+    """
+    from tega.safety.ctrl_c import CtrlC
+    from tega_study import read_plan
+    from tega_study.lead import lead_session
+    from tega_study.lead.experimenter import desk_for
+
+    if (lab is not None) + emulated + simulated != 1:
+        raise click.UsageError("give one of --lab LAB.toml, --emulated and --simulated")
+    if config is not None and not simulated:
+        raise click.UsageError("--config is for --simulated; --lab has settings of its own")
+    if shear != "off" and not simulated:
+        raise click.UsageError("--shear is for --simulated; real gels have shear anyhow")
+    plan = read_plan(folder)
+    plan.of(participant)
+    with (
+        _bench(
+            folder,
+            plan,
+            participant,
+            lab=lab,
+            emulated=emulated,
+            sets=sets,
+            preset=preset,
+            shear=shear,
+            config=config,
+        ) as bench,
+        CtrlC() as stop,
+        desk_for(stop, alone=yes) as desk,
+        _masking(bench, plan) as masking,
+    ):
+        state = lead_session(
+            folder,
+            participant,
+            bench,
+            desk,
+            task=task,
+            time_scale=time_scale,
+            pedals=pedals,
+            answer_key=answer,
+            auto=yes,
+            trials=trials,
+            masking=masking,
+            stop=stop,
+        )
+    if state.next is None and bench.measurable:
+        click.echo(f"tega-teleop scene measure {folder} {participant} scores the trials by rule", err=True)
+    if as_json:
+        following = None if state.next is None else state.next[0]
+        echo_json(
+            {
+                "participant": participant,
+                "over": state.n_over,
+                "trials": len(plan.of(participant)),
+                "next": following,
+            }
+        )
+
+
+@contextmanager
+def _masking(bench: TrialBench, plan: StudyPlan) -> Iterator[MaskingSound | None]:
+    """Play what masks the motors of the lab's vest, where its settings set a level, and the plan's beeps."""
+    from tega.config.sections import MaskingSection
+    from tega_study.lead.benches import LabBench
+    from tega_study.masking_sound import MaskingSound
+
+    settings = bench.masking if isinstance(bench, LabBench) else MaskingSection()
+    if settings.level_dbfs is None and not plan.settings.probe:
+        yield None
+        return
+    with MaskingSound(settings, beeps=plan.settings.probe) as sound:
+        yield sound
+
+
+@contextmanager
+def _bench(
+    folder: Path,
+    plan: StudyPlan,
+    participant: str,
+    *,
+    lab: Path | None,
+    emulated: bool,
+    sets: tuple[str, ...],
+    preset: Literal["paper", "live"],
+    shear: Shear,
+    config: Path | None,
+) -> Iterator[TrialBench]:
+    """Make what the trials run on."""
+    import json
+    import tempfile
+
+    from tega_study.lead.benches import LabBench, SimulatedBench
+
+    if lab is not None:
+        from tega.config import load_config
+        from tega.setup.calibration.person import whose
+        from tega_study.privacy import note_elsewhere
+
+        loaded = load_config(lab, sets=sets)
+        file = loaded.config.calibration.file
+        if loaded.config.calibration.person is None:
+            person = (f"calibration.person={json.dumps(participant)}",)
+            mine = load_config(lab, sets=(*sets, *person))
+            _, folder_of = whose(mine.config.calibration)
+            if file is not None and not folder_of.person(participant).is_dir():
+                # The maxima are the file's; the vibration is this person's.
+                mine = load_config(lab, sets=(*sets, *person, f"calibration.file={json.dumps(str(file))}"))
+            loaded = mine
+        if loaded.config.calibration.person is not None:
+            code, calibrations = whose(loaded.config.calibration)
+            note_elsewhere(folder, participant, calibrations.person(code))
+        where: Where = "emulated" if loaded.config.session.emulated else "lab"
+        yield LabBench(loaded.config, settings=str(lab), where=where)
+    elif emulated:
+        from tega.config import check_tree, override_tree
+        from tega.runtime.checkout_tools import needs_tools
+
+        with needs_tools("tega-teleop study run --emulated"):
+            from tega_emulators.lab import emulated_lab
+
+        with tempfile.TemporaryDirectory() as beside:
+            made_in = Path(beside)
+            with emulated_lab(
+                made_in, emg_hz=250.0, hand=True, vest=True, fingers=("thumb", "index")
+            ) as made:
+                origins = override_tree(made.tree, sets)
+                yield LabBench(
+                    check_tree(made.tree, origins, base=made_in).config,
+                    settings="emulated lab",
+                    where="emulated",
+                )
+    else:
+        yield SimulatedBench(plan, participant, preset=preset, shear=shear, settings=loop_sets(config, sets))

@@ -1,0 +1,87 @@
+"""Compare raters of the same trials: ``tega-teleop study score``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from tega.ui.cli.options import echo_json, json_option
+
+
+@click.command(epilog="Example: tega-teleop study score my-study --boris my-study.boris")
+@click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
+@click.option(
+    "--tolerance-s", type=click.FloatRange(0.01, 10), default=1.0, show_default=True,
+    help="How far apart two events may be and still be one; 0.5 suits video, 1 suits live.",
+)  # fmt: skip
+@click.option("--boris", type=click.Path(path_type=Path), metavar="OUT.boris", help="Write a BORIS project.")
+@click.option(
+    "--import", "taken", type=click.Path(path_type=Path), metavar="FILE",
+    help="Take in a BORIS project, or its tabular events as TSV or CSV.",
+)  # fmt: skip
+@click.option(
+    "--rater", metavar="ID", help="With --import: code of the rater whose events they are; it must be new."
+)
+@json_option
+def score(
+    *,
+    folder: Path,
+    tolerance_s: float,
+    boris: Path | None,
+    taken: Path | None,
+    rater: str | None,
+    as_json: bool,
+) -> None:
+    """Compare raters, experimenter and, in simulation, the truth on the same trials.
+
+    F1 of matched events with its chance level, delay, Cohen's kappa in bins of a second, ICC of the counts. With
+    --json: {"agreements": [...], "imported": {person: trials}, "boris": file}.
+    """
+    import msgspec
+
+    from tega_study import read_plan
+    from tega_study.score import agreements, export_boris, import_boris
+
+    if (taken is None) != (rater is None):
+        raise click.UsageError("--import FILE and --rater ID belong together")
+    read_plan(folder)
+    imported = {} if taken is None or rater is None else import_boris(folder, taken, rater)
+    written = 0 if boris is None else export_boris(folder, boris)
+    found = agreements(folder, tolerance_s=tolerance_s)
+    if as_json:
+        rows = msgspec.to_builtins(found)
+        echo_json({"agreements": rows, "imported": imported, "boris": None if boris is None else str(boris)})
+        return
+    for person, n in imported.items():
+        click.echo(f"{person}: {n} trials of rater {rater} taken in")
+    if boris is not None:
+        click.echo(f"{boris}: {written} observations")
+    if not found:
+        click.echo("nobody to compare: two accounts of the same trials are needed, such as two raters")
+        return
+    click.echo(f"events within {tolerance_s:g} s are one; delay: second less first")
+    head = ("event", "first", "second", "trials", "n", "n", "F1", "chance", "delay s", "kappa 1 s", "ICC")
+    rows = [head] + [
+        (
+            one.kind,
+            one.a,
+            one.b,
+            str(one.trials),
+            str(one.n_a),
+            str(one.n_b),
+            _number(one.f1),
+            _number(one.chance_f1),
+            _number(one.delay_s),
+            _number(one.kappa),
+            _number(one.icc),
+        )
+        for one in found
+    ]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        click.echo("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
+
+
+def _number(value: float | None) -> str:
+    return "–" if value is None else f"{value:.2f}"

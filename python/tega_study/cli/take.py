@@ -1,0 +1,114 @@
+"""Take episodes, relabel and re-encode them: ``tega-teleop recording take``, ``relabel`` and ``encode``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from tega.ui.cli.options import echo_json, json_option
+
+_PATH = click.Path(path_type=Path)
+
+
+@click.command(epilog="Example: tega-teleop recording take lab.toml sessions/monday --task 'lift the bottle'")
+@click.argument("config", type=_PATH, metavar="CONFIG.toml")
+@click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
+@click.option("--task", required=True, help="What is done in the episodes, in words.")
+@click.option(
+    "--pedals", default="", metavar="KEYS",
+    help="What a foot switch types to go on, discard, do again: bnm; or buttons of input.marker: left,right.",
+)  # fmt: skip
+@click.option("--person", metavar="ID", help="Whose calibration to use (calibration.person).")
+@click.option(
+    "--episodes", "most", type=click.IntRange(1), help="Number of kept episodes after which to end."
+)
+@click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
+@json_option
+def take(
+    *,
+    config: Path,
+    folder: Path,
+    task: str,
+    pedals: str,
+    person: str | None,
+    most: int | None,
+    sets: tuple[str, ...],
+    as_json: bool,
+) -> None:
+    """Take episodes into FOLDER, a recording each: Enter starts, ends and keeps, x discards, r does it again.
+
+    A discarded episode's recording is deleted; episodes.jsonl keeps a line of it. With arm.start_m the arm goes to its
+    start after each, while the dead-man is held. With --json: {"folder", "kept", "discarded"}.
+    """
+    import json
+
+    from tega.config import load_config
+    from tega.safety.ctrl_c import CtrlC
+    from tega_study.episodes.take import EpisodeTaker
+    from tega_study.lead.experimenter import desk_for
+
+    if person is not None:
+        sets = (*sets, f"calibration.person={json.dumps(person)}")
+    settings = load_config(config, sets=sets).config
+    with CtrlC() as stop, desk_for(stop) as desk:
+        taker = EpisodeTaker(
+            settings, folder, desk, task=task, pedals=pedals, stop=stop, settings=str(config)
+        )
+        ended = taker.take(most=most)
+    kept = [line.file for line in ended if line.step == "kept"]
+    if as_json:
+        echo_json({"folder": str(folder), "kept": kept, "discarded": len(ended) - len(kept)})
+        return
+    click.echo(f"{folder}: {len(kept)} kept, {len(ended) - len(kept)} discarded")
+
+
+@click.command(
+    epilog="Example: tega-teleop recording relabel sessions/monday --task 'lift the bag' trial-002.mcap"
+)
+@click.argument("folder", type=click.Path(path_type=Path, file_okay=False, exists=True))
+@click.argument("files", nargs=-1)
+@click.option("--task", required=True, help="What was done, in words.")
+@json_option
+def relabel(*, folder: Path, files: tuple[str, ...], task: str, as_json: bool) -> None:
+    """Say anew what was done in the recordings of a session's FOLDER, or in FILES of it.
+
+    It stands in session.json, and is the episode's task in a LeRobot dataset; the recordings stay as they are. With
+    --json: the files.
+    """
+    from tega.recording.mcap_folder import SessionFolder
+
+    named = SessionFolder(folder).label(task, files)
+    if as_json:
+        echo_json(named)
+        return
+    click.echo(f"{task}: {', '.join(named)}")
+
+
+@click.command(
+    epilog="Example: tega-teleop recording encode sessions/monday --quality 80 --out sessions/small"
+)
+@click.argument("session", type=_PATH)
+@click.option("--out", type=_PATH, required=True, help="Folder: new or empty.")
+@click.option(
+    "--quality",
+    type=click.IntRange(1, 100),
+    default=90,
+    show_default=True,
+    help="Quality of the JPEG pictures.",
+)
+@json_option
+def encode(*, session: Path, out: Path, quality: int, as_json: bool) -> None:
+    """Copy recordings with their pictures encoded anew as JPEG; everything else stays as it is.
+
+    SESSION is a file, or a session's folder. What was lossless is so no more: verify then takes contacts as recorded.
+    With --json: the paths.
+    """
+    from tega.recording.encode import encode_session
+
+    made = encode_session(session, out=out, quality=quality)
+    if as_json:
+        echo_json([str(path) for path in made])
+        return
+    for path in made:
+        click.echo(path)

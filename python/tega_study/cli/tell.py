@@ -1,0 +1,40 @@
+"""Lead a running session from another program: ``tega-teleop study tell``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import click
+
+from tega.ui.cli.options import echo_json, json_option
+
+if TYPE_CHECKING:
+    from tega_study.lead.tell import Command
+
+# As in tega_study.lead.tell, which takes long to import.
+COMMANDS: Final = ("start", "mark", "slip", "deformation", "drop", "undo", "end", "break", "safety", "quit")
+
+
+@click.command(epilog="Example: tega-teleop study tell my-study p01 start")
+@click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
+@click.argument("participant")
+@click.argument("command", type=click.Choice(COMMANDS))
+@json_option
+def tell(*, folder: Path, participant: str, command: Command, as_json: bool) -> None:
+    """Give the session that study run leads on this machine a command, as if its key had been pressed.
+
+    A command does what the key would do at that moment: start begins no trial in a rest. The answer says how the
+    session stood. A program that does not want to start a process appends a line such as {"do": "start"} to
+    FOLDER/sessions/ID/told.jsonl.
+    """
+    from tega.runtime.clock import SystemClock
+    from tega_study import read_plan
+    from tega_study.lead.tell import tell as give
+
+    read_plan(folder).of(participant)
+    board = give(folder, participant, command, clock=SystemClock())
+    if as_json:
+        echo_json({"participant": participant, "phase": board.phase, "trial": board.trial})
+    else:
+        click.echo(f"{participant}: {board.phase}, trial {board.trial} of {board.n_trials}")

@@ -1,0 +1,318 @@
+"""Test every metric of every object between a study's conditions, over its trials and over people."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any, Literal, NamedTuple
+
+import msgspec
+import numpy as np
+
+from tega_study.counts import adjusted_ratio, poisson_rates, shares
+from tega_study.people import cross_over, paired_log_ratio, ratio_of_means, sign_flip, within_person
+from tega_study.rank import holm, mann_whitney, shift
+from tega_study.trials import Trial
+
+Level = Literal["as printed", "these trials", "people", "adjusted", "cross-over"]
+
+SMALLEST_FOR_P = 6
+"""People from which a sign-flip test can reach p = 0.05 at all: 2 / 2**6."""
+
+
+class Test(msgspec.Struct, frozen=True, kw_only=True):
+    """One row of the table of tests.
+
+    Attributes:
+        metric: ``duration_s``, ``slips``, ``deformations`` or ``success``.
+        object: What was lifted.
+        level: What the row can speak of.
+        test: Name of the test, with how p was got.
+        people: How many took part.
+        n: Trials under the first and the second condition.
+        statistic: As the test defines it.
+        p: Two-sided; ``None`` where the data allow no test, or p-values are withheld.
+        p_holm: Corrected over the family that the plan names.
+        p_exact: Given the ties that are there.
+        effect_name: What the effect is.
+        effect: First condition against the second.
+        low: Lower end of its 95 % interval.
+        high: Upper end.
+        note: What a reader has to know.
+    """
+
+    __test__ = False  # it is no class of tests for pytest
+
+    metric: str
+    object: str
+    level: Level
+    test: str
+    people: int
+    n: tuple[int, int]
+    statistic: float | None = None
+    p: float | None = None
+    p_holm: float | None = None
+    p_exact: float | None = None
+    effect_name: str = ""
+    effect: float | None = None
+    low: float | None = None
+    high: float | None = None
+    note: str = ""
+
+
+# An interval of a ratio whose ends lie further apart than this says nothing.
+_MOST_SPREAD = 1e3
+
+
+class _Data(NamedTuple):
+    """One metric of one object: by person the values under both conditions, only people who have both."""
+
+    metric: str
+    object: str
+    first: dict[str, list[float]]
+    second: dict[str, list[float]]
+    places: dict[str, list[float]]
+    began_first: dict[str, bool]
+
+    @property
+    def both(self) -> list[str]:
+        return [person for person in self.first if person in self.second]
+
+
+def compare(
+    trials: Sequence[Trial],
+    objects: Sequence[str],
+    conditions: tuple[str, str],
+    *,
+    family: Sequence[str],
+    crossed: bool = False,
+) -> list[Test]:
+    """Make all tests of a study.
+
+    Args:
+        trials: All of it; those that do not count are passed over.
+        objects: What was lifted.
+        conditions: The first is compared with the second.
+        family: ``metric:object`` that Holm's method corrects together, within each level.
+        crossed: Whether each person had one condition before the other, so that the order can be taken out.
+    """
+    tests: list[Test] = []
+    for metric in ("duration_s", "slips", "deformations", "success"):
+        for name in objects:
+            data = _data(trials, metric, name, conditions)
+            if data.first and data.second:
+                tests += _success(data) if metric == "success" else _tests(data, crossed=crossed)
+    return _corrected(tests, family)
+
+
+def _data(trials: Sequence[Trial], metric: str, name: str, conditions: tuple[str, str]) -> _Data:
+    data = _Data(metric, name, {}, {}, {}, {})
+    for trial in trials:
+        value = getattr(trial, metric)
+        if not trial.counts or trial.object != name or trial.condition not in conditions or value is None:
+            continue
+        side = data.first if trial.condition == conditions[0] else data.second
+        side.setdefault(trial.participant, []).append(float(value))
+        data.places.setdefault(f"{trial.participant} {trial.condition == conditions[0]}", []).append(
+            trial.trial
+        )
+        if trial.first:
+            data.began_first[trial.participant] = trial.condition == conditions[0]
+    return data
+
+
+def _tests(data: _Data, *, crossed: bool) -> list[Test]:
+    x, y = (_joined(side.values()) for side in (data.first, data.second))
+    counted = data.metric != "duration_s"
+    common: dict[str, Any] = {
+        "metric": data.metric,
+        "object": data.object,
+        "people": len(data.first.keys() | data.second.keys()),
+    }
+    ranks, moved = mann_whitney(x, y), shift(x, y)
+    reach = f"{moved.low:g} to {moved.high:g}" if math.isfinite(moved.low) else "interval not estimable"
+    note = f"A = {ranks.a:.3f}; median difference {moved.estimate:g} ({reach})"
+    if ranks.method == "asymptotic" and len(set(x + y)) == 1:
+        note += "; all values are equal"
+    tests = [
+        Test(
+            **common,
+            level="as printed",
+            test=f"Mann-Whitney U, {ranks.method}"
+            + (" (ties, continuity)" if ranks.method == "asymptotic" else ""),
+            n=(len(x), len(y)),
+            statistic=ranks.u,
+            p=ranks.p,
+            p_exact=ranks.p_conditional,
+            effect_name="rank-biserial",
+            effect=ranks.rank_biserial,
+            low=ranks.low,
+            high=ranks.high,
+            note=note,
+        )
+    ]
+    if counted and sum(x) + sum(y) > 0 and len(x) == len(y):
+        p, ratio, low, high = poisson_rates(int(sum(x)), int(sum(y)))
+        text = f"totals {sum(x):g} and {sum(y):g}; too sure where variance over mean is above 1"
+        tests.append(
+            _row(
+                common, "these trials", "conditional Poisson", x, y, p=p, ratio=(ratio, low, high), note=text
+            )
+        )
+    both = data.both
+    common["people"] = len(both)
+    if not both:
+        return tests
+    firsts, seconds = ([side[person] for person in both] for side in (data.first, data.second))
+    x, y = _joined(firsts), _joined(seconds)
+    scaled = [[_scale(values, counted) for values in side] for side in (firsts, seconds)]
+    p = within_person(list(zip(*scaled, strict=True)))
+    text = "these people's trials only; takes trials of a person as exchangeable"
+    tests.append(_row(common, "these trials", "exchange within person", x, y, p=p, note=text))
+    if len(both) >= 2:
+        tests += _by_people(data, common, firsts, seconds, crossed=crossed)
+    return tests
+
+
+def _by_people(
+    data: _Data,
+    common: dict[str, Any],
+    firsts: list[list[float]],
+    seconds: list[list[float]],
+    *,
+    crossed: bool,
+) -> list[Test]:
+    counted, both = data.metric != "duration_s", data.both
+    x, y = _joined(firsts), _joined(seconds)
+    enough = len(both) >= SMALLEST_FOR_P
+    first, second = (
+        [float(np.mean(_scale(values, counted))) for values in side] for side in (firsts, seconds)
+    )
+    found = ratio_of_means(first, second) if counted else paired_log_ratio(first, second)
+    name = "sign-flip; ratio of means" if counted else "paired t of mean log time"
+    few = "" if enough else f"no p below {SMALLEST_FOR_P} people"
+    if found is None:
+        few += "; " * bool(few) + "no ratio: a condition without events, or people all alike"
+    p = None
+    if enough:
+        p = sign_flip(np.subtract(first, second)) if counted else found and found.p
+    ratio = None if found is None else (found.ratio, found.low, found.high)
+    statistic = None if found is None else found.t
+    tests = [_row(common, "people", name, x, y, p=p, ratio=ratio, statistic=statistic, note=few)]
+    where = [(person, side) for side in (True, False) for person in both]
+    values = [data.first[person] if side else data.second[person] for person, side in where]
+    adjusted = adjusted_ratio(
+        _joined(values),
+        [side for (_, side), some in zip(where, values, strict=True) for _ in some],
+        _joined(data.places[f"{person} {side}"] for person, side in where),
+        [person for (person, _), some in zip(where, values, strict=True) for _ in some],
+        counts=counted,
+    )
+    if adjusted is not None:
+        family = "Poisson" if counted else "log-normal"
+        tests.append(
+            _row(
+                common,
+                "adjusted",
+                f"GEE, {family}, log of place in session",
+                x,
+                y,
+                p=adjusted.p if enough else None,
+                ratio=adjusted[:3],
+                statistic=adjusted.t,
+                note="sensitivity: learning taken out" + ("; " + few if few else ""),
+            )
+        )
+    if crossed and (
+        order := cross_over(first, second, [data.began_first.get(person, False) for person in both])
+    ):
+        text = f"period effect {order.period:.3g}" + ("" if counted else " (log)")
+        row = _row(common, "cross-over", "Hills-Armitage", x, y, p=order.p, statistic=order.t, note=text)
+        tests.append(
+            msgspec.structs.replace(
+                row, effect_name="difference" + " of logs" * (not counted), effect=order.effect
+            )
+        )
+    return tests
+
+
+def _success(data: _Data) -> list[Test]:
+    x, y = (_joined(side.values()) for side in (data.first, data.second))
+    found = shares(int(sum(x)), len(x), int(sum(y)), len(y))
+    common: dict[str, Any] = {
+        "metric": data.metric,
+        "object": data.object,
+        "people": len(data.first.keys() | data.second.keys()),
+    }
+    tests = [
+        Test(
+            **common,
+            level="as printed",
+            test="Fisher exact",
+            n=(len(x), len(y)),
+            p=found.fisher,
+            p_exact=found.boschloo,
+            effect_name="difference",
+            effect=found.difference,
+            low=found.low,
+            high=found.high,
+            note=f"Boschloo p = {found.boschloo:.3g}",
+        )
+    ]
+    if len(data.both) >= SMALLEST_FOR_P:
+        off = [float(np.mean(data.first[one]) - np.mean(data.second[one])) for one in data.both]
+        common["people"] = len(data.both)
+        row = _row(common, "people", "sign-flip of shares", x, y, p=sign_flip(off))
+        tests.append(msgspec.structs.replace(row, effect_name="difference", effect=float(np.mean(off))))
+    return tests
+
+
+def _row(
+    common: dict[str, Any],
+    level: Level,
+    test: str,
+    x: Sequence[float],
+    y: Sequence[float],
+    *,
+    p: float | None,
+    ratio: Sequence[float] | None = None,
+    statistic: float | None = None,
+    note: str = "",
+) -> Test:
+    effect, low, high = ratio or (None, None, None)
+    if low is not None and high is not None and high > _MOST_SPREAD * low and (low == 0) == math.isinf(high):
+        # Two people who differ leave one degree of freedom: the numbers would look like knowledge.
+        low = high = None
+        note = f"{note}; " * bool(note) + "its interval is not estimable from so few"
+    return Test(
+        **common,
+        level=level,
+        test=test,
+        n=(len(x), len(y)),
+        statistic=statistic,
+        p=p,
+        effect_name="ratio" if ratio else "",
+        effect=effect,
+        low=low,
+        high=None if high is None or math.isinf(high) else high,
+        note=note,
+    )
+
+
+def _corrected(tests: list[Test], family: Sequence[str]) -> list[Test]:
+    """Correct within each level that has one row a test; others are looked at, not counted as findings."""
+    for level in ("as printed", "people"):
+        rows = [i for i, t in enumerate(tests) if t.level == level and f"{t.metric}:{t.object}" in family]
+        missing = len(family) - len(rows)
+        corrected = holm([tests[i].p for i in rows] + [None] * missing)
+        for i, p in zip(rows, corrected, strict=False):
+            tests[i] = msgspec.structs.replace(tests[i], p_holm=p)
+    return tests
+
+
+def _scale(values: list[float], counted: bool) -> list[float]:  # noqa: FBT001
+    return values if counted else [math.log(max(value, 1e-3)) for value in values]
+
+
+def _joined(groups: Iterable[Sequence[float]]) -> list[float]:
+    return [value for group in groups for value in group]

@@ -1,0 +1,242 @@
+"""Correlate touch with the chosen pose over a trial, to tell an answer to touch from mere mechanics.
+
+A hand that closes raises touch by itself. So a correlation is shown beside what it is without any answer: with
+the touch of another trial, in the arm that felt nothing, and at other lags. Lag ``l > 0``: touch follows the
+pose, as mechanics has it; ``l < 0``: the pose follows touch, as an answer would, and none is quicker than 0.2
+s.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from tega.errors import RecordingError
+from tega.runtime.files.foreign_file import read_words
+from tega.runtime.files.whole_file import write_whole
+from tega_study.packages import scipy_stats
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+GRID_HZ = 10.0
+"""Rate at which courses are compared: a pose lasts at least a tenth of a second, so more would add no information."""
+
+POSES = 5
+
+
+class TouchCourse(NamedTuple):
+    """A trial's course.
+
+    Attributes:
+        t_s: Times from the trial's start, rising, seconds, float64 (n,).
+        cci: Normalised contact concentration, mean over the fingers in contact, 0 to 1 (reading A74), float64 (n,).
+        eda: Normalised deformation area, likewise.
+        pose: Chosen pose, 0 to 4, float64 (n,).
+    """
+
+    t_s: NDArray[np.float64]
+    cci: NDArray[np.float64]
+    eda: NDArray[np.float64]
+    pose: NDArray[np.float64]
+
+
+class Correlation(NamedTuple):
+    """A Pearson correlation of two series that go on from one sample to the next.
+
+    Attributes:
+        r: The correlation; NaN where a series does not change.
+        n: Samples.
+        n_eff: Independent samples that they are worth (Bartlett).
+        low: Lower end of the 95 % interval by Fisher's z with ``n_eff``; NaN below four.
+        high: Upper end.
+        p: Two-sided, with ``n_eff``.
+    """
+
+    r: float
+    n: int
+    n_eff: float
+    low: float
+    high: float
+    p: float
+
+
+def read_course(path: Path) -> TouchCourse:
+    """Read ``t_s,cci,eda,pose``.
+
+    Args:
+        path: The file.
+
+    Raises:
+        RecordingError: It is missing, or something in it is no number of its range.
+    """
+    try:
+        rows = list(csv.reader(io.StringIO(read_words(path, most_mib=64), newline="")))
+        table = np.array([[float(cell) for cell in row] for row in rows[1:]], dtype=np.float64).reshape(-1, 4)
+    except (OSError, ValueError, csv.Error) as error:
+        raise RecordingError(f"{path}: is no course of a trial: {error}", "restore it from a copy") from error
+    if not rows or rows[0] != list(TouchCourse._fields):
+        raise RecordingError(f"{path}: has other columns than t_s,cci,eda,pose", "restore it from a copy")
+    if not np.isfinite(table).all() or np.any(np.diff(table[:, 0]) <= 0):
+        raise RecordingError(f"{path}: holds a gap, or times that do not rise", "restore it from a copy")
+    return TouchCourse(*table.T)
+
+
+def write_course(path: Path, course: TouchCourse) -> None:
+    """Write a course, whole or not at all.
+
+    Args:
+        path: The file; its folder is made.
+        course: The course.
+    """
+    rows = np.column_stack(course)
+    text = "t_s,cci,eda,pose\n" + "".join(f"{t:.3f},{c:.5f},{e:.5f},{p:.0f}\n" for t, c, e, p in rows)
+    write_whole(path, text)
+
+
+def on_grid(course: TouchCourse, *, rate_hz: float = GRID_HZ) -> TouchCourse:
+    """Bring a course onto an even grid: touch as the mean of each cell, the pose that held at the cell's end.
+
+    Cells without a sample are left out; the grid's times are the cells' ends.
+    """
+    cells = np.floor(course.t_s * rate_hz + 1e-9).astype(int)
+    there, start = np.unique(cells, return_index=True)
+    last = np.append(start[1:], len(cells)) - 1
+    counts = np.diff(np.append(start, len(cells)))
+    return TouchCourse(
+        (there + 1) / rate_hz,
+        np.add.reduceat(course.cci, start) / counts if len(start) else course.cci,
+        np.add.reduceat(course.eda, start) / counts if len(start) else course.eda,
+        course.pose[last] if len(start) else course.pose,
+    )
+
+
+def pearson(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
+    """Return the correlation; NaN with fewer than three samples or where a series does not change."""
+    if len(x) < 3 or np.ptp(x) == 0 or np.ptp(y) == 0:
+        return math.nan
+    a, b = x - x.mean(), y - y.mean()
+    return float(np.clip(a @ b / math.sqrt(float(a @ a) * float(b @ b)), -1, 1))
+
+
+def effective_n(x: NDArray[np.float64], y: NDArray[np.float64], *, lags: int) -> float:
+    """Return how many independent samples two series are worth (Bartlett; Pyper and Peterman 1998), 3 to their length.
+
+    Args:
+        x: A series.
+        y: Another, as long.
+        lags: Up to which autocorrelations are summed.
+    """
+    n = len(x)
+
+    def rho(values: NDArray[np.float64], lag: int) -> float:
+        off = values - values.mean()
+        return float(off[lag:] @ off[: n - lag] / (off @ off))
+
+    total = sum((1 - lag / n) * rho(x, lag) * rho(y, lag) for lag in range(1, min(lags, n - 1) + 1))
+    inflated = 1 + 2 * total
+    return float(n) if inflated <= 1 else max(3.0, n / inflated)
+
+
+def correlate(x: NDArray[np.float64], y: NDArray[np.float64], *, lags: int | None = None) -> Correlation:
+    """Correlate two series, judged by as many independent samples as they are worth.
+
+    Args:
+        x: A series.
+        y: Another, as long.
+        lags: For :func:`effective_n`; a quarter of the length where ``None``.
+    """
+    r, n = pearson(x, y), len(x)
+    if math.isnan(r):
+        return Correlation(r, n, math.nan, math.nan, math.nan, math.nan)
+    n_eff = effective_n(x, y, lags=n // 4 if lags is None else lags)
+    stats = scipy_stats()
+    if n_eff <= 3 or abs(r) >= 1:
+        return Correlation(r, n, n_eff, math.nan, math.nan, math.nan)
+    t = abs(r) * math.sqrt((n_eff - 2) / (1 - r * r))
+    reach = float(stats.norm.ppf(0.975)) / math.sqrt(n_eff - 3)
+    z = math.atanh(r)
+    return Correlation(
+        r, n, n_eff, math.tanh(z - reach), math.tanh(z + reach), 2 * float(stats.t.sf(t, n_eff - 2))
+    )
+
+
+def lag_sweep(pose: NDArray[np.float64], touch: NDArray[np.float64], *, most: int) -> list[tuple[int, float]]:
+    """Return the correlation of the pose now with touch ``l`` samples later, ``l`` from ``-most`` to ``most``."""
+    n = len(pose)
+    found = []
+    for lag in range(-most, most + 1):
+        a, b = (pose[: n - lag], touch[lag:]) if lag >= 0 else (pose[-lag:], touch[: n + lag])
+        found.append((lag, pearson(a, b) if abs(lag) < n else math.nan))
+    return found
+
+
+def other_trials(
+    poses: Sequence[NDArray[np.float64]], touches: Sequence[NDArray[np.float64]]
+) -> list[list[float]]:
+    """Correlate each trial's pose with the touch of every other trial, over the shorter one's length.
+
+    What is left of a correlation when nobody can have answered: the course that all these trials share.
+    """
+    return [
+        [pearson(pose[: len(touch)], touch[: len(pose)]) for j, touch in enumerate(touches) if j != i]
+        for i, pose in enumerate(poses)
+    ]
+
+
+def partial(x: NDArray[np.float64], y: NDArray[np.float64], given: NDArray[np.float64]) -> float:
+    """Return the correlation of two series with what a third explains of both taken out."""
+    xy, xg, yg = pearson(x, y), pearson(x, given), pearson(y, given)
+    rest = (1 - xg * xg) * (1 - yg * yg)
+    return (xy - xg * yg) / math.sqrt(rest) if rest > 0 else math.nan
+
+
+def response_slope(
+    pose: NDArray[np.float64], touch: NDArray[np.float64], *, rate_hz: float = GRID_HZ
+) -> float:
+    """Return by how many levels the pose changes within 0.3 s for a unit of touch 0.4 s before.
+
+    Below 0: more touch, looser grip, as somebody does who answers. It is noisy, and needs many trials. Samples in which
+    nothing is touched are left out.
+    """
+    ahead, ago = round(0.3 * rate_hz), round(0.4 * rate_hz)
+    felt = touch[: len(touch) - ago - ahead]
+    change = pose[ago + ahead :] - pose[ago : len(pose) - ahead]
+    use = felt > 0
+    felt, change = felt[use], change[use]
+    if len(felt) < 3 or np.ptp(felt) == 0:
+        return math.nan
+    off = felt - felt.mean()
+    return float(off @ change / (off @ off))
+
+
+def fisher_mean(rs: Sequence[float]) -> float:
+    """Average correlations by Fisher's z; those that are not defined are left out.
+
+    Example:
+        >>> round(fisher_mean([0.9, 0.8, 0.7]), 9)
+        0.816439329
+    """
+    zs = [math.atanh(min(max(r, -0.999999), 0.999999)) for r in rs if not math.isnan(r)]
+    return math.tanh(sum(zs) / len(zs)) if zs else math.nan
+
+
+def dwell(pose: NDArray[np.float64]) -> tuple[float, ...]:
+    """Return the share of samples at each of the poses 0 to 4."""
+    levels = np.clip(np.rint(pose), 0, POSES - 1).astype(int)
+    return tuple((np.bincount(levels, minlength=POSES) / max(1, len(levels))).tolist())
+
+
+def transitions(pose: NDArray[np.float64]) -> tuple[int, int]:
+    """Return how often the pose changes, and how often into or out of an intermediate one (1 to 3)."""
+    levels = np.rint(pose)
+    change = np.flatnonzero(np.diff(levels))
+    within = [i for i in change if 1 <= levels[i] <= 3 or 1 <= levels[i + 1] <= 3]
+    return len(change), len(within)

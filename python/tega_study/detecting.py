@@ -1,0 +1,180 @@
+"""Find lift-off, slip and deformation in the signals of a study's trials: the detector as one more account.
+
+The detector sees what was kept of the fingertips, the hand and the arm, and nothing that a person or the simulation
+says. Its events stand beside the session's in ``detected.jsonl``, with their confidence, and are compared like a
+rater's; they are never counted instead of a rater's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import msgspec
+
+from tega.errors import RecordingError
+from tega.haptics import FINGERS
+from tega.stages.events import DetectedEvent, Detector, ShearFrame, TouchFrame
+from tega.stages.events.settings import SETTINGS
+from tega_study.hand_rows import HandRow, hand_path, read_hand
+from tega_study.journal import Journal, JournalEvent, Kind, read_events
+from tega_study.plan import read_plan
+from tega_study.privacy import withdrawn_ids
+from tega_study.state import events_path
+from tega_study.touch_rows import TouchRow, read_touch, touch_path
+
+DETECTOR = "detector"
+DETECTED: dict[str, Kind] = {"lift_off": "lift_off", "slip": "slip", "deformation": "deformation"}
+"""Events of the detector that a study counts."""
+
+
+class TrialEvents(msgspec.Struct, frozen=True):
+    """Events that the detector found in one attempt.
+
+    Attributes:
+        participant: Whose.
+        trial: Its number.
+        attempt: Its attempt.
+        object: What was lifted.
+        events: What was found, in the order of time; seconds from the trial's start.
+        missing: What the attempt has no record of, so that it cannot be found; such as ``height``.
+    """
+
+    participant: str
+    trial: int
+    attempt: int
+    object: str
+    events: tuple[DetectedEvent, ...]
+    missing: tuple[str, ...] = ()
+
+
+def detected_path(folder: Path, participant: str) -> Path:
+    """Return where the detector's events of a session are."""
+    return events_path(folder, participant).with_name("detected.jsonl")
+
+
+def read_detected(folder: Path, participant: str) -> list[JournalEvent]:
+    """Read the detector's events of a session; none before ``study detect``."""
+    return read_events(detected_path(folder, participant))
+
+
+def events_of(
+    touch: Sequence[TouchRow],
+    hand: Sequence[HandRow],
+    *,
+    live: bool = False,
+    detector: Detector | None = None,
+    shear: Sequence[tuple[float, str, ShearFrame]] = (),
+) -> list[DetectedEvent]:
+    """Find the events of a trial.
+
+    Args:
+        touch: Frames of its fingertips.
+        hand: Looks at its hand and arm.
+        live: Say only what could have been said at the time, as the run does.
+        detector: What finds them; one with the settings in use where ``None``.
+        shear: Time, finger and shear of its frames, where it was read.
+
+    Returns:
+        Events in the order of time.
+    """
+    if detector is None:
+        detector = Detector(look_ahead_s=0.0 if live else SETTINGS.look_ahead_s)
+    found: list[DetectedEvent] = []
+    items: list[tuple[float, int, TouchRow | HandRow | tuple[float, str, ShearFrame]]] = [
+        *((row.t_s, 2, row) for row in touch),
+        *((row[0], 1, row) for row in shear),
+        *((row.t_s, 0, row) for row in hand),
+    ]
+    last_s = 0.0
+    for t_s, _, row in sorted(items, key=lambda item: item[:2]):
+        last_s = t_s
+        if isinstance(row, TouchRow):
+            seen = TouchFrame(bool(row.in_contact), row.eda, row.mass, row.peak, row.x, row.y)
+            found += detector.touch(t_s, row.finger, seen)
+        elif not isinstance(row, HandRow):
+            detector.shear(*row)
+        else:
+            tips_mm = None if row.tips_mm is None else dict(zip(FINGERS, row.tips_mm, strict=True))
+            found += detector.hand(
+                t_s, level=row.level, closure=row.closure, height_m=row.height_m, tips_mm=tips_mm
+            )
+    found += detector.close(last_s)
+    return sorted(found, key=lambda event: event.t_s)
+
+
+def detect_study(folder: Path, participants: Sequence[str] = (), *, live: bool = False) -> list[TrialEvents]:
+    """Find the events of a study's attempts and write them beside each session's own.
+
+    What an earlier call has written is replaced.
+
+    Args:
+        folder: The study's folder.
+        participants: Whose sessions; all where none is named.
+        live: As of :func:`events_of`.
+
+    Raises:
+        InvalidValueError: Nobody has that id.
+        RecordingError: The study is damaged, or no attempt has frames of its fingertips.
+    """
+    plan, gone = read_plan(folder), withdrawn_ids(folder)
+    found: list[TrialEvents] = []
+    for person in participants or plan.participants:
+        mine = {trial.trial: trial for trial in plan.of(person)}
+        if person in gone:
+            continue
+        main = read_events(events_path(folder, person))
+        ends = {(e.trial, e.attempt): e for e in main if e.kind == "trial_end"}
+        rows: list[tuple[JournalEvent, JournalEvent, TrialEvents]] = []
+        for start in (event for event in main if event.kind == "trial_start"):
+            trial, key = mine[start.trial], (start.trial, start.attempt)
+            path = touch_path(folder, person, trial.id, start.attempt)
+            if key not in ends or not path.exists():
+                continue
+            touch = read_touch(path)
+            hand = read_hand(hand_path(folder, person, trial.id, start.attempt))
+            events = tuple(event for event in events_of(touch, hand, live=live) if event.t_s >= 0)
+            missing = [
+                name for name in ("closure", "height_m") if all(getattr(row, name) is None for row in hand)
+            ]
+            done = TrialEvents(
+                person,
+                start.trial,
+                start.attempt,
+                trial.object,
+                events,
+                tuple(n[:7].rstrip("_") for n in missing),
+            )
+            rows.append((start, ends[key], done))
+        if rows:
+            _write(detected_path(folder, person), plan.settings.plan_sha256, rows)
+        found += [done for _start, _end, done in rows]
+    if not found:
+        raise RecordingError(
+            f"{folder}: no trial has frames of its fingertips",
+            "run trials with tega-teleop study run; study simulate keeps none",
+        )
+    return found
+
+
+def _write(path: Path, signed: str, rows: Sequence[tuple[JournalEvent, JournalEvent, TrialEvents]]) -> None:
+    """Write a session's events, whole or not at all."""
+    beside = path.with_name(path.name + ".new")
+    beside.unlink(missing_ok=True)
+    with Journal(beside) as journal:
+        journal.add("session_start", t_ns=rows[0][0].t_ns, source=DETECTOR, text=signed)
+        for start, end, done in rows:
+            trial, attempt = done.trial, done.attempt
+            journal.add("trial_start", t_ns=start.t_ns, source=DETECTOR, trial=trial, attempt=attempt)
+            for event in done.events:
+                if event.kind in DETECTED:
+                    journal.add(
+                        DETECTED[event.kind],
+                        t_ns=start.t_ns + round(event.t_s * 1e9),
+                        source=DETECTOR,
+                        value=round(event.confidence, 3),
+                        trial=trial,
+                        attempt=attempt,
+                    )
+            journal.add("trial_end", t_ns=end.t_ns, source=DETECTOR, trial=trial, attempt=attempt)
+    beside.replace(path)

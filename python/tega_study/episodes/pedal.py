@@ -1,0 +1,121 @@
+"""Listen to the pedal at ``input.marker`` for episodes: through the run that has it open, and between runs."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any, Final
+
+from tega.devices.registry import driver_class
+from tega.errors import InvalidValueError, TegaError
+from tega.records import Button
+
+if TYPE_CHECKING:
+    from tega.config.sections import InputConfig
+    from tega.records.bus import Bus
+
+_SEAT: Final = "marker"
+_QUIET_S: Final = 0.5
+"""So long after a screen has come up a press is still that of the screen before: a pedal may repeat it."""
+_MOST: Final = 64
+
+
+class EpisodePedal:
+    """Gives the presses of the marker's seat, whoever has its device open.
+
+    Args:
+        seat: Its settings; ``None`` for none, which is never pressed.
+
+    Attributes:
+        problem: Why it cannot be heard between episodes; ``""`` while it can.
+    """
+
+    def __init__(self, seat: InputConfig | None) -> None:
+        self._seat = seat
+        self._source: Any = None
+        self._since_s = 0.0
+        self._pressed: deque[str] = deque(maxlen=_MOST)
+        self.problem = ""
+
+    def types(self, key: str) -> bool:
+        """Tell whether a key in the terminal is a press that is heard anyway: of a pedal that is a keyboard."""
+        seat = self._seat
+        if seat is None or self.problem or getattr(seat.options, "report", "") != "keyboard":
+            return False
+        return seat.button in {None, key}
+
+    def watch(self, bus: Bus) -> None:
+        """Hear it through a run, which opens it by itself."""
+        bus.subscribe(Button, self._button, name="episode")
+
+    def _button(self, button: Button) -> None:
+        if button.seat == _SEAT and button.pressed:
+            self._pressed.append(button.button)
+
+    def listen(self) -> None:
+        """Open it, unless it is, and hear what is pressed from half a second from now on."""
+        self._since_s = time.monotonic() + _QUIET_S
+        self._pressed.clear()
+        if self._seat is None or self._source is not None:
+            return
+        try:
+            source: Any = driver_class(self._seat.driver, "input")(self._seat.options)
+            source.open()
+        except TegaError as error:  # keys do as well
+            self.problem = error.message
+        else:
+            self._source, self.problem = source, ""
+
+    def close(self) -> None:
+        """Close it, for a run to open it."""
+        source, self._source = self._source, None
+        self._pressed.clear()
+        self.problem = ""
+        if source is not None:
+            source.close()
+
+    def presses(self) -> list[str]:
+        """Return the buttons pressed since the last call."""
+        found: list[str] = []
+        if self._source is not None:
+            with suppress(TegaError):
+                button = None if self._seat is None else self._seat.button
+                pressed = [
+                    e.button for e in self._source.events() if e.pressed and button in {None, e.button}
+                ]
+                found = pressed if time.monotonic() >= self._since_s else []
+        while self._pressed:
+            found.append(self._pressed.popleft())
+        return found
+
+
+def pedal_names(pedals: str, seat: InputConfig | None, taken: frozenset[str]) -> tuple[str, ...]:
+    """Return what pedals are called: the keys that they type, or the marker's buttons with commas between.
+
+    Args:
+        pedals: As it was given.
+        seat: The marker's settings; ``None`` without one.
+        taken: Keys that mean something already.
+
+    Raises:
+        InvalidValueError: They are not one to three of their own, or no such device is set.
+    """
+    names = tuple(name.strip() for name in pedals.split(",")) if "," in pedals else tuple(pedals)
+    if len(set(names)) != len(names) or len(names) > 3 or set(names) & (taken | {""}):
+        raise InvalidValueError(
+            f"pedals {pedals!r}: they are not one to three keys or buttons that mean nothing else",
+            "name what a foot switch types to go on, to discard and to do again, such as bnm, or the buttons of "
+            "input.marker, such as left,right",
+        )
+    if seat is None and (longer := [name for name in names if len(name) > 1]):
+        raise InvalidValueError(
+            f"pedals {pedals!r}: {longer[0]!r} is no key",
+            "set input.marker to the device that has this button",
+        )
+    if seat is not None and seat.button in names and len(names) > 1:
+        raise InvalidValueError(
+            f"pedals {pedals!r}: input.marker.button = {seat.button!r} lets no other button through",
+            "leave input.marker.button out",
+        )
+    return names

@@ -1,0 +1,60 @@
+"""Play the beeps of a trial's second task when they are due, and tell when each left the loudspeaker."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from tega.errors import InvalidValueError
+from tega_study.lead.trial import keys_of
+
+if TYPE_CHECKING:
+    from tega_study.masking_sound import MaskingSound
+
+
+def check_answer_key(key: str, pedals: str) -> None:
+    """Refuse a key that means something else in a trial.
+
+    Args:
+        key: What the participant's pedal types.
+        pedals: What the experimenter's pedals type; empty for none.
+
+    Raises:
+        InvalidValueError: It is not one key, or has a meaning already.
+    """
+    taken = {one for one, _ in keys_of(sees_height=False)} | {" ", "\n", *pedals}
+    if len(key) != 1 or not key.isprintable() or key in taken:
+        raise InvalidValueError(
+            f"answer key {key!r}: it is not one key, or means something else in a trial",
+            "take p, for example",
+        )
+
+
+class Beeps:
+    """Beeps of one attempt.
+
+    Args:
+        sound: What plays them.
+        at_s: When, seconds from the trial's start.
+        key: What the participant's pedal types.
+    """
+
+    def __init__(self, sound: MaskingSound, at_s: Sequence[float], *, key: str) -> None:
+        self._sound, self._left_s, self.key = sound, list(at_s), key
+
+    def begin(self) -> None:
+        """Forget beeps of a trial before this one."""
+        self._sound.sounded_ns()
+
+    def look(self, t_s: float, note: Callable[[int], None]) -> None:
+        """Have played what is due, and note what has sounded.
+
+        Args:
+            t_s: Since the trial's start, seconds.
+            note: Called with the time at which a beep left the loudspeaker, nanoseconds.
+        """
+        while self._left_s and self._left_s[0] <= t_s:
+            self._left_s.pop(0)
+            self._sound.beep()
+        for sounded_ns in self._sound.sounded_ns():
+            note(sounded_ns)

@@ -1,0 +1,276 @@
+"""Run a trial on the lab's devices, through a session of their own, or on the simulated bench."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, Protocol
+
+import msgspec
+
+from tega.config.sections import StageConfig
+from tega.errors import InvalidValueError
+from tega.hand.poses import ClosureScale, load_poses
+from tega.runtime.files.toml_text import config_text
+from tega_sim.streams import Streams
+
+if TYPE_CHECKING:
+    from tega.config import SessionConfig
+    from tega.safety.states import Transition
+    from tega_sim.seams import Act, Percept, Shear
+    from tega_study.lead.rest_tasks import RestTask
+    from tega_study.lead.running_trial import Going
+    from tega_study.plan import PlannedTrial, StudyPlan
+from tega.runtime.files.whole_file import write_whole
+from tega_study.state import Where
+
+_LOOK_S = 0.01
+_CONDITIONS = ("haptic", "non-haptic", "event-gated")
+
+
+def _mapping(condition: str, given: StageConfig) -> StageConfig:
+    """Return the mapping of a condition: the settings' own, or pulses where the condition is about them."""
+    if condition == "event-gated" and given.name != "pulses":
+        return StageConfig(name="pulses")
+    if condition != "event-gated" and given.name == "pulses":
+        return StageConfig(name="columns")
+    return given
+
+
+class TrialBench(Protocol):
+    """Place of a trial: the lab's devices, or the simulated bench.
+
+    Attributes:
+        sees_height: Whether it says how high the object is; otherwise a person marks it.
+        own_time: Whether it has a time of its own.
+        closure: Reads how closed the hand is off its joints; ``None`` where they are not measured.
+        where: What the devices are, which the session's events say.
+        rest_tasks: What it offers in a rest.
+        measurable: Whether a scene camera films what is needed to measure the trials.
+    """
+
+    where: Where
+    sees_height: bool
+    own_time: bool
+    closure: ClosureScale | None
+    rest_tasks: Sequence[RestTask]
+    measurable: bool
+
+    def felt(self, condition: str) -> bool:
+        """Tell whether the vest shows touch in a condition.
+
+        Raises:
+            InvalidValueError: The condition cannot be applied here.
+        """
+        ...
+
+    def run(self, trial: PlannedTrial, going: Going, folder: Path) -> None:
+        """Run a trial until it is over.
+
+        Args:
+            trial: Which.
+            going: Told what happens, asked when to begin and to end.
+            folder: For what is recorded; new.
+        """
+        ...
+
+
+class LabBench:
+    """The devices of settings: opened for each trial, closed after it, recorded meanwhile.
+
+    The vest is open in every condition. Without touch to be felt it is sent zeros (reading A36).
+
+    Args:
+        config: The settings; what they say of duration, pace, output and recording folder does not count.
+        settings: How their file is named in what an error suggests.
+        where: ``emulated`` where the devices are emulators.
+
+    Raises:
+        InvalidValueError: The settings have no muscles or no fingertip: there is nothing to study.
+        MissingExtraError: A package of the extra ``record`` is not installed.
+    """
+
+    sees_height = False
+    own_time = False
+
+    def __init__(
+        self, config: SessionConfig, *, settings: str = "SETTINGS.toml", where: Where = "lab"
+    ) -> None:
+        from tega.runtime.lifecycle import require
+        from tega_study.lead.squeeze import squeeze_task
+        from tega_study.lead.to_start import start_task
+
+        require("foxglove", driver="recording", extra="record")
+        if config.emg is None or not config.tactile.in_use():
+            raise InvalidValueError(
+                f"{settings}: a study needs muscles and at least one fingertip",
+                "set [emg] and [tactile.thumb]",
+            )
+        self._config = config
+        self.rest_tasks: Sequence[RestTask] = (squeeze_task(config, settings=settings),)
+        if config.arm is not None and config.arm.start is not None:
+            self.rest_tasks = (*self.rest_tasks, start_task(config))
+        self.masking = config.masking
+        self.measurable = any(camera.lens is not None for camera in config.scene)
+        self._settings = settings
+        self.where: Where = where
+        self.closure: ClosureScale | None = None
+        if hasattr(config.hand.options, "poses"):  # a hand that is steered on its own angles
+            poses = config.hand.options.poses
+            self.closure = ClosureScale(None if poses is None else load_poses(poses))
+
+    def felt(self, condition: str) -> bool:
+        """Tell whether the vest shows touch."""
+        if condition not in _CONDITIONS:
+            raise InvalidValueError(
+                f"condition {condition!r} cannot be run", f"plan with {', '.join(_CONDITIONS)} only"
+            )
+        return condition != "non-haptic"
+
+    def run(self, trial: PlannedTrial, going: Going, folder: Path) -> None:
+        """Run a session of the devices for as long as the trial lasts."""
+        from tega.loop import run_session
+        from tega.records import MuscleCondition
+        from tega.records.bus import Bus
+
+        bus = Bus()
+        bus.subscribe(MuscleCondition, going.muscles)
+        replace = msgspec.structs.replace
+        # The devices do not know what is lifted; without touch to be felt they are sent zeros, see Going.feel.
+        stages = self._config.stages
+        stages = replace(stages, mapping=_mapping(trial.condition, stages.mapping))
+        config = replace(
+            self._config,
+            stages=stages,
+            session=replace(self._config.session, pace="real", duration_s=None, out_dir=None),
+            recording=replace(self._config.recording, dir=folder.absolute()),
+        )
+
+        def changed(change: Transition) -> None:
+            going.tell(change.state, change.reason)
+            if change.state == "active":
+                going.begin(change.t_ns)
+
+        run_session(
+            config,
+            bus=bus,
+            observer=going.view,
+            progress=going.preparing,
+            stop=going.over,
+            haptics=going.feel,
+            settings=self._settings,
+            go=going.may_go,
+            on_state=changed,
+        )
+
+
+class SimulatedBench:
+    """The simulated bench with a simulated participant: for rehearsals. What it gives is simulated.
+
+    Args:
+        plan: The study's plan; its seed and the person's id decide who the participant is.
+        participant: Whose session.
+        real_time: Keep to the machine's clock; otherwise as fast as it goes.
+        preset: Readings of the loop.
+        shear: Of the gels, see :class:`tega_sim.gel.Gel`.
+        settings: Of the loop, as ``key=value``; they are written beside each trial's tables, in ``loop.toml``.
+    """
+
+    where: Where = "simulated"
+    sees_height = True
+    own_time = True
+    rest_tasks: Sequence[RestTask] = ()
+    measurable = False
+
+    def __init__(
+        self,
+        plan: StudyPlan,
+        participant: str,
+        *,
+        real_time: bool = True,
+        preset: Literal["paper", "live"] = "live",
+        shear: Shear = "off",
+        settings: tuple[str, ...] = (),
+    ) -> None:
+        from tega_sim.lab import lab_of
+        from tega_sim.plan import TrialPlan
+        from tega_sim.world import GRASP_POSES_RAD
+        from tega_study.silico.session import person_seed
+
+        self._seed = person_seed(plan.settings.seed or 0, participant)
+        self._real_time = real_time
+        self._lab = lab_of(self._seed, preset, settings, shear)
+        self.config = self._lab.config
+        self._loop = {"preset": preset, "settings": settings, "shear": shear}
+        first = TrialPlan.checked({"object": plan.settings.objects[0], "seed": self._seed, **self._loop})
+        for name in plan.settings.objects:
+            TrialPlan.checked({"object": name})
+        self._person = self._lab.person(first)
+        self._fatigue = 0.0
+        self.closure: ClosureScale | None = ClosureScale(GRASP_POSES_RAD)
+
+    def felt(self, condition: str) -> bool:
+        """Tell whether the vest shows touch."""
+        from tega_sim.conditions import SESSION_CONDITIONS
+
+        if condition not in SESSION_CONDITIONS:
+            raise InvalidValueError(
+                f"condition {condition!r} cannot be simulated", "plan with haptic, non-haptic and event-gated"
+            )
+        return condition != "non-haptic"
+
+    def run(self, trial: PlannedTrial, going: Going, folder: Path) -> None:
+        """Have the simulated person lift the object once."""
+        from tega_sim.lift import Lift
+        from tega_sim.plan import TrialPlan
+
+        going.tell("preparing", "building the scene")
+        asked = TrialPlan.checked(
+            {"object": trial.object, "condition": trial.condition, "seed": self._seed, **self._loop}
+        )
+        streams = _Watched(going)
+        lift = Lift(self._lab, asked, self._person, trial.trial, fatigue=self._fatigue, streams=streams)
+        going.tell("armed", "simulated")
+        while not going.may_go():
+            if going.over():
+                return
+            time.sleep(_LOOK_S)
+        going.tell("active", "simulated")
+        going.begin(0)
+        lift.go(
+            real_time=self._real_time,
+            observer=lambda moment: going.view(
+                moment.loop._replace(arm_height_m=lift.rig.world.hand_height_m)
+            ),
+            stop=going.over,
+            paused=lambda: False,
+        )
+        self._fatigue = lift.fatigue
+        for event in lift.scorer.events:
+            if event.kind in {"slip", "deformation"}:
+                going.see(event.kind, round(event.t_s * 1e9))
+        folder.mkdir(parents=True, exist_ok=True)
+        streams.write_tables(folder)
+        write_whole(folder / "loop.toml", config_text(self.config))
+
+
+class _Watched(Streams):
+    """The course of a lift, whose heights are told as they come."""
+
+    def __init__(self, going: Going) -> None:
+        super().__init__()
+        self._going = going
+        self._dropped = False
+
+    def act(self, percept: Percept, act: Act) -> None:
+        """Keep one look at the world, and tell the height until the object is put down."""
+        super().act(percept, act)
+        scene: Any = percept.scene
+        t_ns = round(percept.t_s * 1e9)
+        if act.phase in {"place", "release", "done"}:
+            return
+        self._going.see("height", t_ns, scene.object_height_m if scene.lift_off else 0.0)
+        if scene.dropped and not self._dropped:
+            self._dropped = True
+            self._going.see("drop", t_ns)

@@ -1,0 +1,245 @@
+"""Show the experimenter a session and read the keys: in a terminal, also over SSH, or as plain lines."""
+
+from __future__ import annotations
+
+import queue
+import sys
+import threading
+import time
+from collections.abc import Callable, Sequence
+from types import TracebackType
+from typing import TYPE_CHECKING, NamedTuple, Protocol, Self
+
+import click
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+    from rich.live import Live
+
+    from tega.runtime.keys import Keys
+
+
+ENTER = "\n"
+_LINE_EVERY_S = 5.0
+_LOOK_S = 0.05
+
+
+class Screen(NamedTuple):
+    """Contents of the experimenter's screen.
+
+    Attributes:
+        phase: In a word.
+        heading: Where in the session this is.
+        big: The large line: a clock, or what to do.
+        lines: What else there is to know.
+        keys: Keys and what they do.
+        wrong: What is wrong with the devices.
+    """
+
+    phase: str
+    heading: str
+    big: str
+    lines: Sequence[str] = ()
+    keys: Sequence[tuple[str, str]] = ()
+    wrong: Sequence[str] = ()
+
+
+class Desk(Protocol):
+    """Shows and listens. Nothing waits but :meth:`line`."""
+
+    def show(self, screen: Screen) -> None:
+        """Show the state."""
+        ...
+
+    def say(self, text: str) -> None:
+        """Tell something that stays to be read."""
+        ...
+
+    def keys(self) -> list[str]:
+        """Return the keys pressed since the last call; Enter is :data:`ENTER`."""
+        ...
+
+    def line(self, prompt: str) -> str:
+        """Wait for a typed line."""
+        ...
+
+
+def desk_for(stop: Callable[[], bool], *, alone: bool = False) -> LineDesk | TerminalDesk:
+    """Return the desk that fits where this runs.
+
+    Args:
+        stop: Asked while a typed line is waited for; :meth:`Desk.line` then raises KeyboardInterrupt.
+        alone: Whether nobody needs to be there, so that a standard input that has ended stops nothing.
+    """
+    if sys.stdin.isatty() and sys.stderr.isatty():
+        return TerminalDesk(stop)
+    return LineDesk(stop, alone=alone)
+
+
+class LineDesk:
+    """One line at a time on stderr; keys are letters in lines of stdin, an empty line is Enter.
+
+    Args:
+        stop: As of :func:`desk_for`.
+        alone: Likewise.
+
+    Raises:
+        KeyboardInterrupt: From :meth:`keys` and :meth:`line`: stdin has ended, so whoever led has gone.
+    """
+
+    def __init__(self, stop: Callable[[], bool] = lambda: False, *, alone: bool = False) -> None:
+        self._stop, self._alone = stop, alone
+        self._heard: queue.SimpleQueue[str | None] = queue.SimpleQueue()
+        self._shown: tuple[object, ...] = ()
+        self._shown_s = 0.0
+        self._gone = False
+
+    def __enter__(self) -> Self:
+        """Begin to listen."""
+        threading.Thread(target=self._listen, name="tega-desk", daemon=True).start()
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        """Nothing to give back: the thread ends with stdin or the program."""
+
+    def _listen(self) -> None:
+        for line in sys.stdin:
+            self._heard.put(line.rstrip("\n"))
+        self._heard.put(None)
+
+    def show(self, screen: Screen) -> None:
+        """Show the state when it changes, and every five seconds."""
+        now_s = time.monotonic()
+        what = screen.phase, screen.heading, tuple(screen.lines), tuple(screen.wrong)
+        if what == self._shown and now_s - self._shown_s < _LINE_EVERY_S:
+            return
+        self._shown, self._shown_s = what, now_s
+        parts = [f"[{screen.phase}] {screen.heading} | {screen.big}", *screen.lines]
+        click.echo(" | ".join(parts + [f"! {one}" for one in screen.wrong]), err=True)
+
+    def say(self, text: str) -> None:
+        """Tell something."""
+        click.echo(f"  {text}", err=True)
+
+    def keys(self) -> list[str]:
+        """Return the keys of the lines that have come."""
+        found: list[str] = []
+        if self._gone and not self._alone:
+            raise KeyboardInterrupt
+        while not self._heard.empty():
+            line = self._heard.get()
+            if line is None:
+                self._gone = True
+                break
+            found += list(line) or [ENTER]
+        if self._gone and not found and not self._alone:
+            click.echo("standard input has ended, so nobody leads; --yes rehearses without anybody", err=True)
+            raise KeyboardInterrupt
+        return found
+
+    def line(self, prompt: str) -> str:
+        """Wait for a line."""
+        click.echo(f"? {prompt}", err=True)
+        while not self._stop():
+            try:
+                line = self._heard.get(timeout=_LOOK_S)
+            except queue.Empty:
+                continue
+            if line is None:
+                break
+            return line
+        raise KeyboardInterrupt
+
+
+class TerminalDesk:
+    """A picture that is redrawn in place on stderr, and single keys."""
+
+    def __init__(self, stop: Callable[[], bool] = lambda: False) -> None:
+        from rich.console import Console
+
+        self._stop = stop
+        self._console = Console(stderr=True, highlight=False)
+        self._live: Live | None = None
+        self._keys: Keys | None = None
+
+    def __enter__(self) -> Self:
+        """Take the terminal."""
+        from rich.live import Live
+
+        from tega.runtime.keys import Keys
+
+        self._keys = Keys()
+        self._keys.__enter__()
+        self._live = Live(console=self._console, transient=True, auto_refresh=False)
+        self._live.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Give the terminal back."""
+        live, self._live = self._live, None
+        keys, self._keys = self._keys, None
+        if live is not None:
+            live.stop()
+        if keys is not None:
+            keys.__exit__(kind, error, trace)
+
+    def show(self, screen: Screen) -> None:
+        """Redraw."""
+        if self._live is not None:
+            self._live.update(_panel(screen), refresh=True)
+
+    def say(self, text: str) -> None:
+        """Print above the picture."""
+        self._console.print(text, markup=False)
+
+    def keys(self) -> list[str]:
+        """Return the keys pressed."""
+        if self._keys is None:
+            return []
+        return [ENTER if key in {"\r", "\n"} else key for key in self._keys.read()]
+
+    def line(self, prompt: str) -> str:
+        """Ask in the picture's place; Backspace takes back, and other keys' sequences are passed over."""
+        typed = ""
+        while not self._stop():
+            for key in self.keys():
+                if key == ENTER:
+                    self._console.print(f"{prompt} {typed}", markup=False)
+                    return typed
+                if key in {"\x7f", "\x08"}:
+                    typed = typed[:-1]
+                elif len(key) == 1 and key.isprintable():
+                    typed += key
+            self.show(
+                Screen("question", prompt, f"{typed}_", (), [("Enter", "answer"), ("Backspace", "take back")])
+            )
+            time.sleep(_LOOK_S)
+        raise KeyboardInterrupt
+
+
+def _panel(screen: Screen) -> RenderableType:
+    from rich.align import Align
+    from rich.console import Group
+    from rich.panel import Panel
+    from rich.table import Table
+    from rich.text import Text
+
+    wrong = [Text(f"! {one}", style="bold red") for one in screen.wrong]
+    keys = Table.grid(padding=(0, 2))
+    for n in range(0, len(screen.keys), 3):
+        cells = [f"[bold cyan]{key}[/] {what}" for key, what in screen.keys[n : n + 3]]
+        keys.add_row(*cells)
+    rows: list[RenderableType] = [
+        Text(screen.heading, style="bold", justify="center"),
+        Text(),
+        Align.center(Text(f" {screen.big} ", style="bold reverse")),
+        Text(),
+        *(Text(line, justify="center") for line in screen.lines),
+        *wrong,
+        Text(),
+        Align.center(keys),
+    ]
+    colour = {"trial": "green", "rest": "blue", "countdown": "yellow"}.get(screen.phase, "cyan")
+    return Panel(Group(*rows), title=screen.phase.upper(), border_style=colour, padding=(0, 2))

@@ -1,0 +1,99 @@
+"""Run what the bench does in a rest, such as measuring a squeeze, in a thread that the experimenter can end."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+from tega.errors import TegaError
+from tega_study.lead.running_trial import in_thread
+
+if TYPE_CHECKING:
+    from tega.setup.calibration.guide import Bar
+    from tega_study.journal import Kind
+
+
+class RestTaskEnd(NamedTuple):
+    """Result of a task, for the session's events.
+
+    Attributes:
+        text: What there is to say of it.
+        value: Its number; ``None`` where it has none.
+    """
+
+    text: str = ""
+    value: float | None = None
+
+
+class RestTask(NamedTuple):
+    """Task that a bench offers in a rest.
+
+    Attributes:
+        key: Which key begins it.
+        words: What it does, a few words for the screen.
+        kind: Of the event that its end is.
+        run: Does it; shows what goes on in what it is given, which ends it by raising :class:`RestTaskEndedError`.
+        after_trials: Whether it begins by itself after each trial, where somebody leads.
+    """
+
+    key: str
+    words: str
+    kind: Kind
+    run: Callable[[RunningTask], RestTaskEnd]
+    after_trials: bool = False
+
+
+class RestTaskEndedError(Exception):
+    """Raised in a task's thread where the experimenter or the program has ended it."""
+
+
+class RunningTask:
+    """A task that goes on, in a thread of its own.
+
+    Args:
+        task: Which.
+
+    Attributes:
+        task: Which.
+        prompt: What the person is to do now.
+        left_s: For how long; ``None`` where nobody knows.
+    """
+
+    def __init__(self, task: RestTask) -> None:
+        self.task, self.prompt = task, "devices start"
+        self.left_s: float | None = None
+        self._ended = threading.Event()
+        self._made: list[RestTaskEnd] = []
+        self._thread, self._raised = in_thread(lambda: self._made.append(task.run(self)))
+
+    def show(self, prompt: str, _bars: Sequence[Bar], left_s: float | None) -> None:
+        """Take in what goes on; called by the task again and again.
+
+        Raises:
+            RestTaskEndedError: It is to end.
+        """
+        self.prompt, self.left_s = prompt, left_s
+        if self._ended.is_set():
+            raise RestTaskEndedError
+
+    @property
+    def over(self) -> bool:
+        """Whether it has ended."""
+        return not self._thread.is_alive()
+
+    def end(self) -> None:
+        """Have it end, and wait until its devices are closed."""
+        self._ended.set()
+        self._thread.join()
+
+    def result(self) -> RestTaskEnd | str:
+        """Return what came of it, or in a sentence why nothing did."""
+        if self._made:
+            return self._made[0]
+        error = self._raised[0]
+        if isinstance(error, RestTaskEndedError):
+            return "ended by the experimenter"
+        if isinstance(error, TegaError | OSError):
+            return str(error) or type(error).__name__
+        raise error

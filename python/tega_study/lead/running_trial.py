@@ -1,0 +1,228 @@
+"""Exchange signals and samples of a running trial between the bench's thread and the session's."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+import numpy as np
+
+from tega.hand.tips import tip_heights_mm
+from tega.haptics import FINGERS
+from tega_study.coupling import TouchCourse
+from tega_study.hand_rows import HandRow
+from tega_study.touch_rows import TouchRow
+
+if TYPE_CHECKING:
+    from tega.hand.poses import ClosureScale
+    from tega.loop.moment import LoopView
+    from tega.records import MuscleCondition
+    from tega.runtime.clock import Clock
+
+
+SeenKind = Literal["height", "drop", "slip", "deformation", "mark"]
+
+
+class TrialSeen(NamedTuple):
+    """Height, slip or other event that the bench has seen in the trial.
+
+    Attributes:
+        kind: ``height``, ``drop``, ``slip``, ``deformation`` or ``mark`` (a pedal).
+        t_s: Since the trial's start, seconds.
+        value: Of a height, metres.
+    """
+
+    kind: SeenKind
+    t_s: float
+    value: float = 0.0
+
+
+class Going:
+    """Passes signals and data of one trial between bench and lead. The bench's methods return at once.
+
+    Args:
+        clock: The session's clock.
+        feel: Whether the vest shows touch in this trial.
+        own_time: Whether time is the bench's own (simulated), not the clock's.
+        closure: Reads how closed the hand is off its joints; ``None`` where they are not measured.
+
+    Attributes:
+        state: Of the bench: what it prepares, then ``armed``, then ``active``.
+        reason: Why, for the experimenter.
+        alerts: What is wrong now, one sentence each.
+        started_ns: When the trial began, on the session's clock; ``None`` before.
+        zero_ns: On the session's clock, when the bench's own count of time began; ``None`` before.
+    """
+
+    def __init__(
+        self, clock: Clock, *, feel: bool, own_time: bool = False, closure: ClosureScale | None = None
+    ) -> None:
+        self._clock = clock
+        self._closure = closure
+        self._hand: list[HandRow] = []
+        self._feel = feel
+        self._own_time = own_time
+        self._go, self._over = threading.Event(), threading.Event()
+        self._view_zero_ns = self._newest_ns = 0
+        self._seen: deque[TrialSeen] = deque()
+        self._rows: list[tuple[float, float, float, float]] = []
+        self._touch: list[TouchRow] = []
+        self._newest_touch: dict[str, int] = {}
+        self._presses = 0
+        self._muscles: list[MuscleCondition] = []
+        self.state, self.reason = "preparing", ""
+        self.alerts: tuple[str, ...] = ()
+        self.started_ns: int | None = None
+        self.zero_ns: int | None = None
+
+    # The bench's side.
+
+    def preparing(self, what: str, done: int, total: int) -> None:
+        """Take in how preparation goes."""
+        self.reason = f"{what} {done} of {total}" if total else what
+
+    def tell(self, state: str, reason: str = "") -> None:
+        """Take in the bench's state."""
+        self.state, self.reason = state, reason
+
+    def may_go(self) -> bool:
+        """Tell whether the countdown is over."""
+        return self._go.is_set()
+
+    def begin(self, at_ns: int) -> None:
+        """Mark the trial's beginning, now; only the first call counts.
+
+        Args:
+            at_ns: This moment in the bench's own count of time.
+        """
+        if self.started_ns is None:
+            self._view_zero_ns = self._newest_ns = at_ns
+            now_ns = self._clock.now_ns()
+            self.zero_ns, self.started_ns = now_ns - at_ns, now_ns
+
+    def view(self, view: LoopView) -> None:
+        """Take in the loop's view, at every tick of the vest."""
+        self.alerts = tuple(view.alerts)
+        if view.state:
+            self.tell(view.state, view.reason)
+        pedal = view.inputs.get("marker")
+        pressed, self._presses = self._presses, 0 if pedal is None else pedal.n_presses
+        if self.started_ns is None or self._over.is_set():
+            return
+        t_s = (view.t_ns - self._view_zero_ns) / 1e9
+        self._newest_ns = view.t_ns
+        if self._presses > pressed:
+            self._seen.append(TrialSeen("mark", t_s))
+        for finger, (at_ns, contact) in view.contacts.items():
+            if self._newest_touch.get(finger) != at_ns >= self._view_zero_ns:
+                self._newest_touch[finger] = at_ns
+                self._touch.append(
+                    TouchRow(
+                        (at_ns - self._view_zero_ns) / 1e9,
+                        finger,
+                        int(contact.in_contact),
+                        contact.eda,
+                        contact.mass,
+                        contact.peak,
+                        *contact.centroid_xy,
+                    )
+                )
+        self._hand.append(self._hand_row(t_s, view))
+        if view.block is not None:
+            touching = [
+                felt
+                for felt, finger in zip(view.felt, FINGERS, strict=True)
+                if finger in view.contacts and view.contacts[finger][1].in_contact
+            ]
+            cci = sum(felt.cci_norm for felt in touching) / max(len(touching), 1)
+            eda = sum(felt.eda_norm for felt in touching) / max(len(touching), 1)
+            self._rows.append((t_s, cci, eda, view.block[2] - 1.0))
+
+    def _hand_row(self, t_s: float, view: LoopView) -> HandRow:
+        closure = tips_mm = None
+        if self._closure is not None and view.angles_rad is not None:
+            angles_rad = np.asarray(view.angles_rad)
+            if np.isfinite(angles_rad).all():  # a hand that has told none yet has NaN
+                closure, tips_mm = self._closure(angles_rad), tip_heights_mm(angles_rad)
+        level = None if view.block is None else view.block[2]
+        return HandRow(t_s, level, closure, view.arm_height_m, tips_mm)
+
+    def see(self, kind: SeenKind, t_ns: int, value: float = 0.0) -> None:
+        """Take in something seen at a moment in the bench's own count of time, such as a height in metres."""
+        if self.started_ns is not None:
+            self._seen.append(TrialSeen(kind, (t_ns - self._view_zero_ns) / 1e9, value))
+
+    def muscles(self, condition: MuscleCondition) -> None:
+        """Take in the condition of the muscles, once a second of effort."""
+        if self.started_ns is not None and not self._over.is_set():
+            self._muscles.append(condition)
+
+    def over(self) -> bool:
+        """Tell whether the trial is over."""
+        return self._over.is_set()
+
+    def feel(self) -> bool:
+        """Tell whether the vest may show touch now; before and after the trial it shows nothing."""
+        return self._feel and self.started_ns is not None and not self._over.is_set()
+
+    # The lead's side.
+
+    def go(self) -> None:
+        """Let the trial begin."""
+        self._go.set()
+
+    def end(self) -> None:
+        """End the trial."""
+        self._over.set()
+
+    def elapsed_s(self) -> float:
+        """Return the time since the trial's start, seconds; 0 before."""
+        if self.started_ns is None:
+            return 0.0
+        if self._own_time:
+            return (self._newest_ns - self._view_zero_ns) / 1e9
+        return (self._clock.now_ns() - self.started_ns) / 1e9
+
+    def seen(self) -> list[TrialSeen]:
+        """Return the events seen since the last call, in their order."""
+        found = []
+        while self._seen:
+            found.append(self._seen.popleft())
+        return found
+
+    def course(self) -> TouchCourse:
+        """Return touch and pose since the trial's start; times that do not rise by a millisecond are left out."""
+        rows: list[tuple[float, float, float, float]] = []
+        for row in list(self._rows):
+            if not rows or row[0] - rows[-1][0] > 1e-3:
+                rows.append(row)
+        return TouchCourse(*np.array(rows, dtype=np.float64).reshape(-1, 4).T)
+
+    def touch(self) -> list[TouchRow]:
+        """Return every new contact that a look at the loop has shown since the trial's start."""
+        return list(self._touch)
+
+    def hand(self) -> list[HandRow]:
+        """Return the state of hand and arm at each look at the loop since the trial's start."""
+        return list(self._hand)
+
+    def condition(self) -> list[MuscleCondition]:
+        """Return the condition of the muscles at each second of effort since the trial's start."""
+        return list(self._muscles)
+
+
+def in_thread(work: Callable[[], None]) -> tuple[threading.Thread, list[BaseException]]:
+    """Start work in a thread; what it raises is found in the list."""
+    raised: list[BaseException] = []
+
+    def run() -> None:
+        try:
+            work()
+        except BaseException as error:  # handed on by the lead
+            raised.append(error)
+
+    thread = threading.Thread(target=run, name="tega-trial", daemon=True)
+    thread.start()
+    return thread, raised

@@ -1,0 +1,88 @@
+"""Compose the experimenter's screens: while a trial is waited for, and while it goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from tega_study.lead.experimenter import Screen
+from tega_study.lead.trial import keys_of
+
+if TYPE_CHECKING:
+    from tega_study.lead.rest_tasks import RunningTask
+    from tega_study.lead.trial import LedTrial
+
+
+def waiting(
+    heading: str, thing: str, left_s: float, before: Sequence[str], keys: Sequence[tuple[str, str]]
+) -> Screen:
+    """Return the screen of a rest, and of being asked to begin once it is over.
+
+    Args:
+        heading: Where in the session this is.
+        thing: What will be lifted; ``""`` after the last trial.
+        left_s: Of the rest, seconds; it is over at 0.
+        before: How the trial before went.
+        keys: What can be said of it.
+    """
+    stop = ("q q", "stop here")
+    if left_s > 0:
+        return Screen("rest", heading, f"rest  {_clock(left_s)}", before, [stop, *keys])
+    if not thing:
+        return Screen("ready", heading, "Enter to end the session", before, [("Enter", "end"), *keys])
+    big = f"put the {thing} in its place; Enter to begin"
+    return Screen("ready", heading, big, before, [("Enter", "begin"), stop, *keys])
+
+
+def doing(heading: str, running: RunningTask) -> Screen:
+    """Return the screen of a task in a rest.
+
+    Args:
+        heading: Where in the session this is.
+        running: The task.
+    """
+    left = "" if running.left_s is None else f"  {running.left_s:.0f} s"
+    return Screen("task", heading, running.prompt + left, [running.task.words], [("a", "end it")])
+
+
+def running(heading: str, led: LedTrial, window_s: float, *, sees_height: bool) -> Screen:
+    """Return the screen of a trial from the moment its devices start.
+
+    Args:
+        heading: Where in the session this is.
+        led: The trial.
+        window_s: Time in which the object has to be lifted, seconds.
+        sees_height: Whether the bench knows the object's height.
+    """
+    going = led.going
+    big = {
+        "preparing": going.reason or "devices start",
+        "countdown": f"ready … {max(1, round(led.left_s + 0.5))}",
+    }.get(led.phase, f"{going.elapsed_s():5.1f} s of {window_s:g}")
+    lines = [] if led.phase != "trial" else [_about(led)]
+    if going.state == "hold":
+        lines.append(f"hold: {going.reason}")
+    keys = keys_of(sees_height=sees_height) if led.phase == "trial" else [("a", "break off")]
+    if led.phase == "trial" and led.beeps is not None:
+        keys.append((led.beeps.key, "participant heard a beep"))
+    return Screen(led.phase, heading, big, lines, keys, going.alerts)
+
+
+def _about(led: LedTrial) -> str:
+    rule = led.rule
+    if rule.held_s is not None:
+        how = "lifted and held"
+    elif rule.since_s is not None:
+        how = "at the mark"
+    elif rule.lift_off_s is not None:
+        how = "off the table"
+    else:
+        how = "on the table"
+    events = led.events()
+    n = {kind: sum(event.kind == kind for event in events) for kind in ("slip", "deformation", "drop")}
+    return f"{how}   slips {n['slip']}   deformations {n['deformation']}   drops {n['drop']}"
+
+
+def _clock(left_s: float) -> str:
+    whole = max(0, int(left_s + 0.999))
+    return f"{whole // 60}:{whole % 60:02d}"

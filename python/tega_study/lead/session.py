@@ -1,0 +1,402 @@
+"""Lead a session from the first trial to the last, or from where it was stopped."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from tega.errors import DeviceUnavailableError
+from tega.runtime.clock import Clock, SystemClock
+from tega_study.beep_score import said_of_beeps
+from tega_study.journal import Journal
+from tega_study.lead.asking import BlockQuestions
+from tega_study.lead.beeps import Beeps, check_answer_key
+from tega_study.lead.between_trials import TrialBefore
+from tega_study.lead.experimenter import ENTER, Desk
+from tega_study.lead.fatigue import said_of_muscles, said_of_squeezes
+from tega_study.lead.pedals import pedal_keys
+from tega_study.lead.questions import blocks_to_ask
+from tega_study.lead.rest_tasks import RestTask, RunningTask
+from tega_study.lead.screens import doing, running, waiting
+from tega_study.lead.session_progress import Telling
+from tega_study.lead.status_file import SessionBoard, board_path
+from tega_study.lead.tell import CommandFile, told_path
+from tega_study.lead.trial import LedTrial, Task
+from tega_study.plan import PlannedTrial, StudyPlan, read_plan
+from tega_study.probe import beep_times
+from tega_study.state import SessionState, derive, resume
+
+if TYPE_CHECKING:
+    from tega_study.lead.benches import TrialBench
+    from tega_study.masking_sound import MaskingSound
+
+
+INSTRUCTION = (
+    "Grasp the object with as little force as it takes. Lift it to the mark, 0.2 m up, within 15 s, and hold it still. "
+    "Squeeze no harder than you need, and do not let it slip."
+)
+"""Read to the participant, the same in every condition; kept with the session's events."""
+
+_POLL_S = 0.02
+
+
+def lead_session(
+    folder: Path,
+    participant: str,
+    bench: TrialBench,
+    desk: Desk,
+    *,
+    clock: Clock | None = None,
+    task: Task = "lift",
+    time_scale: float = 1.0,
+    pedals: str = "",
+    answer_key: str = "p",
+    auto: bool = False,
+    trials: int | None = None,
+    masking: MaskingSound | None = None,
+    stop: Callable[[], bool] = lambda: False,
+) -> SessionState:
+    """Lead a session, new or after a stop at any moment.
+
+    Args:
+        folder: The study's folder.
+        participant: Whose session.
+        bench: What trials run on.
+        desk: What the experimenter sees and presses.
+        clock: The session's; the machine's monotonic one when ``None``.
+        task: When a trial is over, see :class:`tega_study.lead.trial.LedTrial`.
+        time_scale: Of all waits; below 1 for rehearsals, which the events then say.
+        pedals: Keys that foot pedals type, see :func:`tega_study.lead.pedals.pedal_keys`.
+        answer_key: The key that the participant's pedal types at a beep, where the plan has a second task.
+        auto: Go on by the clock and pass over the questions.
+        trials: Stop after so many; ``None`` for all.
+        masking: Sounds already, and goes on from the first trial to the last whatever the condition; the events say so.
+            It plays the beeps of a second task too.
+        stop: Asked all the time whether to stop; a trial that goes on is then broken off for technical reasons.
+
+    Returns:
+        How the session stands.
+
+    Raises:
+        InvalidValueError: Nobody has that id, answer key or a pedal means something else, a condition cannot be run
+            on this bench, or the plan is not for sessions on it.
+        RecordingError: The study is damaged, or the person has withdrawn.
+        DeviceUnavailableError: Another program has the session open, nothing can play the plan's beeps, the masking
+            sound has stopped, or a trial cannot begin and nobody is there.
+        KeyboardInterrupt: ``stop`` said so, or the desk's person has gone.
+    """
+    plan = read_plan(folder)
+    for condition in plan.settings.conditions:
+        bench.felt(condition)
+    pressed = pedal_keys(pedals, bench.rest_tasks)
+    if plan.settings.probe:
+        check_answer_key(answer_key, pedals)
+        if masking is None:
+            raise DeviceUnavailableError(
+                "the plan has a second task, and nothing plays its beeps", "give lead_session a MaskingSound"
+            )
+    clock = SystemClock() if clock is None else clock
+    journal, _state = resume(folder, plan, participant, t_ns=clock.now_ns(), where=bench.where)
+    with journal:
+        lead = _Lead(
+            folder,
+            plan,
+            participant,
+            journal,
+            bench=bench,
+            desk=desk,
+            clock=clock,
+            task=task,
+            time_scale=time_scale,
+            pedals=pressed,
+            answer_key=answer_key,
+            auto=auto,
+            masking=masking,
+            stop=stop,
+        )
+        try:
+            return lead.run(trials)
+        finally:
+            lead.leave()
+
+
+class _Lead:
+    def __init__(
+        self,
+        folder: Path,
+        plan: StudyPlan,
+        participant: str,
+        journal: Journal,
+        *,
+        bench: TrialBench,
+        desk: Desk,
+        clock: Clock,
+        task: Task,
+        time_scale: float,
+        pedals: dict[str, tuple[str, ...]],
+        answer_key: str,
+        auto: bool,
+        masking: MaskingSound | None,
+        stop: Callable[[], bool],
+    ) -> None:
+        self._folder, self._plan, self._participant = folder, plan, participant
+        self._mine = plan.of(participant)
+        self._journal, self._bench, self._desk, self._clock = journal, bench, desk, clock
+        self._task, self._scale, self._pedals = task, time_scale, pedals
+        self._answer_key = answer_key
+        self._auto, self._stop, self._masking = auto, stop, masking
+        self._before = TrialBefore(journal, desk, clock)
+        self._telling = Telling(desk, board_path(folder, participant))
+        self._told = CommandFile(told_path(folder, participant), clock)
+        self._led: LedTrial | None = None
+
+    @property
+    def _state(self) -> SessionState:
+        return derive(self._mine, self._journal.events)
+
+    def run(self, most: int | None) -> SessionState:
+        """Go on until all trials are over, or so many of them, or somebody quits."""
+        self._before.note(INSTRUCTION)
+        self._before.note(f"masking sound: {'none' if self._masking is None else self._masking.words}")
+        if self._plan.settings.probe:
+            self._before.note(f"second task: beeps, answered with the key {self._answer_key}")
+        if self._scale != 1.0:
+            self._before.note(f"rehearsal: waits are {self._scale:g} times as long")
+        self._desk.say(f"Read to the participant: {INSTRUCTION}")
+        n_done = 0
+        while self._questions() and (most is None or n_done < most):
+            state = self._state
+            number, attempt = state.next or (0, 0)
+            trial = self._mine[number - 1] if number else None
+            if trial is None and self._auto:
+                break
+            ready = self._wait(trial, attempt)
+            if self._state.next != state.next:
+                continue  # the trial before is to be done again, and comes first
+            if not ready or trial is None:
+                break
+            self._check_masking("")
+            n_done += self._trial(trial, attempt)
+            self._check_masking(f" in trial {trial.trial}")
+        state = self._state
+        if state.next is None:
+            self._desk.say("All trials are over. Thank the participant; take off vest and electrodes.")
+        return state
+
+    def leave(self) -> None:
+        """End what is going on and say that the session is not led any more."""
+        if self._led is not None:
+            self._led.break_off("the session was stopped")
+        self._journal.add("session_stop", t_ns=self._clock.now_ns(), source="auto")
+        self._board("over" if self._state.next is None else "stopped", at_once=True)
+
+    # The parts of a session.
+
+    def _check_masking(self, when: str) -> None:
+        """Stop where the motors can be heard: that would be another condition."""
+        if self._masking is None or self._masking.playing:
+            return
+        said = f"the masking sound stopped{when}: the loudspeaker went away"
+        self._before.note(said)
+        raise DeviceUnavailableError(said, "plug it in again; the same command goes on")
+
+    def _wait(self, trial: PlannedTrial | None, attempt: int) -> bool:
+        """Rest, then wait until everybody is ready, or after the last trial until there is no more to be said of it.
+
+        Returns:
+            False to quit; if another trial is next now, either.
+        """
+        next_before = self._state.next
+        rest_s = 0.0 if trial is None else trial.rest_s
+        if attempt > 1:
+            rest_s = max(rest_s, self._plan.settings.rest_s)
+        now_ns = self._clock.now_ns()
+        ended_ns = self._before.ended_ns(now_ns)
+        until_ns = now_ns if ended_ns is None else ended_ns + round(rest_s * self._scale * 1e9)
+        again = ", again" if attempt > 1 else ""
+        what = "all trials are over" if trial is None else f"trial {trial.trial} of {len(self._mine)}{again}"
+        heading = f"{self._participant} · {what}" + ("" if trial is None else f" · {trial.object}")
+        quitting = False
+        tasks = {} if trial is None else {task.key: task for task in self._bench.rest_tasks}
+        offered = [(key, task.words) for key, task in tasks.items()]
+        if ended_ns is not None:
+            self._by_itself(list(tasks.values()), heading)
+        while True:
+            now_ns = self._clock.now_ns()
+            left_s = (until_ns - now_ns) / 1e9
+            resting = left_s > 0
+            for key in self._heard():
+                if key == "q":
+                    if quitting:
+                        return False
+                    quitting = True
+                    self._desk.say("q once more to stop here; the same command goes on from here")
+                elif key == ENTER and not resting:
+                    return True
+                elif trial is not None and key in tasks:
+                    self._rest_task(tasks[key], heading)
+                else:
+                    self._before.take(key)
+                    if self._state.next != next_before:
+                        return False
+            if self._auto and not resting:
+                return True
+            thing = "" if trial is None else trial.object
+            events = self._journal.events
+            told = [*self._before.lines(), *said_of_muscles(events), *said_of_squeezes(events)]
+            screen = waiting(heading, thing, left_s, told, [*offered, *self._before.keys])
+            self._telling.show(
+                screen, self._as_board(screen.phase, trial, attempt, until_ns=until_ns if resting else None)
+            )
+            time.sleep(_POLL_S)
+
+    def _by_itself(self, tasks: Sequence[RestTask], heading: str) -> None:
+        """Begin what begins by itself after a trial, where somebody leads."""
+        for task in tasks:
+            if task.after_trials and not self._auto:
+                self._rest_task(task, heading)
+
+    def _rest_task(self, task: RestTask, heading: str) -> None:
+        """Have the bench do something of a rest, and write down what came of it."""
+        running = RunningTask(task)
+        try:
+            while not running.over:
+                if "a" in self._heard():
+                    running.end()
+                self._telling.show(doing(heading, running), self._as_board("task", None))
+                time.sleep(_POLL_S)
+        finally:
+            running.end()
+        found = running.result()
+        if isinstance(found, str):
+            self._desk.say(f"{task.words}: {found}")
+            return
+        number, attempt = self._before.which or (0, 1)
+        self._journal.add(
+            task.kind,
+            t_ns=self._clock.now_ns(),
+            trial=number,
+            attempt=attempt,
+            source="auto",
+            text=found.text,
+            value=found.value,
+        )
+        self._desk.say(f"{task.words}: {found.text or 'done'}")
+
+    def _trial(self, trial: PlannedTrial, attempt: int) -> bool:
+        """Lead a trial; whether it took place."""
+        window_s = self._plan.settings.window_s
+        led = self._led = LedTrial(
+            self._folder,
+            trial,
+            attempt,
+            bench=self._bench,
+            journal=self._journal,
+            clock=self._clock,
+            task=self._task,
+            window_s=window_s,
+            time_scale=self._scale,
+            beeps=self._beeps(trial, attempt),
+        )
+        heading = f"{self._participant} · trial {trial.trial} of {len(self._mine)} · {trial.object}"
+        while not led.step(self._heard()):
+            going = led.going
+            until_ns = None if going.started_ns is None else going.started_ns + round(window_s * 1e9)
+            self._telling.show(
+                running(heading, led, window_s, sees_height=self._bench.sees_height),
+                self._as_board(
+                    led.phase,
+                    trial,
+                    attempt,
+                    until_ns=until_ns,
+                    started_ns=going.started_ns if led.phase == "trial" else None,
+                    says=going.reason,
+                    health=going.alerts,
+                ),
+            )
+            time.sleep(_POLL_S)
+        self._led = None
+        if led.broke:
+            if self._auto:
+                raise DeviceUnavailableError(f"trial {trial.trial} cannot begin: {led.broke}")
+            self._desk.say(f"The trial did not begin: {led.broke}")
+            return False
+        end = next(e for e in reversed(self._journal.events) if e.kind == "trial_end")
+        self._desk.say(
+            f"trial {trial.trial}: {end.text}"
+            + ("" if end.status == "done" else f" ({end.status})")
+            + said_of_beeps(led.events(), end.t_ns)
+        )
+        if led.rule.lift_off_s is None and any(e.kind == "slip" for e in led.events()):
+            self._desk.say("No lift-off was marked, so the slips of this trial count as before lift-off.")
+        return True
+
+    def _beeps(self, trial: PlannedTrial, attempt: int) -> Beeps | None:
+        settings = self._plan.settings
+        if self._masking is None or not settings.probe:
+            return None
+        at_s = beep_times(trial, attempt, seed=settings.seed or 0, until_s=settings.window_s)
+        return Beeps(self._masking, at_s, key=self._answer_key)
+
+    def _questions(self) -> bool:
+        """Ask what is to be asked after a block that is over; True always, for the loop."""
+        state = self._state
+        left = {number for number, status in state.status.items() if status in {"planned", "running"}}
+        if state.next is not None:
+            left.add(state.next[0])
+        for number in blocks_to_ask(self._mine, self._journal.events, left):
+            asked = BlockQuestions(
+                self._journal, self._clock, number, f"{self._participant} · after trial {number}"
+            )
+            if self._auto:
+                asked.pass_over()
+            while not asked.over:
+                self._heard_by_program()
+                pressed = self._desk.keys()
+                for key in pressed:
+                    asked.press(key)
+                self._telling.show(asked.screen(), self._as_board("questions", None))
+                time.sleep(_POLL_S)
+        return True
+
+    def _heard(self) -> list[str]:
+        told, typed = self._heard_by_program(), self._desk.keys()
+        return [*(own for key in typed for own in self._pedals.get(key, (key,))), *told]
+
+    def _heard_by_program(self) -> list[str]:
+        """Return what another program has pressed; a question is answered by a person, whatever it presses."""
+        if self._stop():
+            raise KeyboardInterrupt
+        return self._told.take()
+
+    def _as_board(
+        self,
+        phase: str,
+        trial: PlannedTrial | None,
+        attempt: int = 1,
+        *,
+        until_ns: int | None = None,
+        started_ns: int | None = None,
+        says: str = "",
+        health: tuple[str, ...] = (),
+    ) -> SessionBoard:
+        return SessionBoard(
+            t_ns=self._clock.now_ns(),
+            phase=phase,
+            trial=0 if trial is None else trial.trial,
+            attempt=attempt,
+            object="" if trial is None else trial.object,
+            n_over=self._state.n_over,
+            n_trials=len(self._mine),
+            started_ns=started_ns,
+            until_ns=until_ns,
+            window_s=self._plan.settings.window_s,
+            says=says,
+            n_told=self._told.n_taken,
+            health=health,
+        )
+
+    def _board(self, phase: str, *, at_once: bool = False) -> None:
+        self._telling.put(self._as_board(phase, None), at_once=at_once)

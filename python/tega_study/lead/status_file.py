@@ -1,0 +1,67 @@
+"""Write a session's status for the observers' consoles: one small file, replaced whole at every change.
+
+It never says the condition: who observes must not know it.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+
+from tega.errors import RecordingError
+from tega.runtime.files.foreign_file import parse_json, read_foreign
+from tega.runtime.files.whole_file import write_whole
+
+
+class SessionBoard(msgspec.Struct, frozen=True, kw_only=True):
+    """State of a session, for the observers' consoles.
+
+    Attributes:
+        t_ns: When it was written, on the session's clock, as all times.
+        phase: ``waiting``, ``rest``, ``ready``, ``countdown``, ``trial``, ``task``, ``questions`` or
+            ``over``.
+        trial: Number of the trial that goes on or comes next; 0 for none.
+        attempt: Its attempt.
+        object: What is lifted in it.
+        n_over: Trials that need nothing more.
+        n_trials: All trials.
+        started_ns: When the running trial began; ``None`` where none runs.
+        until_ns: When the rest or the window is over; ``None`` where nothing ends by itself.
+        window_s: Time in which the object has to be lifted, seconds.
+        says: What is prepared or waited for.
+        n_told: How many commands of other programs were taken.
+        health: What is wrong with the devices, one sentence each; empty when all is well.
+    """
+
+    t_ns: int
+    phase: str
+    trial: int = 0
+    attempt: int = 1
+    object: str = ""
+    n_over: int = 0
+    n_trials: int = 0
+    started_ns: int | None = None
+    until_ns: int | None = None
+    window_s: float = 15.0
+    says: str = ""
+    n_told: int = 0
+    health: tuple[str, ...] = ()
+
+
+def board_path(folder: Path, participant: str) -> Path:
+    """Return where a session's board is."""
+    return folder / "sessions" / participant / "now.json"
+
+
+def write_board(path: Path, board: SessionBoard) -> None:
+    """Replace the board."""
+    write_whole(path, msgspec.json.encode(board) + b"\n")
+
+
+def read_board(path: Path) -> SessionBoard | None:
+    """Read the board; ``None`` where there is none that can be read."""
+    try:
+        return parse_json(read_foreign(path, most_mib=1), SessionBoard)
+    except (OSError, msgspec.DecodeError, RecordingError):
+        return None

@@ -1,0 +1,161 @@
+"""Let another program on this machine lead a session: start, end, slip and so on, as if a key had been pressed.
+
+A command is a line of JSON at the end of ``sessions/p01/told.jsonl``, such as ``{"do": "start"}``; who may write there
+may lead. A session takes commands that come while it runs, and says in its board how many it has taken.
+"""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, Literal
+
+import msgspec
+
+from tega.errors import DeviceUnavailableError, RecordingError
+from tega.runtime.files.foreign_file import check_file, parse_json
+from tega.runtime.files.whole_file import open_to_append
+from tega_study.lead.experimenter import ENTER
+from tega_study.lead.status_file import SessionBoard, board_path, read_board
+from tega_study.state import events_path
+
+if TYPE_CHECKING:
+    from tega.runtime.clock import Clock
+
+
+Command = Literal["start", "mark", "slip", "deformation", "drop", "undo", "end", "break", "safety", "quit"]
+
+KEYS: Final[dict[Command, tuple[str, ...]]] = {
+    "start": (ENTER,),
+    "mark": (" ",),
+    "slip": ("s",),
+    "deformation": ("d",),
+    "drop": ("x",),
+    "undo": ("u",),
+    "end": ("e",),
+    "break": ("a",),
+    "safety": ("z",),
+    "quit": ("q", "q"),
+}
+"""What each command presses."""
+
+FRESH_S: Final = 3.0
+"""A board that is older belongs to a session that nobody leads: it is renewed twice a second."""
+_MOST_BYTES: Final = 65536
+_LOOK_S: Final = 0.02
+
+
+class ToldLine(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A line of ``told.jsonl``.
+
+    Attributes:
+        do: What to do.
+    """
+
+    do: Command
+
+
+def told_path(folder: Path, participant: str) -> Path:
+    """Return where commands to a person's session are written."""
+    return events_path(folder, participant).with_name("told.jsonl")
+
+
+class CommandFile:
+    """Takes commands of other programs; what was written before is passed over.
+
+    So is what came while nothing was taken for :data:`FRESH_S`, as when a typed answer was waited for: whoever gave it
+    has been told that it was not taken, and it must not begin or end a trial now.
+
+    Args:
+        path: The file.
+        clock: The session's.
+
+    Attributes:
+        n_taken: How many lines were taken, understood or not.
+    """
+
+    def __init__(self, path: Path, clock: Clock) -> None:
+        self._path, self._clock, self.n_taken = path, clock, 0
+        self._at, self._looked_ns = self._size(), clock.now_ns()
+
+    def _size(self) -> int:
+        try:
+            return self._path.stat().st_size
+        except OSError:
+            return 0
+
+    def take(self) -> list[str]:
+        """Return the keys that new commands press; a line that is no command presses none."""
+        now_ns = self._clock.now_ns()
+        stale, self._looked_ns = now_ns - self._looked_ns > FRESH_S * 1e9, now_ns
+        size = self._size()
+        if size <= self._at:
+            self._at = size  # somebody has begun the file anew
+            return []
+        try:
+            check_file(self._path, most_mib=64)
+            with self._path.open("rb") as file:
+                file.seek(self._at)
+                new = file.read(_MOST_BYTES)
+        except (OSError, RecordingError):
+            return []
+        whole = new[: new.rfind(b"\n") + 1]
+        if not whole and len(new) == _MOST_BYTES:
+            whole = new  # no command is so long
+        self._at += len(whole)
+        found: list[str] = []
+        for line in whole.splitlines():
+            self.n_taken += 1
+            try:
+                keys = KEYS[parse_json(line, ToldLine).do]
+            except msgspec.DecodeError:
+                continue
+            found += () if stale else keys
+        return found
+
+
+def tell(
+    folder: Path, participant: str, command: Command, *, clock: Clock, timeout_s: float = 3.0
+) -> SessionBoard:
+    """Give a running session a command, and wait until it has taken it.
+
+    Args:
+        folder: The study's folder.
+        participant: Whose session.
+        command: What to do; it does what its key would do now, which may be nothing.
+        clock: The machine's monotonic one, which the session's board goes by.
+        timeout_s: For the session to take it, seconds.
+
+    Returns:
+        How the session stood then.
+
+    Raises:
+        DeviceUnavailableError: Nobody leads the session on this machine, or it did not take the command.
+        RecordingError: What is there for commands is a link, or no file.
+    """
+    board = _fresh(folder, participant, clock)
+    line = msgspec.json.encode(ToldLine(command)) + b"\n"
+    with open_to_append(told_path(folder, participant)) as file:
+        file.write(line)  # goes out in one call, so that two programs' lines are never mixed
+    until_ns = clock.now_ns() + round(timeout_s * 1e9)
+    while clock.now_ns() < until_ns:
+        now = read_board(board_path(folder, participant))
+        if now is not None and now.n_told > board.n_told:
+            return now
+        time.sleep(_LOOK_S)
+    raise DeviceUnavailableError(
+        f"the session of {participant} did not take {command!r} within {timeout_s:g} s",
+        "it may be waiting for a typed answer; look at its terminal",
+    )
+
+
+def _fresh(folder: Path, participant: str, clock: Clock) -> SessionBoard:
+    board = read_board(board_path(folder, participant))
+    if board is not None and board.phase not in {"over", "stopped"}:
+        age_s = (clock.now_ns() - board.t_ns) / 1e9
+        if 0 <= age_s <= FRESH_S:
+            return board
+    raise DeviceUnavailableError(
+        f"nobody leads the session of {participant} on this machine, or a typed answer is waited for there",
+        f"look at its terminal, or begin it with tega-teleop study run {folder} {participant} ...",
+    )

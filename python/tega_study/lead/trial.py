@@ -1,0 +1,358 @@
+"""Lead one trial: preparation, countdown, clock, keys, events of the bench, and the end."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+import msgspec
+
+from tega.errors import TegaError
+from tega.runtime.files.whole_file import write_whole
+from tega_study.coupling import TouchCourse, write_course
+from tega_study.hand_rows import write_hand
+from tega_study.journal import Journal, JournalEvent, Kind, Status, counting
+from tega_study.lead.fatigue import trial_medians
+from tega_study.lead.lift_rule import LIFT_M, OFF_TABLE_M, LiftRule
+from tega_study.lead.running_trial import Going, in_thread
+from tega_study.touch_rows import touch_path, write_touch
+from tega_study.trials import course_path
+
+if TYPE_CHECKING:
+    from tega.runtime.clock import Clock
+    from tega_study.lead.beeps import Beeps
+    from tega_study.lead.benches import TrialBench
+    from tega_study.plan import PlannedTrial
+
+
+EXPERIMENTER = "experimenter"
+PARTICIPANT = "participant"
+COUNTDOWN_S = 3.0
+PLACE_S = 15.0
+"""Task ``place``: time after the window in which the object is put down, seconds."""
+
+Task = Literal["lift", "place"]
+END = "e"
+"""Ends a trial. Enter begins one and answers questions: one Enter too many must not end the trial that it began."""
+
+QUIET_S = 1.0
+"""So long after a trial has begun its result cannot be keyed: nobody has lifted or dropped anything by then."""
+
+_OWN = {"slip", "deformation", "drop", "override", "note", "redo"}
+_KEYS: dict[str, Kind] = {"s": "slip", "d": "deformation"}
+
+
+def recording_folder(folder: Path, trial: PlannedTrial, attempt: int) -> Path:
+    """Return where an attempt is recorded: ``recordings/<person>/<trial>-a<attempt>``."""
+    return folder / "recordings" / trial.participant / f"{trial.id}-a{attempt}"
+
+
+def keys_of(*, sees_height: bool) -> list[tuple[str, str]]:
+    """Return the keys of a running trial and what they do."""
+    mark = [] if sees_height else [("space", "left the table, then at the mark")]
+    return [
+        *mark,
+        ("s", "slip"),
+        ("d", "deformation"),
+        ("x", "dropped"),
+        ("u", "undo"),
+        (END, "done"),
+        ("a", "break off, technical"),
+        ("z", "stop for safety"),
+    ]
+
+
+class _TrialEnd(NamedTuple):
+    """End of a trial: when, in seconds from its start, its status, and why."""
+
+    t_s: float
+    status: Status
+    why: str = ""
+
+
+class LedTrial:
+    """A trial from the moment the bench starts to make ready. Ask :meth:`step` until it says that it is over.
+
+    Args:
+        folder: The study's.
+        trial: Which.
+        attempt: Its attempt.
+        bench: What it runs on.
+        journal: The session's events.
+        clock: The session's.
+        task: ``lift`` is over when the object has been held up; ``place`` when it has been put down as well.
+        window_s: Time in which it has to be lifted, seconds.
+        time_scale: Of the countdown.
+        beeps: The second task; ``None`` where there is none.
+
+    Attributes:
+        phase: ``preparing``, ``countdown``, ``trial`` or ``over``.
+        left_s: Of the countdown.
+        beeps: The second task; ``None`` where there is none.
+        broke: What made it end before it had begun; ``""`` otherwise.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        trial: PlannedTrial,
+        attempt: int,
+        *,
+        bench: TrialBench,
+        journal: Journal,
+        clock: Clock,
+        task: Task,
+        window_s: float,
+        time_scale: float = 1.0,
+        beeps: Beeps | None = None,
+    ) -> None:
+        self._folder, self.trial, self.attempt = folder, trial, attempt
+        self._bench, self._journal, self._clock = bench, journal, clock
+        self._task, self._window_s = task, window_s
+        self._countdown_ns = round(COUNTDOWN_S * time_scale * 1e9)
+        self.beeps = beeps
+        self._since_ns: int | None = None
+        self.rule = LiftRule(window_s=window_s)
+        self.going = Going(
+            clock, feel=bench.felt(trial.condition), own_time=bench.own_time, closure=bench.closure
+        )
+        self.phase, self.left_s, self.broke = "preparing", 0.0, ""
+        self._kept: set[Kind] = set()
+        where = recording_folder(folder, trial, attempt)
+        self._thread, self._raised = in_thread(lambda: bench.run(trial, self.going, where))
+
+    def step(self, keys: list[str]) -> bool:
+        """Take in keys and what the bench saw; write what follows from it into the journal.
+
+        Returns:
+            Whether the trial is over; its end is then on the disk, unless it had not begun.
+        """
+        going = self.going
+        if going.started_ns is None:
+            return self._before(keys)
+        if self.phase != "trial":
+            self._begin(going.started_ns)
+        gone = not self._thread.is_alive()
+        end = self._press(keys)
+        seen_end = self._look()
+        t_s = going.elapsed_s()
+        if not self._bench.sees_height:
+            self.rule.look(t_s)
+        if self.beeps is not None:
+            self.beeps.look(t_s, self._note_beep)
+        self._note_lift()
+        end = seen_end or end or self._ended(t_s, gone=gone)
+        if end is not None:
+            self._finish(end)
+        return self.phase == "over"
+
+    def break_off(self, why: str) -> None:
+        """End the trial now for technical reasons, such as Ctrl-C."""
+        if self.going.started_ns is None:
+            self._stop_bench()
+            self.phase, self.broke = "over", why
+        elif self.phase != "over":
+            if self.phase != "trial":
+                self._begin(self.going.started_ns)
+            self._finish(_TrialEnd(self.going.elapsed_s(), "aborted_technical", why))
+
+    def _before(self, keys: list[str]) -> bool:
+        going = self.going
+        if not self._thread.is_alive() and going.started_ns is None:
+            self._stop_bench()
+            error = self._raised[0] if self._raised else None
+            self.phase, self.broke = (
+                "over",
+                _told(error) if error else "the bench ended before the trial began",
+            )
+            if error is not None and not isinstance(error, TegaError | OSError):
+                raise error
+            return True
+        if "a" in keys or "z" in keys:
+            self.break_off("broken off before it began")
+            return True
+        now_ns = self._clock.now_ns()
+        if going.state != "armed":
+            self.phase, self._since_ns = "preparing", None
+        else:
+            self._since_ns = now_ns if self._since_ns is None else self._since_ns
+            left_ns = self._since_ns + self._countdown_ns - now_ns
+            self.phase, self.left_s = "countdown", max(left_ns, 0) / 1e9
+            if left_ns <= 0:
+                going.go()
+        return False
+
+    def _begin(self, started_ns: int) -> None:
+        self.phase = "trial"
+        if self.beeps is not None:
+            self.beeps.begin()
+        where = recording_folder(self._folder, self.trial, self.attempt)
+        self._journal.add(
+            "trial_start", t_ns=started_ns, trial=self.trial.trial, attempt=self.attempt, source="auto"
+        )
+        where.mkdir(parents=True, exist_ok=True)
+        facts = {
+            "format": "tega-study-trial",
+            "trial": self.trial.id,
+            "attempt": self.attempt,
+            "zero_ns": self.going.zero_ns,
+            "started_ns": started_ns,
+        }
+        write_whole(where / "trial.json", msgspec.json.format(msgspec.json.encode(facts), indent=1) + b"\n")
+
+    def _press(self, keys: list[str]) -> _TrialEnd | None:
+        t_s = self.going.elapsed_s()
+        for key in keys:
+            if self.beeps is not None and key == self.beeps.key:
+                self._add("answer", t_s, PARTICIPANT)
+            elif key in _KEYS:
+                self._add(_KEYS[key], t_s, EXPERIMENTER)
+            elif key == "x" and t_s >= QUIET_S:
+                self._add("drop", t_s, EXPERIMENTER)
+                return _TrialEnd(t_s, "failed_task", "dropped")
+            elif key == "u":
+                self.undo()
+            elif key == " ":
+                self._mark(t_s)
+            elif key == END and t_s >= QUIET_S:
+                return _TrialEnd(t_s, "done", "ended by the experimenter")
+            elif key == "a":
+                return _TrialEnd(t_s, "aborted_technical", "broken off by the experimenter")
+            elif key == "z":
+                return _TrialEnd(t_s, "aborted_safety", "stopped by the experimenter")
+        return None
+
+    def _mark(self, t_s: float) -> None:
+        """Take in a press of space or pedal: off the table, at the height, below it again, and so on."""
+        if self._bench.sees_height:
+            return
+        up = self.rule.lift_off_s is not None and self.rule.since_s is None
+        self.rule.height(t_s, LIFT_M if up else OFF_TABLE_M)
+
+    def _look(self) -> _TrialEnd | None:
+        for seen in self.going.seen():
+            if seen.kind == "height":
+                self.rule.height(seen.t_s, seen.value)
+            elif seen.kind == "mark":
+                self._mark(seen.t_s)
+            elif seen.kind == "drop":
+                self._add("drop", seen.t_s, "auto")
+                return _TrialEnd(seen.t_s, "failed_task", "dropped")
+            elif seen.kind in {"slip", "deformation"}:
+                self._add(seen.kind, seen.t_s, "auto")
+        return None
+
+    def _note_beep(self, t_ns: int) -> None:
+        """Write down a beep; on a bench with a time of its own, when it was asked for."""
+        at_ns = self._at(self.going.elapsed_s()) if self._bench.own_time else t_ns
+        self._journal.add("beep", t_ns=at_ns, trial=self.trial.trial, attempt=self.attempt, source="auto")
+
+    def _note_lift(self) -> None:
+        who = "auto" if self._bench.sees_height else EXPERIMENTER
+        held = self.rule.held_s
+        found: tuple[tuple[Kind, float | None], ...] = (
+            ("lift_off", self.rule.lift_off_s),
+            ("lifted", None if held is None else held[1]),
+        )
+        for kind, t_s in found:
+            if t_s is not None and kind not in self._kept:
+                self._kept.add(kind)
+                self._add(kind, t_s, who)
+
+    def _ended(self, t_s: float, *, gone: bool) -> _TrialEnd | None:
+        verdict = self.rule.verdict(t_s)
+        if self._raised:
+            return _TrialEnd(t_s, "aborted_technical", _told(self._raised[0]))
+        if verdict == "lifted" and self._task == "lift" and self.rule.held_s is not None:
+            return _TrialEnd(self.rule.held_s[1], "done", "lifted and held")
+        if verdict == "too late":
+            return _TrialEnd(t_s, "failed_task", "not lifted in time")
+        if gone:
+            return _TrialEnd(t_s, "done", "the bench has ended")
+        if t_s > self._window_s + PLACE_S:
+            return _TrialEnd(t_s, "done", "time is over")
+        return None
+
+    def _finish(self, end: _TrialEnd) -> None:
+        self._stop_bench()
+        for seen in self.going.seen():  # what the bench says once it has ended
+            if seen.kind in {"slip", "deformation"} and seen.t_s <= end.t_s:
+                self._add(seen.kind, seen.t_s, "auto")
+        for channel, median_hz in trial_medians(self.going.condition()).items():
+            self._journal.add(
+                "muscles",
+                t_ns=self._at(end.t_s),
+                trial=self.trial.trial,
+                attempt=self.attempt,
+                source="auto",
+                item=channel,
+                value=round(median_hz, 2),
+            )
+        course = self.going.course()
+        before = course.t_s <= end.t_s
+        path = course_path(self._folder, self.trial)
+        write_course(path, TouchCourse(*(column[before] for column in course)))
+        where = touch_path(self._folder, self.trial.participant, self.trial.id, self.attempt)
+        write_touch(where, [row for row in self.going.touch() if row.t_s <= end.t_s])
+        rows = [row for row in self.going.hand() if row.t_s <= end.t_s]
+        write_hand(where.with_name("hand.csv"), rows)
+        if self._raised and end.status in {"done", "failed_task"}:
+            end = end._replace(status="aborted_technical", why=_told(self._raised[0]))
+        dropped = any(event.kind == "drop" for event in self.events())
+        success = self.rule.held_s is not None and not dropped
+        status = end.status
+        if status == "done" and not success:
+            status = "failed_task"
+        self._journal.add(
+            "trial_end",
+            t_ns=self._at(end.t_s),
+            trial=self.trial.trial,
+            attempt=self.attempt,
+            status=status,
+            success=success,
+            source="auto",
+            text=end.why,
+        )
+        self.phase = "over"
+
+    def _stop_bench(self) -> None:
+        self.going.end()
+        self._thread.join()
+
+    def _at(self, t_s: float) -> int:
+        return (self.going.started_ns or 0) + round(t_s * 1e9)
+
+    def _add(self, kind: Kind, t_s: float, source: str) -> None:
+        self._journal.add(
+            kind,
+            t_ns=self._at(t_s),
+            trial=self.trial.trial,
+            attempt=self.attempt,
+            source=source,
+        )
+
+    def events(self) -> list[JournalEvent]:
+        """Return the events of this attempt that still count."""
+        return counting(self._journal.events, self.trial.trial, self.attempt)
+
+    def undo(self) -> JournalEvent | None:
+        """Undo what the experimenter last added to this attempt."""
+        return undo_last(self._journal, self.trial.trial, self.attempt, t_ns=self._clock.now_ns())
+
+
+def undo_last(journal: Journal, trial: int, attempt: int, *, t_ns: int) -> JournalEvent | None:
+    """Undo what the experimenter last added to an attempt; ``None`` where there is nothing."""
+    mine = [
+        event
+        for event in counting(journal.events, trial, attempt)
+        if event.source == EXPERIMENTER and event.kind in _OWN
+    ]
+    if not mine:
+        return None
+    return journal.add(
+        "undo", t_ns=t_ns, trial=trial, attempt=attempt, undone=mine[-1].n, source=EXPERIMENTER
+    )
+
+
+def _told(error: BaseException) -> str:
+    return str(error) or type(error).__name__

@@ -1,0 +1,293 @@
+"""Measure the trials of a session with a scene camera, and let a person confirm or correct what was measured."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import msgspec
+import numpy as np
+
+from tega.errors import InvalidValueError, RecordingError
+from tega_scene.layout import TagLayout
+from tega_scene.lens import Lens
+from tega_scene.outcomes import SceneOutcome, score_scene
+from tega_scene.own_film import own_film, own_recording
+from tega_scene.pictures import read_pictures, times_path
+from tega_scene.track import track_scene
+from tega_study.journal import Journal, JournalEvent, Kind, counting, read_events
+from tega_study.lead.trial import recording_folder
+from tega_study.measured import CAMERA, measured_path, read_measured
+from tega_study.observe.observing import checked_rater
+from tega_study.observers import RECORDED, WHOLE, observer_path
+from tega_study.plan import read_plan
+from tega_study.privacy import withdrawn_ids
+from tega_study.score.boris import attempts
+from tega_study.state import events_path
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+KINDS: Final[dict[str, Kind]] = {
+    "lift_off": "lift_off",
+    "lifted": "lifted",
+    "slip": "slip",
+    "deformation": "deformation",
+    "drop": "drop",
+    "placed": "placed",
+}
+"""Events of a scene that a study's journal has."""
+
+CORRECTED: Final[tuple[Kind, ...]] = ("lift_off", "slip", "deformation", "drop", "placed")
+"""What a person may add."""
+
+
+class MeasuredTrial(msgspec.Struct, frozen=True):
+    """Measurement of one attempt by a camera.
+
+    Attributes:
+        participant: Whose.
+        trial: Its number.
+        attempt: Its attempt.
+        object: What was lifted.
+        outcome: What was measured, times from the trial's start; ``None`` where it could not be.
+        problem: Why it could not.
+    """
+
+    participant: str
+    trial: int
+    attempt: int
+    object: str
+    outcome: SceneOutcome | None
+    problem: str = ""
+
+
+def measure_session(
+    folder: Path,
+    participant: str,
+    video: Path | None = None,
+    lens: Lens | None = None,
+    layout: TagLayout | None = None,
+    *,
+    camera: str | None = None,
+    harm_m: float = 0.006,
+    mark_m: tuple[float, float] | None = None,
+) -> list[MeasuredTrial]:
+    """Measure the trials of a session by a camera, and write them beside the session's events.
+
+    Args:
+        folder: The study's folder.
+        participant: Whose session.
+        video: A video of the whole session; its time code is on the session's clock. ``None`` for what a camera of the
+            settings filmed into each trial's recording.
+        lens: Of the camera; ``None`` for those in the recordings, like the layout.
+        layout: Which tags are where.
+        camera: Which camera of the settings; ``None`` for the only one.
+        harm_m: Narrowing from which the object counts as deformed, metres.
+        mark_m: Second mark of a task of two places, as of :func:`tega_scene.outcomes.score_scene`.
+
+    Raises:
+        InvalidValueError: Nobody has that id, or the mark is no place on the table.
+        RecordingError: The study or the video is damaged, has no time code, or shows no trial of the session.
+        CalibrationError: The intrinsics in a recording are damaged.
+        ConfigError: A layout in a recording is damaged.
+    """
+    plan = read_plan(folder)
+    mine = {trial.trial: trial for trial in plan.of(participant)}
+    if participant in withdrawn_ids(folder):
+        raise RecordingError(f"{participant} has withdrawn", "go on with another participant")
+    ended = [
+        (start, end)
+        for start, end in attempts(read_events(events_path(folder, participant)))
+        if end.status in {"done", "failed_task"}
+    ]
+    if video is None:
+        films = _own_films([recording_folder(folder, mine[s.trial], s.attempt) for s, _ in ended], camera)
+    else:
+        films = _one_film(video, [start.t_ns for start, _ in ended])
+    found: list[tuple[JournalEvent, JournalEvent, MeasuredTrial]] = []
+    for (start, end), film in zip(ended, films, strict=True):
+        outcome, problem = None, film.problem
+        seen_by, laid = lens or film.lens, layout or film.layout
+        if not problem and (seen_by is None or laid is None):
+            problem = "its recording has no lens and layout: name them, or set them in [[scene]]"
+        if not problem and seen_by is not None and laid is not None:
+            try:
+                pictures = between(film.pictures, start.t_ns / 1e9, end.t_ns / 1e9)
+                track = track_scene(pictures, seen_by, laid)
+                outcome = score_scene(track, laid, begin_s=0.0, harm_m=harm_m, mark_m=mark_m)
+            except RecordingError as error:
+                problem = str(error)
+        seen = MeasuredTrial(
+            participant, start.trial, start.attempt, mine[start.trial].object, outcome, problem
+        )
+        found.append((start, end, seen))
+    if not any(seen.outcome for *_, seen in found):
+        why = found[0][2].problem if found else "no trial has been run"
+        seen_in = "" if video is None else f"{video.name}: "
+        raise RecordingError(f"{seen_in}no trial of {participant} could be measured: {why}")
+    write_measured(measured_path(folder, participant), plan.settings.plan_sha256, found)
+    return [seen for *_, seen in found]
+
+
+class _Film(NamedTuple):
+    """Pictures on the machine's clock, and what is known of their camera; or why there are none."""
+
+    pictures: Iterator[tuple[float, NDArray[np.uint8]]] = iter(())
+    lens: Lens | None = None
+    layout: TagLayout | None = None
+    problem: str = ""
+
+
+def _one_film(video: Path, starts_ns: Sequence[int]) -> Iterator[_Film]:
+    """Return the film of a whole session once for each trial: it is decoded once, each goes on where one left off."""
+    if not times_path(video).exists():
+        raise RecordingError(
+            f"{video.name}: has no time code {times_path(video).name}, so nothing says where a trial is in it",
+            "record with tega-teleop scene record, and export",
+        )
+    pictures = read_pictures(video, begin_s=min(starts_ns, default=0) / 1e9)
+    return (_Film(pictures) for _ in starts_ns)
+
+
+def _own_films(folders: Sequence[Path], camera: str | None) -> Iterator[_Film]:
+    """Return what was filmed into each trial's recording."""
+    for folder in folders:
+        with tempfile.TemporaryDirectory() as beside:
+            try:
+                film = own_film(own_recording(folder), camera, Path(beside))
+            except RecordingError as error:
+                yield _Film(problem=str(error))
+                continue
+            yield _Film(read_pictures(film.video), film.lens, film.layout)
+
+
+def between(
+    filmed: Iterator[tuple[float, NDArray[np.uint8]]], begin_s: float, end_s: float
+) -> Iterator[tuple[float, NDArray[np.uint8]]]:
+    """Return the next trial's pictures of a film, times from the trial's start; the film stands after its end then."""
+    for t_s, image in filmed:
+        if t_s > end_s:
+            return
+        if t_s >= begin_s:
+            yield t_s - begin_s, image
+
+
+def write_measured(
+    path: Path, signed: str, found: Sequence[tuple[JournalEvent, JournalEvent, MeasuredTrial]]
+) -> None:
+    """Write the camera's events of a session anew.
+
+    Args:
+        path: The file, :func:`~tega_study.measured.measured_path`.
+        signed: Checksum of the plan.
+        found: Start, end and outcome of each attempt.
+    """
+    beside = path.with_suffix(".new")
+    beside.unlink(missing_ok=True)
+    with Journal(beside) as journal:
+        journal.add("session_start", t_ns=found[0][0].t_ns, source=CAMERA, text=signed)
+        for start, end, seen in found:
+            if (outcome := seen.outcome) is None:
+                continue
+            trial, attempt = seen.trial, seen.attempt
+            journal.add("trial_start", t_ns=start.t_ns, source=CAMERA, trial=trial, attempt=attempt)
+            for event in outcome.events:
+                size = (
+                    f"{1000 * event.size_m:.2f} ± {1000 * event.size_error_m:.2f} mm, "
+                    if event.size_m
+                    else ""
+                )
+                journal.add(
+                    KINDS.get(event.kind, "note"),
+                    t_ns=start.t_ns + round(event.t_s * 1e9),
+                    source=CAMERA,
+                    value=round(1000 * event.size_m, 3) if event.size_m else None,
+                    text=f"{event.kind}: {size}± {1000 * event.t_error_s:.0f} ms",
+                    trial=trial,
+                    attempt=attempt,
+                )
+            rest = () if outcome.rest is None else (outcome.rest.said(),)
+            for note in (*rest, *outcome.notes):
+                journal.add("note", t_ns=end.t_ns, source=CAMERA, text=note, trial=trial, attempt=attempt)
+            journal.add(
+                "trial_end",
+                t_ns=end.t_ns,
+                source=CAMERA,
+                success=outcome.success,
+                trial=trial,
+                attempt=attempt,
+            )
+    beside.replace(path)
+
+
+def confirm_trial(
+    folder: Path,
+    participant: str,
+    trial: int,
+    rater: str,
+    *,
+    attempt: int = 1,
+    struck: Sequence[int] = (),
+    added: Sequence[tuple[str, float]] = (),
+) -> list[JournalEvent]:
+    """Take the camera's events of a trial over into a person's own account, as they are or corrected.
+
+    Args:
+        folder: The study's folder.
+        participant: Whose session.
+        trial: Number of the trial.
+        rater: Who confirms, a code such as ``r1``.
+        attempt: Of the trial.
+        struck: Events that did not happen, by their number in the camera's file.
+        added: Events that the camera has missed: kind, seconds from the trial's start.
+
+    Returns:
+        The events that now count for that person.
+
+    Raises:
+        InvalidValueError: The camera has not measured the trial, a number is not one of its events, a kind cannot be
+            added, a time is outside the trial, or the person has confirmed it before.
+        RecordingError: A file is damaged.
+    """
+    measured = read_measured(folder, participant)
+    mine = counting(measured, trial, attempt)
+    ends = {event.kind: event for event in mine if event.kind in {"trial_start", "trial_end"}}
+    if len(ends) < 2:
+        raise InvalidValueError(
+            f"{participant} trial {trial}, attempt {attempt}: not measured by a camera",
+            "tega-teleop scene measure does so",
+        )
+    start, end = ends["trial_start"], ends["trial_end"]
+    events = {event.n: event for event in mine if event.kind in CORRECTED}
+    for number in struck:
+        if number not in events:
+            raise InvalidValueError(
+                f"event {number} is none of trial {trial}", f"one of {', '.join(map(str, events)) or 'none'}"
+            )
+    for kind, t_s in added:
+        if kind not in CORRECTED:
+            raise InvalidValueError(f"a {kind!r} cannot be added", f"one of {', '.join(CORRECTED)}")
+        if not 0 <= t_s <= (end.t_ns - start.t_ns) / 1e9:
+            raise InvalidValueError(
+                f"{kind} at {t_s:g} s: the trial lasts {(end.t_ns - start.t_ns) / 1e9:.2f} s"
+            )
+    kept = [(event.kind, event.t_ns) for number, event in events.items() if number not in struck]
+    for kind in CORRECTED:
+        kept += [(kind, start.t_ns + round(t_s * 1e9)) for name, t_s in added if name == kind]
+    name = f"{CAMERA}+{checked_rater(rater)}"
+    with Journal(observer_path(folder, participant, name)) as journal:
+        if any(e.kind == "trial_end" and (e.trial, e.attempt) == (trial, attempt) for e in journal.events):
+            raise InvalidValueError(
+                f"{rater} has confirmed trial {trial} before", "another person may, with another code"
+            )
+        if not journal.events:
+            signed = next(event.text for event in measured if event.kind == "session_start")
+            journal.add("session_start", t_ns=start.t_ns, source=name, text=signed, item=RECORDED)
+        journal.add("trial_start", t_ns=start.t_ns, trial=trial, attempt=attempt, source=name)
+        for kind, t_ns in sorted(kept, key=lambda one: one[1]):
+            journal.add(kind, t_ns=t_ns, trial=trial, attempt=attempt, source=name)
+        journal.add("trial_end", t_ns=end.t_ns, trial=trial, attempt=attempt, source=name, text=WHOLE)
+        return [e for e in counting(journal.events, trial, attempt) if e.kind in CORRECTED]

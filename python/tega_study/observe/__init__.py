@@ -1,0 +1,17 @@
+"""Observe a running session: one key an event, in a file of its own for each rater.
+
+::
+
+    observing.py    what a rater adds, and which trials the rater saw from start to end; no display
+    console.py      a program of its own in a terminal
+
+A console reads what the session wrote, and writes into no file but the rater's. So it needs no connection, and either
+side can stop and start again at any moment. Raters do not see one another, nor the condition. Recordings are coded in
+BORIS: :mod:`tega_study.score.clips`.
+"""
+
+from __future__ import annotations
+
+from tega_study.observe.observing import Observing
+
+__all__ = ["Observing"]

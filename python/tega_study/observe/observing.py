@@ -1,0 +1,197 @@
+"""Add a rater's events to a running session, and note which trials the rater saw from start to end."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import NamedTuple, Self
+
+from tega.errors import InvalidValueError, RecordingError
+from tega_study.journal import Journal, JournalEvent, Kind, counting, read_events
+from tega_study.lead.status_file import SessionBoard, board_path, read_board
+from tega_study.observers import PART, RECORDED, WHOLE, observer_path
+from tega_study.plan import PlannedTrial, read_plan
+from tega_study.state import events_path
+
+OBSERVED: tuple[Kind, ...] = ("lift_off", "slip", "deformation", "drop")
+"""What a rater can see happen."""
+
+LATE_NS = 1_000_000_000
+"""So long after a trial's end an event still belongs to it, and so late a rater may come and have seen it all."""
+
+GONE_NS = 3_000_000_000
+"""A board older than this: nobody leads the session now."""
+
+_RATER = re.compile(r"[A-Za-z0-9][A-Za-z0-9_+-]{0,39}")
+
+
+def checked_rater(rater: str) -> str:
+    """Return a rater's code.
+
+    Raises:
+        InvalidValueError: It cannot be a file's name.
+    """
+    if not _RATER.fullmatch(rater):
+        raise InvalidValueError(f"rater {rater!r}: cannot be a file's name", "use a code such as r1")
+    return rater
+
+
+class Now(NamedTuple):
+    """State of the session as a rater is shown it.
+
+    Attributes:
+        board: What the session says of itself; ``None`` before it has ever been led.
+        led: Whether somebody leads it now.
+        running: The trial that goes on, its attempt, and when it began on the session's clock; or ``None``.
+        newest: The trial that goes on or was the last one, and its attempt; or ``None``.
+        events: What the rater has added to that trial and not undone.
+        following: The trial that comes next, as far as the board knows.
+    """
+
+    board: SessionBoard | None
+    led: bool
+    running: tuple[PlannedTrial, int, int] | None
+    newest: tuple[PlannedTrial, int] | None
+    events: tuple[JournalEvent, ...]
+    following: PlannedTrial | None
+
+
+class Observing:
+    """A rater's file, open.
+
+    Args:
+        folder: The study's folder.
+        participant: Whose session.
+        rater: Who observes, a code such as ``r1``.
+        t_ns: Now, on the session's clock.
+
+    Raises:
+        InvalidValueError: Nobody has that id, ``rater`` cannot be a file's name, or has scored recordings.
+        RecordingError: The file is damaged, belongs to another plan, or the person has withdrawn.
+        DeviceUnavailableError: The rater's file is open in another console.
+    """
+
+    def __init__(self, folder: Path, participant: str, rater: str, *, t_ns: int) -> None:
+        from tega_study.privacy import withdrawn_ids
+
+        self.rater = checked_rater(rater)
+        plan = read_plan(folder)
+        self._trials = {trial.trial: trial for trial in plan.of(participant)}
+        if participant in withdrawn_ids(folder):
+            raise RecordingError(f"{participant} has withdrawn", "go on with another participant")
+        self._main, self._board = events_path(folder, participant), board_path(folder, participant)
+        self._size, self._events = -1, list[JournalEvent]()
+        self.journal = Journal(observer_path(folder, participant, rater))
+        signed = plan.settings.plan_sha256
+        if any(e.kind == "session_start" and e.text != signed for e in self.journal.events):
+            self.journal.close()
+            raise RecordingError(f"{rater}'s file belongs to another plan", "open it in its own folder")
+        if any(e.kind == "session_start" and e.item == RECORDED for e in self.journal.events):
+            self.journal.close()
+            raise InvalidValueError(f"{rater} has scored recordings of this session", "use another code")
+        self._came_ns = t_ns
+        self.journal.add("session_start", t_ns=t_ns, source=rater, text=signed)
+
+    def look(self, t_ns: int) -> Now:
+        """Look at how the session stands; note the trials that have begun and ended.
+
+        Args:
+            t_ns: Now, on the session's clock.
+        """
+        if (size := self._main.stat().st_size if self._main.exists() else 0) != self._size:
+            self._size, self._events = size, read_events(self._main)
+        starts = [event for event in self._events if event.kind == "trial_start"]
+        board = read_board(self._board)
+        led = board is not None and board.phase not in {"over", "stopped"} and t_ns - board.t_ns < GONE_NS
+        following = None if board is None or board.phase == "trial" else self._trials.get(board.trial)
+        if not starts:
+            return Now(board, led, None, None, (), following)
+        start = starts[-1]
+        trial, attempt = self._trials[start.trial], start.attempt
+        end = self._of(self._events, "trial_end", trial.trial, attempt)
+        self._attend(start, end)
+        running = None if end is not None else (trial, attempt, start.t_ns)
+        mine = [
+            e for e in counting(self.journal.events, trial.trial, attempt) if e.kind in {*OBSERVED, "note"}
+        ]
+        return Now(board, led, running, (trial, attempt), tuple(mine), following)
+
+    def press(self, kind: Kind, t_ns: int) -> str:
+        """Add an event.
+
+        Args:
+            kind: One of :data:`OBSERVED`.
+            t_ns: When the key was pressed.
+
+        Returns:
+            Why it was refused; ``""`` when it is on the disk.
+        """
+        now = self.look(t_ns)
+        if now.newest is None:
+            return "no trial has begun yet"
+        trial, attempt = now.newest
+        if now.running is None:
+            end = self._of(self._events, "trial_end", trial.trial, attempt)
+            if end is not None and t_ns - end.t_ns > LATE_NS:
+                return "no trial goes on"
+        self.journal.add(kind, t_ns=t_ns, trial=trial.trial, attempt=attempt, source=self.rater)
+        return ""
+
+    def undo(self, t_ns: int) -> str:
+        """Take back the newest event of the trial that goes on or was the last; the reason where there is none."""
+        now = self.look(t_ns)
+        if now.newest is None or not now.events:
+            return "there is nothing to undo"
+        trial, attempt = now.newest
+        undone = now.events[-1].n
+        self.journal.add(
+            "undo", t_ns=t_ns, trial=trial.trial, attempt=attempt, undone=undone, source=self.rater
+        )
+        return ""
+
+    def note(self, text: str, t_ns: int) -> None:
+        """Add a note, to the trial that goes on or was the last where there is one."""
+        now = self.look(t_ns)
+        number, attempt = (0, 1) if now.newest is None else (now.newest[0].trial, now.newest[1])
+        self.journal.add("note", t_ns=t_ns, trial=number, attempt=attempt, source=self.rater, text=text)
+
+    def close(self) -> None:
+        """Close the file."""
+        self.journal.close()
+
+    def __enter__(self) -> Self:
+        """Return itself."""
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        """Close the file."""
+        self.close()
+
+    def _attend(self, start: JournalEvent, end: JournalEvent | None) -> None:
+        """Note that a trial has begun, or is over, once; and whether all of it was seen."""
+        key = start.trial, start.attempt
+        mine = self.journal.events
+        saw = self._of(mine, "trial_start", *key)
+        whole = self._came_ns - start.t_ns < LATE_NS
+        if saw is None:
+            if end is not None:  # it was over before anybody looked
+                return
+            said = WHOLE if whole else PART
+            saw = self.journal.add(
+                "trial_start", t_ns=start.t_ns, trial=key[0], attempt=key[1], source=self.rater, text=said
+            )
+        if end is not None and self._of(mine, "trial_end", *key) is None:
+            away = any(event.kind == "session_start" for event in mine[saw.n :])
+            self.journal.add(
+                "trial_end",
+                t_ns=end.t_ns,
+                trial=key[0],
+                attempt=key[1],
+                source=self.rater,
+                text=PART if away or saw.text else WHOLE,
+            )
+
+    @staticmethod
+    def _of(events: list[JournalEvent], kind: Kind, trial: int, attempt: int) -> JournalEvent | None:
+        found = (e for e in reversed(events) if (e.kind, e.trial, e.attempt) == (kind, trial, attempt))
+        return next(found, None)

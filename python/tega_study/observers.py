@@ -1,0 +1,47 @@
+"""Read the raters' own files of a session, and tell which trials a rater saw from start to end."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from tega.runtime.files.plain_name import plain_name
+from tega_study.journal import JournalEvent, read_events
+from tega_study.state import events_path
+
+WHOLE, PART = "", "not the whole trial"
+"""Texts of a rater's ``trial_end``."""
+
+RECORDED = "recorded"
+"""Item of the ``session_start`` of a rater who scores recordings."""
+
+PROPOSED = "proposed"
+"""Item of the ``session_start`` of a rater who was shown what rule and detector say."""
+
+
+def observer_path(folder: Path, participant: str, rater: str) -> Path:
+    """Return where a rater's events of a session are."""
+    plain_name(rater, what="rater", source=folder.name)
+    return events_path(folder, participant).parent / "observers" / f"{rater}.jsonl"
+
+
+def read_observers(folder: Path, participant: str) -> dict[str, list[JournalEvent]]:
+    """Read every rater's events of a session, by rater in the order of their names.
+
+    Who confirmed what a camera measured (``camera+ID``) comes after those who watched for themselves.
+    """
+    folder_of = events_path(folder, participant).parent / "observers"
+    found = sorted(folder_of.glob("*.jsonl"), key=lambda path: ("+" in path.stem, path.name))
+    return {path.stem: read_events(path) for path in found}
+
+
+def saw_whole(events: Sequence[JournalEvent], trial: int, attempt: int) -> bool:
+    """Tell whether a rater saw a trial from its start to its end."""
+    return any(
+        e.kind == "trial_end" and (e.trial, e.attempt) == (trial, attempt) and e.text == WHOLE for e in events
+    )
+
+
+def was_shown_proposals(events: Sequence[JournalEvent]) -> bool:
+    """Tell whether a rater was shown what rule and detector say, and so agrees with them for that reason too."""
+    return any(e.kind == "session_start" and e.item == PROPOSED for e in events)

@@ -1,0 +1,231 @@
+"""Render an analysis and its drawings as the report's HTML page, by the Jinja2 templates beside this file."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import groupby
+from typing import TYPE_CHECKING
+
+from tega.errors import MissingExtraError
+from tega_study.analyse import Analysis
+from tega_study.cells import Cell
+from tega_study.compare import SMALLEST_FOR_P, Test
+from tega_study.difference import OutcomeDifference
+from tega_study.directions import Direction
+from tega_study.figures import p_text
+from tega_study.lead.questions import QUESTIONS
+from tega_study.paper import PAPER_OBJECTS, PAPER_SETUP, PAPER_TABLE_1
+from tega_study.silico.sensitivity import SensitivityRow
+from tega_study.tables import PAPER_LABELS
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+
+_SHORT = {"duration_s": "time", "slips": "slips", "deformations": "deformed", "success": "success"}
+_MARKS = {"as printed": "yes told", "opposite": "no told", "not told apart": "", "no data": ""}
+_SMALLEST = 0.005
+"""Differences that round to 0.00 are called none."""
+
+_FEWEST = 3
+"""People from which an interval over them is given: two leave one degree of freedom, and an interval of any width."""
+
+_UNITS = {
+    "duration_s": ", s",
+    "slips": " per trial",
+    "deformations": " per trial",
+    "success": ", points of 100",
+}
+
+
+def report_html(analysis: Analysis, figures: Mapping[str, str]) -> str:
+    """Return the page.
+
+    Args:
+        analysis: All numbers.
+        figures: Drawings as SVG, by name.
+
+    Raises:
+        MissingExtraError: Jinja2 is not installed.
+    """
+    sizes = sorted({(row.people, row.trials) for row in analysis.sensitivity})
+    return (
+        report_templates()
+        .get_template("report.html")
+        .render(
+            analysis=analysis,
+            figures=figures,
+            labels=PAPER_LABELS,
+            short=_SHORT,
+            marks=_MARKS,
+            smallest=_SMALLEST,
+            units=_UNITS,
+            paper_objects=PAPER_OBJECTS,
+            paper_setup=PAPER_SETUP,
+            paper_values=_paper_values(analysis),
+            most_people=max((cell.people for cell in analysis.cells), default=0),
+            least_for_p=SMALLEST_FOR_P,
+            fewest=_FEWEST,
+            cells={(cell.object, cell.condition): cell for cell in analysis.cells},
+            trials={trial.id: trial for trial in analysis.trials},
+            family=list(_family(analysis)),
+            sizes="; ".join(f"{people} people, {trials} trials" for people, trials in sizes),
+            ranges=_ranges(analysis.sensitivity),
+            questions={q.item: f"{q.title}: 0 {q.left}, 100 {q.right}" for q in QUESTIONS},
+        )
+    )
+
+
+def report_templates() -> Environment:
+    """Return the environment of the templates beside this file.
+
+    Raises:
+        MissingExtraError: Jinja2 is not installed.
+    """
+    try:
+        from jinja2 import Environment, PackageLoader, StrictUndefined
+    except ImportError as error:
+        raise MissingExtraError("Jinja2 is not installed", "pip install 'tega[study]'") from error
+    made = Environment(
+        loader=PackageLoader("tega_study"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    made.filters |= {
+        "amounts": lambda one: f"{_amount(one, one.first)} / {_amount(one, one.second)}",
+        "as_printed": _as_printed,
+        "base64": lambda drawing: base64.b64encode(drawing.encode()).decode(),
+        "difference": _difference,
+        "effect": _effect,
+        "interval": interval,
+        "number": number,
+        "outcome": _outcome,
+        "p": lambda p: (
+            "–" if p is None else p_text(p)[2:].removeprefix("= ").replace(" ", "\N{NO-BREAK SPACE}")
+        ),
+        "people": people,
+        "ranges": _events,
+        "sd_of": lambda cell, metric: getattr(
+            cell, f"{metric.removesuffix('_s')}_sd{'_s' * metric.endswith('_s')}"
+        ),
+        "share": lambda value: "–" if value is None else f"{100 * value:.0f}\N{NO-BREAK SPACE}%",
+        "value_of": _value_of,
+    }
+    return made
+
+
+def number(value: float | None, digits: int = 2) -> str:
+    """Return a number with so many decimals, and without a sign where they are all 0."""
+    return "–" if value is None else f"{value:z.{digits}f}".replace("-", "−")
+
+
+def interval(value: float | None, low: float | None, high: float | None) -> str:
+    """Return an effect with its interval."""
+    if value is None or low is None:
+        return number(value)
+    return f"{number(value)} ({number(low)} to {'∞' if high is None else number(high)})"
+
+
+def _effect(test: Test) -> str:
+    few = test.level in {"people", "adjusted"} and test.people < _FEWEST and test.effect is not None
+    none = few or (test.low is None and "not estimable" in test.note)
+    return f"{number(test.effect)} (not estimable)" if none else interval(test.effect, test.low, test.high)
+
+
+def people(n: int, analysis: Analysis) -> str:
+    """Return the noun for the study's people, one or many."""
+    return ("simulated " if analysis.simulated else "") + ("person" if n == 1 else "people")
+
+
+def _outcome(one: OutcomeDifference) -> str:
+    """Return a difference with its interval, as the opening sentences have it."""
+    if one.difference is None:
+        return "–"
+    scale, digits = (100.0, 0) if one.metric == "success" else (1.0, 2)
+    if one.low is None or one.high is None or one.people < _FEWEST:
+        return f"{number(scale * one.difference, digits)} (interval not estimable)"
+    value, low, high = (number(scale * end, digits) for end in (one.difference, one.low, one.high))
+    return f"{value} ({low} to {high})"
+
+
+def _value_of(cell: Cell, metric: str) -> str:
+    if metric == "success":
+        return f"{cell.successes}/{len(cell.trials)}"
+    return number(getattr(cell, metric), 1)
+
+
+def _paper_values(analysis: Analysis) -> dict[tuple[str, str, str], str]:
+    """Return what the paper prints for the study's own conditions and objects, by condition, metric and object."""
+    return {
+        (condition, metric, name): text
+        for condition, metrics in PAPER_TABLE_1.items()
+        for metric, texts in metrics.items()
+        for name, text in zip(PAPER_OBJECTS, texts, strict=True)
+        if condition in analysis.conditions and name in analysis.objects
+    }
+
+
+def _family(analysis: Analysis) -> Iterator[tuple[str, str, Test | None, Test | None]]:
+    """Return the family's tests: metric, object, the row as printed and that over people."""
+    of = {(test.metric, test.object, test.level): test for test in reversed(analysis.tests)}
+    for name in analysis.family:
+        metric, _, thing = name.partition(":")
+        yield metric, thing, of.get((metric, thing, "as printed")), of.get((metric, thing, "people"))
+
+
+def _amount(one: Direction, value: float | None) -> str:
+    if value is None:
+        return "–"
+    return f"{100 * value:.0f}\N{NO-BREAK SPACE}%" if one.metric == "success" else number(value)
+
+
+def _difference(one: Direction) -> str:
+    if one.difference is None:
+        return "–"
+    return _outcome(one) + ("\N{NO-BREAK SPACE}points" if one.metric == "success" else "")
+
+
+def _ranges(rows: Sequence[SensitivityRow]) -> list[list[str]]:
+    """Tell for each direction how often it has the paper's sign, and which parameters turn it."""
+    found = []
+    people = [row for row in rows if row.what not in {"arm", "reading"}]
+    for place, asked in enumerate(rows[0].directions if rows else ()):
+        signs = [_as_printed(row.directions[place]) for row in people]
+        told = [row.directions[place].verdict for row in people]
+        base = next((_as_printed(row.directions[place]) for row in people if row.what == "base"), None)
+        turned = []
+        for what, some in groupby((row for row in people if row.what != "base"), key=lambda row: row.what):
+            ends = [row for row in some if _as_printed(row.directions[place]) != base]
+            if ends:
+                turned.append(f"{what} (at {' and '.join(str(row.setting) for row in ends)})")
+        found.append(
+            [
+                f"{PAPER_LABELS[asked.metric]}, {asked.object}",
+                f"{sum(signs)} of {len(signs)}",
+                str(told.count("as printed")),
+                str(told.count("opposite")),
+                ", ".join(turned) or "none",
+            ]
+        )
+    return found
+
+
+def _as_printed(one: Direction) -> bool:
+    off = one.difference or 0.0
+    return abs(off) >= _SMALLEST and (off > 0) == (one.paper_sign > 0)
+
+
+def _events(events: Sequence[str]) -> str:
+    """Shorten ``file:3 file:4 file:5`` to ``file:3–5``."""
+    runs: list[tuple[str, int, int]] = []
+    for event in events:
+        path, _, number = event.rpartition(":")
+        n = int(number)
+        if runs and runs[-1][0] == path and runs[-1][2] == n - 1:
+            runs[-1] = (path, runs[-1][1], n)
+        else:
+            runs.append((path, n, n))
+    return ", ".join(f"{path}:{i}" + (f"–{j}" if j > i else "") for path, i, j in runs)

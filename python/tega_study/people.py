@@ -1,0 +1,190 @@
+"""Compare conditions person by person: tests that speak of other people, or of these trials alone.
+
+Trials of one person are more alike than trials of two, and people differ in what feedback does to them. A test that
+forgets either finds effects that are not there. These here take a person's means as the data.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from tega_study.packages import scipy_stats
+from tega_study.rank import rank_sum_counts
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+
+FLIPS_UP_TO = 20
+DRAWS = 99_999
+EXCHANGES = 19_999
+_EPS = 1e-9
+
+
+class Ratio(NamedTuple):
+    """Ratio of the haptic to the reference condition, with interval and test.
+
+    Attributes:
+        ratio: Below 1 where the first condition has less.
+        low: Lower end of the 95 % interval.
+        high: Upper end.
+        t: Of the logarithm against 0.
+        df: Degrees of freedom: people less one.
+        p: Two-sided.
+    """
+
+    ratio: float
+    low: float
+    high: float
+    t: float
+    df: float
+    p: float
+
+
+class CrossOver(NamedTuple):
+    """A comparison with the order of conditions taken out (Hills and Armitage 1979).
+
+    Attributes:
+        effect: First condition less the second.
+        period: First period less the second.
+        t: Of the effect.
+        p: Two-sided.
+    """
+
+    effect: float
+    period: float
+    t: float
+    p: float
+
+
+def sign_flip(differences: ArrayLike, *, seed: int = 0) -> float:
+    """Return the two-sided p of the mean of paired differences over all changes of their signs.
+
+    Exact up to 20 people; beyond, 99,999 random changes and the one that is there.
+
+    Args:
+        differences: One per person.
+        seed: Of the random changes.
+
+    Example:
+        >>> sign_flip([-1.0, -2.0, -1.5, -3.0, -2.5, -1.0])
+        0.03125
+    """
+    values = np.round(np.asarray(differences, dtype=np.float64), 9)
+    seen = abs(values.sum()) - _EPS
+    if len(values) <= FLIPS_UP_TO:
+        sums = np.zeros(1)
+        for value in values:
+            sums = np.concatenate([sums + value, sums - value])
+        return float(np.mean(np.abs(sums) >= seen))
+    signs = np.random.default_rng(seed).integers(0, 2, (DRAWS, len(values))) * 2 - 1
+    return float((1 + np.sum(np.abs(signs @ values) >= seen)) / (DRAWS + 1))
+
+
+def ratio_of_means(first: ArrayLike, second: ArrayLike, *, confidence: float = 0.95) -> Ratio | None:
+    """Compare counts as a ratio of means, people as clusters.
+
+    In a balanced design this is what Poisson GEE with any working correlation gives, in closed form: the standard error
+    is the bias-reduced one (robust times n / (n - 1)), and t with n - 1 degrees of freedom replaces its z,
+    which rejects a true null four times too often with six people.
+
+    Args:
+        first: Each person's mean under the first condition.
+        second: Under the second.
+        confidence: Of the interval.
+
+    Returns:
+        ``None`` where a condition has no event at all, there are fewer than two people, or everybody is the same.
+    """
+    a, b = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
+    n = len(a)
+    if n < 2 or a.sum() <= 0 or b.sum() <= 0:
+        return None
+    off = a / a.mean() - b / b.mean()
+    se = math.sqrt(float(np.sum(off**2))) / n * n / (n - 1)
+    return _ratio(math.log(a.sum() / b.sum()), se, n - 1, confidence)
+
+
+def paired_log_ratio(first: ArrayLike, second: ArrayLike, *, confidence: float = 0.95) -> Ratio | None:
+    """Compare each person's mean logarithm: a paired t, given as a ratio.
+
+    With people who differ in their effect, a mixed model with a random intercept rejects a true null in a
+    quarter of all studies of this size, and one with a random slope does not converge; this keeps its level,
+    and has the same estimate where the design is balanced.
+
+    Args:
+        first: Each person's mean of the logarithm under the first condition.
+        second: Under the second.
+        confidence: Of the interval.
+    """
+    off = np.asarray(first, dtype=np.float64) - np.asarray(second, dtype=np.float64)
+    if len(off) < 2:
+        return None
+    return _ratio(float(off.mean()), float(off.std(ddof=1)) / math.sqrt(len(off)), len(off) - 1, confidence)
+
+
+def _ratio(log_ratio: float, se: float, df: int, confidence: float) -> Ratio | None:
+    if se < 1e-8:  # nobody differs from anybody: there is no error to judge by
+        return None
+    t_of = scipy_stats().t
+    reach = float(t_of.ppf(0.5 + confidence / 2, df)) * se
+    t = log_ratio / se
+    p = 2 * float(t_of.sf(abs(t), df))
+    return Ratio(math.exp(log_ratio), math.exp(log_ratio - reach), math.exp(log_ratio + reach), t, df, p)
+
+
+def within_person(groups: Sequence[tuple[ArrayLike, ArrayLike]], *, seed: int = 0) -> float:
+    """Return the two-sided p over all exchanges of conditions among each person's own trials.
+
+    Says something about these people's trials, not about other people, and takes trials as exchangeable: learning and
+    tiring are not allowed for. Exact for whole numbers, else 19,999 random exchanges and the one that is there.
+
+    Args:
+        groups: For each person the values under the first and under the second condition.
+        seed: Of the random exchanges.
+    """
+    pooled = [np.concatenate([np.asarray(a, float), np.asarray(b, float)]) for a, b in groups]
+    sizes = [np.size(a) for a, _ in groups]
+    seen = sum(float(np.sum(a)) for a, _ in groups)
+    expected = sum(size * float(values.mean()) for size, values in zip(sizes, pooled, strict=True))
+    off = abs(seen - expected) - _EPS
+    whole = all(np.all(values == np.rint(values)) and np.all(values >= 0) for values in pooled)
+    if whole and sum(float(values.sum()) for values in pooled) <= 20_000:
+        ways = np.ones(1)
+        for values, size in zip(pooled, sizes, strict=True):
+            counts = rank_sum_counts(values.astype(int).tolist(), size)
+            ways = np.convolve(ways, counts / counts.sum())
+        return float(min(1.0, ways[np.abs(np.arange(len(ways)) - expected) >= off].sum()))
+    random = np.random.default_rng(seed)
+    sums = np.zeros(EXCHANGES)
+    for values, size in zip(pooled, sizes, strict=True):
+        drawn: NDArray[np.float64] = random.permuted(np.tile(values, (EXCHANGES, 1)), axis=1)
+        sums += drawn[:, :size].sum(axis=1)
+    return float((1 + np.sum(np.abs(sums - expected) >= off)) / (EXCHANGES + 1))
+
+
+def cross_over(first: ArrayLike, second: ArrayLike, began_with_first: ArrayLike) -> CrossOver | None:
+    """Compare two conditions with the effect of their order taken out.
+
+    Args:
+        first: Each person's mean under the first condition.
+        second: Under the second.
+        began_with_first: Whether the person had the first condition first.
+
+    Returns:
+        ``None`` unless at least two people began with each and they are not all the same.
+    """
+    a, b = np.asarray(first, float), np.asarray(second, float)
+    began = np.asarray(began_with_first, bool)
+    if began.sum() < 2 or (~began).sum() < 2:
+        return None
+    period = np.where(began, a - b, b - a)  # first period less second
+    test = scipy_stats().ttest_ind(period[began], period[~began])
+    if not math.isfinite(float(test.statistic)):
+        return None
+    ahead, behind = float(period[began].mean()), float(period[~began].mean())
+    return CrossOver((ahead - behind) / 2, (ahead + behind) / 2, float(test.statistic), float(test.pvalue))

@@ -1,0 +1,376 @@
+"""Make, write and read a study's plan: ``study.toml`` and ``plan.csv``, never changed once written.
+
+``study.toml`` has what was decided, with the seed and the SHA-256 of ``plan.csv``; ``plan.csv`` has one row a trial.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import os
+import shutil
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+
+from tega.errors import InvalidValueError, RecordingError
+from tega.runtime.files.foreign_file import parse_toml, read_foreign, read_words
+from tega.runtime.files.plain_name import plain_name
+from tega.runtime.files.toml_text import tree_text
+from tega_study.order import Layout, allocate, lay_out
+
+CONDITIONS = {
+    "haptic": "vest worn, shows touch all the time",
+    "non-haptic": "vest worn and connected, shows nothing",
+    "event-gated": "vest worn, shows contact, slip and release only",
+}
+"""What the vest does in each condition. It is worn in all of them, and ``masking.level_dbfs`` plays the same sound in
+all of them (reading A36)."""
+
+METRICS = ("duration_s", "slips", "deformations")
+"""What can be in the family of tests that Holm's method corrects for."""
+
+FORMAT, VERSION = "tega-study", 1
+
+_Name = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9_+-]*$", max_length=40)]
+
+
+class StudySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Decisions about a study, kept in ``study.toml``.
+
+    Attributes:
+        participants: How many people are planned; looking at p-values before they are all there is a look too many.
+        objects: What is lifted.
+        conditions: What the vest does; the first two are compared, the second is the reference.
+        trials: Per person, object and condition.
+        layout: How conditions follow one another, see :func:`tega_study.order.lay_out`.
+        rest_s: Between two trials, seconds (the paper's minute).
+        change_rest_s: Where the condition changes, seconds.
+        long_rest_s: After every ``long_rest_every`` trials, seconds.
+        long_rest_every: Trials between long rests.
+        window_s: Time in which the object has to be lifted, seconds.
+        alpha: Two-sided level of the tests.
+        family: The tests that are corrected together, ``metric:object``.
+        probe: Whether a beep now and then is to be answered in every trial (dual task).
+        seed: Of all orders; absent in an anonymised copy.
+        simulated: Whether the people are simulated.
+        plan_sha256: Of ``plan.csv``.
+    """
+
+    participants: Annotated[int, msgspec.Meta(ge=1, le=999)]
+    objects: Annotated[tuple[_Name, ...], msgspec.Meta(min_length=1, max_length=20)]
+    conditions: Annotated[tuple[_Name, ...], msgspec.Meta(min_length=2, max_length=8)]
+    trials: Annotated[int, msgspec.Meta(ge=1, le=1000)]
+    layout: Layout
+    rest_s: Annotated[float, msgspec.Meta(ge=0, le=3600)]
+    change_rest_s: Annotated[float, msgspec.Meta(ge=0, le=3600)]
+    long_rest_s: Annotated[float, msgspec.Meta(ge=0, le=3600)]
+    long_rest_every: Annotated[int, msgspec.Meta(ge=1, le=100_000)]
+    window_s: Annotated[float, msgspec.Meta(gt=0, le=600)]
+    alpha: Annotated[float, msgspec.Meta(gt=0, lt=1)]
+    family: tuple[str, ...]
+    probe: bool = False
+    seed: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] | None = None
+    simulated: bool = False
+    plan_sha256: str = ""
+
+
+class PlannedTrial(msgspec.Struct, frozen=True):
+    """A row of ``plan.csv``.
+
+    Attributes:
+        participant: Anonymous id, such as ``p01``.
+        trial: Number within the person, from 1.
+        block: Number of its block, from 1.
+        object: What is lifted.
+        condition: What the vest does.
+        repeat: Its number among those of the same object and condition, from 1.
+        rest_s: Rest before it, seconds.
+    """
+
+    participant: str
+    trial: int
+    block: int
+    object: str
+    condition: str
+    repeat: int
+    rest_s: float
+
+    @property
+    def id(self) -> str:
+        """Name of the trial in the whole study, such as ``p01-t07``."""
+        return f"{self.participant}-t{self.trial:02d}"
+
+
+class StudyPlan(msgspec.Struct, frozen=True):
+    """Settings and trials.
+
+    Attributes:
+        settings: What was decided.
+        trials: All trials, person after person in their order.
+    """
+
+    settings: StudySettings
+    trials: tuple[PlannedTrial, ...]
+
+    def of(self, participant: str) -> tuple[PlannedTrial, ...]:
+        """Return a person's trials in their order.
+
+        Raises:
+            InvalidValueError: Nobody in the plan has that id.
+        """
+        mine = tuple(trial for trial in self.trials if trial.participant == participant)
+        if not mine:
+            known = list(dict.fromkeys(trial.participant for trial in self.trials))
+            raise InvalidValueError(
+                f"participant {participant!r} is not in the plan", f"it has {known[0]} to {known[-1]}"
+            )
+        return mine
+
+    @property
+    def participants(self) -> list[str]:
+        """Ids of all participants."""
+        return list(dict.fromkeys(trial.participant for trial in self.trials))
+
+
+def person_id(number: int) -> str:
+    """Return the anonymous id of the ``number``-th person, from 1."""
+    return f"p{number:02d}"
+
+
+def _tests(objects: Sequence[str]) -> set[str]:
+    """Return every test that a study of these objects may name."""
+    return {f"{metric}:{name}" for metric in METRICS for name in objects}
+
+
+def default_family(objects: Sequence[str]) -> tuple[str, ...]:
+    """Return the paper's family: time and slips of every object, deformation of the softest, which is named last.
+
+    Example:
+        >>> default_family(["bottle", "bag"])
+        ('duration_s:bottle', 'duration_s:bag', 'slips:bottle', 'slips:bag', 'deformations:bag')
+    """
+    soft = "bag" if "bag" in objects else objects[-1]
+    both = [f"{metric}:{name}" for metric in METRICS[:2] for name in objects]
+    return (*both, f"deformations:{soft}")
+
+
+def make_plan(
+    *,
+    participants: int,
+    seed: int = 1,
+    objects: Sequence[str] = ("bottle", "container", "bag"),
+    conditions: Sequence[str] = ("haptic", "non-haptic"),
+    trials: int = 10,
+    layout: Layout = "abba",
+    rest_s: float = 60.0,
+    change_rest_s: float = 180.0,
+    long_rest_s: float = 300.0,
+    long_rest_every: int = 20,
+    window_s: float = 15.0,
+    alpha: float = 0.05,
+    family: Sequence[str] | None = None,
+    probe: bool = False,
+    simulated: bool = False,
+) -> StudyPlan:
+    """Make a counterbalanced plan; equal arguments give equal plans.
+
+    Args:
+        participants: As in :class:`StudySettings`, like the others.
+        seed: Of all orders.
+        objects: Names without spaces.
+        conditions: The first two are compared; names of :data:`CONDITIONS` can be run, others only be planned.
+        trials: Per person, object and condition.
+        layout: See :func:`tega_study.order.lay_out`.
+        rest_s: Seconds, as the next two.
+        change_rest_s: Where the condition changes.
+        long_rest_s: After every ``long_rest_every`` trials.
+        long_rest_every: Trials.
+        window_s: Seconds.
+        alpha: Level of the tests.
+        family: ``metric:object``; the paper's seven where ``None``.
+        probe: Whether beeps are to be answered in every trial.
+        simulated: Whether the people are simulated.
+
+    Raises:
+        InvalidValueError: A value is out of range, or a name comes twice or cannot be used.
+    """
+    for what, names in (("objects", objects), ("conditions", conditions)):
+        if len(set(names)) != len(names):
+            raise InvalidValueError(f"{what} = {', '.join(names)}: a name comes twice", "name each once")
+    tests = default_family(objects) if family is None and objects else tuple(family or ())
+    known = _tests(objects)
+    for test in tests:
+        if test not in known:
+            raise InvalidValueError(
+                f"family: {test!r} is no test of this study", f"write metric:object, such as {min(known)}"
+            )
+    try:
+        settings = msgspec.convert(
+            {
+                "participants": participants,
+                "objects": list(objects),
+                "conditions": list(conditions),
+                "trials": trials,
+                "layout": layout,
+                "rest_s": rest_s,
+                "change_rest_s": change_rest_s,
+                "long_rest_s": long_rest_s,
+                "long_rest_every": long_rest_every,
+                "window_s": window_s,
+                "alpha": alpha,
+                "family": list(tests),
+                "probe": probe,
+                "seed": seed,
+                "simulated": simulated,
+            },
+            StudySettings,
+        )
+    except msgspec.ValidationError as error:
+        raise InvalidValueError(f"plan of a study: {error}", "names: letters, digits, + - _") from error
+    orders = allocate(participants, settings.objects, settings.conditions, seed=seed)
+    rows: list[PlannedTrial] = []
+    for number, (row, order) in enumerate(orders, start=1):
+        rows += _rows(settings, person_id(number), row, order)
+    return StudyPlan(_signed(settings, rows), tuple(rows))
+
+
+def _rows(
+    settings: StudySettings, person: str, objects: Sequence[str], conditions: Sequence[str]
+) -> list[PlannedTrial]:
+    slots = lay_out(
+        objects,
+        conditions,
+        trials=settings.trials,
+        layout=settings.layout,
+        seed=settings.seed or 0,
+        person=person,
+    )
+    rows: list[PlannedTrial] = []
+    seen: dict[tuple[str, str], int] = {}
+    for index, slot in enumerate(slots):
+        rest_s = settings.rest_s if index else 0.0
+        if index and slot.condition != slots[index - 1].condition:
+            rest_s = max(rest_s, settings.change_rest_s)
+        if index and index % settings.long_rest_every == 0:
+            rest_s = max(rest_s, settings.long_rest_s)
+        repeat = seen[slot.object, slot.condition] = seen.get((slot.object, slot.condition), 0) + 1
+        rows.append(PlannedTrial(person, index + 1, slot.block, slot.object, slot.condition, repeat, rest_s))
+    return rows
+
+
+def _signed(settings: StudySettings, rows: Sequence[PlannedTrial]) -> StudySettings:
+    return msgspec.structs.replace(settings, plan_sha256=hashlib.sha256(_plan_csv(rows)).hexdigest())
+
+
+def _plan_csv(rows: Sequence[PlannedTrial]) -> bytes:
+    lines = [",".join(PlannedTrial.__struct_fields__)]
+    lines += [",".join(_plain(value) for value in msgspec.structs.astuple(row)) for row in rows]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def _plain(value: object) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _toml(settings: StudySettings) -> str:
+    fields = msgspec.to_builtins(settings)
+    if not settings.probe:  # then an earlier version reads the plan too
+        del fields["probe"]
+    return tree_text({"format": FORMAT, "version": VERSION, **fields})
+
+
+def write_plan(plan: StudyPlan, folder: Path, files: Mapping[str, bytes] = {}) -> None:
+    """Write a plan into a new folder, whole or not at all.
+
+    Args:
+        plan: The plan; its trials are signed again.
+        folder: Must not exist, or be empty.
+        files: What else goes into it, by name.
+
+    Raises:
+        InvalidValueError: There is something already.
+    """
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise InvalidValueError(
+            f"{folder}: is there already", "a plan is never overwritten; name a new folder"
+        )
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    beside = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
+    try:
+        settings = _signed(plan.settings, plan.trials)
+        for name, content in (
+            *files.items(),
+            ("plan.csv", _plan_csv(plan.trials)),
+            ("study.toml", _toml(settings).encode()),
+        ):
+            with (beside / name).open("wb") as file:
+                file.write(content)
+                file.flush()
+                os.fsync(file.fileno())
+        beside.chmod(0o777 & ~_umask())
+        if folder.exists():
+            folder.rmdir()  # refuses if somebody has put something there meanwhile
+        beside.rename(folder)
+    except BaseException:
+        shutil.rmtree(beside, ignore_errors=True)
+        raise
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def read_plan(folder: Path) -> StudyPlan:
+    """Read a study's plan.
+
+    Args:
+        folder: The study's folder.
+
+    Raises:
+        RecordingError: There is none, or it is not as it was written.
+        UnsafeNameError: Somebody in it, an object or a condition has a name that cannot be a folder's.
+    """
+    import tomllib
+
+    try:
+        fields: dict[str, Any] = parse_toml(read_words(folder / "study.toml"))
+        content = read_foreign(folder / "plan.csv", most_mib=64)
+    except FileNotFoundError as error:
+        raise RecordingError(
+            f"{folder}: no study, {Path(error.filename).name} is missing",
+            "make one with tega-teleop study plan",
+        ) from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise RecordingError(f"{folder / 'study.toml'}: {error}", "restore it from a copy") from error
+    if (fields.pop("format", None), fields.pop("version", None)) != (FORMAT, VERSION):
+        raise RecordingError(f"{folder / 'study.toml'}: is no plan of this version", "name a study's folder")
+    try:
+        settings = msgspec.convert(fields, StudySettings)
+    except msgspec.ValidationError as error:
+        raise RecordingError(f"{folder / 'study.toml'}: {error}", "restore it from a copy") from error
+    if unknown := [test for test in settings.family if test not in _tests(settings.objects)]:
+        raise RecordingError(
+            f"{folder / 'study.toml'}: family: {unknown[0]!r} is no test of this study",
+            "restore it from a copy",
+        )
+    if hashlib.sha256(content).hexdigest() != settings.plan_sha256:
+        raise RecordingError(
+            f"{folder / 'plan.csv'}: is not as it was written",
+            "a plan is never changed; restore it from a copy",
+        )
+    try:
+        rows = csv.DictReader(io.StringIO(content.decode()))
+        trials = tuple(msgspec.convert(row, PlannedTrial, strict=False) for row in rows)
+    except (msgspec.ValidationError, UnicodeDecodeError, csv.Error, TypeError) as error:
+        raise RecordingError(f"{folder / 'plan.csv'}: {error}", "restore it from a copy") from error
+    for trial in trials:
+        for what in ("participant", "object", "condition"):
+            plain_name(getattr(trial, what), what=what, source=str(folder / "plan.csv"))
+    return StudyPlan(settings, trials)

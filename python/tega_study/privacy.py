@@ -1,0 +1,286 @@
+"""Withdraw a person from a study by deleting their data, and write a study's anonymised copy.
+
+Everything about one person lies in files and folders that bear the person's id (``sessions/p03``, ``courses/p03``,
+...), so that it can be deleted whole; what the program made of the person elsewhere is noted beside the session. Muscle
+signals can identify a person: the anonymised copy has none, nor texts, names or dates.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import os
+import re
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+
+from tega.errors import InvalidValueError, RecordingError
+from tega.runtime.files.foreign_file import parse_json, read_foreign, read_words
+from tega.runtime.files.whole_file import open_to_append, write_whole
+from tega_study.journal import Journal, JournalEvent, read_events
+from tega_study.objects import OBJECTS, objects_text, read_objects
+from tega_study.observers import PART, observer_path, read_observers
+from tega_study.plan import StudyPlan, person_id, read_plan, write_plan
+from tega_study.state import events_path
+
+_LOG = logging.getLogger(__name__)
+
+_LIST = "withdrawn.txt"
+ELSEWHERE = "elsewhere.txt"
+REPORTS = ("report", "report.html")
+COURSES = "courses"
+ROLES = ("auto", "experimenter", "participant")
+"""Sources of events that name nobody."""
+
+
+class Withdrawal(NamedTuple):
+    """Files deleted, changed and left by a withdrawal.
+
+    Attributes:
+        deleted: What was deleted: files, folders and links in the study's folder.
+        changed: BORIS projects that the person's observations were taken out of.
+        left: What is to be looked at by hand: what links led to, what the program made of the person elsewhere, and
+            files of others that bear the person's id.
+    """
+
+    deleted: list[Path]
+    changed: list[Path]
+    left: list[Path]
+
+
+def withdrawn_ids(folder: Path) -> set[str]:
+    """Return the ids of those who have withdrawn; nothing is deleted by asking.
+
+    Args:
+        folder: The study's folder.
+    """
+    path = folder / _LIST
+    if not path.exists():
+        return set()
+    ids = {line for line in _lines(path) if re.fullmatch(r"p\d+", line)}
+    for person in sorted(ids):
+        if os.path.lexists(events_path(folder, person).parent):
+            _LOG.warning(
+                "%s has withdrawn, but something of theirs is left: tega-teleop study withdraw %s %s",
+                person,
+                folder,
+                person,
+            )
+    return ids
+
+
+def note_elsewhere(folder: Path, participant: str, path: Path) -> None:
+    """Note what the program made of a person outside of the study's folder, so that withdrawing can tell of it.
+
+    Args:
+        folder: The study's folder.
+        participant: Whose.
+        path: A file or a folder.
+    """
+    path, notes = path.absolute(), events_path(folder, participant).parent / ELSEWHERE
+    if path.is_relative_to(folder.absolute()) or str(path) in _noted(notes):
+        return
+    notes.parent.mkdir(parents=True, exist_ok=True)
+    with open_to_append(notes) as file:
+        file.write(f"{path}\n".encode())
+
+
+def _noted(notes: Path) -> list[str]:
+    return _lines(notes) if notes.is_file() else []
+
+
+def _lines(path: Path) -> list[str]:
+    """Return the lines of a list.
+
+    Raises:
+        RecordingError: It is no text.
+    """
+    try:
+        return read_words(path).splitlines()
+    except UnicodeDecodeError as error:
+        raise RecordingError(f"{path}: no list of lines: {error}", "restore it from a copy") from error
+
+
+def withdraw(folder: Path, participant: str) -> Withdrawal:
+    """Delete what there is of a person, and the reports that it went into. It cannot be undone.
+
+    The id stays in the plan and in ``withdrawn.txt``, so that the study's flow can be told. Links are deleted and not
+    followed. Copies made elsewhere, and the disk's own (journals, snapshots, worn flash cells), are not reached. A
+    deletion that was cut short is finished by asking again.
+
+    Args:
+        folder: The study's folder.
+        participant: Whose data.
+
+    Returns:
+        What was deleted, and what is left.
+
+    Raises:
+        InvalidValueError: Nobody in the plan has that id.
+        DeviceUnavailableError: The session is open in another program.
+    """
+    read_plan(folder).of(participant)
+    if participant not in withdrawn_ids(folder):
+        check_not_led(folder, participant)
+        with open_to_append(folder / _LIST) as file:  # first: a crash cannot undo it
+            file.write(f"\n{participant}\n".encode())
+            file.flush()
+            os.fsync(file.fileno())
+    return _delete(folder, participant)
+
+
+def own_name(participant: str) -> re.Pattern[str]:
+    """Return what the names of a person's own files and folders match, such as ``p03`` and ``p03-t07-a1``."""
+    return re.compile(rf"{re.escape(participant)}([-_.].*)?")
+
+
+def check_not_led(folder: Path, participant: str) -> None:
+    """Refuse while a program has the person's events, or a rater's of that person, open.
+
+    Raises:
+        DeviceUnavailableError: One has.
+    """
+    own = [events_path(folder, participant)]
+    raters = [observer_path(folder, participant, rater) for rater in read_observers(folder, participant)]
+    for path in (*own, *raters):
+        if path.exists() and not path.is_symlink():  # through a link nobody writes
+            Journal(path).close()
+
+
+def _delete(folder: Path, participant: str) -> Withdrawal:
+    own = own_name(participant)
+    mentioned = re.compile(rf"(?<![A-Za-z0-9]){re.escape(participant)}(?![A-Za-z0-9])")
+    notes = events_path(folder, participant).parent / ELSEWHERE
+    left = (
+        [] if notes.parent.is_symlink() else [Path(line) for line in _noted(notes) if os.path.lexists(line)]
+    )
+    deleted: list[Path] = []
+    changed: list[Path] = []
+    for where, folders, files in os.walk(folder):  # which follows no links
+        for name in sorted([*folders, *files]):
+            path = Path(where, name)
+            if own.fullmatch(name):
+                left += [path.resolve()] if path.is_symlink() and path.exists() else []
+                deleted.append(path)
+            elif path.is_symlink() and (path / participant).exists():
+                left.append((path / participant).resolve())
+            elif path.suffix == ".boris" and path.is_file() and not path.is_symlink():
+                changed += [path] if forget_person(path, participant) else []
+            elif mentioned.search(name):
+                left.append(path)
+        folders[:] = [name for name in folders if not own.fullmatch(name)]
+    if deleted:
+        deleted += [folder / name for name in REPORTS if os.path.lexists(folder / name)]
+    for path in deleted:
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path)
+        else:
+            path.unlink()
+    return Withdrawal(deleted, changed, left)
+
+
+def forget_person(path: Path, participant: str) -> bool:
+    """Take a person's observations out of a BORIS project; tell whether there were any."""
+    try:
+        tree = parse_json(read_foreign(path, most_mib=256), dict[str, Any])
+        mine = [name for name in tree["observations"] if str(name).startswith(f"{participant}_")]
+    except (OSError, msgspec.DecodeError, RecordingError, KeyError, TypeError):
+        return False
+    for name in mine:
+        del tree["observations"][name]
+    if mine:
+        write_whole(path, msgspec.json.format(msgspec.json.encode(tree), indent=1) + b"\n", sync=True)
+    return bool(mine)
+
+
+def export(folder: Path, out: Path, *, key: str) -> dict[str, str]:
+    """Write an anonymised copy of a study, fit to be published and to make the report from.
+
+    It has plan, what is known of the objects, events and courses of touch and level under new ids in a new order; no
+    muscle signals, pictures, photos, texts or raters' names; times count from each session's first event; the seed,
+    from which the old ids could be worked out, is left out.
+
+    Args:
+        folder: The study's folder.
+        out: Must not exist, or be empty.
+        key: Decides the new ids; keep it secret or throw it away.
+
+    Returns:
+        The new id of each old one; not written anywhere.
+
+    Raises:
+        InvalidValueError: ``out`` is there already, or ``key`` is empty.
+        RecordingError: The study is damaged.
+    """
+    from tega_study.silico.assumptions import PARAMETERS, SIMULATION
+
+    if not key:
+        raise InvalidValueError("key is empty", "give a long random word")
+    plan, gone = read_plan(folder), withdrawn_ids(folder)
+
+    def rank(person: str) -> str:
+        return hashlib.sha256(f"tega-export|{key}|{person}".encode()).hexdigest()
+
+    stay = [person for person in sorted(plan.participants, key=rank) if person not in gone]
+    if not stay:
+        raise RecordingError(f"{folder}: everybody has withdrawn", "there is nothing to export")
+    new = {person: person_id(number) for number, person in enumerate(stay, start=1)}
+    trials = tuple(
+        msgspec.structs.replace(trial, participant=new[person])
+        for person in stay
+        for trial in plan.of(person)
+    )
+    settings = msgspec.structs.replace(plan.settings, seed=None)
+    known = {name: msgspec.structs.replace(facts, photo="") for name, facts in read_objects(folder).items()}
+    registry = {OBJECTS: objects_text(known).encode()} if known else {}
+    assumed = [folder / name for name in (SIMULATION, PARAMETERS)]
+    write_plan(
+        StudyPlan(settings, trials),
+        out,
+        {path.name: read_foreign(path, most_mib=1) for path in assumed if path.exists()} | registry,
+    )
+    signed = read_plan(out).settings.plan_sha256
+    observers = {old: read_observers(folder, old) for old in new}
+    sessions = {old: read_events(events_path(folder, old)) for old in new}
+    everything = [*sessions.values(), *(seen for one in observers.values() for seen in one.values())]
+    sources = {event.source for events in everything for event in events} | {
+        r for o in observers.values() for r in o
+    }
+    raters = {name: f"r{n}" for n, name in enumerate(sorted(sources - {"", *ROLES}, key=rank), start=1)}
+    for old, person in new.items():
+        begin_ns = sessions[old][0].t_ns if sessions[old] else 0
+        _copy_events(sessions[old], events_path(out, person), signed, begin_ns, raters)
+        for rater, seen in observers[old].items():
+            _copy_events(seen, observer_path(out, person, raters[rater]), signed, begin_ns, raters)
+        for course in sorted((folder / COURSES / old).glob("*.csv")):
+            target = out / COURSES / person / course.name.replace(old, person, 1)  # p03-t07 bears the old id
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_bytes(read_foreign(course, most_mib=64))
+    return new
+
+
+def _copy_events(
+    events: Sequence[JournalEvent], target: Path, signed: str, begin_ns: int, raters: Mapping[str, str]
+) -> None:
+    if not events:
+        return
+
+    def plain(event: JournalEvent) -> JournalEvent:
+        text = signed if event.kind == "session_start" else ""
+        if event.kind == "trial_end" and event.text == PART:  # decides whose counts are used
+            text = PART
+        value = None if event.kind in {"muscles", "squeeze"} else event.value
+        return msgspec.structs.replace(
+            event,
+            value=value,
+            t_ns=event.t_ns - begin_ns,
+            source=raters.get(event.source, event.source),
+            text=text,
+        )
+
+    target.parent.mkdir(parents=True, exist_ok=True)
+    target.write_bytes(b"".join(msgspec.json.encode(plain(event)) + b"\n" for event in events))

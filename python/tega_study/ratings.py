@@ -1,0 +1,83 @@
+"""Average what participants answered after blocks, by condition: raw NASA-TLX and each scale."""
+
+from __future__ import annotations
+
+import statistics
+from pathlib import Path
+
+import msgspec
+
+from tega_study.journal import read_events, undone_numbers
+from tega_study.lead.questions import QUESTIONS, raw_tlx
+from tega_study.plan import read_plan
+from tega_study.privacy import withdrawn_ids
+from tega_study.state import events_path
+
+RAW_TLX = "raw NASA-TLX"
+
+
+class RatingUse(msgspec.Struct, frozen=True, kw_only=True):
+    """Answers to a question under a condition, a mean for each person first.
+
+    Attributes:
+        item: The question; :data:`RAW_TLX` for the mean of the six scales, of blocks that have all of them.
+        condition: What the vest did.
+        people: Who answered.
+        answers: How many.
+        median: Over people, 0 to 100.
+        low: Smallest of a person.
+        high: Largest.
+    """
+
+    item: str
+    condition: str
+    people: int
+    answers: int
+    median: float
+    low: float
+    high: float
+
+
+def ratings(folder: Path) -> tuple[RatingUse, ...]:
+    """Return all answers of a study by question and condition.
+
+    Args:
+        folder: The study's folder.
+
+    Raises:
+        RecordingError: The study is damaged.
+    """
+    plan, gone = read_plan(folder), withdrawn_ids(folder)
+    said: dict[tuple[str, str], dict[str, list[float]]] = {}
+    for person in plan.participants:
+        if person in gone:
+            continue
+        condition_of = {trial.trial: trial.condition for trial in plan.of(person)}
+        blocks: dict[int, dict[str, float | None]] = {}
+        events = read_events(events_path(folder, person))
+        undone = undone_numbers(events)
+        for event in events:
+            if event.kind == "rating" and event.n not in undone:
+                blocks.setdefault(event.trial, {})[event.item] = event.value
+        for trial, answers in blocks.items():
+            for item, value in {RAW_TLX: raw_tlx(answers), **answers}.items():
+                if value is not None and trial in condition_of:
+                    said.setdefault((item, condition_of[trial]), {}).setdefault(person, []).append(value)
+    items = [RAW_TLX, *(question.item for question in QUESTIONS)]
+    found = []
+    for item in items:
+        for condition in plan.settings.conditions:
+            if by_person := said.get((item, condition)):
+                means = [statistics.fmean(values) for values in by_person.values()]
+                found.append(
+                    RatingUse(
+                        item=item,
+                        condition=condition,
+                        people=len(means),
+                        answers=sum(map(len, by_person.values())),
+                        median=statistics.median(means),
+                        low=min(means),
+                        high=max(means),
+                    )
+                )
+    return tuple(found)

@@ -1,0 +1,112 @@
+"""Write the report: one HTML file that needs nothing else, tables as CSV, and the record behind both."""
+
+from __future__ import annotations
+
+import csv
+import shutil
+import tempfile
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+
+from tega.errors import InvalidValueError, RecordingError
+from tega.runtime.files.foreign_file import read_words
+from tega_study.analyse import Analysis, FigureMaterial, analyse_bench, analyse_study
+from tega_study.figure_3 import figure_3
+from tega_study.figures import figure_7, figure_8, lag_figure, pose_figure, svg
+from tega_study.page import report_html
+from tega_study.tables import write_csv
+
+FIGURES = ("fig3", "fig7", "fig8", "lags", "poses")
+
+
+class Report(NamedTuple):
+    """Paths of a written report, and its analysis.
+
+    Attributes:
+        page: The HTML file.
+        tables: The folder of CSV files, figures and ``analysis.json``.
+        analysis: What is in it.
+    """
+
+    page: Path
+    tables: Path
+    analysis: Analysis
+
+
+def write_report(source: Path, out: Path | None = None, *, interim: bool = False) -> Report:
+    """Analyse a study's folder, or a file of the bench's results, and write the report.
+
+    Args:
+        source: The folder, or the file.
+        out: Folder for ``report.html`` and ``report/``; the study's own where ``None``, for a file the one it is in.
+        interim: Show p-values before the plan is done.
+
+    Raises:
+        RecordingError: The source is damaged or has too little.
+        InvalidValueError: There is a folder ``report`` already that is no report.
+        MissingExtraError: A package of the extra ``study`` is not installed.
+    """
+    material = FigureMaterial()
+    if source.is_dir():
+        analysis, material = analyse_study(source, interim=interim)
+    else:
+        analysis = analyse_bench([source])
+    folder = out or (source if source.is_dir() else source.parent)
+    folder.mkdir(parents=True, exist_ok=True)
+    tables = folder / "report"
+    if tables.is_symlink() or (tables.exists() and not _is_report(tables)):
+        raise InvalidValueError(f"{tables}: is there, and is no report", "name another folder with --out")
+    beside = Path(tempfile.mkdtemp(prefix=".report-", dir=folder))
+    try:
+        figures = figures_of(analysis, material)
+        (beside / "analysis.json").write_bytes(
+            msgspec.json.format(msgspec.json.encode(analysis), indent=1) + b"\n"
+        )
+        write_csv(analysis, material.courses, beside)
+        for name, drawing in figures.items():
+            (beside / f"{name}.svg").write_text(drawing, encoding="utf-8", newline="\n")
+        page = beside / "report.html"
+        page.write_text(report_html(analysis, figures), encoding="utf-8", newline="\n")
+        beside.chmod(folder.stat().st_mode & 0o777)
+        if tables.exists():
+            _keep_others(tables, beside)
+            shutil.rmtree(tables)
+        beside.rename(tables)
+        (tables / "report.html").replace(folder / "report.html")
+    except BaseException:
+        shutil.rmtree(beside, ignore_errors=True)
+        raise
+    return Report(folder / "report.html", tables, analysis)
+
+
+def _is_report(folder: Path) -> bool:
+    return all((folder / name).is_file() for name in ("analysis.json", "provenance.csv"))
+
+
+def _keep_others(old: Path, new: Path) -> None:
+    """Move what an earlier report did not write into the folder that takes its place."""
+    try:
+        written = {row[0] for row in csv.reader(read_words(old / "provenance.csv").splitlines()) if row}
+    except (ValueError, csv.Error) as error:
+        raise RecordingError(
+            f"{old / 'provenance.csv'}: is damaged: {error}",
+            "move that report, or name another folder with --out",
+        ) from error
+    written |= {"provenance.csv", "analysis.json", *(f"{name}.svg" for name in FIGURES)}
+    for path in sorted(old.iterdir()):
+        if path.name not in written and not (new / path.name).exists():
+            path.rename(new / path.name)
+
+
+def figures_of(analysis: Analysis, material: FigureMaterial) -> dict[str, str]:
+    """Draw every figure that there are data for; SVG by name."""
+    drawn = {
+        "fig3": figure_3(analysis.fingers, material.pictures),
+        "fig7": figure_7(analysis),
+        "fig8": figure_8(analysis, material.courses),
+        "lags": lag_figure(analysis),
+        "poses": pose_figure(analysis),
+    }
+    return {name: svg(figure) for name, figure in drawn.items() if figure is not None}

@@ -1,0 +1,139 @@
+"""Gather the accounts of a study's trials: raters, experimenter, camera, detector, and a simulated bench's truth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+from pathlib import Path
+from typing import NamedTuple
+
+from tega_study.detecting import DETECTOR, read_detected
+from tega_study.journal import JournalEvent, Kind, counting, read_events
+from tega_study.measured import CAMERA, read_measured
+from tega_study.observers import read_observers, saw_whole, was_shown_proposals
+from tega_study.plan import read_plan
+from tega_study.privacy import withdrawn_ids
+from tega_study.score.agree import Agreement, agreement
+from tega_study.score.boris import attempts
+from tega_study.state import events_path
+
+TRUTH, EXPERIMENTER = "truth", "experimenter"
+_PLACES = {TRUTH: 0, EXPERIMENTER: 2, CAMERA: 3, DETECTOR: 4}
+KINDS: tuple[Kind, ...] = ("lift_off", "slip", "deformation", "drop", "placed")
+TOLERANCE_S = 1.0
+"""For a live rater: seeing, deciding and pressing take 0.25 to 0.6 s, more for what is rare."""
+
+
+class Scored(NamedTuple):
+    """A trial as one account has it.
+
+    Attributes:
+        key: Person, trial, attempt.
+        length_s: From its start to its end, seconds.
+        times_s: Times of its events by kind, rising, seconds from its start; none before the start or after the end.
+    """
+
+    key: tuple[str, int, int]
+    length_s: float
+    times_s: dict[Kind, list[float]]
+
+
+def scored_trials(folder: Path) -> dict[str, list[Scored]]:
+    """Return the trials that count, as each account has them; trials it did not see whole are missing.
+
+    The truth is that of a simulated bench, where the session's own rule saw the object's height.
+
+    Args:
+        folder: The study's folder.
+
+    Raises:
+        RecordingError: The study is damaged.
+    """
+    plan, gone = read_plan(folder), withdrawn_ids(folder)
+    accounts: dict[str, list[Scored]] = {}
+    for person in plan.participants:
+        if person in gone:
+            continue
+        main = read_events(events_path(folder, person))
+        raters = {
+            **read_observers(folder, person),
+            CAMERA: read_measured(folder, person),
+            DETECTOR: read_detected(folder, person),
+        }
+        simulated = any(e.kind == "lift_off" and e.source == "auto" for e in main)
+        pressed = any(e.kind in KINDS and e.source == EXPERIMENTER for e in main)
+        for start, end in attempts(main):
+            if end.status not in {"done", "failed_task"}:
+                continue
+            own = counting(main, start.trial, start.attempt)
+            said: dict[str, Sequence[JournalEvent]] = {}
+            if simulated:
+                said[TRUTH] = [event for event in own if event.source == "auto"]
+            for rater, events in raters.items():
+                if saw_whole(events, start.trial, start.attempt):
+                    said[rater] = counting(events, start.trial, start.attempt)
+            if pressed:
+                said[EXPERIMENTER] = [event for event in own if event.source == EXPERIMENTER]
+            for name, seen in said.items():
+                key = person, start.trial, start.attempt
+                accounts.setdefault(name, []).append(_scored(key, start, end, seen))
+    return accounts
+
+
+def _scored(
+    key: tuple[str, int, int], start: JournalEvent, end: JournalEvent, events: Sequence[JournalEvent]
+) -> Scored:
+    length_s = (end.t_ns - start.t_ns) / 1e9
+    times: dict[Kind, list[float]] = {kind: [] for kind in KINDS}
+    for event in events:
+        if event.kind in times:
+            # A late press belongs to the trial, and within it.
+            times[event.kind].append(min(max((event.t_ns - start.t_ns) / 1e9, 0.0), length_s))
+    return Scored(key, length_s, {kind: sorted(found) for kind, found in times.items()})
+
+
+def _shown_proposals(folder: Path) -> set[str]:
+    """Return the raters who were shown what rule and detector say."""
+    plan, gone = read_plan(folder), withdrawn_ids(folder)
+    return {
+        rater
+        for person in plan.participants
+        if person not in gone
+        for rater, events in read_observers(folder, person).items()
+        if was_shown_proposals(events)
+    }
+
+
+def agreements(folder: Path, *, tolerance_s: float = TOLERANCE_S) -> list[Agreement]:
+    """Compare every two accounts over the trials that both have, for each kind of event that either has.
+
+    A rater who was shown proposals is compared with other people alone.
+
+    Args:
+        folder: The study's folder.
+        tolerance_s: For two events to be one, seconds.
+
+    Raises:
+        RecordingError: The study is damaged.
+    """
+    accounts = scored_trials(folder)
+    shown = _shown_proposals(folder)
+    names = sorted(accounts, key=lambda name: (_PLACES.get(name, 1), name))
+    found = []
+    for a, b in combinations(names, 2):
+        if {a, b} & shown and {a, b} & {TRUTH, DETECTOR}:
+            continue  # what rule and detector proposed would be compared with itself
+        first = {one.key: one for one in accounts[a]}
+        second = {one.key: one for one in accounts[b]}
+        both = [key for key in first if key in second]
+        for kind in KINDS:
+            if kind == "drop" and DETECTOR in {a, b}:
+                continue  # it does not look for drops
+            if kind == "placed" and {name.partition("+")[0] for name in (a, b)} != {CAMERA}:
+                continue  # who does not go by the camera does not look for it
+            times_a = [first[key].times_s[kind] for key in both]
+            times_b = [second[key].times_s[kind] for key in both]
+            if any(times_a) or any(times_b):
+                lengths_s = [first[key].length_s for key in both]
+                found.append(agreement(kind, (a, b), times_a, times_b, lengths_s, tolerance_s=tolerance_s))
+    return found

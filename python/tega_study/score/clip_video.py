@@ -1,0 +1,89 @@
+"""Write a recorded trial as a video of its fingertips and scene, every picture whole, so that one can step through it.
+
+Pictures, or on the simulated bench, which has none, lines of the object's truth; nothing of the vest, no measure of
+touch and no muscle signal.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tega.errors import RecordingError
+from tega.runtime.lifecycle import require
+from tega_study.score.recorded import RecordedTrial
+from tega_study.score.scene_reel import SceneReel
+from tega_study.score.trial_pictures import Reel, read_reel
+
+RATE_HZ: Final = 30.0
+"""Pictures a second of a clip."""
+
+_WIDTH, _HEIGHT = 320, 240
+_WIDE, _TALL = 640, 480
+_LINE = 28
+_LIGHT = (230, 230, 230)
+
+
+def write_clip(trial: RecordedTrial, path: Path, scene: SceneReel | None = None) -> float:
+    """Write a trial as Motion JPEG in an AVI file.
+
+    Args:
+        trial: Whose recording is complete.
+        path: The new file.
+        scene: Cameras that saw the object; ``None`` without any.
+
+    Returns:
+        Its length, seconds; that of the trial to a picture.
+
+    Raises:
+        RecordingError: The recording is damaged, or the video cannot be written.
+        MissingExtraError: OpenCV is not installed.
+    """
+    cv2 = require("cv2", driver="a clip", extra="record")
+    reel = read_reel(trial)
+    n_pictures = max(1, round(trial.length_ns * 1e-9 * RATE_HZ))
+    size = (_WIDTH * max(len(reel.fingers), 2), _HEIGHT + _LINE)
+    if scene is not None and reel.boot_ns is not None:
+        scene.begin(trial.start_ns, reel.boot_ns)
+        size = (max(size[0], _WIDE * len(scene.cameras)), size[1] + _TALL + _LINE)
+    else:
+        scene = None
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), RATE_HZ, size)
+    try:
+        if not writer.isOpened():
+            raise RecordingError(f"{path}: the video cannot be written", "is the folder writable?")
+        for k in range(n_pictures):
+            writer.write(_picture(cv2, reel, scene, round(k / RATE_HZ * 1e9), size))
+    finally:
+        writer.release()
+    return n_pictures / RATE_HZ
+
+
+def _picture(
+    cv2: Any, reel: Reel, scene: SceneReel | None, at_ns: int, size: tuple[int, int]
+) -> NDArray[np.uint8]:
+    canvas = np.zeros((size[1], size[0], 3), np.uint8)
+
+    def say(text: str, place: tuple[int, int], scale: float) -> None:
+        cv2.putText(canvas, text, place, cv2.FONT_HERSHEY_SIMPLEX, scale, _LIGHT, 1, cv2.LINE_AA)
+
+    for k, finger in enumerate(reel.fingers):
+        frame, left = reel.picture(finger, at_ns), k * _WIDTH
+        say(finger if frame is not None else f"{finger}: no picture", (left + 8, 20), 0.55)
+        if frame is not None:
+            canvas[_LINE : _LINE + _HEIGHT, left : left + _WIDTH] = cv2.resize(frame, (_WIDTH, _HEIGHT))
+    for k, line in enumerate(reel.lines(at_ns)):
+        say(line, (8, 60 + 34 * k), 0.7)
+    if scene is not None:
+        filmed, top = scene.pictures(at_ns), _HEIGHT + _LINE
+        for k, camera in enumerate(scene.cameras):
+            image, left = filmed.get(camera), k * _WIDE
+            say(camera if image is not None else f"{camera}: no picture", (left + 8, top + 20), 0.55)
+            if image is not None:
+                scale = min(_WIDE / image.shape[1], _TALL / image.shape[0])
+                wide, tall = (max(1, int(side * scale)) for side in image.shape[1::-1])
+                canvas[top + _LINE : top + _LINE + tall, left : left + wide] = cv2.resize(image, (wide, tall))
+    return canvas

@@ -1,0 +1,274 @@
+"""Make blind clips of recorded trials for raters who code in BORIS; :mod:`.clips_coded` takes what they coded back.
+
+A clip is a trial of anybody, its pictures and the scene's, under a number drawn from the study's seed and the rater's
+code: neither person nor trial nor condition can be read off that. Which clip is which stands in the study's folder, in
+``clips/RATER.json``. With proposals the project holds what the session's rule and the detector say, each to be
+confirmed, rejected or moved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Final, Literal
+
+import msgspec
+
+from tega.config import FINGERS
+from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError
+from tega.recording.mcap_reader import McapReader
+from tega.runtime.files.foreign_file import parse_json, read_foreign
+from tega.runtime.files.plain_name import plain_name
+from tega.runtime.files.whole_file import write_whole
+from tega_scene.own_film import filmed_cameras, own_recording
+from tega_study.detecting import DETECTOR, read_detected
+from tega_study.journal import counting, read_events
+from tega_study.observers import observer_path
+from tega_study.order import shuffled
+from tega_study.plan import read_plan
+from tega_study.privacy import note_elsewhere, withdrawn_ids
+from tega_study.score.boris import CODES
+from tega_study.score.boris_file import (
+    BorisBehaviour,
+    CodedEvent,
+    boris_observation,
+    boris_project,
+)
+from tega_study.score.clip_video import RATE_HZ, write_clip
+from tega_study.score.recorded import RecordedTrial, recorded_trials
+from tega_study.score.scene_reel import SceneReel
+from tega_study.state import events_path
+
+RULE: Final = "rule"
+"""Who proposes what the session's own rule found."""
+
+OPEN: Final = "proposed"
+"""What a proposal is until a rater has decided."""
+
+VERDICTS: Final = (OPEN, "confirmed", "rejected", "moved")
+"""Values of the modifier by which a rater decides."""
+
+_NO_FINGER: Final = "several"
+
+
+class Proposal(msgspec.Struct, frozen=True):
+    """Event that a rule or the detector proposes.
+
+    Attributes:
+        source: :data:`RULE` or ``detector``.
+        kind: Of the event.
+        t_s: Seconds from the trial's start.
+        confidence: 0 to 1; 1 of the rule.
+    """
+
+    source: str
+    kind: str
+    t_s: float
+    confidence: float
+
+
+class RaterClip(msgspec.Struct, frozen=True):
+    """Clip, and what it is of.
+
+    Attributes:
+        name: Such as ``clip-001``.
+        participant: Whose trial.
+        trial: Its number in the plan.
+        attempt: Its attempt.
+        length_s: How long it is.
+        proposals: What was proposed; the number of each stands in its comment.
+    """
+
+    name: str
+    participant: str
+    trial: int
+    attempt: int
+    length_s: float
+    proposals: list[Proposal] = []
+
+
+class ClipKey(msgspec.Struct, frozen=True, kw_only=True):
+    """Key of a rater's clips.
+
+    Attributes:
+        format: ``tega-clips``.
+        version: Of this format.
+        plan: Fingerprint of the study's plan.
+        rater: Whose clips.
+        proposed: Whether the rater is shown proposals.
+        clips: All of them, in the rater's order.
+        left_out: Trials without a recording that can be shown, and why.
+    """
+
+    format: Literal["tega-clips"] = "tega-clips"
+    version: Literal[1] = 1
+    plan: str
+    rater: str
+    proposed: bool
+    clips: list[RaterClip]
+    left_out: list[str] = []
+
+
+def key_path(folder: Path, rater: str) -> Path:
+    """Return where the key of a rater's clips is."""
+    plain_name(rater, what="rater", source=folder.name)
+    return folder / "clips" / f"{rater}.json"
+
+
+def make_clips(
+    folder: Path,
+    out: Path,
+    rater: str,
+    *,
+    proposals: bool = False,
+    scenes: Sequence[Path] = (),
+    told: Callable[[int, int], None] = lambda _done, _total: None,
+) -> ClipKey:
+    """Write clips and a project for a rater.
+
+    Args:
+        folder: The study's folder.
+        out: Where to; must not exist, or be empty.
+        rater: Who will code; a code that is new.
+        proposals: Put what rule and detector say into the project.
+        scenes: Scene recordings of the sessions, made on their machine; none for what is in the trials' own.
+        told: Told how many clips are done, of how many.
+
+    Returns:
+        The key, which is kept in the study's folder.
+
+    Raises:
+        InvalidValueError: The rater has clips already, or the folder is not empty.
+        DeviceUnavailableError: No trial can be shown.
+        RecordingError: The study or a scene recording is damaged.
+        MissingExtraError: A package of the extra ``record`` is not installed.
+    """
+    plan, key = read_plan(folder), key_path(folder, rater)
+    if key.exists():
+        raise InvalidValueError(f"{rater} has clips already: {key}", "give another --rater")
+    if out.exists() and any(out.iterdir()):
+        raise InvalidValueError(f"{out}: is not empty", "name a new folder")
+    filmed = SceneReel(scenes) if scenes else None
+    shown, left_out = _shown(folder, rater)
+    out.mkdir(parents=True, exist_ok=True)
+    clips, observations = [], {}
+    for n, (person, trial) in enumerate(shown, start=1):
+        told(n - 1, len(shown))
+        name = f"clip-{n:03d}"
+        video = out / f"{name}.avi"
+        try:
+            scene = filmed or _own_scene(trial)
+            length_s = write_clip(trial, video, scene)
+        except RecordingError as error:
+            left_out.append(f"{trial.id}: {error.message}")
+            continue
+        left_out += [] if scene is None or filmed else [f"{trial.id}: {said}" for said in scene.problems]
+        note_elsewhere(folder, person, video)
+        events = _proposals(folder, person, trial) if proposals else []
+        clips.append(RaterClip(name, person, trial.trial, trial.attempt, length_s, events))
+        observations[name] = boris_observation(
+            [_proposed(k, one, trial.object) for k, one in enumerate(events)],
+            length_s=length_s,
+            variables={"object": trial.object},
+            media=video.name,
+            rate_hz=RATE_HZ,
+        )
+    told(len(shown), len(shown))
+    left_out += [] if filmed is None else filmed.problems
+    if not clips:
+        raise DeviceUnavailableError(f"no recording can be shown: {'; '.join(left_out)}")
+    modifiers = {"finger": (*FINGERS, _NO_FINGER)} | ({"proposal": VERDICTS} if proposals else {})
+    project = boris_project(
+        name=f"{folder.name}, {rater}",
+        description="blind clips in an order of their own; times count from each clip's start",
+        behaviours=[BorisBehaviour(code, letter, modifiers) for code, (_kind, letter) in CODES.items()],
+        subjects=sorted({trial.object for _person, trial in shown}),
+        variables=("object",),
+        observations=observations,
+    )
+    made = ClipKey(
+        plan=plan.settings.plan_sha256, rater=rater, proposed=proposals, clips=clips, left_out=left_out
+    )
+    write_whole(key, msgspec.json.format(msgspec.json.encode(made)) + b"\n")
+    write_whole(out / f"{rater}.boris", project)
+    return made
+
+
+def _own_scene(trial: RecordedTrial) -> SceneReel | None:
+    """Return what scene cameras of the settings filmed into a trial's recording; ``None`` without any."""
+    if not any(trial.folder.glob("*.mcap")):
+        return None  # of the simulated bench
+    recording = own_recording(trial.folder)
+    return SceneReel([recording]) if filmed_cameras(McapReader(recording)) else None
+
+
+def _shown(folder: Path, rater: str) -> tuple[list[tuple[str, RecordedTrial]], list[str]]:
+    """Return everybody's recorded trials that count, in the rater's order, and what cannot be shown."""
+    plan, gone = read_plan(folder), withdrawn_ids(folder)
+    found: list[tuple[str, RecordedTrial]] = []
+    left_out: list[str] = []
+    for person in plan.participants:
+        if person in gone or not events_path(folder, person).exists():
+            continue
+        if observer_path(folder, person, rater).exists():
+            raise InvalidValueError(f"{rater} has scored {person} already", "give another --rater")
+        trials, unseen = recorded_trials(folder, person)
+        found += [(person, trial) for trial in trials]
+        left_out += unseen
+    if not found:
+        raise DeviceUnavailableError(
+            f"no recording to make clips of: {'; '.join(left_out) or 'no trial that counts has ended'}",
+            "record trials with tega-teleop study run",
+        )
+    return shuffled(found, seed=plan.settings.seed or 0, purpose=f"clips|{rater}"), left_out
+
+
+def _proposals(folder: Path, person: str, trial: RecordedTrial) -> list[Proposal]:
+    """Return what rule and detector say of a trial, in the order of time."""
+    found = []
+    accounts = {
+        RULE: [e for e in read_events(events_path(folder, person)) if e.source == "auto"],
+        DETECTOR: read_detected(folder, person),
+    }
+    for source, events in accounts.items():
+        for event in counting(events, trial.trial, trial.attempt):
+            t_s = (event.t_ns - trial.start_ns) / 1e9
+            if event.kind in CODES and 0 <= t_s <= trial.length_ns / 1e9:
+                confidence = 1.0 if event.value is None or source == RULE else event.value
+                found.append(Proposal(source, event.kind, round(t_s, 3), confidence))
+    return sorted(found, key=lambda one: one.t_s)
+
+
+def _proposed(n: int, one: Proposal, subject: str) -> CodedEvent:
+    comment = f"#{n} {one.source} {one.confidence:.2f}"
+    return CodedEvent(one.t_s, subject, one.kind, ("None", OPEN), comment)
+
+
+def decode_key(path: Path) -> ClipKey:
+    """Read a key's file.
+
+    Raises:
+        RecordingError: It is damaged.
+    """
+    try:
+        return parse_json(read_foreign(path, most_mib=64), ClipKey)
+    except (OSError, msgspec.DecodeError) as error:
+        raise RecordingError(f"{path}: is damaged: {error}") from error
+
+
+def read_key(folder: Path, rater: str) -> ClipKey:
+    """Read the key of a rater's clips.
+
+    Raises:
+        InvalidValueError: The rater has none.
+        RecordingError: It is damaged, or of another plan.
+    """
+    path = key_path(folder, rater)
+    if not path.exists():
+        raise InvalidValueError(f"{rater} has no clips in {folder}", "make them with tega-teleop study clips")
+    key, plan = decode_key(path), read_plan(folder)
+    # A person's id becomes a folder's name: only those of the plan do.
+    strangers = {clip.participant for clip in key.clips} - set(plan.participants)
+    if key.plan != plan.settings.plan_sha256 or strangers:
+        raise RecordingError(f"{path}: belongs to another plan")
+    return key

@@ -1,0 +1,90 @@
+"""Find the scene cameras' pictures of recorded trials, which show raters the object."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from tega.recording.replay.followed_file import FollowedFile, PlayedMoment
+from tega.recording.replay.played_scene import followed_scene
+from tega.records.bus import Bus
+from tega_scene.decode import ScenePicture
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+_EVER_NS: Final = 2**62
+_BOOT_NS: Final = 600 * 1_000_000_000
+"""The machine's clock begins anew when it starts: files whose beginnings of it are further apart are of two starts."""
+
+
+class _FilmFile:
+    """A scene recording, looked at from trial to trial."""
+
+    def __init__(self, path: Path) -> None:
+        self._bus = Bus()
+        self._bus.subscribe(ScenePicture, self._see, vital=True)
+        self.file: FollowedFile = followed_scene(
+            path, self._bus, start_ns=0, end_ns=_EVER_NS, behind_ns=_EVER_NS
+        )
+        self.names = [one.name for one in self.file.followers]
+        self.newest: dict[str, NDArray[np.uint8]] = {}
+
+    def _see(self, one: ScenePicture) -> None:
+        self.newest.pop(one.camera, None)
+        if one.image is not None:
+            self.newest[one.camera] = one.image
+
+
+class SceneReel:
+    """Pictures of scene recordings at moments of one trial after another.
+
+    Args:
+        paths: Files that ``scene record`` wrote on the machine of the sessions, or recordings that hold scene video.
+
+    Attributes:
+        cameras: Their names, sorted.
+
+    Raises:
+        RecordingError: One is no scene recording, or damaged.
+        MissingExtraError: A package of the extra ``record`` is not installed.
+    """
+
+    def __init__(self, paths: Sequence[Path]) -> None:
+        self._films = [_FilmFile(path) for path in paths]
+        self.cameras = sorted({name for film in self._films for name in film.names})
+        self._mine: list[_FilmFile] = []
+        self._n_trials = self._start_ns = 0
+
+    def begin(self, start_ns: int, boot_ns: int) -> None:
+        """Go to a trial.
+
+        Args:
+            start_ns: The machine's clock at its start.
+            boot_ns: Time of day at which that clock was 0, by the trial's recording.
+        """
+        self._n_trials += 1
+        self._start_ns = start_ns
+        self._mine = [film for film in self._films if abs(film.file.zero_ns - boot_ns) <= _BOOT_NS]
+        for film in self._films:
+            film.newest.clear()
+
+    def pictures(self, at_ns: int) -> dict[str, NDArray[np.uint8]]:
+        """Return each camera's newest picture, uint8 (H, W, 3), BGR; without those that have none.
+
+        Args:
+            at_ns: Time since the trial's start, which rises from call to call.
+        """
+        found: dict[str, NDArray[np.uint8]] = {}
+        for film in self._mine:
+            film.file.follow(PlayedMoment(self._n_trials, self._start_ns + at_ns, 0), threading.Event())
+            found |= film.newest
+        return found
+
+    @property
+    def problems(self) -> list[str]:
+        """What cannot be shown, a sentence each."""
+        return [said for film in self._films for said in film.file.problems.values()]

@@ -1,0 +1,192 @@
+"""Read the pictures of a recorded trial for raters: fingertips or, on the simulated bench, the object in words.
+
+Nothing else of the recording is read: not what the vest was told nor whether it was on, not the settings, and no muscle
+signal, in which motors that turn could be seen.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from bisect import bisect_right
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tega.config import FINGERS
+from tega.errors import RecordingError, TegaError
+from tega.loop.touch import STALE_NS
+from tega.runtime.files.foreign_file import read_words
+from tega_study.score.recorded import RecordedTrial
+
+_APART_NS = 30_000_000
+"""A clip shows no more pictures than that."""
+
+_FAR_NS = 1_000_000_000
+"""Further from where ``trial.json`` says it began, a recording is another one."""
+
+_SHORT_NS = 500_000_000
+"""So much of a trial's end a recording may lack: its last items are on their way when it ends."""
+
+
+class _Strip(NamedTuple):
+    """A fingertip's pictures as JPEG, rising in time."""
+
+    t_ns: list[int]
+    jpegs: list[bytes]
+
+
+class ReelTruth(NamedTuple):
+    """State of the object on the simulated bench, which has no pictures."""
+
+    height_m: float
+    slid_m: float
+    pressed_in_m: float
+
+
+class Reel:
+    """A recording, ready to be looked at. Times count from the trial's start, nanoseconds.
+
+    Args:
+        strips: Pictures by finger.
+        truth_t_ns: Times of the object's truth, rising; none outside the simulated bench.
+        truth: The object at those times.
+        boot_ns: Time of day at which the machine's clock was 0; ``None`` on the simulated bench.
+
+    Attributes:
+        fingers: Those with a picture, thumb first.
+        boot_ns: As given.
+    """
+
+    def __init__(
+        self,
+        strips: dict[str, _Strip],
+        truth_t_ns: Sequence[int] = (),
+        truth: Sequence[ReelTruth] = (),
+        *,
+        boot_ns: int | None = None,
+    ) -> None:
+        self.boot_ns = boot_ns
+        self.fingers = [finger for finger in FINGERS if finger in strips]
+        self._strips, self._truth_t_ns, self._truth = strips, truth_t_ns, truth
+        self._decoded: dict[str, tuple[int, NDArray[np.uint8] | None]] = {}
+
+    def picture(self, finger: str, at_ns: int) -> NDArray[np.uint8] | None:
+        """Return a finger's newest picture at a moment, uint8 (H, W, 3), BGR; ``None`` without a fresh one."""
+        strip = self._strips[finger]
+        place = bisect_right(strip.t_ns, at_ns) - 1
+        if place < 0 or at_ns - strip.t_ns[place] > STALE_NS:  # a picture that stands still would deceive
+            return None
+        if finger not in self._decoded or self._decoded[finger][0] != place:
+            import cv2
+
+            frame: Any = cv2.imdecode(np.frombuffer(strip.jpegs[place], np.uint8), cv2.IMREAD_COLOR)
+            self._decoded[finger] = place, frame
+        return self._decoded[finger][1]
+
+    def lines(self, at_ns: int) -> list[str]:
+        """Return what the simulated bench knows of the object at a moment, in words."""
+        if (place := bisect_right(self._truth_t_ns, at_ns)) == 0:
+            return []
+        truth = self._truth[place - 1]
+        return [
+            "pictures: none, simulated",
+            f"height: {truth.height_m * 100:.1f} cm",
+            f"slid in the hand: {truth.slid_m * 1e3:.1f} mm",
+            f"pressed in: {truth.pressed_in_m * 1e3:.1f} mm",
+        ]
+
+
+def read_reel(trial: RecordedTrial) -> Reel:
+    """Read a trial's recording.
+
+    Raises:
+        RecordingError: It is damaged, unfinished, or not of this trial.
+        MissingExtraError: A package of the extra ``record`` is not installed.
+    """
+    files = sorted(trial.folder.glob("*.mcap"))
+    if len(files) > 1:
+        raise RecordingError(f"{len(files)} recordings in one folder: {', '.join(f.name for f in files)}")
+    return _of_devices(trial, files[0]) if files else _of_bench(trial)
+
+
+def _of_devices(trial: RecordedTrial, path: Path) -> Reel:
+    """Read an MCAP file once, from its beginning to its end."""
+    from tega.recording.mcap_reader import McapReader
+    from tega.runtime.lifecycle import require
+
+    cv2 = require("cv2", driver="recording", extra="record")
+    reader = McapReader(path, check_sums=True)
+    strips: dict[str, _Strip] = {}
+    pictures: dict[str, Any] = {}
+    newest_ns = 0
+    try:
+        for message in reader.messages(lambda topic: topic.endswith(("/image", "/frame", "/hand/joints"))):
+            since_ns = message.log_ns - int(reader.metadata["tega"]["epoch_ns"]) - trial.zero_ns
+            newest_ns = max(newest_ns, since_ns)
+            if message.schema == "foxglove.JointStates":
+                continue
+            finger = message.topic.split("/")[2]
+            if message.schema == "tega.Frame":
+                strip = strips.setdefault(finger, _Strip([], []))
+                _keep(strip, message.value.t_ns - trial.zero_ns, pictures.pop(finger, None), cv2)
+            elif message.schema in {"foxglove.RawImage", "foxglove.CompressedImage"}:
+                pictures[finger] = message
+    except TegaError:
+        raise
+    except Exception as error:  # of a damaged file decoders raise what they like
+        raise RecordingError(f"{path.name} is damaged: {type(error).__name__}: {error}") from error
+    if reader.cut or "end" not in reader.metadata:
+        raise RecordingError(f"{path.name} is damaged or was never finished")
+    try:
+        began_ns, epoch_ns = (int(reader.metadata["tega"][name]) for name in ("start_ns", "epoch_ns"))
+    except (KeyError, ValueError) as error:
+        raise RecordingError(f"{path.name} is damaged: {error}") from error
+    if abs(began_ns - (trial.start_ns - trial.zero_ns)) > _FAR_NS:
+        raise RecordingError(f"{path.name} is of another trial: it was begun at another time")
+    _reaches(trial, newest_ns)
+    return Reel(strips, boot_ns=epoch_ns - began_ns)
+
+
+def _keep(strip: _Strip, t_ns: int, picture: Any, cv2: Any) -> None:
+    """Keep a picture as it is recorded or, of a lossless recording, as JPEG: raw they don't fit into memory."""
+    from tega.recording.mcap_reader import read_picture
+
+    if picture is None or (strip.t_ns and t_ns - strip.t_ns[-1] < _APART_NS):
+        return
+    if picture.schema == "foxglove.CompressedImage":
+        data = bytes(picture.value.data)
+    else:
+        data = cv2.imencode(".jpg", read_picture(picture), [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes()
+    strip.t_ns.append(t_ns)
+    strip.jpegs.append(data)
+
+
+def _of_bench(trial: RecordedTrial) -> Reel:
+    """Read what the simulated bench keeps of the object, which has no pictures."""
+    truth_t_ns, truth = [], []
+    try:
+        text = read_words(trial.folder / "truth.csv", most_mib=256)
+        for row in csv.DictReader(io.StringIO(text, newline="")):
+            truth_t_ns.append(round(float(row["t_s"]) * 1e9))
+            numbers = (float(row[n]) for n in ("object_height_m", "slip_m", "deformation_m"))
+            truth.append(ReelTruth(*numbers))
+    except (OSError, ValueError, OverflowError, KeyError, TypeError, csv.Error) as error:
+        raise RecordingError(f"truth.csv is damaged: {error}") from error
+    _reaches(trial, truth_t_ns[-1] if truth_t_ns else 0)
+    return Reel({}, truth_t_ns, truth)
+
+
+def _reaches(trial: RecordedTrial, newest_ns: int) -> None:
+    """Refuse a recording that ends before its trial.
+
+    Raises:
+        RecordingError: It does.
+    """
+    if newest_ns < trial.length_ns - _SHORT_NS:
+        raise RecordingError(
+            f"the recording ends at {max(newest_ns, 0) / 1e9:.1f} s of {trial.length_ns / 1e9:.1f} s"
+        )

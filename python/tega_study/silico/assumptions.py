@@ -1,0 +1,214 @@
+"""Keep the assumptions of a study in silico in its folder: ``simulation.toml`` and ``parameters.toml``.
+
+``parameters.toml`` is the file that the simulated people were drawn from, byte for byte; ``simulation.toml`` has its
+SHA-256 and what else decides the outcome. A report is made from these two, not from what the package holds today.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, Literal
+
+import msgspec
+
+import tega
+from tega.errors import RecordingError
+from tega.runtime.files.foreign_file import parse_toml, read_foreign, read_words
+from tega.runtime.files.toml_text import tree_text
+from tega_sim.operator.vision import ViewName
+from tega_sim.seams import Shear
+
+if TYPE_CHECKING:
+    from tega_sim.operator import RulesVersion
+    from tega_sim.operator.person import Parameter
+    from tega_sim.world import ObjectSpec
+
+
+SIMULATION, PARAMETERS = "simulation.toml", "parameters.toml"
+PACKAGE: Final = Path(tega.__file__).parent
+
+
+class Assumptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Assumptions that decide the outcome of a study in silico, besides its plan.
+
+    Attributes:
+        version: Of the program that ran it.
+        parameters_sha256: Of ``parameters.toml``.
+        frozen: Whether that is the file that was frozen before the first run; else it is a changed one.
+        everyone: Parameters, ``section.name``, that everybody had the same value of, instead of the population's.
+        preset: Readings of the loop.
+        settings: Of the loop, as ``key=value``, see :class:`tega_sim.plan.TrialPlan`.
+        rules: Version of the rules that the people followed.
+        people_sha256: Of the people's numbers, and by version 2 of their rules as well; empty in older studies.
+        objects: What was lifted, attributes by name, as in :class:`tega_sim.world.ObjectSpec`.
+        view: Sight of the hand while it held, see :data:`tega_sim.operator.VIEWS`.
+        shear: Of the gels, see :class:`tega_sim.gel.Gel`.
+        fresh: Whether each person meets each condition as if there were no other: knowing nothing yet, rested, and with
+            the same chance in the n-th trial under each. Then outcomes are kept, and no course of touch and no picture,
+            which the arms that need no pictures would have to render.
+        code_sha256: Of the program's files: people's rules, world, gel and readings; empty in older studies.
+    """
+
+    version: str
+    parameters_sha256: str
+    frozen: bool
+    everyone: dict[str, float] = {}
+    preset: Literal["paper", "live"] = "live"
+    settings: tuple[str, ...] = ()
+    rules: Literal[1, 2, 3] = 1
+    people_sha256: str = ""
+    objects: dict[str, dict[str, Any]] = {}
+    view: ViewName = "direct"
+    shear: Shear = "off"
+    fresh: bool = False
+    code_sha256: str = ""
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of all that the outcome hangs on besides the plan, as written in ``simulation.toml``."""
+        return hashlib.sha256(tree_text(msgspec.to_builtins(self)).encode()).hexdigest()
+
+    def spec(self, name: str) -> ObjectSpec:
+        """Return an object as it was lifted.
+
+        Raises:
+            RecordingError: The statement has no such object, or one that cannot be.
+        """
+        from tega_sim.world import ObjectSpec
+
+        try:
+            return msgspec.convert(self.objects[name], ObjectSpec)
+        except (KeyError, msgspec.ValidationError) as error:
+            raise RecordingError(
+                f"{SIMULATION}: object {name!r}: {error}", "restore the folder from a copy"
+            ) from error
+
+
+def assume(
+    objects: Mapping[str, ObjectSpec],
+    *,
+    parameters: Path | None = None,
+    everyone: dict[str, float] | None = None,
+    preset: Literal["paper", "live"] = "live",
+    settings: tuple[str, ...] = (),
+    rules: RulesVersion = 1,
+    view: ViewName = "direct",
+    shear: Shear = "off",
+    fresh: bool = False,
+) -> tuple[Assumptions, bytes]:
+    """State what a study takes for granted.
+
+    Args:
+        objects: What is lifted, by name.
+        parameters: A parameter file; none means the package's own.
+        everyone: As in :class:`Assumptions`.
+        preset: Likewise.
+        settings: Likewise.
+        rules: Likewise.
+        view: Likewise.
+        shear: Likewise.
+        fresh: Likewise.
+
+    Returns:
+        The statement, and the parameter file.
+
+    Raises:
+        ConfigError: The file is not valid, ``everyone`` names what is not in it or goes out of its bounds, or a
+            setting is not one of the loop's.
+        RecordingError: The file cannot be read.
+    """
+    from tega._native import __version__
+    from tega_sim.operator import load_parameters, people_digest
+    from tega_sim.plan import loop_settings
+
+    source = files("tega_sim.operator") / PARAMETERS if parameters is None else parameters
+    try:
+        content = source.read_bytes() if parameters is None else read_foreign(parameters, most_mib=1)
+    except OSError as error:
+        raise RecordingError(f"{source}: cannot be read: {error}", "name a parameter file") from error
+    loop_settings(preset, settings)
+    loaded = load_parameters(parameters)
+    loaded.of_everyone(everyone or {})
+    stated = Assumptions(
+        version=__version__,
+        parameters_sha256=loaded.digest,
+        frozen=loaded.frozen,
+        everyone=dict(sorted((everyone or {}).items())),
+        preset=preset,
+        settings=settings,
+        rules=rules,
+        people_sha256=people_digest(loaded.digest, rules),
+        objects={name: msgspec.to_builtins(spec) for name, spec in objects.items()},
+        view=view,
+        shear=shear,
+        fresh=fresh,
+        code_sha256=code_sha256(),
+    )
+    return stated, content
+
+
+def code_sha256(root: Path = PACKAGE) -> str:
+    """Return the SHA-256 of the installed program: Python, data such as the objects, and the compiled extension.
+
+    Args:
+        root: The package's folder.
+    """
+    digest = hashlib.sha256()
+    for path in sorted(root.rglob("*")):
+        if path.is_file() and "__pycache__" not in path.parts:
+            content = path.read_bytes()
+            digest.update(f"{path.relative_to(root).as_posix()} {len(content)}\n".encode() + content)
+    return digest.hexdigest()
+
+
+def assumption_files(stated: Assumptions, parameters: bytes) -> dict[str, bytes]:
+    """Return both files by name."""
+    return {SIMULATION: tree_text(msgspec.to_builtins(stated)).encode(), PARAMETERS: parameters}
+
+
+def read_assumptions(folder: Path) -> Assumptions | None:
+    """Read what a study took for granted; ``None`` where it does not say, as with people.
+
+    Args:
+        folder: The study's folder.
+
+    Raises:
+        RecordingError: ``simulation.toml`` is damaged, or ``parameters.toml`` is not the file it names.
+    """
+    path = folder / SIMULATION
+    if not path.exists():
+        return None
+    try:
+        stated = msgspec.convert(parse_toml(read_words(path)), Assumptions)
+        content = read_foreign(folder / PARAMETERS, most_mib=1)
+    except (OSError, ValueError, msgspec.ValidationError) as error:
+        raise RecordingError(f"{path}: {error}", "restore the folder from a copy") from error
+    if hashlib.sha256(content).hexdigest() != stated.parameters_sha256:
+        raise RecordingError(
+            f"{folder / PARAMETERS}: is not the file that the people were drawn from",
+            "restore it from a copy; other parameters are another study, in a new folder",
+        )
+    return stated
+
+
+def read_parameters(folder: Path) -> dict[str, dict[str, Parameter]]:
+    """Read a study's parameters by section and name, also those of an older version; none where it has none.
+
+    Args:
+        folder: The study's folder.
+
+    Raises:
+        RecordingError: The file is damaged.
+    """
+    from tega_sim.operator.person import Parameter
+
+    path = folder / PARAMETERS
+    if not path.exists():
+        return {}
+    try:
+        return msgspec.convert(parse_toml(read_words(path)), dict[str, dict[str, Parameter]])
+    except (OSError, ValueError, msgspec.ValidationError) as error:
+        raise RecordingError(f"{path}: {error}", "restore it from a copy") from error

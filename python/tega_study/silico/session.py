@@ -1,0 +1,232 @@
+"""Simulate one person's session: a function of plan, assumptions and the study's seed, whoever runs it.
+
+A person remembers and tires from trial to trial, so a session is the unit of work; where the assumptions say ``fresh``,
+from trial to trial of one condition. It is made in a folder of its own and handed over as files, so that whoever runs
+it need not share a disk with whoever asked for it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import msgspec
+import numpy as np
+
+from tega_study.coupling import TouchCourse, write_course
+from tega_study.journal import Journal
+from tega_study.plan import PlannedTrial, StudySettings
+from tega_study.silico.assumptions import Assumptions
+from tega_study.state import events_path
+from tega_study.touch_picture import FingerPicture, picture_path, write_touch_picture
+from tega_study.trials import course_path
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tega_sim.lab import Lab
+    from tega_sim.operator import Parameters
+    from tega_sim.plan import TrialResult
+    from tega_sim.streams import Streams
+
+
+COURSE_HZ = 30.0
+PEOPLE_APART = 1000
+"""Between the seeds of two people: worlds are seeded by person and trial, and must not meet."""
+
+RESULTS = "results.jsonl"
+"""File beside a simulated session's events: a :class:`tega_sim.plan.TrialResult` a line, in the session's order."""
+
+RUNNING = ".running"
+"""Folder in a study's folder where sessions are before they are over."""
+
+
+class SessionJob(NamedTuple):
+    """Inputs of one simulated session, to be sent to other processes and machines.
+
+    Attributes:
+        folder: The study's folder, on the machine that asks.
+        person: Whose session.
+        settings: Of the study.
+        trials: The person's, in their order.
+        assumptions: What is taken for granted.
+        parameters: The population that the person is drawn from.
+        pictures: Whether to keep a picture of a fingertip of each object's first felt lift.
+    """
+
+    folder: Path
+    person: str
+    settings: StudySettings
+    trials: tuple[PlannedTrial, ...]
+    assumptions: Assumptions
+    parameters: Parameters
+    pictures: bool
+
+
+def run_session(job: SessionJob, scratch: Path | None = None) -> dict[str, bytes]:
+    """Run a session from its start.
+
+    Args:
+        job: Which.
+        scratch: Folder to work in, which can be watched; what it holds is deleted. None means one that goes away.
+
+    Returns:
+        The files, by path in the study's folder.
+    """
+    if scratch is None:
+        with tempfile.TemporaryDirectory() as made:
+            return run_session(job, Path(made))
+    shutil.rmtree(scratch, ignore_errors=True)
+    scratch.mkdir(parents=True)
+    _go(job, scratch)
+    return {
+        path.relative_to(scratch).as_posix(): path.read_bytes()
+        for path in sorted(scratch.rglob("*"))
+        if path.is_file()
+    }
+
+
+def _go(job: SessionJob, folder: Path) -> None:
+    from tega_sim.lab import Lab
+    from tega_sim.lift import Lift
+    from tega_sim.plan import TrialPlan
+    from tega_sim.practice import practise
+    from tega_sim.streams import Streams
+
+    stated = job.assumptions
+    same = {
+        "preset": stated.preset,
+        "settings": stated.settings,
+        "rules": stated.rules,
+        "view": stated.view,
+        "shear": stated.shear,
+    }
+    seed = person_seed(job.settings.seed or 0, job.person)
+    lab = Lab(seed, stated.preset, job.parameters, settings=stated.settings, shear=stated.shear)
+    specs = {name: stated.spec(name) for name in stated.objects}
+    first = job.settings.objects[0]
+    asked = TrialPlan.checked({"object": first, "spec": specs[first], "seed": seed, **same})
+    minds = {"": lab.person(asked)} if not stated.fresh else {}
+    practised: set[tuple[str, str]] = set()
+    fatigue: dict[str, float] = {}
+    t_ns = 0
+    pictured: set[str] = set()
+    events = events_path(folder, job.person)
+    with Journal(events) as journal, events.with_name(RESULTS).open("wb") as results:
+        journal.add("session_start", t_ns=0, source="auto", text=job.settings.plan_sha256)
+        for trial in job.trials:
+            t_ns += round(trial.rest_s * 1e9)
+            streams = None if stated.fresh else Streams()
+            asked = TrialPlan.checked(
+                {
+                    "object": trial.object,
+                    "spec": specs[trial.object],
+                    "condition": trial.condition,
+                    "seed": seed,
+                    **same,
+                }
+            )
+            # Who meets each condition afresh is another one under each, with the same chance in the n-th trial of each.
+            who, number = (trial.condition, trial.repeat) if stated.fresh else ("", trial.trial)
+            mind = minds.get(who) or minds.setdefault(who, lab.person(asked))
+            if (trial.object, trial.condition) not in practised:
+                practised.add((trial.object, trial.condition))
+                practise(lab, asked, mind, number)
+            lift = Lift(lab, asked, mind, number, fatigue=fatigue.get(who, 0.0), streams=streams)
+            lift.go(real_time=False, observer=None, stop=lambda: False, paused=lambda: False)
+            fatigue[who] = lift.fatigue
+            result = lift.result(lift.end_s)
+            results.write(msgspec.json.encode(result) + b"\n")
+            if streams is not None:
+                write_course(course_path(folder, trial), _course(streams))
+            _keep(journal, trial, t_ns, result)
+            t_ns += round(result.duration_s * 1e9)
+            if (
+                streams is not None
+                and job.pictures
+                and trial.condition == job.settings.conditions[0]
+                and trial.object not in pictured
+            ):
+                pictured.add(trial.object)
+                _picture(folder, trial, streams, lab)
+
+
+def keep_session(job: SessionJob, files: dict[str, bytes]) -> None:
+    """Put a finished session into the study's folder; its events come last, and tell that it is there.
+
+    Args:
+        job: Which.
+        files: As :func:`run_session` gave them.
+    """
+    beside = job.folder / RUNNING / f"{job.person}.done"
+    shutil.rmtree(beside, ignore_errors=True)
+    for name, content in files.items():
+        path = beside / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+    parts = sorted({Path(name).parts[0] for name in files}, key=lambda part: (part == "sessions", part))
+    shutil.rmtree(events_path(job.folder, job.person).parent, ignore_errors=True)
+    for part in parts:
+        target = job.folder / part / job.person
+        shutil.rmtree(target, ignore_errors=True)
+        target.parent.mkdir(exist_ok=True)
+        (beside / part / job.person).rename(target)
+    shutil.rmtree(beside, ignore_errors=True)
+    shutil.rmtree(job.folder / RUNNING / job.person, ignore_errors=True)
+
+
+def person_seed(seed: int, person: str) -> int:
+    """Return the seed that decides who a simulated person of a study is."""
+    digest = hashlib.sha256(f"tega-simulate|{seed}|{person}".encode()).digest()
+    return int.from_bytes(digest[:4]) % (2**31 // PEOPLE_APART) * PEOPLE_APART
+
+
+def _keep(journal: Journal, trial: PlannedTrial, start_ns: int, result: TrialResult) -> None:
+    journal.add("trial_start", t_ns=start_ns, trial=trial.trial)
+    for event in result.events:
+        at_ns = start_ns + round(event.t_s * 1e9)
+        journal.add(event.kind, t_ns=at_ns, trial=trial.trial, source="auto")
+    journal.add(
+        "trial_end",
+        t_ns=start_ns + round(result.duration_s * 1e9),
+        trial=trial.trial,
+        status="done" if result.success else "failed_task",
+        success=result.success,
+        source="auto",
+    )
+
+
+def _picture(folder: Path, trial: PlannedTrial, streams: Streams, lab: Lab) -> None:
+    found = streams.firmest()
+    if found is None:
+        return
+    finger, touch = found
+    full = lab.touch[finger]
+    picture = FingerPicture(
+        finger, lab.preset, lab.baselines[finger], touch, full.cci_max or 0.0, full.eda_max or 0.0
+    )
+    write_touch_picture(picture_path(folder, trial), picture)
+
+
+def _course(streams: Streams) -> TouchCourse:
+    """Bring the course of a lift to 30 Hz: touch as it was last measured, the level last chosen as pose 0 to 4."""
+    course = streams.course()
+    if not len(course.touch_t_s) or not len(course.level_t_s):
+        return TouchCourse(*(np.zeros(0) for _ in range(4)))
+    begin = max(course.touch_t_s[0], course.level_t_s[0])
+    end = min(course.touch_t_s[-1], course.level_t_s[-1])
+    t_s: NDArray[np.float64] = (
+        np.arange(np.ceil(begin * COURSE_HZ), np.floor(end * COURSE_HZ) + 1) / COURSE_HZ
+    )
+    touch = np.searchsorted(course.touch_t_s, t_s + 1e-9, side="right") - 1
+    level = np.searchsorted(course.level_t_s, t_s + 1e-9, side="right") - 1
+    return TouchCourse(
+        t_s, course.cci_norm[touch], course.eda_norm[touch], course.level[level].astype(np.float64) - 1.0
+    )

@@ -1,0 +1,219 @@
+"""Run a whole study with simulated people, or what is left of it."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from tega.errors import InvalidValueError
+from tega_study.journal import read_events
+from tega_study.plan import StudyPlan, make_plan, read_plan, write_plan
+from tega_study.silico.assumptions import (
+    PARAMETERS,
+    Assumptions,
+    assume,
+    assumption_files,
+)
+from tega_study.silico.session import RUNNING, SessionJob
+from tega_study.silico.spread import Progress, run_sessions
+from tega_study.state import derive, events_path
+
+if TYPE_CHECKING:
+    from tega_sim.operator import RulesVersion, ViewName
+    from tega_sim.seams import Shear
+    from tega_sim.world import ObjectSpec
+
+
+def ensure_plan(plan: StudyPlan, folder: Path, files: Mapping[str, bytes] = {}) -> None:
+    """Write a simulated study's plan, or find the same one there.
+
+    Several machines may do this at once on one file system; one of them writes.
+
+    Args:
+        plan: The plan.
+        folder: The study's folder.
+        files: What else belongs to it, by name; has to be the same as well.
+
+    Raises:
+        InvalidValueError: There is something else.
+    """
+    if not (folder / "study.toml").exists():
+        try:
+            write_plan(plan, folder, files)
+        except (InvalidValueError, OSError):  # somebody else was faster, or something else is there
+            if not (folder / "study.toml").exists():
+                raise
+    there = read_plan(folder)
+    if there != plan:
+        raise InvalidValueError(
+            f"{folder}: has another plan", "name a new folder, or the same settings as before"
+        )
+    for name, content in files.items():
+        path = folder / name
+        if not path.is_file() or path.read_bytes() != content:
+            raise InvalidValueError(
+                f"{folder}: was begun with another {name}",
+                "other assumptions, or another version of the program, are another study: name a new folder",
+            )
+
+
+def simulate(
+    folder: Path,
+    *,
+    operators: int,
+    seed: int = 1,
+    objects: Sequence[str] | Mapping[str, ObjectSpec] = ("bottle", "container", "bag"),
+    conditions: Sequence[str] = ("haptic", "non-haptic"),
+    trials: int = 10,
+    parameters: Path | None = None,
+    preset: Literal["paper", "live"] = "live",
+    settings: tuple[str, ...] = (),
+    rules: RulesVersion = 1,
+    view: ViewName = "direct",
+    shear: Shear = "off",
+    fresh: bool = False,
+    jobs: int = 0,
+    shard: tuple[int, int] = (1, 1),
+    dask: str = "",
+    progress: Progress = lambda _what, _done, _total: None,
+) -> StudyPlan:
+    """Run a whole study with simulated people, or what is left of it.
+
+    Args:
+        folder: The study's folder, new or of the same study.
+        operators: How many people.
+        seed: Of everything.
+        objects: Names in :data:`tega_sim.world.OBJECTS`, or other objects by name, such as those of
+            :func:`tega_sim.world.crossed`.
+        conditions: Of :data:`tega_sim.conditions.SESSION_CONDITIONS`; the first is compared with the second.
+        trials: Per person, object and condition.
+        parameters: A changed parameter file for the people; none means the frozen one.
+        preset: Readings of the loop.
+        settings: Of the loop, as ``key=value``: stages, layout and mirror.
+        rules: Version of the rules that the people follow.
+        view: Sight of the hand while the object is held.
+        shear: Of the gels, see :class:`tega_sim.gel.Gel`.
+        fresh: Whether each person meets each condition as if there were no other, see
+            :class:`tega_study.silico.assumptions.Assumptions`.
+        jobs: Worker processes; 0 for as many as there are cores.
+        shard: ``(i, n)``: only the i-th of n parts of the people, from 1.
+        dask: Address of a dask scheduler, whose workers are used instead of this machine's cores.
+        progress: Told how many trials are done.
+
+    Raises:
+        InvalidValueError: A name is unknown, or the folder has another study.
+        ConfigError: The parameter file is not valid, or a setting is not one of the loop's.
+        MissingExtraError: A package of the extra ``sim`` or ``dask`` is not installed.
+        DeviceUnavailableError: No dask scheduler answers at the address.
+    """
+    part, parts = shard
+    if not 1 <= part <= parts:
+        raise InvalidValueError(
+            f"shard = {part}/{parts}: cannot be", "write i/n with i from 1 to n, such as 2/4"
+        )
+    plan, stated = made_study(
+        folder,
+        operators=operators,
+        seed=seed,
+        objects=objects,
+        conditions=conditions,
+        trials=trials,
+        parameters=parameters,
+        preset=preset,
+        settings=settings,
+        rules=rules,
+        view=view,
+        shear=shear,
+        fresh=fresh,
+    )
+    mine = plan.participants[part - 1 :: parts]
+    run_sessions(jobs_of(folder, plan, stated, mine), workers=jobs, dask=dask, progress=progress)
+    if not unfinished(folder, plan):  # else another shard may be at work in there
+        shutil.rmtree(folder / RUNNING, ignore_errors=True)
+    return plan
+
+
+def made_study(
+    folder: Path,
+    *,
+    operators: int,
+    seed: int,
+    objects: Sequence[str] | Mapping[str, ObjectSpec],
+    conditions: Sequence[str],
+    trials: int,
+    parameters: Path | None = None,
+    everyone: dict[str, float] | None = None,
+    preset: Literal["paper", "live"] = "live",
+    settings: tuple[str, ...] = (),
+    rules: RulesVersion = 1,
+    view: ViewName = "direct",
+    shear: Shear = "off",
+    fresh: bool = False,
+) -> tuple[StudyPlan, Assumptions]:
+    """Plan a study in silico and write plan and assumptions, or find the same ones; see :func:`simulate`.
+
+    ``everyone``, ``preset``, ``settings``, ``rules``, ``view``, ``shear`` and ``fresh`` are those of
+    :class:`tega_study.silico.assumptions.Assumptions`.
+    """
+    from tega_sim.conditions import SESSION_CONDITIONS
+    from tega_sim.world import OBJECTS
+
+    for what, names, known in (
+        ("objects", objects, [*OBJECTS, *(objects if isinstance(objects, Mapping) else ())]),
+        ("conditions", conditions, SESSION_CONDITIONS),
+    ):
+        for name in names:
+            if name not in known:
+                raise InvalidValueError(
+                    f"{what}: {name!r} cannot be simulated", f"choose from {', '.join(map(str, known))}"
+                )
+    plan = make_plan(
+        participants=operators,
+        seed=seed,
+        objects=list(objects),
+        conditions=conditions,
+        trials=trials,
+        simulated=True,
+    )
+    stated, content = assume(
+        objects if isinstance(objects, Mapping) else {name: OBJECTS[name] for name in objects},
+        parameters=parameters,
+        everyone=everyone,
+        preset=preset,
+        settings=settings,
+        rules=rules,
+        view=view,
+        shear=shear,
+        fresh=fresh,
+    )
+    ensure_plan(plan, folder, assumption_files(stated, content))
+    return plan, stated
+
+
+def jobs_of(
+    folder: Path, plan: StudyPlan, stated: Assumptions, people: Sequence[str], *, pictures: bool = True
+) -> list[SessionJob]:
+    """Return the sessions of these people that are not over."""
+    from tega_sim.operator import load_parameters
+
+    loaded = load_parameters(folder / PARAMETERS).of_everyone(stated.everyone)
+    still = set(unfinished(folder, plan))
+    first = plan.participants[0]
+    return [
+        SessionJob(
+            folder, person, plan.settings, plan.of(person), stated, loaded, pictures and person == first
+        )
+        for person in people
+        if person in still
+    ]
+
+
+def unfinished(folder: Path, plan: StudyPlan) -> list[str]:
+    """Return whose sessions are not over."""
+    return [
+        person
+        for person in plan.participants
+        if derive(plan.of(person), read_events(events_path(folder, person))).next is not None
+    ]

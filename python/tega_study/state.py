@@ -1,0 +1,194 @@
+"""Derive from a session's events how each trial stands and which comes next. No other state is kept."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+
+from tega.errors import InvalidValueError, RecordingError
+from tega.runtime.files.plain_name import plain_name
+from tega_study.journal import Journal, JournalEvent, Status, undone_numbers
+from tega_study.plan import PlannedTrial, StudyPlan
+
+Where = Literal["lab", "emulated", "simulated"]
+"""What the devices of a session are."""
+
+TrialStatus = Literal["planned", "running", "redo"] | Status
+MAX_ATTEMPTS = 2
+REPEATABLE = ("done", "failed_task")
+"""How a trial ended that the experimenter may want again; one that was stopped for safety is not repeated."""
+
+
+class SessionState(msgspec.Struct, frozen=True):
+    """State of a session's trials.
+
+    Attributes:
+        status: Of each trial by its number.
+        running: Number and attempt of the trial that is going on, or was when everything stopped.
+        next: Number and attempt of the trial to do next; ``None`` when all are over.
+        n_over: How many trials need nothing more.
+    """
+
+    status: dict[int, TrialStatus]
+    running: tuple[int, int] | None
+    next: tuple[int, int] | None
+    n_over: int
+
+
+def events_path(folder: Path, participant: str) -> Path:
+    """Return where a person's events are."""
+    return (
+        folder / "sessions" / plain_name(participant, what="participant", source=folder.name) / "events.jsonl"
+    )
+
+
+def derive(trials: Sequence[PlannedTrial], events: Sequence[JournalEvent]) -> SessionState:
+    """Work out how a session stands.
+
+    A trial that was broken off for technical reasons, or that the experimenter wants again (``redo``), is done once
+    more, after the others of its block.
+
+    Args:
+        trials: The person's, in their order.
+        events: What has happened, in its order.
+
+    Raises:
+        RecordingError: The events don't fit the plan or one another.
+    """
+    status: dict[int, TrialStatus] = {trial.trial: "planned" for trial in trials}
+    attempts = dict.fromkeys(status, 0)
+    running: tuple[int, int] | None = None
+    undone = undone_numbers(events)
+    for event in events:
+        if event.kind not in {"trial_start", "trial_end", "redo"} or event.n in undone:
+            continue
+        if event.trial not in status:
+            raise RecordingError(
+                f"event {event.n}: trial {event.trial} is not in the plan", "restore the plan"
+            )
+        if event.kind == "redo":
+            if status[event.trial] not in REPEATABLE or event.attempt != attempts[event.trial]:
+                raise RecordingError(
+                    f"event {event.n}: trial {event.trial} cannot be done again",
+                    "restore the file from a copy",
+                )
+            status[event.trial] = "redo"
+        elif event.kind == "trial_start":
+            if running is not None or event.attempt != attempts[event.trial] + 1:
+                raise RecordingError(
+                    f"event {event.n}: trial {event.trial} begins out of turn", "restore the file from a copy"
+                )
+            attempts[event.trial], status[event.trial] = event.attempt, "running"
+            running = event.trial, event.attempt
+        else:
+            skipped = running is None and event.status == "skipped" and status[event.trial] == "planned"
+            if event.status is None or not (skipped or running == (event.trial, event.attempt)):
+                raise RecordingError(
+                    f"event {event.n}: trial {event.trial} ends that had not begun",
+                    "restore the file from a copy",
+                )
+            status[event.trial], running = event.status, None
+    n_over = sum(not _open(status[number], attempts[number]) for number in status)
+    return SessionState(status, running, _next(trials, status, attempts), n_over)
+
+
+def _open(status: TrialStatus, attempts: int) -> bool:
+    """Whether a trial, as it stands, is still to be done."""
+    again = status in {"aborted_technical", "running", "redo"}
+    return status == "planned" or (again and attempts < MAX_ATTEMPTS)
+
+
+def _next(
+    trials: Sequence[PlannedTrial], status: dict[int, TrialStatus], attempts: dict[int, int]
+) -> tuple[int, int] | None:
+    for block in dict.fromkeys(trial.block for trial in trials):
+        mine = [trial.trial for trial in trials if trial.block == block]
+        left = [number for number in mine if _open(status[number], attempts[number])]
+        if left:  # those that were broken off come last
+            number = min(left, key=lambda one: status[one] != "planned")
+            return number, attempts[number] + 1
+    return None
+
+
+def resume(
+    folder: Path, plan: StudyPlan, participant: str, *, t_ns: int, where: Where = "lab"
+) -> tuple[Journal, SessionState]:
+    """Open a person's session, new or after a stop at any moment.
+
+    A trial that was going on when everything stopped is closed as broken off for technical reasons.
+
+    Args:
+        folder: The study's folder.
+        plan: Its plan.
+        participant: Whose session.
+        t_ns: Now, on the session's clock, nanoseconds.
+        where: Where its trials run, which the events then say.
+
+    Returns:
+        The journal to go on with, and how the session stands.
+
+    Raises:
+        InvalidValueError: Nobody in the plan has that id, or the plan is not for sessions that run there.
+        RecordingError: The events are damaged, belong to another plan, or the person has withdrawn.
+        DeviceUnavailableError: Another program has the session open.
+    """
+    from tega_study.privacy import withdrawn_ids
+
+    trials = plan.of(participant)
+    if participant in withdrawn_ids(folder):
+        raise RecordingError(f"{participant} has withdrawn", "go on with another participant")
+    check_where(plan, where)
+    journal = Journal(events_path(folder, participant))
+    try:
+        signed = plan.settings.plan_sha256
+        _same_plan(journal.events, signed, participant)
+        state = derive(trials, journal.events)
+        if state.running is not None:
+            number, attempt = state.running
+            journal.add(
+                "trial_end",
+                t_ns=t_ns,
+                trial=number,
+                attempt=attempt,
+                status="aborted_technical",
+                source="auto",
+                text="the program had stopped",
+            )
+        journal.add("session_start", t_ns=t_ns, source="auto", text=signed, item=where)
+        return journal, derive(trials, journal.events)
+    except BaseException:
+        journal.close()
+        raise
+
+
+def check_where(plan: StudyPlan, where: Where) -> None:
+    """Refuse a rehearsal in a plan of people, and people in a plan of rehearsals: neither could be told apart later.
+
+    Raises:
+        InvalidValueError: The plan is not for it.
+    """
+    if where != "lab" and not plan.settings.simulated:
+        raise InvalidValueError(
+            f"{where} sessions do not belong into a plan of people: they would pass for data",
+            "rehearse in a plan of its own: tega-teleop study plan --simulated --out REHEARSAL ...",
+        )
+    if where == "lab" and plan.settings.simulated:
+        raise InvalidValueError(
+            "this plan is for simulated and emulated sessions: people in it would pass for simulated",
+            "make a plan without --simulated",
+        )
+
+
+def rehearsed(events: Sequence[JournalEvent]) -> bool:
+    """Tell whether a session, or a part of it, did not run in the lab."""
+    return any(event.kind == "session_start" and event.item in {"simulated", "emulated"} for event in events)
+
+
+def _same_plan(events: Sequence[JournalEvent], signed: str, participant: str) -> None:
+    if any(event.kind == "session_start" and event.text != signed for event in events):
+        raise RecordingError(
+            f"{participant}: the session belongs to another plan", "open it in the folder it came from"
+        )

@@ -1,0 +1,147 @@
+"""Write an analysis as CSV files: every table of the report, and the numbers behind its figures."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import msgspec
+
+from tega_study.analyse import Analysis
+from tega_study.coupling import TouchCourse, on_grid
+from tega_study.directions import Direction
+
+PAPER_LABELS = {
+    "duration_s": "Completion Time",
+    "slips": "Slippage",
+    "deformations": "Deformation",
+    "success": "Success Rate",
+}
+
+
+def table_1(analysis: Analysis) -> list[list[str]]:
+    """Return Table I as the paper prints it: a row a condition and metric, a column an object; time in seconds."""
+    rows = [["Condition", "Metric", *analysis.objects]]
+    of = {(cell.object, cell.condition): cell for cell in analysis.cells}
+    for condition in analysis.conditions:
+        cells = [of[name, condition] for name in analysis.objects]
+        for metric, label in PAPER_LABELS.items():
+            if metric == "success":
+                values = [f"{cell.successes}/{len(cell.trials)}" for cell in cells]
+            else:
+                values = ["–" if (v := getattr(cell, metric)) is None else f"{v:.1f}" for cell in cells]
+            rows.append([condition, label, *values])
+    return rows
+
+
+def csv_files(analysis: Analysis, courses: Mapping[str, TouchCourse]) -> dict[str, str]:
+    """Return every CSV file by name.
+
+    Args:
+        analysis: The analysis.
+        courses: By trial id, for the numbers behind Fig 8.
+    """
+    from tega_study.figures import figure_8_trials
+
+    files = {"table1.csv": _csv(table_1(analysis))}
+    for name, rows in (
+        ("trials", analysis.trials),
+        ("cells", analysis.cells),
+        ("tests", analysis.tests),
+        ("coupling_trials", analysis.couplings),
+        ("coupling", analysis.arms),
+        ("coupling_contrast", analysis.contrasts),
+        ("pose_use", analysis.pose_use),
+        ("planner", analysis.planner),
+        ("agreement", analysis.agreements),
+        ("ratings", analysis.ratings),
+        ("probes", analysis.probes),
+        ("outcomes", (*analysis.outcomes, *analysis.further)),
+        ("directions", analysis.directions),
+        ("fig3", analysis.fingers),
+    ):
+        if rows:
+            files[f"{name}.csv"] = _records(rows)
+    lines: list[list[str]] = [["trial", *TouchCourse._fields]]
+    for ids in figure_8_trials(analysis, courses).values():
+        for trial in ids:
+            samples = zip(*on_grid(courses[trial]), strict=True)
+            lines += [[trial, *(f"{value:.6g}" for value in sample)] for sample in samples]
+    if len(lines) > 1:
+        files["fig8.csv"] = _csv(lines)
+    if analysis.sensitivity:
+        files["sensitivity.csv"] = _csv(_sensitivity(analysis))
+    files["provenance.csv"] = _csv(_provenance(analysis, files))
+    return files
+
+
+def _sensitivity(analysis: Analysis) -> list[list[str]]:
+    """Return a line a change and direction."""
+    lines = [["what", "setting", "end", *Direction.__struct_fields__]]
+    for row in analysis.sensitivity:
+        lines += [
+            [
+                row.what,
+                row.setting,
+                row.end,
+                *(_cell(getattr(one, name)) for name in Direction.__struct_fields__),
+            ]
+            for one in row.directions
+        ]
+    return lines
+
+
+def _provenance(analysis: Analysis, files: Mapping[str, str]) -> list[list[str]]:
+    """Return where the tables come from, and each table's SHA-256, so that a table alone can be traced back."""
+    lines = [["what", "value"], ["source", analysis.source], ["simulated", _cell(analysis.simulated)]]
+    lines.append(["plan_sha256", analysis.plan_sha256])
+    if (stated := analysis.assumptions) is not None:
+        lines += [
+            ["parameters_sha256", stated.parameters_sha256],
+            ["parameters", "frozen before the first run" if stated.frozen else "changed"],
+            *([f"everyone {name}", _cell(value)] for name, value in stated.everyone.items()),
+            ["rules", str(stated.rules)],
+            ["people_sha256", stated.people_sha256],
+            ["preset", stated.preset],
+            ["view", stated.view],
+            ["fresh", _cell(stated.fresh)],
+            ["code_sha256", stated.code_sha256],
+            ["assumptions_sha256", stated.digest],
+            ["version", stated.version],
+        ]
+    return lines + [[name, hashlib.sha256(text.encode()).hexdigest()] for name, text in files.items()]
+
+
+def write_csv(analysis: Analysis, courses: Mapping[str, TouchCourse], folder: Path) -> list[Path]:
+    """Write every CSV file into a folder, which must exist; return them."""
+    paths = []
+    for name, text in csv_files(analysis, courses).items():
+        path = folder / name
+        path.write_text(text, encoding="utf-8", newline="\n")
+        paths.append(path)
+    return paths
+
+
+def _records(rows: Sequence[msgspec.Struct]) -> str:
+    names = rows[0].__struct_fields__
+    return _csv([list(names), *([_cell(getattr(row, name)) for name in names] for row in rows)])
+
+
+def _cell(value: object) -> str:
+    """Write a value so that it reads back: floats with all their digits, lists with spaces between."""
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return str(int(value))
+    if isinstance(value, tuple):
+        return " ".join(_cell(one) for one in value)
+    return repr(value) if isinstance(value, float) else str(value)
+
+
+def _csv(rows: Sequence[Sequence[str]]) -> str:
+    out = io.StringIO()
+    csv.writer(out, lineterminator="\n").writerows(rows)
+    return out.getvalue()

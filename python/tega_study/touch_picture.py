@@ -1,0 +1,252 @@
+"""Keep a fingertip's picture at its firmest moment in a simulated trial, or find it in a recording, for Fig 3."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, cast
+
+import numpy as np
+
+from tega.errors import MissingExtraError, RecordingError
+from tega.loop.inbox.sources import metrics_of
+from tega.runtime.files.foreign_file import load_npy, parse_toml, read_foreign
+from tega.stages.base import TouchMap
+from tega.stages.choose import finger_metric, preset_metric
+from tega.stages.metrics import contact_metrics_of
+from tega.tactile import ContactMetrics
+from tega.ui.view.state import TouchImage
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tega.stages.base import Metric
+    from tega_study.plan import PlannedTrial
+    from tega_study.trials import Trial
+
+
+Preset: TypeAlias = Literal["paper", "live"]
+
+# So often a metric with a memory is shown one picture, until what it says of it no longer changes.
+_SETTLED_FRAMES = 6
+_FRAME_NS = 16_666_667
+
+
+class FingerPicture(NamedTuple):
+    """One fingertip, at the frame in which the sum of its touch map is largest.
+
+    Attributes:
+        finger: Which.
+        preset: Of the loop.
+        baseline: The untouched gel, BGR, uint8 (H, W, 3).
+        touch: The gel when touched most, with the metrics and the map of the metric that the loop used.
+        cci_max: CCI that counts as full; 0 where it is not known.
+        eda_max: EDA that counts as full, pixels; likewise.
+    """
+
+    finger: str
+    preset: Preset
+    baseline: NDArray[np.uint8]
+    touch: TouchImage
+    cci_max: float
+    eda_max: float
+
+
+def picture_path(folder: Path, trial: Trial | PlannedTrial) -> Path:
+    """Return where a simulated trial's picture is: ``pictures/<person>/<trial>.npz``."""
+    return folder / "pictures" / trial.participant / f"{trial.id}.npz"
+
+
+def write_touch_picture(path: Path, picture: FingerPicture) -> None:
+    """Write a picture; equal pictures give equal bytes."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("wb") as file:
+        arrays: dict[str, Any] = dict(
+            finger=np.array(picture.finger),
+            preset=np.array(picture.preset),
+            baseline=picture.baseline,
+            frame=picture.touch.frame,
+            maxima=np.array([picture.cci_max, picture.eda_max]),
+            **_measured(picture.touch),
+        )
+        np.savez_compressed(file, **arrays)
+
+
+# Numbers of a contact in the order in which a picture's file has them.
+_NUMBERS = ("mass", "spread", "threshold", "eda", "cci", "peak")
+
+
+def _measured(touch: TouchImage) -> dict[str, NDArray[Any]]:
+    """Return what was measured in a picture as arrays."""
+    m = touch.metrics
+    found: dict[str, NDArray[Any]] = {
+        "numbers": np.array([getattr(m, name) for name in _NUMBERS]),
+        "places": np.array([*m.centroid_xy, *m.peak_xy]),
+        "in_contact": np.array(m.in_contact),
+    }
+    if touch.map is not None:
+        found |= {"height": touch.map.height, "unit": np.array(touch.map.unit), "mask": touch.map.mask}
+    return found
+
+
+def _touch(file: Any, frame: NDArray[np.uint8]) -> TouchImage:
+    """Return a picture with what was measured in it, out of the arrays of its file."""
+    numbers = dict(zip(_NUMBERS, (float(one) for one in file["numbers"]), strict=True))
+    x, y, peak_x, peak_y = (float(one) for one in file["places"])
+    metrics = ContactMetrics(
+        mass=numbers["mass"],
+        centroid_xy=(x, y),
+        spread=numbers["spread"],
+        threshold=numbers["threshold"],
+        eda=int(numbers["eda"]),
+        cci=numbers["cci"],
+        peak=numbers["peak"],
+        peak_xy=(int(peak_x), int(peak_y)),
+        in_contact=bool(file["in_contact"]),
+    )
+    if "mask" not in file:
+        return TouchImage(frame, metrics)
+    touch_map = TouchMap(file["height"].astype(np.float32), str(file["unit"]), file["mask"].astype(np.bool_))
+    return TouchImage(frame, metrics, touch_map)
+
+
+def _measured_now(frame: NDArray[np.uint8], baseline: NDArray[np.uint8], preset: Preset) -> TouchImage:
+    """Measure a picture of an earlier version's file, which does not say what the loop measured in it."""
+    metric = preset_metric(preset, baseline)
+    for k in range(_SETTLED_FRAMES):
+        contact = metric.update(frame, k * _FRAME_NS)
+    return TouchImage(frame, contact_metrics_of(contact), metric.touch_map())
+
+
+def read_touch_picture(path: Path) -> FingerPicture:
+    """Read a picture.
+
+    Raises:
+        RecordingError: The file is missing or damaged.
+    """
+    try:
+        with np.load(io.BytesIO(read_foreign(path, most_mib=64)), allow_pickle=False) as file:
+            finger, preset = str(file["finger"]), str(file["preset"])
+            baseline, frame = file["baseline"], file["frame"]
+            cci_max, eda_max = (float(one) for one in file["maxima"])
+            known = _touch(file, frame) if "numbers" in file else None
+    except RecordingError:
+        raise
+    except Exception as error:  # a damaged archive raises what its decoder raises
+        raise RecordingError(f"{path}: no picture of a finger: {error}", "restore it from a copy") from error
+    if preset not in {"paper", "live"} or frame.dtype != np.uint8 or frame.shape != baseline.shape:
+        raise RecordingError(
+            f"{path}: preset {preset!r}, frame {frame.dtype} {frame.shape}, baseline {baseline.shape}",
+            "restore it from a copy",
+        )
+    readings = cast("Preset", preset)
+    touch = _measured_now(frame, baseline, readings) if known is None else known
+    return FingerPicture(finger, readings, baseline, touch, cci_max, eda_max)
+
+
+def recorded_picture(folder: Path) -> FingerPicture | None:
+    """Find the firmest contact in a trial's recording: the largest sum of the touch map.
+
+    Args:
+        folder: Of the attempt: ``recordings/p01/p01-t07-a1``.
+
+    Returns:
+        ``None`` where no finger touched anything, or nothing is recorded.
+
+    Raises:
+        RecordingError: The recording is damaged.
+        MissingExtraError: A package of the extra ``record`` is not installed.
+    """
+    from tega.config.calibration.store import parse_calibration
+    from tega.recording.mcap_reader import McapReader
+    from tega.recording.replay.recorded import without_devices
+    from tega.records import Contact
+    from tega.records.schema import read
+
+    files = sorted(folder.glob("*.mcap"))
+    if not files:
+        return None
+    reader = McapReader(files[0])
+    firmest: Contact | None = None
+    for message in reader.messages(lambda topic: topic.endswith("/contact")):
+        value = message.value
+        if value is not None and value.in_contact and (firmest is None or value.mass > firmest.mass):
+            firmest = read(Contact, value, finger=message.topic.split("/")[-2])
+    if firmest is None:
+        return None
+    finger = firmest.finger
+    calibration = parse_calibration(reader.files["calibration.toml"].decode(), files[0].name)
+    baseline = load_npy(reader.files[f"baseline-{finger}.npy"], files[0].name)
+    maxima = calibration.touch(finger)
+    stages = without_devices(parse_toml(reader.files["session.toml"].decode())).stages
+    metric = finger_metric(stages, calibration.preset, finger, baseline, maxima)
+    frame = _follow(files[0], finger, metric, firmest.t_ns)
+    if frame is None:
+        return None
+    touch = TouchImage(frame, metrics_of(firmest), metric.touch_map())
+    full = (0.0, 0.0) if maxima is None else (maxima.cci_max or 0.0, maxima.eda_max or 0.0)
+    return FingerPicture(finger, calibration.preset, baseline, touch, *full)
+
+
+def _follow(path: Path, finger: str, metric: Metric, t_ns: int) -> NDArray[np.uint8] | None:
+    """Show a metric a finger's pictures up to a time, and return the last; ``None`` where it is not recorded.
+
+    A picture's numbers are written right behind it. Numbers are those recorded; the map of a recording with JPEG
+    pictures is as near as these.
+    """
+    from tega.recording.mcap_reader import McapReader, read_picture
+
+    image = f"/tactile/{finger}/image"
+    newest = None
+    for message in McapReader(path).messages(lambda topic: topic in {image, f"/tactile/{finger}/frame"}):
+        if message.value is None:
+            continue
+        if message.topic == image:
+            newest = message
+        elif newest is not None and (metric.memory or message.value.t_ns == t_ns):
+            frame = read_picture(newest)
+            metric.loaded = getattr(message.value, "loaded", False)
+            metric.update(frame, message.value.t_ns)
+            if message.value.t_ns >= t_ns:
+                return frame if message.value.t_ns == t_ns else None
+    return None
+
+
+def pictures_of(
+    folder: Path, trials: Sequence[Trial], objects: Sequence[str], condition: str
+) -> dict[str, FingerPicture]:
+    """Choose Fig 3's pictures: of the first person who has any, the first trial of each object with a contact.
+
+    Args:
+        folder: The study's folder.
+        trials: Its trials.
+        objects: In the order of the figure.
+        condition: Preferred, the first of the study; touch is measured in the others as well.
+
+    Returns:
+        By trial id; empty where nothing was kept or recorded, or the extra ``record`` is not installed.
+    """
+    for person in dict.fromkeys(trial.participant for trial in trials):
+        found = {}
+        for name in objects:
+            mine = [t for t in trials if t.counts and (t.participant, t.object) == (person, name)]
+            for trial in sorted(mine, key=lambda one: one.condition != condition):
+                picture = _picture_of(folder, trial)
+                if picture is not None:
+                    found[trial.id] = picture
+                    break
+        if found:
+            return found
+    return {}
+
+
+def _picture_of(folder: Path, trial: Trial) -> FingerPicture | None:
+    path = picture_path(folder, trial)
+    if path.exists():
+        return read_touch_picture(path)
+    attempts = sorted((folder / "recordings" / trial.participant).glob(f"{trial.id}-a*"))
+    try:
+        return recorded_picture(attempts[-1]) if attempts else None
+    except MissingExtraError:  # the numbers do not need it; the page then has no Fig 3
+        return None

@@ -1,0 +1,275 @@
+"""Derive one row a trial from a study's events, with the events that each row comes from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+import msgspec
+
+from tega.errors import RecordingError
+from tega_study.beep_score import score_beeps
+from tega_study.journal import JournalEvent, Status, counting, read_events
+from tega_study.observers import read_observers, saw_whole
+from tega_study.plan import PlannedTrial, StudyPlan, read_plan
+from tega_study.privacy import withdrawn_ids
+from tega_study.squeeze_score import squeeze_shares
+from tega_study.state import events_path
+
+_CAN_BE_UNDONE = {"lift_off", "lifted", "slip", "deformation", "drop", "note", "override", "redo", "rating"}
+
+
+class Trial(msgspec.Struct, frozen=True, kw_only=True):
+    """Outcome of one trial.
+
+    Attributes:
+        id: Its name, such as ``p01-t07``, or file and line of a bench's results.
+        participant: Anonymous id of the person.
+        trial: Number within the person.
+        repeat: Its number among those of the same person, object and condition.
+        object: What was lifted.
+        condition: What the vest did.
+        status: ``done`` and ``failed_task`` are data; the others are told in the flow and take no part.
+        success: Lifted, held and not dropped; as corrected where somebody did.
+        slips: After lift-off, as the paper counts them (reading A68).
+        slips_before: Before lift-off.
+        deformations: In the whole trial (reading A69).
+        drops: Likewise.
+        duration_s: From the start to the end of the trial, seconds; ``None`` where it did not run to its end.
+        lift_off_s: From the start, seconds.
+        rater: Who counted slips, deformations and drops at a console of their own; empty where the session's own
+            events are counted.
+        redone: Why an attempt that had taken place does not count, as the experimenter said; ``""`` where none.
+        beeps: Of the second task, those that count.
+        beeps_answered: Of them, in time.
+        false_answers: Presses that answered no beep.
+        reaction_s: Median from beep to press, seconds; ``None`` where none was answered.
+        squeeze_share: Strength of the newest squeeze in the rest after it, as a share of the person's first; ``None``
+            where there was none.
+        first: Whether the condition was the person's first with this object.
+        events: Where the row comes from, such as ``sessions/p01/events.jsonl:12``, one for every event used.
+    """
+
+    id: str
+    participant: str
+    trial: int
+    repeat: int
+    object: str
+    condition: str
+    status: Status = "done"
+    success: bool
+    slips: int
+    slips_before: int = 0
+    deformations: int
+    drops: int = 0
+    duration_s: float | None
+    lift_off_s: float | None = None
+    rater: str = ""
+    redone: str = ""
+    beeps: int = 0
+    beeps_answered: int = 0
+    false_answers: int = 0
+    reaction_s: float | None = None
+    squeeze_share: float | None = None
+    first: bool = False
+    events: tuple[str, ...] = ()
+
+    @property
+    def counts(self) -> bool:
+        """Whether the trial takes part in the analysis."""
+        return self.status in {"done", "failed_task"}
+
+
+def course_path(folder: Path, trial: Trial | PlannedTrial) -> Path:
+    """Return where a trial's course of touch and level is: ``courses/<person>/<trial>.csv``."""
+    return folder / "courses" / trial.participant / f"{trial.id}.csv"
+
+
+def study_trials(folder: Path) -> tuple[StudyPlan, list[Trial]]:
+    """Read a study's trials from its sessions' events, in the order of the plan; those not run are left out.
+
+    Args:
+        folder: The study's folder.
+
+    Raises:
+        RecordingError: Plan or events are damaged.
+    """
+    plan, gone = read_plan(folder), withdrawn_ids(folder)
+    trials: list[Trial] = []
+    for person in plan.participants:
+        if person not in gone:
+            path = events_path(folder, person)
+            where = path.relative_to(folder).as_posix()
+            trials += trials_of_events(
+                plan.of(person), read_events(path), where=where, observers=read_observers(folder, person)
+            )
+    return plan, trials
+
+
+def trials_of_events(
+    planned: Sequence[PlannedTrial],
+    events: Sequence[JournalEvent],
+    *,
+    where: str,
+    observers: Mapping[str, Sequence[JournalEvent]] = {},
+) -> list[Trial]:
+    """Work out a person's trials.
+
+    Slips, deformations and drops are those of the first rater, in the order of the names, who saw the trial from start
+    to end; where nobody did, those among the session's own events.
+
+    Args:
+        planned: The person's, in their order.
+        events: The session's.
+        where: Name of the file that the events are from.
+        observers: Events of the raters' own files, by rater.
+
+    Raises:
+        RecordingError: An event undoes one that is not there, or that cannot be undone.
+    """
+    undone = set()
+    for event in events:
+        if event.kind == "undo":
+            number = event.undone or 0
+            if not 0 < number < event.n or events[number - 1].kind not in _CAN_BE_UNDONE:
+                raise RecordingError(
+                    f"{where}:{event.n}: undoes event {number}, which cannot be undone",
+                    "restore the file from a copy",
+                )
+            undone.add(number)
+    attempts: dict[int, list[list[JournalEvent]]] = {}
+    for event in events:
+        if event.kind == "trial_start" or (event.kind == "trial_end" and event.trial not in attempts):
+            attempts.setdefault(event.trial, []).append([])
+        if event.trial in attempts:
+            attempts[event.trial][-1].append(event)
+    first = {
+        name: next(t.condition for t in planned if t.object == name) for name in {t.object for t in planned}
+    }
+    trials, shares = [], squeeze_shares(events)
+    for plan in planned:
+        runs = [run for run in attempts.get(plan.trial, []) if any(e.kind == "trial_end" for e in run)]
+        if runs:
+            is_first = first[plan.object] == plan.condition
+            done = _trial(plan, runs[-1], undone, where=where, first=is_first)
+            redone = [e for run in runs for e in run if e.kind == "redo" and e.n not in undone]
+            if redone:
+                done = msgspec.structs.replace(done, redone=redone[-1].text)
+            if any(event in redone for event in runs[-1]):
+                # It was to be done again and was not: nothing of it is data.
+                done = msgspec.structs.replace(done, status="aborted_technical")
+            squeezed = [None, *(shares[event.n] for event in runs[-1] if event.n in shares)]
+            done = msgspec.structs.replace(done, squeeze_share=squeezed[-1])
+            attempt = runs[-1][0].attempt
+            for rater, seen in observers.items():
+                if saw_whole(seen, plan.trial, attempt):
+                    beside = f"{where.rpartition('/')[0]}/observers/{rater}.jsonl"
+                    start_ns = next(e.t_ns for e in runs[-1] if e.kind == "trial_start")
+                    done = _rated(done, counting(seen, plan.trial, attempt), rater, start_ns, where=beside)
+                    break
+            trials.append(done)
+    return trials
+
+
+def _rated(trial: Trial, seen: Sequence[JournalEvent], rater: str, start_ns: int, *, where: str) -> Trial:
+    """Return a trial with a rater's counts; the session's own lift-off comes first."""
+    lift_off_s = trial.lift_off_s
+    if lift_off_s is None:
+        marked = next((event for event in seen if event.kind == "lift_off"), None)
+        lift_off_s = None if marked is None else (marked.t_ns - start_ns) / 1e9
+    slips_s = [(event.t_ns - start_ns) / 1e9 for event in seen if event.kind == "slip"]
+    before = sum(lift_off_s is None or t_s < lift_off_s for t_s in slips_s)
+    return msgspec.structs.replace(
+        trial,
+        rater=rater,
+        lift_off_s=lift_off_s,
+        slips=len(slips_s) - before,
+        slips_before=before,
+        deformations=sum(event.kind == "deformation" for event in seen),
+        drops=max(trial.drops, sum(event.kind == "drop" for event in seen)),
+        events=(*trial.events, *(f"{where}:{event.n}" for event in seen if event.kind != "note")),
+    )
+
+
+def _trial(
+    plan: PlannedTrial, events: Sequence[JournalEvent], undone: set[int], *, where: str, first: bool
+) -> Trial:
+    used = [event for event in events if event.n not in undone or event.kind == "undo"]
+    begin = next((event for event in used if event.kind == "trial_start"), None)
+    end = next(event for event in used if event.kind == "trial_end")
+    lift = next((event for event in used if event.kind == "lift_off"), None)
+    success = end.success or False
+    for event in used:
+        if event.kind == "override" and event.success is not None:
+            success = event.success
+    slips = [event for event in used if event.kind == "slip"]
+    before = sum(lift is None or event.t_ns < lift.t_ns for event in slips)
+    beeps = score_beeps(used, end.t_ns)
+    return Trial(
+        id=plan.id,
+        participant=plan.participant,
+        trial=plan.trial,
+        repeat=plan.repeat,
+        object=plan.object,
+        condition=plan.condition,
+        status=end.status or "done",
+        success=success,
+        slips=len(slips) - before,
+        slips_before=before,
+        deformations=sum(event.kind == "deformation" for event in used),
+        drops=sum(event.kind == "drop" for event in used),
+        duration_s=None if begin is None else (end.t_ns - begin.t_ns) / 1e9,
+        lift_off_s=None if begin is None or lift is None else (lift.t_ns - begin.t_ns) / 1e9,
+        beeps=beeps.beeps,
+        beeps_answered=beeps.answered,
+        false_answers=beeps.false_answers,
+        reaction_s=beeps.reaction_s,
+        first=first,
+        events=tuple(f"{where}:{event.n}" for event in events if event.kind != "note"),
+    )
+
+
+def bench_trials(paths: Iterable[Path]) -> list[Trial]:
+    """Read the results that ``tega-teleop sim trials`` writes; a seed there is a person here.
+
+    Args:
+        paths: The files.
+
+    Raises:
+        RecordingError: A file is missing, or holds something else.
+    """
+    from tega_sim.trials import read_results
+
+    trials: list[Trial] = []
+    repeats: dict[tuple[str, str, str], int] = {}
+    numbers: dict[str, int] = {}
+    for path in paths:
+        if not path.exists():
+            raise RecordingError(f"{path}: is not there", "name a file of sim trials, or a study's folder")
+        for line, result in enumerate(read_results(path).values(), start=1):
+            person = f"s{result.seed}"
+            key = person, result.object, result.condition
+            repeats[key] = repeats.get(key, 0) + 1
+            numbers[person] = numbers.get(person, 0) + 1
+            lift_s = result.lift_off_s
+            slips_s = [event.t_s for event in result.events if event.kind == "slip"]
+            trials.append(
+                Trial(
+                    id=f"{path.name}:{line}",
+                    participant=person,
+                    trial=numbers[person],
+                    repeat=repeats[key],
+                    object=result.object,
+                    condition=result.condition,
+                    status="done" if result.success else "failed_task",
+                    success=result.success,
+                    slips=sum(lift_s is not None and t_s >= lift_s for t_s in slips_s),
+                    slips_before=sum(lift_s is None or t_s < lift_s for t_s in slips_s),
+                    deformations=result.deformations,
+                    drops=result.drops,
+                    duration_s=result.duration_s,
+                    lift_off_s=lift_s,
+                    events=(f"{path.name}:{line}",),
+                )
+            )
+    return trials
