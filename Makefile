@@ -53,8 +53,8 @@ lint: ## formatting, clippy, ruff, mypy, stub against extension, circles of file
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
-	$(BIN)/mypy --platform win32 --follow-imports silent python/tega
-	$(BIN)/mypy --platform darwin --follow-imports silent python/tega
+	$(BIN)/mypy --platform win32 --follow-imports silent python
+	$(BIN)/mypy --platform darwin --follow-imports silent python
 	$(BIN)/python -m mypy.stubtest tega._native
 	$(BIN)/python -m pytest -q tests/unit/test_packages.py tests/unit/test_crate_files.py \
 		tests/docs/test_words.py

@@ -41,7 +41,7 @@ _NUMBERS: Final = frozenset({"double", "float", "int32", "int64", "uint32", "boo
 
 
 class LslStreams:
-    """Makes a stream of each topic when its first record comes, called as the topic is: ``tega/tactile/contact/thumb/contact``.
+    """Makes a stream of each topic when its first record comes, called as the topic is: ``tega/tactile/thumb/contact``.
 
     Stamps are this machine's LSL clock at the moment that a record tells of. Samples of EMG go as they were read, with
     the rate that the source states; all else is of irregular rate.

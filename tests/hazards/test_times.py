@@ -24,10 +24,11 @@ from reference.scripted import MS, touching
 from reference.waiting import until
 from tega.config import ReflexSection
 from tega.config.calibration import TouchMaxima
-from tega.devices import guard_process, hand_bus, hand_guard, hand_loop, vest_ble, vest_ble_guard, vest_stream
+from tega.devices.hand import guard_process, hand_bus, hand_guard, hand_loop
 from tega.devices.hand.allegro import AllegroOptions
 from tega.devices.hand.hand_guard import guard_hand
 from tega.devices.input.pedal import Pedal, PedalOptions
+from tega.devices.vest import vest_ble, vest_ble_guard, vest_stream
 from tega.devices.vest.vest_stream import StreamedVest, VestLink, VestOptions
 from tega.hand import HandController
 from tega.hand.link import HandLink, Received

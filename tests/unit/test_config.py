@@ -80,7 +80,7 @@ def test_options_may_be_set_one_by_one(settings: Path) -> None:
 
 
 def test_fingers_are_those_of_the_vest() -> None:
-    from tega import haptics
+    from tega.haptics import vest as haptics
 
     assert tuple(haptics.FINGERS) == FINGERS
 

@@ -235,7 +235,10 @@ def install_plugin(folder: Path, name: str, module: str, source: str) -> None:
 def test_a_strangers_driver_comes_through_the_same_door(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    source = "from tega.devices.vest.vest_recorder import VestRecorder\nclass Driver(VestRecorder):\n    summary = 'mine'\n"
+    source = (
+        "from tega.devices.vest.vest_recorder import VestRecorder\n"
+        "class Driver(VestRecorder):\n    summary = 'mine'\n"
+    )
     install_plugin(tmp_path, "my-vest", "tega_test_vest", source)
     monkeypatch.syspath_prepend(tmp_path)
     assert driver_class("my-vest", "vest").summary == "mine"

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from tega.devices import digit_search
+from tega.devices.fingertip import digit_search
 from tega.devices.fingertip.digit_search import find_digits
 from tega.devices.fingertip.video_nodes import VideoNode, camera_place, numbered_cameras
 from tega.devices.hand.can_links import CanLink, can_links, link_trouble

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tega.devices import live_emg
 from tega.devices.base import EmgChunk
+from tega.devices.emg import live_emg
 from tega.devices.emg.brainflow_emg import BrainFlowEmg, BrainFlowOptions
 from tega.devices.emg.chords import Chords, ChordsOptions
 from tega.devices.emg.cyton import Cyton, CytonOptions

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from tega import file_lock
 from tega.errors import DeviceUnavailableError
 from tega.recording.mcap_folder import SessionFolder, in_order, session_files
+from tega.runtime.files import lock as file_lock
 from tega.runtime.files.lock import lock_file
 from tega_study.journal import Journal, read_events
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from reference.waiting import until
-from tega.devices import guard_process
+from tega.devices.hand import guard_process
 from tega.devices.hand.guard_process import GuardProcess
 
 # Says that it lets go by a file of its own number, and starts slowly once a first one has begun.

@@ -10,7 +10,7 @@ from io import BufferedReader, BufferedWriter
 
 import pytest
 
-from tega.devices import hand_ends
+from tega.devices.hand import hand_ends
 from tega.devices.hand.allegro import AllegroOptions
 from tega.devices.hand.hand_ends import MAKES_READY, HandProcess
 from tega.errors import TegaError

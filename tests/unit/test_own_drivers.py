@@ -10,7 +10,6 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from tega import plugins
 from tega.config import check_tree
 from tega.config.calibration import Calibration, EmgMaxima, FingerMaxima, save_calibration
 from tega.devices import registry
@@ -18,6 +17,7 @@ from tega.devices.base import DeviceInfo, EmgChunk, Options, SteeredHand, option
 from tega.errors import CalibrationError
 from tega.hand import CLOSURE_POSES_RAD
 from tega.loop.session import run_session
+from tega.runtime import plugins
 from tega.setup.calibration.effort import Chain
 from tega.setup.calibration.guide import Bar, Undecided
 from tega.setup.calibration.steps_emg import take_rest

@@ -13,11 +13,11 @@ from pathlib import Path
 
 import pytest
 
-from tega import threads as priority
 from tega.config import check_tree
 from tega.loop.gc_pause import settle, settled
 from tega.loop.moment import LoopView
 from tega.loop.session import run_session
+from tega.runtime import threads as priority
 from tega.runtime.threads import all_along, give_way, promote, realtime, run_realtime, short_turns
 from tega_emulators.lab import emulated_lab
 

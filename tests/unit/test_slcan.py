@@ -11,7 +11,7 @@ from typing import Any
 import can
 import pytest
 
-from tega.devices import slcan
+from tega.devices.hand import slcan
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="python-can's own reading is used elsewhere")
 

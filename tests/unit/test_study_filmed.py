@@ -94,7 +94,8 @@ def led_by_keys(folder: Path, person: str, lab: Path, length_s: dict[str, float]
         "lens": str(lab / "front.json"), "layout": str(lab / "tags.toml"),
     }  # fmt: skip
     said = ", ".join(f"{key} = {json.dumps(value)}" for key, value in camera.items())
-    words = [sys.executable, "-m", "tega.ui.cli", "study", "run", str(folder), person, "--emulated", "--time-scale", "0.1",
+    words = [sys.executable, "-m", "tega.ui.cli", "study", "run", str(folder), person, "--emulated",
+             "--time-scale", "0.1",
              "--set", f"scene=[{{ {said} }}]"]  # fmt: skip
     ours, theirs = pty.openpty()
     with ExitStack() as stack:

@@ -89,7 +89,7 @@ class SessionSection(_Section, frozen=True):
         out_dir: Folder for the outputs; none means nothing is written.
         duration_s: Stop after this long; none means when the last recording ends, or never.
         pose_base: Number of the most open level in pictures and summaries: 1 as in Eq 11 and the tables, 0 as in Fig 8.
-        realtime: Ask the system to let the threads of a live run go before other programs; see :mod:`tega.runtime.threads`.
+        realtime: Ask the system to give the threads of a live run priority; see :mod:`tega.runtime.threads`.
         emulated: The devices are emulators, so a study takes the session as a rehearsal only.
     """
 

@@ -158,7 +158,8 @@ class HandLink:
             frames: Since the last call; may be none.
             t_ns: Time of a clock that never goes back, ns.
             level: Closure level asked for, 1 to 5 with fractions between two poses.
-            added: What a reflex adds to it, 0 to :data:`tega.hand.motion.MOST_ADDED_LEVELS`; nothing while the hand is let go.
+            added: What a reflex adds to it, 0 to :data:`tega.hand.motion.MOST_ADDED_LEVELS`;
+                nothing while the hand is let go.
 
         Raises:
             InvalidValueError: Level or addition is out of range; nothing has changed then.

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tega import haptics
 from tega.config.calibration import save_calibration
 from tega.devices.hand.can_recorder import CanRecorder, CanRecorderOptions
 from tega.devices.vest.vest_recorder import VestRecorder, VestRecorderOptions
+from tega.haptics import vest as haptics
 from tega.recording import RecordTable
 from tega.records import ArmTurn, Contact, Event, HandCommand, Intent, Record, VestFrame
 from tega.records.bus import Backlog

@@ -10,7 +10,6 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from tega import hand, haptics
 from tega.config import FINGERS
 from tega.devices.emg.synthetic import (
     SyntheticEmg,
@@ -19,6 +18,8 @@ from tega.devices.emg.synthetic import (
     SyntheticTouchOptions,
 )
 from tega.emg import BlockMean, ButterworthLowpass, GraspIntent, channel_maxima
+from tega.hand import motion as hand
+from tega.haptics import vest as haptics
 from tega.tactile import Reading, contact_mask
 from tega.ui.view.figures import FINGER_COLOURS, MUSCLE_COLOURS, POSE_RED
 from tega_figures.boxes import INK

@@ -1,7 +1,7 @@
 """Let go of a hand whose program was killed or stands still.
 
 A hand is thought to keep its last torque for ever. So a process waits beside the one that steers it
-(:mod:`tega.devices.hand.guard_process`), and hears from that ten times a second, as long as that hears from its program.
+(:mod:`tega.devices.hand.guard_process`), and hears from that ten times a second, while that hears from its program.
 When its input ends without a word, or it hears nothing for a second, it opens the bus itself and sends zero torque,
 SERVO OFF and no more reports, until the hand
 says that its motors are off: for ten minutes after the program is gone, or until a program that stood still goes on.

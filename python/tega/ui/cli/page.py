@@ -129,9 +129,9 @@ def run_viewed(
     Returns:
         The summary.
     """
-    from tega import bus as run_bus
     from tega.loop import run_session
     from tega.loop.motor_tests import MotorTests
+    from tega.records import bus as run_bus
     from tega.runtime.clock import PausableClock
     from tega.safety.stop import Stop
     from tega.ui.view.browser import Controls

@@ -6,5 +6,6 @@
     run ◄─status── pose, phase, health ◄──────┘
 
 The leash judges commands by session, number and age; the slew keeps what reaches the arm within a speed whatever was
-asked; the body is franky's tracker or a simulated spring. :class:`~tega.devices.arm.robot.driver.ProcessArm` is the run's end.
+asked; the body is franky's tracker or a simulated spring.
+:class:`~tega.devices.arm.robot.driver.ProcessArm` is the run's end.
 """

@@ -1,4 +1,6 @@
-"""Run the arm's process: ``python -m tega.devices.arm.robot.process SETTINGS``, started by :mod:`tega.devices.arm.robot.driver`.
+"""Run the arm's process: ``python -m tega.devices.arm.robot.process SETTINGS``.
+
+:mod:`tega.devices.arm.robot.driver` starts it.
 
 The process reads the newest command, judges it, leads the arm and tells where it is, at a steady rate, with nothing
 else in it that could keep it. The end of its standard input means that the run is gone: the arm then rests at once.

@@ -39,8 +39,8 @@ class BrowserView:
     """A page that shows a run; gives up frames rather than keep the run waiting.
 
     Use as a context manager. :meth:`watch` subscribes to a run's moments, :meth:`offer` takes one from elsewhere. Both
-    wait in a :class:`~tega.records.bus.Backlog` that holds the newest one only; its thread paints at most ``rate_hz`` times a
-    second. A moment that a newer one replaces is never shown: dropped, not late.
+    wait in a :class:`~tega.records.bus.Backlog` that holds the newest one only; its thread paints at most ``rate_hz``
+    times a second. A moment that a newer one replaces is never shown: dropped, not late.
 
     Args:
         title: Heading of the page.
