@@ -1,8 +1,8 @@
 """Fits the rule that a slip is seen by to trials whose truth is known.
 
 A logistic rule over what the detector sees (:data:`tega.stages.events.settings.FEATURES` and its sisters), with a
-penalty on its weights; over fingertips that read shear also over products of two of them, chosen one after another as the one
-that lessens the error most. :func:`left_out` fits without some people and judges those, several times over.
+penalty on its weights; over fingertips that read shear also over products of two of them, chosen one after another as
+the one that lessens the error most. :func:`left_out` fits without some people and judges those, several times over.
 """
 
 from __future__ import annotations

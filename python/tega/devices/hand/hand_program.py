@@ -1,8 +1,8 @@
 """Steer a hand as a program of its own: levels come in by its input, what is said with the hand goes to its output.
 
 :class:`~tega.devices.hand.hand_ends.HandProcess` starts it. Where its input ends without a word, the run was killed,
-and the hand is let go at once; where a run that goes on says nothing for a second, it stands still, and so does this: the
-process that guards the hand (:mod:`tega.devices.hand.hand_guard`) then lets go of it until the run goes on.
+and the hand is let go at once; where a run that goes on says nothing for a second, it stands still, and so does this:
+the process that guards the hand (:mod:`tega.devices.hand.hand_guard`) then lets go of it until the run goes on.
 """
 
 from __future__ import annotations

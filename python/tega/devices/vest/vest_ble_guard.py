@@ -3,9 +3,9 @@
 A vest is thought to hold its last frame for ever, and BlueZ keeps the connection of a program that died. So a second
 process waits beside the one that drives the vest (:mod:`tega.devices.hand.guard_process`), and hears from the vest's
 thread ten times a second. If its input ends without a word, the program is gone, or could not silence the vest; if it
-hears nothing for a second, the program stands still. It then takes the connection over, writes zeros and disconnects, and
-tries that for ten minutes, or until a program that stood still goes on, which connects anew. Nothing helps where both
-are killed, the adapter is pulled out, or the vest is out of reach.
+hears nothing for a second, the program stands still. It then takes the connection over, writes zeros and disconnects,
+and tries that for ten minutes, or until a program that stood still goes on, which connects anew. Nothing helps where
+both are killed, the adapter is pulled out, or the vest is out of reach.
 """
 
 from __future__ import annotations
