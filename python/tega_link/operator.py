@@ -27,11 +27,11 @@ if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.loop.inbox.inputs import Inputs
     from tega.loop.inbox.prepared import Prepared
-    from tega.loop.inbox.wake import Bell
     from tega.loop.latency import LatencyTrace
     from tega.loop.moment import LoopView
     from tega.loop.sinks import Sinks
     from tega.records.bus import Bus
+    from tega.runtime.wake import Bell
     from tega.safety.guard import Guard
 
 

@@ -33,10 +33,10 @@ if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.devices.base import Tracker
     from tega.loop.inbox.prepared import Prepared
-    from tega.loop.inbox.wake import Bell
     from tega.loop.latency import LatencyTrace
     from tega.records.bus import Bus
     from tega.runtime.device_items import EmgChunk
+    from tega.runtime.wake import Bell
     from tega.safety.guard import Guard
 
 

@@ -8,7 +8,6 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
 
-from tega.errors import ConfigError
 from tega.records import RunState
 from tega.runtime.lifecycle import Opened
 from tega_link.clock import PeerClock
@@ -20,11 +19,11 @@ if TYPE_CHECKING:
     from tega.devices.base import Tracker
     from tega.loop.inbox.inputs import Inputs
     from tega.loop.inbox.prepared import Prepared
-    from tega.loop.inbox.wake import Bell
     from tega.loop.latency import LatencyTrace
     from tega.loop.moment import LoopView
     from tega.loop.sinks import Sinks
     from tega.records.bus import Bus
+    from tega.runtime.wake import Bell
     from tega.safety.guard import Guard
 
 
@@ -167,51 +166,3 @@ class Station(Opened):
             "clock": self._clock.summary(),
             "unsent": self._link.n_unsent,
         }
-
-
-def open_station(
-    config: SessionConfig, bus: Bus, *, tell: Callable[[str], None], stop: Callable[[], bool]
-) -> Station:
-    """Make this station's end of the link, not opened yet.
-
-    Raises:
-        ConfigError: The settings do not fit a station.
-    """
-    net = config.net
-    assert net is not None
-    if config.session.pace == "fast":
-        raise ConfigError(
-            "session.pace = 'fast', but a station runs in real time", "set session.pace = 'real'"
-        )
-    operator = net.station == "operator"
-    here = {
-        "tactile": bool(config.tactile.in_use()),
-        "hand": config.hand.driver is not None,
-        "arm": config.arm is not None,
-    }
-    if not operator:
-        here = {
-            "emg": config.emg is not None,
-            "vest": config.vest.driver is not None,
-            "input": bool(config.input.in_use()),
-            "arm.tracker": config.arm is not None and config.arm.tracker is not None,
-            "net.tracker": net.tracker is not None,
-        }
-    other = "robot" if operator else "operator"
-    for table in (table for table, is_there in here.items() if is_there):
-        raise ConfigError(
-            f"[{table}] stands in the {net.station}'s settings, but belongs to the {other}",
-            f"move it to the settings of the {other}'s station",
-        )
-    if net.keys is not None:
-        from tega_link.keys import check_expiry
-
-        if said := check_expiry(net.keys):
-            tell(said)
-    if operator:
-        from tega_link.operator import OperatorStation
-
-        return OperatorStation(config, bus, tell, stop)
-    from tega_link.robot import RobotStation
-
-    return RobotStation(config, bus, tell)

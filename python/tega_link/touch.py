@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from tega.devices.base import TactileFrame
     from tega.loop.inbox.prepared import Finger, Prepared
     from tega.loop.inbox.sources import Contact, SourceReport
-    from tega.loop.inbox.wake import Bell
     from tega.loop.latency import LatencyTrace
     from tega.records.bus import Bus
+    from tega.runtime.wake import Bell
     from tega_link.clock import Offset
 
 

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from tega.devices.emg.lsl import load_lsl, to_monotonic_s
+from tega.runtime.lsl import load_lsl, to_monotonic_s
 
 _LOOK_S = 0.5
 _WAIT_S = 0.2

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 
-from tega.devices.emg.lsl import load_lsl, to_monotonic_s
+from tega.runtime.lsl import load_lsl, to_monotonic_s
 
 # What was pushed last is on its way when the stream is taken away.
 _LINGER_S = 0.2

@@ -10,7 +10,6 @@ import math
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Final
 
-from tega.devices.emg.lsl import load_lsl, to_monotonic_s
 from tega.records import (
     ArmMeasured,
     ArmTarget,
@@ -23,6 +22,7 @@ from tega.records import (
     VestFrame,
 )
 from tega.records.schema import MessageField, fields
+from tega.runtime.lsl import load_lsl, to_monotonic_s
 
 if TYPE_CHECKING:
     from tega.config.sections import LslStreamName

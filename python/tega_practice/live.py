@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from tega.config.calibration.records import utc_now
+from tega.config.choose import decoder_told
+from tega.config.person import whose
 from tega.errors import DeviceUnavailableError
-from tega.setup.calibration.guide import Bar, Guide
+from tega.runtime.guide import Bar, Guide
 from tega.setup.calibration.muscle_loop import MuscleLoop
-from tega.setup.calibration.person import whose
-from tega.stages.choose import decoder_told
 from tega_practice.fitts import FittsScore, fitts_score
 from tega_practice.fitts_course import FittsCourse, fitts_plan
 from tega_practice.kept import FittsRecord, keep_fitts, movement_row

@@ -12,9 +12,9 @@ import msgspec
 
 from tega.config.calibration.folder import device_name
 from tega.config.calibration.records import utc_now
-from tega.setup.calibration.guide import Bar, Guide
-from tega.setup.calibration.person import whose
-from tega.stages.choose import chosen_stage
+from tega.config.choose import chosen_stage
+from tega.config.person import whose
+from tega.runtime.guide import Bar, Guide
 from tega_practice.two_down_one_up import TwoDownOneUp
 from tega_practice.vest_kept import VestSkillRecord, keep_vest_skill
 from tega_practice.vest_lesson import Aspect, Cue, Lesson, cue, even, words_of

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from tega.config import DEFAULT_LAYOUT
 from tega.config.calibration import TouchMaxima
+from tega.config.choose import chosen_stage, vest_mapping
 from tega.devices.base import BudgetedVest
 from tega.errors import CalibrationError, DeviceUnavailableError
 from tega.haptics import FINGERS, FeltMap, MotorLevels
 from tega.loop.touch import TouchLoop
 from tega.records import Contact, Event
 from tega.runtime.clock import Clock, SystemClock
-from tega.stages.choose import chosen_stage, vest_mapping
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig

@@ -14,17 +14,16 @@ import numpy as np
 
 from tega.config import FINGERS
 from tega.config.calibration import EmgMaxima
+from tega.config.choose import block_s, finger_metric, muscle_decoder
 from tega.errors import InvalidValueError
 from tega.loop.inbox.frames import FrameMeter
 from tega.loop.inbox.sources import SourceReport
+from tega.loop.maxima import guided_maxima
 from tega.runtime.device_items import TactileFrame
-from tega.setup.calibration.maxima import guided_maxima
-from tega.stages.choose import block_s, finger_metric, muscle_decoder
 from tega_sim.conditions import ARMS
 from tega_sim.gel import Gel, ball, board
-from tega_sim.plan import loop_settings
+from tega_sim.plan import FULL_N, loop_settings
 from tega_sim.seams import Indenter, Shear
-from tega_sim.true_touch import FULL_N
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -34,7 +33,7 @@ if TYPE_CHECKING:
     from tega.config.calibration import TouchMaxima
     from tega.stages.base import Decoder, Metric
     from tega_sim.operator import Calibrated, ForearmEmg, Operator, Parameters, RulesVersion, ScriptedOperator
-    from tega_sim.trial import TrialPlan
+    from tega_sim.plan import TrialPlan
 
 
 EMG_HZ = 1000.0

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tega.config import FINGERS
+from tega.config.choose import chosen_stage
 from tega.errors import InvalidValueError
 from tega.hand.poses import ClosureScale
+from tega.haptics import MotorLevels
 from tega.loop.beside import look_on
 from tega.loop.hand_look import HandLooks
 from tega.loop.inbox.frames import FrameMeter
@@ -23,14 +25,13 @@ from tega.records.bus import Bus
 from tega.runtime.clock import ManualClock, PausableClock, SystemClock
 from tega.safety.guard import Guard
 from tega.stages.base import MeasuredPicture
-from tega.stages.choose import chosen_stage
 from tega.ui.view.state import EmgTail, ViewState
 from tega_sim.beside import BesideNotes
 from tega_sim.commanded import BlockSource, StraightBlocks, level_of_drive
 from tega_sim.conditions import ARMS, worn
 from tega_sim.hand import SimulatedAllegro, SimulatedBus, encoded
 from tega_sim.lab import EMG_HZ
-from tega_sim.other_trial import other_vest
+from tega_sim.other_trial import other_trial
 from tega_sim.pacing import SimulatedPacer
 from tega_sim.plan import TrialPlan, TrialResult
 from tega_sim.reflex import trial_reflex
@@ -370,3 +371,23 @@ def _remembers(lab: Lab) -> bool:
     """Whether a metric that looks on learns from an untouched gel."""
     beside = (one for one in lab.config.stages.beside if one.group == "metric")
     return any(chosen_stage("metric", one.stages, lab.preset).kind.memory for one in beside)
+
+
+@lru_cache(maxsize=1)  # a practice and the lift after it are replayed the same
+def other_vest(lab: Lab, plan: TrialPlan, number: int) -> list[tuple[float, MotorLevels]]:
+    """Return times in seconds and frames of the vest in the other trial; who lifts there has learned nothing yet.
+
+    Args:
+        lab: The person's lab.
+        plan: The trial in which it is to be replayed.
+        number: Of the lift.
+    """
+    from tega_sim.streams import Streams
+
+    other, streams = other_trial(plan), Streams()
+    person = lab.person(other)
+    lift = Lift(lab, other, person, number, streams=streams)
+    lift.go(real_time=False, observer=None, stop=lambda: False, paused=lambda: False)
+    return [
+        (t_s, MotorLevels(lift.layout, np.array(levels, np.uint8))) for t_s, *levels in streams.rows["vest"]
+    ]

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import msgspec
-import numpy as np
 
-from tega.haptics import MotorLevels
 from tega_sim.conditions import ARMS
 
 if TYPE_CHECKING:
-    from tega_sim.lab import Lab
     from tega_sim.plan import TrialPlan
 
 
@@ -35,24 +31,3 @@ def other_trial(plan: TrialPlan) -> TrialPlan:
         friction=None,
         spec=None,
     )
-
-
-@lru_cache(maxsize=1)  # a practice and the lift after it are replayed the same
-def other_vest(lab: Lab, plan: TrialPlan, number: int) -> list[tuple[float, MotorLevels]]:
-    """Return times in seconds and frames of the vest in the other trial; who lifts there has learned nothing yet.
-
-    Args:
-        lab: The person's lab.
-        plan: The trial in which it is to be replayed.
-        number: Of the lift.
-    """
-    from tega_sim.lift import Lift
-    from tega_sim.streams import Streams
-
-    other, streams = other_trial(plan), Streams()
-    person = lab.person(other)
-    lift = Lift(lab, other, person, number, streams=streams)
-    lift.go(real_time=False, observer=None, stop=lambda: False, paused=lambda: False)
-    return [
-        (t_s, MotorLevels(lift.layout, np.array(levels, np.uint8))) for t_s, *levels in streams.rows["vest"]
-    ]

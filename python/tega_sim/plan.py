@@ -21,6 +21,10 @@ Task: TypeAlias = Literal["lift", "place"]
 """What a trial asks for."""
 
 
+FULL_N = 8.0
+"""Force on a pad that counts as full, newtons: that of the guided presses, by which the pictures' maxima are taken."""
+
+
 class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Plan of a trial; equal plans give equal results, bit for bit.
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Final
 import msgspec
 
 from tega.config import FINGERS, ReflexSection
+from tega.config.choose import grip_reflex
 from tega.loop.reflex import ReflexArc, ReflexMoment
 from tega.records import Contact, NamedValue
-from tega.stages.choose import grip_reflex
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig

@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING, Any, Final
 import msgspec
 
 from tega.config import FINGERS, StageConfig, StagesSection
+from tega.config.choose import vest_mapping
 from tega.errors import InvalidValueError
 from tega.loop.touch import TouchLoop
 from tega.records import Contact, Event
-from tega.stages.choose import vest_mapping
 from tega_sim.conditions import ARMS
+from tega_sim.plan import FULL_N
 from tega_sim.score import REST_M_S, REST_S, SLIP_M_S
 
 if TYPE_CHECKING:
@@ -31,9 +32,6 @@ if TYPE_CHECKING:
     from tega_sim.plan import TrialPlan
     from tega_sim.seams import WorldTruth
 
-
-FULL_N: Final = 8.0
-"""Force on a pad that counts as full, newtons: that of the guided presses, by which the pictures' maxima are taken."""
 
 _FORCE: Final = {"front": "force_n", "back": "force_n", "front_max": FULL_N, "back_max": FULL_N}
 _SHOWN: Final[dict[Tells, StageConfig]] = {

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, cast
 
 import numpy as np
 
+from tega.config.choose import finger_metric, preset_metric
 from tega.errors import MissingExtraError, RecordingError
 from tega.loop.inbox.sources import metrics_of
 from tega.runtime.files.foreign_file import load_npy, parse_toml, read_foreign
 from tega.stages.base import TouchMap
-from tega.stages.choose import finger_metric, preset_metric
 from tega.stages.metrics import contact_metrics_of
 from tega.tactile import ContactMetrics
 from tega.ui.view.state import TouchImage

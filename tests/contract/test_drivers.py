@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from tega.devices import Found, Options, driver_class, driver_names, list_drivers
-from tega.devices.contract import check_driver, main
-from tega.devices.contract.sources import check_source
 from tega.errors import TegaError
+from tega.setup.contract import check_driver, main
+from tega.setup.contract.sources import check_source
 from tega_emulators.benches import BENCHES, why_not
 
 
@@ -31,7 +31,7 @@ _WAITS = {"chords", "lsl-emg"}
 )
 def test_contract(name: str, tmp_path: Path) -> None:
     if name not in BENCHES:
-        pytest.skip(f"{name} is not TEGA's own: python -m tega.devices.contract {name}")
+        pytest.skip(f"{name} is not TEGA's own: python -m tega.setup.contract {name}")
     missing = {r.name: r.problem for r in list_drivers()}[name]
     if reason := why_not(name) or missing:
         pytest.skip(reason)
@@ -60,7 +60,7 @@ def test_the_contract_from_a_shell(capsys: pytest.CaptureFixture[str], tmp_path:
     assert "set either serial or source" in capsys.readouterr().out
     with pytest.raises(SystemExit):
         main(["--set", "a=b"])
-    words = [sys.executable, "-m", "tega.devices.contract", "synthetic-touch"]
+    words = [sys.executable, "-m", "tega.setup.contract", "synthetic-touch"]
     done = subprocess.run(words, capture_output=True, text=True, check=True)
     assert done.stdout.startswith("ok")
     assert done.stderr == ""

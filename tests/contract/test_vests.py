@@ -21,13 +21,13 @@ import pytest
 
 from tega.config import check_tree
 from tega.devices import driver_class
-from tega.devices.contract import check_driver
 from tega.devices.vest.player_link import PlayerLink
 from tega.devices.vest.vest_player import PlayerVest
 from tega.devices.vest.vest_stream import StreamedVest
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.haptics import MotorLevels, vest_frame
 from tega.loop import LoopView, run_session
+from tega.setup.contract import check_driver
 from tega.ui.view.browser.state_html import status_html
 from tega.ui.view.state import ViewState
 from tega.wire import vest_levels

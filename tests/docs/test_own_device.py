@@ -57,13 +57,13 @@ def run(environment: dict[str, str], *words: str) -> subprocess.CompletedProcess
 
 @pytest.mark.slow
 def test_the_template_passes_the_contract(installed: dict[str, str]) -> None:
-    done = run(installed, "-m", "tega.devices.contract", "own-emg", "own-vest")
+    done = run(installed, "-m", "tega.setup.contract", "own-emg", "own-vest")
     assert done.returncode == 0, done.stdout + done.stderr
     assert [line.split()[:2] for line in done.stdout.splitlines()] == [["ok", "own-emg"], ["ok", "own-vest"]]
     listed = run(installed, "-m", "tega.ui.cli", "devices")
     assert "own-emg" in listed.stdout
     assert "template of a vest" in listed.stdout
-    done = run(installed, "-m", "tega.devices.contract", "own-emg", "--set", "port=broken")
+    done = run(installed, "-m", "tega.setup.contract", "own-emg", "--set", "port=broken")
     assert done.returncode == 2
     assert "is it switched on?" in done.stdout
 
@@ -97,7 +97,7 @@ def test_the_contract_finds_what_is_wrong_with_it(
     text = source.read_text(encoding="utf-8")
     assert right in text
     source.write_text(text.replace(right, wrong), encoding="utf-8")
-    done = run({**installed, "PYTHONPATH": str(tmp_path)}, "-m", "tega.devices.contract", f"own-{module}")
+    done = run({**installed, "PYTHONPATH": str(tmp_path)}, "-m", "tega.setup.contract", f"own-{module}")
     assert done.returncode == 1, done.stdout + done.stderr
     assert done.stdout.startswith("broken")
     assert rule in done.stdout
@@ -107,4 +107,4 @@ def test_the_page_shows_commands_that_exist() -> None:
     page = (PROJECT / "docs" / "own-device.md").read_text(encoding="utf-8")
     for file in re.findall(r"examples/own_device[\w/.-]*", page):
         assert (PROJECT / file).exists(), file
-    assert "python -m tega.devices.contract own-emg own-vest" in page
+    assert "python -m tega.setup.contract own-emg own-vest" in page

@@ -169,14 +169,14 @@ def run(
 
 @pytest.mark.slow
 def test_the_examples_pass_the_contract_and_are_listed(installed: Installed) -> None:
-    done = run("-m", "tega.devices.contract", *EXAMPLES.values(), python=installed.python)
+    done = run("-m", "tega.setup.contract", *EXAMPLES.values(), python=installed.python)
     assert done.returncode == 0, done.stdout + done.stderr
     assert [line.split()[:2] for line in done.stdout.splitlines()] == [["ok", n] for n in EXAMPLES.values()]
     listed = json.loads(run("-m", "tega.ui.cli", "stages", "--json", python=installed.python).stdout)
     own = {stage["name"]: stage for stage in listed if stage["package"] != "tega"}
     assert set(own) == set(EXAMPLES.values())
     assert own["embedding"]["values"] == {"pc1": "grey", "pc2": "grey", "pc3": "grey"}
-    done = run("-m", "tega.devices.contract", "one-channel", "--set", "rest=0.9", python=installed.python)
+    done = run("-m", "tega.setup.contract", "one-channel", "--set", "rest=0.9", python=installed.python)
     assert done.returncode == 2, done.stdout
     assert "a rest below full" in done.stdout
 
@@ -318,7 +318,7 @@ def test_the_contract_finds_what_is_wrong(
     before = source.read_text()
     assert right in before
     source.write_text(before.replace(right, wrong))
-    done = run("-m", "tega.devices.contract", EXAMPLES[package], path=tmp_path)
+    done = run("-m", "tega.setup.contract", EXAMPLES[package], path=tmp_path)
     assert done.returncode == 1, done.stdout + done.stderr
     assert rule in done.stdout
 

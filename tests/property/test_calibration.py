@@ -11,14 +11,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tega.config.calibration.records import EmgRecord, VestCalibration, read_record, write_record
+from tega.config.calibration.wearing import SITES, judge_wearing
+from tega.config.person import felt_by
 from tega.haptics import FeltMap, vest_frame
+from tega.loop.maxima import touch_maxima
 from tega.setup.calibration.gel import compare_gels, judge_rest
-from tega.setup.calibration.maxima import touch_maxima
-from tega.setup.calibration.person import felt_by
 from tega.setup.calibration.practice import Curve, score
 from tega.setup.calibration.presses import PRESSES, PressMeter
 from tega.setup.calibration.staircase import LEVEL_PERCENT, TOP_LEVEL, Ladder, highest_level
-from tega.setup.calibration.wearing import SITES, judge_wearing
 from tega.tactile import ContactMetrics
 from tega.wire import vest_levels
 

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 pytest.importorskip("sklearn", reason="scikit-learn is not installed")
 
-from tega.devices.contract import check_stage
 from tega.errors import CalibrationError, ConfigError, InvalidValueError, ShapeError, TegaError
+from tega.setup.contract import check_stage
 from tega.stages import MuscleSetup
 from tega.stages.learned import FEATURES, LearnedDecoder, Model, ProportionalDecoder, fit, load_model
 from tega.stages.learned.compare import Log, compare

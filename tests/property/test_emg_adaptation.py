@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from tega.config import AdaptationSection
 from tega.config.calibration import EmgMaxima
+from tega.config.choose import muscle_setup
 from tega.devices.base import EmgChunk
 from tega.emg import InputKind
 from tega.loop.emg_adaptation import MOST_GAIN, MOST_OFFSET, ChannelAdaptation, Switches, read_switches
 from tega.loop.inbox.sources import BlockMeter, EmgBlock, SourceReport
 from tega.records import Adaptation, AdaptationSwitch
-from tega.stages.choose import muscle_setup
 from tega.stages.decoders import RulesDecoder, RulesOptions
 
 Samples = NDArray[np.float64]

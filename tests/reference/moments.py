@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
+from tega.config.choose import preset_metric
 from tega.haptics import FINGERS, intensity, vest_frame
 from tega.loop.inbox.sources import EmgBlock
 from tega.loop.moment import LoopView
 from tega.loop.touch import TouchMoment
-from tega.stages.choose import preset_metric
 from tega.stages.metrics import contact_metrics_of
 from tega.ui.view.state import EmgTail, Shape, TouchImage, ViewState
 from tega_sim.gel import Gel, ball

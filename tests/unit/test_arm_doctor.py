@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 from rich.console import Console
 
+from tega.arm.messages import Health
 from tega.config import check_tree, load_config
-from tega.devices.arm.robot.messages import Health
 from tega.loop.arm_view import ArmView
 from tega.loop.moment import LoopView
 from tega.loop.touch import TouchMoment

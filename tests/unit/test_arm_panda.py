@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 from reference import panda_stand_in
+from tega.arm.messages import ArmStatusWords, ArmTargetWords, Recover
 from tega.devices.arm.panda_arm import PandaArm, PandaArmOptions
 from tega.devices.arm.robot import panda_body
 from tega.devices.arm.robot.leash import Leash
-from tega.devices.arm.robot.messages import ArmStatusWords, ArmTargetWords, Recover
 from tega.devices.arm.robot.panda_body import PandaBody
 from tega.devices.arm.robot.process import Loop, ProcessSettings
 from tega.errors import DeviceUnavailableError, WrongDeviceError

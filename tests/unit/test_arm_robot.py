@@ -18,11 +18,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tega.arm import ArmChain, ArmCommand, ArmSettings, MappingSettings, Pose, StampedPose
+from tega.arm.messages import ArmTargetWords, decode, encode
 from tega.arm.rotation import between
 from tega.devices.arm.franky_arm import FrankyArm, FrankyArmOptions
 from tega.devices.arm.robot import fci
 from tega.devices.arm.robot.leash import Leash
-from tega.devices.arm.robot.messages import ArmTargetWords, decode, encode
 from tega.devices.arm.robot.slew import Slew
 from tega.devices.arm.simulated_arm import SimulatedArm, SimulatedArmOptions
 from tega.errors import DeviceUnavailableError, WrongDeviceError

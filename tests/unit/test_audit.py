@@ -14,8 +14,8 @@ from mcap.reader import NonSeekingReader
 from mcap.writer import Writer
 
 from tega.config import load_config
+from tega.config.choose import preset_metric
 from tega.errors import ConfigError, RecordingError
-from tega.stages.choose import preset_metric
 from tega.ui.cli.main import main
 from tega_figures.audit import (
     READINGS,

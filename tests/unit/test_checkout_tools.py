@@ -52,11 +52,11 @@ def test_the_list_of_verbs_and_the_contract_need_none_of_the_packages() -> None:
     listed = run_without("from tega.ui.cli.main import main; main(['--help'])")
     assert listed.returncode == 0
     assert "soak" in listed.stdout
-    tried = run_without("from tega.devices.contract.command import main; sys.exit(main(['digit']))")
+    tried = run_without("from tega.setup.contract.command import main; sys.exit(main(['digit']))")
     assert (tried.returncode, tried.stdout.split()[:2]) == (2, ["not", "tried"])
     assert "./tools/emulators" in tried.stdout
     real = run_without(
-        "from tega.devices.contract.command import main; sys.exit(main(['synthetic-emg', '--set', 'rate_hz=1000']))"
+        "from tega.setup.contract.command import main; sys.exit(main(['synthetic-emg', '--set', 'rate_hz=1000']))"
     )
     assert (real.returncode, real.stdout.split()[:1]) == (0, ["ok"])
 

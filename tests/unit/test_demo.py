@@ -13,13 +13,6 @@ import pytest
 from numpy.typing import NDArray
 from rich.console import Console
 
-from tega.devices.emg.synthetic import (
-    SyntheticEmg,
-    SyntheticEmgOptions,
-    SyntheticTouch,
-    SyntheticTouchOptions,
-    effort_at,
-)
 from tega.haptics import vest_frame
 from tega.loop.inbox.sources import EmgBlock
 from tega.loop.moment import LoopView
@@ -34,6 +27,13 @@ from tega_sim.demo import DemoReport, demo_heading, demo_outputs
 from tega_sim.gel import Gel, ball
 from tega_sim.plan import TrialPlan, TrialResult
 from tega_sim.score import TrialEvent
+from tega_sim.synthetic import (
+    SyntheticEmg,
+    SyntheticEmgOptions,
+    SyntheticTouch,
+    SyntheticTouchOptions,
+    effort_at,
+)
 
 
 def run_demo(folder: Path, capsys: pytest.CaptureFixture[str], *words: str) -> dict[str, Any]:

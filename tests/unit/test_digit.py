@@ -19,7 +19,7 @@ import pytest
 import tega.devices.fingertip.digit
 from tega.config import check_tree
 from tega.devices.fingertip.digit import Digit, DigitOptions
-from tega.devices.fingertip.picture_check import CameraCounts, PictureCheck
+from tega.devices.fingertip.picture_check import PictureCheck
 from tega.devices.fingertip.picture_origin import Origin, PictureOrigin
 from tega.devices.fingertip.video_nodes import find_node, video_nodes
 from tega.errors import ConfigError, DeviceUnavailableError, RecordingError
@@ -29,7 +29,7 @@ from tega.loop.inbox.sources import SourceReport
 from tega.loop.inbox.stream import LiveStream
 from tega.records import Picture
 from tega.records.bus import Bus
-from tega.runtime.device_items import TactileFrame
+from tega.runtime.device_items import CameraCounts, TactileFrame
 from tega_emulators.digit import FAULTS
 from tega_emulators.lab import PRESSED, emulated_lab
 from tega_emulators.process import Emulator

@@ -16,9 +16,9 @@ import tega_emulators
 import tega_figures
 from tega.config import check_tree
 from tega.config.calibration.folder import CalibrationFolder
-from tega.devices.vest.worn_vest import NAMELESS
 from tega.errors import CalibrationError
 from tega.loop import run_session
+from tega.loop.worn_vest import NAMELESS
 from tega.safety.dose_file import DAY_S, KeptDose
 from tega.safety.motor_budget import HEAT_TAU_S, MotorBudget
 from tega_emulators.lab import emulated_lab
@@ -168,7 +168,7 @@ def test_a_vest_is_made_in_one_place_and_opened_by_who_names_its_wearer() -> Non
                 worn.append(ast.unparse(call.args[1]))
     # The doctor sends zeros alone; the bench of the tests has no wearer.
     assert made == {
-        "tega/devices/vest/worn_vest.py",
+        "tega/loop/worn_vest.py",
         "tega/setup/doctor/vest.py",
         "tega_emulators/vest_bench.py",
     }
@@ -176,10 +176,10 @@ def test_a_vest_is_made_in_one_place_and_opened_by_who_names_its_wearer() -> Non
     # check is for drivers' authors and wears none; the others look at a driver's options or open no vest.
     assert by_variable == {
         "tega_bench/acceptance/run.py",
-        "tega/setup/calibration/person.py",
+        "tega/config/person.py",
         "tega/config/check.py",
         "tega/config/options.py",
-        "tega/devices/contract/command.py",
+        "tega/setup/contract/command.py",
         "tega/setup/doctor/bench.py",
         "tega/recording/replay/play.py",
     }

@@ -16,6 +16,7 @@ from mcap.reader import make_reader
 
 from reference.sessions import messages, told
 from tega.config import StagesSection, check_tree
+from tega.config.choose import muscle_decoder
 from tega.devices.base import DeviceInfo
 from tega.errors import RecordingError
 from tega.loop import run_session
@@ -29,7 +30,6 @@ from tega.recording.replay import replay_file
 from tega.recording.replay.recorded import read_recorded
 from tega.records import RECORDS
 from tega.records.schema import own_schema, read, schema_name
-from tega.stages.choose import muscle_decoder
 
 GOLDEN = Path(__file__).parent.parent / "golden"
 

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from reference.chromium import launched, opened
-from tega.setup.calibration.guide import Bar, Undecided
+from tega.runtime.guide import Bar, Undecided
 from tega.ui.cli.guide import LineGuide
 from tega.ui.cli.guide_page import PageGuide
 from tega_practice.fitts_course import Target

@@ -13,6 +13,7 @@ import pytest
 from reference.recordings import baseline
 from reference.scripted import MS, STARTED_NS, ScriptedCamera, Sink, live_frame, touching
 from tega.config.calibration import TouchMaxima
+from tega.config.choose import preset_metric
 from tega.devices.base import DeviceInfo, EmgChunk
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.haptics import MotorLevels, intensity
@@ -28,7 +29,6 @@ from tega.loop.touch import TouchLoop
 from tega.records import Contact
 from tega.records.bus import Bus
 from tega.runtime.clock import ManualClock, SystemClock
-from tega.stages.choose import preset_metric
 from tega.tactile import ContactMetrics
 
 SMALL = np.zeros((9, 9, 3), np.uint8)

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from tega.devices.emg.lsl import to_monotonic_s
+from tega.runtime.lsl import to_monotonic_s
 
 
 def test_a_thread_that_is_put_aside_between_two_looks_moves_no_time() -> None:

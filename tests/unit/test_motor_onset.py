@@ -20,9 +20,9 @@ from tega.config.calibration.folder import CalibrationFolder
 from tega.config.calibration.records import OnsetRecord, read_record
 from tega.config.motor_onset import motor_onset
 from tega.devices import driver_class
-from tega.devices.vest.worn_vest import NAMELESS
 from tega.errors import CalibrationError, DeviceUnavailableError, InvalidValueError, RecordingError
 from tega.loop.session import run_session
+from tega.loop.worn_vest import NAMELESS
 from tega.recording.inspection import inspect_file
 from tega.runtime.clock import SystemClock
 from tega_bench.vest_latency.clock import SoundBlock, by_blocks, by_clicks

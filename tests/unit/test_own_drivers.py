@@ -18,8 +18,8 @@ from tega.errors import CalibrationError
 from tega.hand import CLOSURE_POSES_RAD
 from tega.loop.session import run_session
 from tega.runtime import plugins
+from tega.runtime.guide import Bar, Undecided
 from tega.setup.calibration.effort import Chain
-from tega.setup.calibration.guide import Bar, Undecided
 from tega.setup.calibration.steps_emg import take_rest
 from tega.setup.calibration.times import Times
 

@@ -10,11 +10,11 @@ import pytest
 from numpy.typing import NDArray
 
 from reference.scripted import MS
+from tega.config.choose import preset_metric
 from tega.devices.base import TactileFrame
 from tega.loop.inbox.frames import FrameMeter
 from tega.loop.inbox.picture_votes import PictureVotes
 from tega.loop.inbox.sources import SourceReport
-from tega.stages.choose import preset_metric
 
 Image = NDArray[np.uint8]
 _RANDOM = np.random.default_rng(3)

@@ -22,6 +22,7 @@ pytest.importorskip("av", reason="needs the extra lerobot")
 from reference.filmed import number_of, numbered, packets, write_scene
 from reference.sessions import record, rewritten
 from tega.config import SessionConfig, check_tree
+from tega.config.choose import finger_metric
 from tega.errors import RecordingError
 from tega.loop.moment import LoopView, Moment
 from tega.loop.touch import TouchMoment
@@ -33,7 +34,6 @@ from tega.recording.replay.recorded import read_recorded
 from tega.records import EmgSamples, Marker
 from tega.records.bus import Bus
 from tega.stages.base import MeasuredPicture
-from tega.stages.choose import finger_metric
 from tega.stages.metrics import contact_metrics_of
 from tega.ui.cli.main import main
 from tega.ui.view.browser import BrowserView, Controls

@@ -12,11 +12,11 @@ from mcap.reader import make_reader
 
 from reference.sessions import tree
 from tega.config import check_tree
+from tega.config.text import config_text
 from tega.loop import run_session
 from tega.loop.moment import LoopView
 from tega.recording.inspection import inspect_file
 from tega.recording.replay import replay_file
-from tega.runtime.files.toml_text import config_text
 from tega.ui.cli.main import main
 from tega_emulators.hid_port import HidBoard, HidPort
 from tega_emulators.process import Emulator

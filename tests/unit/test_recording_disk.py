@@ -25,6 +25,7 @@ from mcap.stream_reader import StreamReader
 
 from reference.sessions import SECONDS, messages, record, stream, tree
 from tega.config import RecordingSection, check_tree
+from tega.config.text import config_text
 from tega.loop import run_session
 from tega.recording.disk import open_disk, rescue_tails
 from tega.recording.inspection import inspect_file
@@ -33,7 +34,6 @@ from tega.recording.mcap_queue import BoundedQueue, Item
 from tega.recording.mcap_recorder import McapRecorder
 from tega.recording.replay import replay_file
 from tega.records import Marker, Picture
-from tega.runtime.files.toml_text import config_text
 from tega_campaigns.kills import kill_one, settings
 
 

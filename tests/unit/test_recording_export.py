@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from reference.sessions import SECONDS
+from tega.config.choose import preset_metric
 from tega.errors import ConfigError
 from tega.recording.export import export_file
-from tega.stages.choose import preset_metric
 from tega.ui.cli.main import main
 
 

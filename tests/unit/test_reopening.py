@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 import tega
+from tega.config.choose import preset_metric
 from tega.devices.base import DeviceInfo, TactileFrame
 from tega.errors import DeviceUnavailableError
 from tega.loop.inbox.frames import measured_contacts
 from tega.loop.inbox.sources import SourceReport
 from tega.runtime.reopening import Reopening, polled
-from tega.stages.choose import preset_metric
 
 
 class Rests:

@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from reference.recordings import baseline, pressed, write_folder
 from reference.scripted import MS, STARTED_NS, ScriptedCamera, Sink, live_frame, touching
 from tega.config.calibration import TouchMaxima
+from tega.config.choose import preset_metric
 from tega.devices.base import TactileFrame
 from tega.errors import RecordingError
 from tega.loop.hand import ModelledAllegro
@@ -29,7 +30,6 @@ from tega.loop.loop import DualLoop
 from tega.loop.pacing import Pacer
 from tega.loop.touch import STALE_NS, TouchLoop
 from tega.runtime.clock import ManualClock
-from tega.stages.choose import preset_metric
 from tega.stages.metrics import LiveMetric, contact_metrics_of
 from tega.ui.cli.main import main
 

@@ -18,9 +18,9 @@ import pytest
 from reference.recordings import baseline, squeezes, write_emg_csv, write_folder, write_video
 from reference.waiting import until
 from tega.config.calibration import Calibration, FingerMaxima, TouchMaxima, save_calibration
+from tega.config.choose import preset_metric
 from tega.haptics import intensity
 from tega.recording import prepare_folder
-from tega.stages.choose import preset_metric
 from tega.ui.cli.main import main
 
 OUTPUTS = [

@@ -21,16 +21,16 @@ pytest.importorskip("foxglove")
 from reference.film_server import FilmServer  # noqa: E402
 from reference.filmed import SIZE, number_of, numbered  # noqa: E402
 from tega.config import check_tree, load_config  # noqa: E402
+from tega.config.text import config_text  # noqa: E402
 from tega.errors import ConfigError, DeviceUnavailableError, RecordingError, UnsafeNameError  # noqa: E402
 from tega.loop import run_session  # noqa: E402
 from tega.recording.mcap_reader import McapReader  # noqa: E402
 from tega.recording.trim import trim_session  # noqa: E402
 from tega.records import Alert, SceneVideo  # noqa: E402
 from tega.records.bus import Bus  # noqa: E402
-from tega.runtime.files.toml_text import config_text  # noqa: E402
 from tega.setup.doctor import examine  # noqa: E402
-from tega.setup.doctor.scene import check_scene  # noqa: E402
 from tega_scene.decode import SceneDecoder, ScenePicture  # noqa: E402
+from tega_scene.doctor import check_scene  # noqa: E402
 from tega_scene.filming import Filming  # noqa: E402
 from tega_scene.layout import example_layout, save_layout  # noqa: E402
 from tega_scene.lens import Lens, save_lens  # noqa: E402

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tega.devices.contract import check_stage
 from tega.errors import InvalidValueError, ShapeError
+from tega.setup.contract import check_stage
 from tega.stages import FingerSetup
 from tega.stages.events import Detector, ShearFrame, TouchFrame
 from tega.stages.metrics import LiveOptions

@@ -135,7 +135,7 @@ def test_a_set_duration_is_kept_and_takes_in_all_that_came_before_it() -> None:
 
 PLUGIN = """
 from tega.devices.base import DeviceInfo
-from tega.devices.emg.synthetic import SyntheticTouch
+from tega_sim.synthetic import SyntheticTouch
 from tega.devices.vest.vest_recorder import VestRecorder
 
 made, read = [], []

@@ -12,13 +12,13 @@ import pytest
 
 from tega.config import SessionConfig, StageConfig, StagesSection, load_config
 from tega.config.calibration import TouchMaxima
-from tega.devices.contract import check_stage
+from tega.config.choose import Chosen
 from tega.errors import ConfigError, InvalidValueError
 from tega.haptics import FeltMap, MotorLevels, intensity, vest_frame
 from tega.haptics.motor_layout import PAPER32, SHIPPED, X16, Motor, MotorLayout, find_layout
 from tega.loop.touch import TouchLoop
+from tega.setup.contract import check_stage
 from tega.stages import FingerSetup, MuscleSetup, NamedValue, VestSetup, list_stages, stage_names
-from tega.stages.choose import Chosen
 from tega.stages.columns import ColumnsMapping, ColumnsOptions
 from tega.stages.decoders import RulesDecoder, RulesOptions
 from tega.stages.metrics import contact_metrics_of, contact_record

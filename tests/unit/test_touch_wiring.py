@@ -21,12 +21,14 @@ from tega.config import StagesSection, check_tree, load_config
 from tega.config.calibration import Calibration, FingerMaxima, TouchMaxima
 from tega.config.calibration.known_press import Ball, fit_gel, held
 from tega.config.calibration.store import calibration_text, parse_calibration, refused_law, save_calibration
+from tega.config.choose import finger_metric, vest_mapping
 from tega.devices.base import DeviceInfo, TactileFrame
 from tega.errors import CalibrationError
 from tega.haptics import contact_type, intensity
 from tega.loop import run, run_session
 from tega.loop.inbox.prepared import Finger, Prepared
 from tega.loop.inbox.sources import SourceReport
+from tega.loop.maxima import guided_maxima, touch_maxima
 from tega.loop.open_streams import contact_stream
 from tega.loop.pacing import Pacer
 from tega.loop.touch import TouchMoment
@@ -35,10 +37,8 @@ from tega.recording.mcap_reader import McapReader
 from tega.recording.replay import replay_file
 from tega.records import Picture
 from tega.records.bus import Bus
-from tega.setup.calibration.maxima import guided_maxima, touch_maxima
 from tega.stages import FingerSetup, VestSetup, find_layout
 from tega.stages.base import MeasuredPicture
-from tega.stages.choose import finger_metric, vest_mapping
 from tega.stages.metrics import LiveMetric, LiveOptions, contact_metrics_of
 from tega.tactile.tracker import DEPTH_LAW
 from tega.ui.cli.main import main

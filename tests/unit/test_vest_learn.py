@@ -19,8 +19,8 @@ from tega.devices.base import DeviceInfo
 from tega.errors import CalibrationError, DeviceUnavailableError, InvalidValueError
 from tega.haptics import MotorLevels
 from tega.runtime.clock import ManualClock
+from tega.runtime.guide import Bar
 from tega.safety.motor_budget import MotorBudget
-from tega.setup.calibration.guide import Bar
 from tega_emulators.process import Emulator
 from tega_emulators.vests import seen_by
 from tega_figures.felt.information import Discriminant

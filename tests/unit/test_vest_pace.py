@@ -17,23 +17,23 @@ from reference.waiting import until
 from tega.config import VestConfig, check_tree
 from tega.config.calibration import TouchMaxima
 from tega.devices.vest.vest_stream import VestOptions
-from tega.devices.vest.worn_vest import worn_vest
 from tega.haptics import vest_frame
 from tega.loop.hand import ModelledAllegro
 from tega.loop.inbox.reader import Reader
 from tega.loop.inbox.sources import Contact
 from tega.loop.inbox.stream import LiveStream, PulledStream
-from tega.loop.inbox.wake import Bell
 from tega.loop.latency import LatencyTrace
 from tega.loop.loop import DualLoop
 from tega.loop.pacing import Pacer
 from tega.loop.session import run_session
 from tega.loop.touch import TouchLoop
+from tega.loop.worn_vest import worn_vest
 from tega.recording.replay import replay_file
 from tega.recording.replay.recorded import read_recorded
 from tega.records import Latency
 from tega.records.bus import Bus
 from tega.runtime.clock import ManualClock, SystemClock
+from tega.runtime.wake import Bell
 from tega_emulators.lab import PRESSED, emulated_lab, pressing
 from tega_emulators.vest_bench import vest_bench
 
@@ -218,7 +218,7 @@ def test_a_frame_that_stands_is_renewed_and_what_comes_alike_is_not_sent_beside_
 
 def test_the_settings_keep_alive_reaches_the_driver(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
-        "tega.devices.vest.worn_vest.driver_class", lambda _name, _kind: lambda _o: KeptVest(VestOptions())
+        "tega.loop.worn_vest.driver_class", lambda _name, _kind: lambda _o: KeptVest(VestOptions())
     )
     section = VestConfig(driver="wire-vest", keep_alive_s=0.15)
     with worn_vest(section, None) as vest:

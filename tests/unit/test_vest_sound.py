@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from reference.waiting import until
 from tega.devices import driver_class
-from tega.devices.contract import check_driver
 from tega.devices.vest.vest_sound import COLUMN_HZ, RATE_HZ, ColumnTones, SoundVest, SoundVestOptions
 from tega.errors import DeviceUnavailableError
 from tega.haptics import MotorLevels, vest_frame
+from tega.setup.contract import check_driver
 from tega_emulators.sound_port import SoundPort
 
 HZ = np.array(COLUMN_HZ).reshape(8)

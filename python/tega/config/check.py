@@ -124,7 +124,7 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
         values["arm.mapping.robot_hand"] = SettingValue(mounted, "hand.options.side")
     if config.calibration.person is None:
         return LoadedConfig(config, values)
-    from tega.setup.calibration.person import with_person
+    from tega.config.person import with_person
 
     return with_person(LoadedConfig(config, values), given=set(origins))
 

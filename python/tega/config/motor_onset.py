@@ -7,7 +7,7 @@ from statistics import median
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from tega.config.calibration.folder import CalibrationFolder, device_name
-from tega.setup.calibration.person import closed_info
+from tega.config.person import closed_info
 
 if TYPE_CHECKING:
     from tega.config.load import SessionConfig

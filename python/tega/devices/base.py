@@ -29,11 +29,11 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from tega.arm.messages import Health
     from tega.arm.pose import ArmCommand, StampedPose
-    from tega.devices.arm.robot.messages import Health
-    from tega.devices.fingertip.picture_check import CameraCounts
     from tega.hand.link import HandState, Received
     from tega.haptics import MotorLevels
+    from tega.runtime.device_items import CameraCounts
     from tega.safety.motor_budget import MotorBudget
     from tega.wire import CanFrame
 

@@ -6,9 +6,9 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
+    from tega.arm.messages import Health
     from tega.arm.pose import ArmCommand, ArmState
     from tega.arm.turn import Turn
-    from tega.devices.arm.robot.messages import Health
     from tega.devices.base import ArmDriver
 
 

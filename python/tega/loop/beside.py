@@ -10,12 +10,12 @@ from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
 
+from tega.config.choose import finger_metric, muscle_decoder
 from tega.devices.base import EmgChunk
 from tega.loop.inbox.sources import BlockMeter, SourceReport
 from tega.records import BesideContact, BesideIntent, EmgSamples, Picture
 from tega.records.bus import Backlog
 from tega.runtime.threads import run_realtime
-from tega.stages.choose import finger_metric, muscle_decoder
 
 if TYPE_CHECKING:
     import numpy as np

@@ -25,7 +25,7 @@ from tega.records.bus import Bus
 if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.config.sections import ArmConfig
-    from tega.setup.calibration.guide import Shows
+    from tega.runtime.guide import Shows
 
 TOLD_S: Final = 3.0
 """So long it is told before anything may move."""

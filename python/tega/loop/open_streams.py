@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     from tega.devices.base import EmgChunk, TactileFrame
     from tega.loop.emg_adaptation import ChannelAdaptation
     from tega.loop.inbox.prepared import Finger, Muscles, Prepared
-    from tega.loop.inbox.wake import Bell
     from tega.loop.pacing import Pacer
     from tega.loop.sinks import Sinks
     from tega.loop.touching import RecordedFingers, Touching
     from tega.records.bus import Bus
+    from tega.runtime.wake import Bell
     from tega.stages.base import Metric
 
 __all__ = ["contact_stream", "is_fed", "latency_trace", "level_stream"]

@@ -9,8 +9,8 @@ import msgspec
 
 from tega.devices.base import DeviceInfo
 from tega.errors import ConfigError
-from tega.loop.inbox.wake import Bell
 from tega.runtime.clock import Clock
+from tega.runtime.wake import Bell
 
 # A tick this late is made up for; beyond it, a burst of old commands would do more harm than a gap.
 CATCH_UP_NS = 100_000_000

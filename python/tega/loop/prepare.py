@@ -11,15 +11,15 @@ from tega.config import DEFAULT_STAGES, SessionConfig
 from tega.config.calibration import Calibration, FingerMaxima, load_calibration
 from tega.config.calibration.records import utc_now
 from tega.config.calibration.store import refused_law
+from tega.config.choose import block_s, chosen_stage, finger_metric, muscle_decoder
+from tega.config.person import calibrate_command, person_calibration
 from tega.devices.base import ComparingSource, EmgSource, TactileSource
 from tega.errors import CalibrationError
 from tega.loop.baseline import find_baseline
 from tega.loop.inbox.prepared import Finger, Muscles, Prepared
 from tega.loop.inbox.sources import Contact, SourceReport
+from tega.loop.maxima import SELF_CALIBRATED, emg_conditions, emg_maxima, touch_maxima
 from tega.loop.touching import RecordedFingers
-from tega.setup.calibration.maxima import SELF_CALIBRATED, emg_conditions, emg_maxima, touch_maxima
-from tega.setup.calibration.person import calibrate_command, person_calibration
-from tega.stages.choose import block_s, chosen_stage, finger_metric, muscle_decoder
 
 _log = logging.getLogger(__name__)
 

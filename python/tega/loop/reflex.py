@@ -13,9 +13,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from threading import Lock
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+from tega.config.choose import grip_reflex
 from tega.loop.hand_look import fresh_angles_rad, hand_closure
 from tega.records import Button, ReflexGrip
-from tega.stages.choose import grip_reflex
 
 if TYPE_CHECKING:
     from tega.config import ReflexSection, SessionConfig

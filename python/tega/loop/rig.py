@@ -103,7 +103,7 @@ def open_rig(
     markers = _markers(stack, config, bus)
     station = None
     if config.net is not None:
-        from tega_link.station import open_station
+        from tega_link.open_station import open_station
 
         progress("opening the link", 0, 0)
         station = open_station(config, bus, tell=tell, stop=stop)

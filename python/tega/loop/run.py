@@ -8,12 +8,12 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from tega.config import DEFAULT_LAYOUT, DEFAULT_PACE, Pace
+from tega.config.choose import finger_metric
 from tega.config.motor_onset import motor_onset
 from tega.loop.adapting import open_adaptation
 from tega.loop.gc_pause import settle
 from tega.loop.hand import Hand, ModelledAllegro
 from tega.loop.hand_look import open_looks
-from tega.loop.inbox.wake import Bell
 from tega.loop.loop import DualLoop
 from tega.loop.moment import LoopView, Moment
 from tega.loop.motor_tests import MotorTests
@@ -27,7 +27,7 @@ from tega.loop.touching import RecordedFingers, Touching
 from tega.records import Alert, Event, RunState, Value
 from tega.runtime.clock import Clock, SystemClock
 from tega.runtime.threads import all_along, run_realtime
-from tega.stages.choose import finger_metric
+from tega.runtime.wake import Bell
 
 if TYPE_CHECKING:
     from tega.loop.latency import LatencyTrace

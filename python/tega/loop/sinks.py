@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tega.devices.base import HandDriver, SteeredHand, TellingHand, VestSink, optional
 from tega.devices.registry import driver_class
-from tega.devices.vest.worn_vest import dose_file, worn_vest
 from tega.errors import ConfigError
 from tega.hand import split_level
 from tega.loop.inbox.inputs import Inputs, Seat
 from tega.loop.pacing import refuse_live
 from tega.loop.tables import open_tables
+from tega.loop.worn_vest import dose_file, worn_vest
 from tega.records import HandExchange, bus_frames
 
 if TYPE_CHECKING:

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 from tega.config import DEFAULT_LAYOUT
 from tega.config.calibration import Calibration, TouchMaxima
+from tega.config.choose import vest_mapping
 from tega.haptics import FeltMap
 from tega.loop.touch import TouchLoop
-from tega.stages.choose import vest_mapping
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig

@@ -14,7 +14,10 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
+from tega.config.attached import attached_files
 from tega.config.calibration.store import calibration_text
+from tega.config.choose import metric_told
+from tega.config.text import config_text
 from tega.recording.log_records import LogRecords
 from tega.recording.mcap_folder import SessionFolder
 from tega.recording.mcap_recorder import McapRecorder
@@ -22,9 +25,6 @@ from tega.recording.mcap_schemas import VERSIONS, unit_table
 from tega.recording.recorder_process import RecorderProcess
 from tega.recording.versions import versions
 from tega.records import End, HandExchange, Record
-from tega.runtime.files.toml_text import config_text
-from tega.stages.attached import attached_files
-from tega.stages.choose import metric_told
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -133,3 +133,33 @@ class InputEvent(NamedTuple):
     seq: int
     button: str
     pressed: bool
+
+
+class CameraCounts(msgspec.Struct, kw_only=True):
+    """Counts of the pictures that a camera sent.
+
+    Attributes:
+        received: Pictures in all.
+        used: Pictures passed on.
+        dropped: Pictures that never came, by the gaps between the others; an estimate.
+        torn: Pictures whose end is missing, or is that of the picture before.
+        duplicate: Pictures equal to the one before to the last bit.
+        stuck: Times the source sent the same picture three times or more.
+        black: Pictures without light.
+        odd_size: Pictures of another size than the first.
+        foreign: Pictures that show, in part or whole, what another sensor sees.
+        unlike: Pictures that are far from the own baseline nearly everywhere and near to no other's; used.
+        lost: Times the camera went away.
+    """
+
+    received: int = 0
+    used: int = 0
+    dropped: int = 0
+    torn: int = 0
+    duplicate: int = 0
+    stuck: int = 0
+    black: int = 0
+    odd_size: int = 0
+    foreign: int = 0
+    unlike: int = 0
+    lost: int = 0

@@ -158,7 +158,7 @@ def _required(options_type: type[StageOptions]) -> bool:
 
 
 def _options(options_type: type[StageOptions]) -> tuple[OptionRecord, ...]:
-    from tega.config.units import unit_of
+    from tega.stages.units import unit_of
 
     said = _attributes(options_type)
     hints = get_type_hints(options_type)

@@ -17,6 +17,8 @@ from tega.errors import ShapeError
 from tega.records.touch import NamedValue
 from tega.tactile.tracker import (
     GelLight,
+    Order,
+    Outline,
     TouchTracker,
     TrackedContact,
     nominal_light,
@@ -53,9 +55,7 @@ __all__ = [
     "update_fingers",
 ]
 
-Order = Literal["bgr", "rgb"]
 Reading = Literal["paper", "live"]
-Outline = Literal["dent", "contact"]
 Images: TypeAlias = "NDArray[np.uint8] | Sequence[NDArray[np.uint8]]"
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final, Literal, NamedTuple
 
 from tega import _native
 from tega._native import TrackedContact
@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from tega.tactile.contact import Order, Outline
+Order = Literal["bgr", "rgb"]
+Outline = Literal["dent", "contact"]
 
 __all__ = [
     "DEPTH_LAW",

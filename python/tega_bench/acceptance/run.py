@@ -14,8 +14,8 @@ from tega.arm.settings import GateSettings
 from tega.config import DEFAULT_LAYOUT, SessionConfig
 from tega.devices import driver_class
 from tega.devices.base import optional
-from tega.devices.vest.worn_vest import dose_file, worn_vest
 from tega.errors import ConfigError, TegaError
+from tega.loop.worn_vest import dose_file, worn_vest
 from tega.setup.doctor.bench import try_all
 from tega.setup.doctor.case import DriverCase
 from tega.setup.doctor.settings import cases_of

@@ -74,7 +74,7 @@ def emg_fitts(
     import msgspec
 
     from tega.config import load_config
-    from tega.ui.cli.guide import guided
+    from tega.ui.cli.guided import guided
     from tega_practice.live import fitts_test
 
     config = load_config(settings, sets=(*sets, f"calibration.person={json.dumps(person)}")).config

@@ -44,7 +44,7 @@ def practice(
     """
     from tega.config import load_config
     from tega.setup.calibration.tracking import track
-    from tega.ui.cli.guide import guided
+    from tega.ui.cli.guided import guided
     from tega.ui.cli.options import echo_json
 
     config = load_config(settings, sets=(*sets, f"calibration.person={json.dumps(person)}")).config

@@ -45,10 +45,10 @@ def learn(
     """
     from tega.config import load_config
     from tega.config.calibration.folder import CalibrationFolder
-    from tega.devices.vest.worn_vest import dose_file, worn_vest
     from tega.errors import CalibrationError, ConfigError
-    from tega.setup.calibration.guide import Undecided
-    from tega.ui.cli.guide import guided
+    from tega.loop.worn_vest import dose_file, worn_vest
+    from tega.runtime.guide import Undecided
+    from tega.ui.cli.guided import guided
     from tega.ui.cli.options import echo_json, worn_by
     from tega_practice.vest_course import learn_vest
     from tega_practice.vest_kept import kept_vest_skill

@@ -195,7 +195,7 @@ def _bench(
 
     if lab is not None:
         from tega.config import load_config
-        from tega.setup.calibration.person import whose
+        from tega.config.person import whose
         from tega_study.privacy import note_elsewhere
 
         loaded = load_config(lab, sets=sets)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from tega.errors import InvalidValueError
-from tega_study.lead.trial import keys_of
+from tega_study.lead.keys import keys_of
 
 if TYPE_CHECKING:
     from tega_study.masking_sound import MaskingSound

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 import msgspec
 
 from tega.config.sections import StageConfig
+from tega.config.text import config_text
 from tega.errors import InvalidValueError
 from tega.hand.poses import ClosureScale, load_poses
-from tega.runtime.files.toml_text import config_text
 from tega_sim.streams import Streams
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from tega.errors import InvalidValueError
 from tega_study.lead.experimenter import ENTER
-from tega_study.lead.trial import END, keys_of
+from tega_study.lead.keys import END, keys_of
 
 if TYPE_CHECKING:
     from tega_study.lead.rest_tasks import RestTask

@@ -10,7 +10,7 @@ from tega.errors import TegaError
 from tega_study.lead.running_trial import in_thread
 
 if TYPE_CHECKING:
-    from tega.setup.calibration.guide import Bar
+    from tega.runtime.guide import Bar
     from tega_study.journal import Kind
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from tega_study.lead.experimenter import Screen
-from tega_study.lead.trial import keys_of
+from tega_study.lead.keys import keys_of
 
 if TYPE_CHECKING:
     from tega_study.lead.rest_tasks import RunningTask

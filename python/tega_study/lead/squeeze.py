@@ -16,7 +16,7 @@ from tega_study.lead.rest_tasks import RestTask, RestTaskEnd
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig
-    from tega.setup.calibration.guide import Shows
+    from tega.runtime.guide import Shows
     from tega_study.lead.rest_tasks import RunningTask
 
 SQUEEZE_S: Final = 3.0

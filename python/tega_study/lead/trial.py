@@ -13,6 +13,7 @@ from tega_study.coupling import TouchCourse, write_course
 from tega_study.hand_rows import write_hand
 from tega_study.journal import Journal, JournalEvent, Kind, Status, counting
 from tega_study.lead.fatigue import trial_medians
+from tega_study.lead.keys import END
 from tega_study.lead.lift_rule import LIFT_M, OFF_TABLE_M, LiftRule
 from tega_study.lead.running_trial import Going, in_thread
 from tega_study.touch_rows import touch_path, write_touch
@@ -32,7 +33,6 @@ PLACE_S = 15.0
 """Task ``place``: time after the window in which the object is put down, seconds."""
 
 Task = Literal["lift", "place"]
-END = "e"
 """Ends a trial. Enter begins one and answers questions: one Enter too many must not end the trial that it began."""
 
 QUIET_S = 1.0
@@ -45,21 +45,6 @@ _KEYS: dict[str, Kind] = {"s": "slip", "d": "deformation"}
 def recording_folder(folder: Path, trial: PlannedTrial, attempt: int) -> Path:
     """Return where an attempt is recorded: ``recordings/<person>/<trial>-a<attempt>``."""
     return folder / "recordings" / trial.participant / f"{trial.id}-a{attempt}"
-
-
-def keys_of(*, sees_height: bool) -> list[tuple[str, str]]:
-    """Return the keys of a running trial and what they do."""
-    mark = [] if sees_height else [("space", "left the table, then at the mark")]
-    return [
-        *mark,
-        ("s", "slip"),
-        ("d", "deformation"),
-        ("x", "dropped"),
-        ("u", "undo"),
-        (END, "done"),
-        ("a", "break off, technical"),
-        ("z", "stop for safety"),
-    ]
 
 
 class _TrialEnd(NamedTuple):

@@ -18,8 +18,8 @@ from tega.config import FINGERS, load_config
 from tega.config.calibration import Calibration, FingerMaxima, TouchMaxima, save_calibration
 from tega.devices import Found, driver_class
 from tega.errors import DeviceUnavailableError
+from tega.loop.maxima import emg_conditions
 from tega.runtime.lifecycle import require
-from tega.setup.calibration.maxima import emg_conditions
 from tega.setup.doctor.bench import DriverLook
 from tega.setup.doctor.lab_file import lab_settings
 from tega_emulators.bench_moves import Moves

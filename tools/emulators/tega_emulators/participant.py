@@ -21,9 +21,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Any, Final
 
+from tega.config.calibration.wearing import SITES
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.runtime.child_process import python_command, python_environment
-from tega.setup.calibration.wearing import SITES
 from tega_emulators.wearer import Wearer
 from tega_study.lead.questions import KEYS
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from tega.setup.calibration.wearing import SITES, site_motors
+from tega.config.calibration.wearing import SITES, site_motors
 
 __all__ = ["History", "Wearer"]
 

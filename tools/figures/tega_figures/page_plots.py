@@ -11,18 +11,18 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from tega.config import FINGERS
-from tega.devices.emg.synthetic import (
-    SyntheticEmg,
-    SyntheticEmgOptions,
-    SyntheticTouch,
-    SyntheticTouchOptions,
-)
 from tega.emg import BlockMean, ButterworthLowpass, GraspIntent, channel_maxima
 from tega.hand import motion as hand
 from tega.haptics import vest as haptics
 from tega.tactile import Reading, contact_mask
 from tega.ui.view.figures import FINGER_COLOURS, MUSCLE_COLOURS, POSE_RED
 from tega_figures.boxes import INK
+from tega_sim.synthetic import (
+    SyntheticEmg,
+    SyntheticEmgOptions,
+    SyntheticTouch,
+    SyntheticTouchOptions,
+)
 
 __all__ = ["main"]
 

@@ -15,7 +15,7 @@ PROGRAM: Final[dict[str, Diagram]] = {
             "d": Box(0, 0, "your device", "other"),
             "y": Box(1, 0, "your driver\nopen, read or write, close", "person"),
             "r": Box(2, 0, "TEGA\nfinds it by name"),
-            "c": Box(1, 1, "python -m tega.devices.contract\nsays ok, or what is broken"),
+            "c": Box(1, 1, "python -m tega.setup.contract\nsays ok, or what is broken"),
         },
         (Arrow("d", "y", both=True), Arrow("y", "r", both=True), Arrow("c", "y")),
         gap_x=50,

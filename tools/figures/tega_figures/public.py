@@ -26,7 +26,7 @@ PUBLIC: Final = (
     "tega",
     "tega.config.calibration",
     "tega.config",
-    "tega.devices.contract",
+    "tega.setup.contract",
     "tega.decoders",
     "tega.stages.events",
     "tega.devices",

@@ -62,7 +62,7 @@ SHOTS: Final = {
     "stranger-demo.svg": "tega-teleop demo$",
     "stranger-calibrate.svg": "calibrate bench.toml --person p01",
     "stranger-status.svg": "study status",
-    "stranger-device.svg": "tega.devices.contract own-emg own-vest$",
+    "stranger-device.svg": "tega.setup.contract own-emg own-vest$",
 }
 """Terminals that are kept, by a pattern of the command; the page, replay and report are pictures of their own."""
 

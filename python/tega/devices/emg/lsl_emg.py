@@ -10,8 +10,8 @@ import numpy as np
 
 from tega.devices.base import Found, Options
 from tega.devices.emg.live_emg import Arrived, LiveEmg, LiveEmgOptions
-from tega.devices.emg.lsl import EXTRA, load_lsl, to_monotonic_s
 from tega.errors import DeviceUnavailableError
+from tega.runtime.lsl import EXTRA, load_lsl, to_monotonic_s
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

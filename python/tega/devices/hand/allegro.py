@@ -19,8 +19,8 @@ from tega.devices.hand.hand_bus import bus_label
 from tega.devices.hand.hand_told import LET_GO
 from tega.errors import DeviceUnavailableError, InvalidValueError, WrongDeviceError
 from tega.hand import MOST_ADDED_LEVELS
+from tega.loop.hand_alert import HandAlert
 from tega.runtime.lifecycle import Opened
-from tega.safety.hand_alert import HandAlert
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

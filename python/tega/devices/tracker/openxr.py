@@ -6,12 +6,13 @@ import os
 import queue
 import threading
 import time
-from typing import Annotated, Any, ClassVar, Final, Literal
+from typing import Any, ClassVar, Final
 
 import msgspec
 
 from tega.arm.pose import StampedPose
 from tega.devices.base import DeviceInfo, Options
+from tega.devices.tracker.openxr_options import OpenXrOptions
 from tega.devices.tracker.openxr_session import Located, XrSession
 from tega.devices.tracker.tracker_thread import ThreadedTracker
 from tega.errors import DeviceUnavailableError
@@ -32,28 +33,6 @@ _STATES: Final = {
 }
 _Outcome = queue.SimpleQueue[DeviceUnavailableError | None]
 _OUT_OF_FOCUS: Final = "another OpenXR program, or the runtime's menu, has the focus"
-
-
-class OpenXrOptions(Options, frozen=True, kw_only=True):
-    """Settings of :class:`OpenXr`.
-
-    Attributes:
-        source: What is on the forearm: the ``grip`` or the ``aim`` of a controller, the ``wrist`` of a hand that the
-            headset sees, or a Vive ``tracker``.
-        hand: Whose controller or wrist.
-        role: Of the Vive tracker, as it is set in the runtime.
-        base: Where the origin is: where the head was (``local``), or on the floor in the middle of the room
-            (``stage``).
-        rate_hz: How often the runtime is asked.
-        connect_s: How long to wait for the runtime to begin the session.
-    """
-
-    source: Literal["grip", "aim", "wrist", "tracker"] = "grip"
-    hand: Literal["right", "left"] = "right"
-    role: Literal["handheld_object", "right_elbow", "left_elbow", "right_wrist", "left_wrist"] = "right_elbow"
-    base: Literal["local", "stage"] = "local"
-    rate_hz: Annotated[float, msgspec.Meta(ge=10, le=500)] = 90.0
-    connect_s: Annotated[float, msgspec.Meta(gt=0, le=60)] = 5.0
 
 
 class OpenXrCounts(msgspec.Struct, kw_only=True):

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+from tega.config.choose import chosen_stage, is_outside
 from tega.recording.replay.compare import Comparison, compare
 from tega.recording.replay.measured import Measured
 from tega.recording.replay.recorded import Recorded
 from tega.records import BesideContact, BesideIntent
 from tega.records.schema import values
-from tega.stages.choose import chosen_stage, is_outside
 
 
 def compare_beside(recorded: Recorded, measured: Measured) -> list[Comparison]:

@@ -13,7 +13,16 @@ import numpy as np
 
 from tega.arm.settings import ArmSettings
 from tega.config import STAGE_GROUPS, load_config
+from tega.config.attached import with_attached
 from tega.config.calibration import load_calibration
+from tega.config.choose import (
+    Chosen,
+    chosen_stage,
+    finger_metric,
+    is_outside,
+    metric_told,
+    muscle_decoder,
+)
 from tega.errors import TegaError
 from tega.loop.beside import look_on
 from tega.loop.emg_adaptation import ChannelAdaptation, read_switches
@@ -31,16 +40,7 @@ from tega.recording.replay.arm import arm_settings
 from tega.recording.replay.recorded import Head, Recorded, without_devices
 from tega.records import Adaptation, AdaptationSwitch, BesideContact, BesideIntent
 from tega.records.bus import Bus
-from tega.stages.attached import with_attached
 from tega.stages.base import MeasuredPicture
-from tega.stages.choose import (
-    Chosen,
-    chosen_stage,
-    finger_metric,
-    is_outside,
-    metric_told,
-    muscle_decoder,
-)
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig

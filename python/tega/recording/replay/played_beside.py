@@ -6,7 +6,7 @@ import math
 from bisect import bisect_right
 from typing import TYPE_CHECKING, Any
 
-from tega.devices.arm.robot.messages import Health
+from tega.arm.messages import Health
 from tega.loop.arm_view import ArmView
 from tega.records import Marker
 

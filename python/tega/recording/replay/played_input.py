@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from tega.config.attached import with_attached
+from tega.config.choose import muscle_decoder
 from tega.devices.base import DeviceInfo
 from tega.hand import split_level
 from tega.loop.inbox.prepared import Finger, Muscles, Prepared
@@ -16,8 +18,6 @@ from tega.loop.loop import FIRST_LEVEL
 from tega.recording.replay.measured import contact_items, level_items
 from tega.recording.replay.playhead import PlayedItems
 from tega.runtime.files.foreign_file import tells_damage
-from tega.stages.attached import with_attached
-from tega.stages.choose import muscle_decoder
 
 if TYPE_CHECKING:
     from tega.recording.replay.measured import Measured

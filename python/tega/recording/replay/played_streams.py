@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Any, Final, Self
 
 import numpy as np
 
+from tega.config.attached import with_attached
+from tega.config.choose import finger_metric
 from tega.devices.base import TactileFrame
 from tega.errors import RecordingError
 from tega.loop.inbox.frames import FrameMeter
@@ -24,9 +26,7 @@ from tega.recording.replay.followed_file import FollowedFile, PlayedMoment, Stre
 from tega.recording.replay.played_scene import PlayedCamera, camera_delays, followed_scene, refuse_namesakes
 from tega.records import EmgSamples
 from tega.runtime.threads import run_realtime
-from tega.stages.attached import with_attached
 from tega.stages.base import MeasuredPicture
-from tega.stages.choose import finger_metric
 from tega_scene.decode import ScenePicture
 
 if TYPE_CHECKING:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
+from tega.config.choose import grip_reflex
 from tega.loop.reflex import ReflexArc, ReflexMoment
-from tega.stages.choose import grip_reflex
 
 if TYPE_CHECKING:
     from tega.config import ReflexSection, SessionConfig

@@ -8,15 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from datetime import UTC, datetime
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-import msgspec
 import tomlkit
 from tomlkit.items import Item, Table
-
-if TYPE_CHECKING:
-    from tega.config import SessionConfig
 
 
 def toml_item(value: Any) -> Item:
@@ -62,21 +57,3 @@ def tree_item(tree: Mapping[str, Any]) -> Table:
     for key, value in sorted(kept.items(), key=lambda pair: isinstance(pair[1], Mapping)):
         table.add(key, tree_item(value) if isinstance(value, Mapping) else toml_item(value))
     return table
-
-
-def config_text(config: SessionConfig) -> str:
-    """Write settings as TOML that can be run again, every value that is not unset; paths stay absolute.
-
-    Example:
-        >>> from tega.config import SessionConfig
-        >>> print(config_text(SessionConfig()).splitlines()[0])
-        [session]
-    """
-    tree = msgspec.to_builtins(config, enc_hook=_plain)
-    return tree_text({key: section for key, section in tree.items() if key != "scene" or section})
-
-
-def _plain(value: object) -> Any:
-    if isinstance(value, Path | str):  # a text given outside the file is a str of its own kind
-        return str(value)
-    raise NotImplementedError(f"a setting of type {type(value).__name__} cannot be written")

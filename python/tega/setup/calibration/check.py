@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from tega.config.calibration.folder import Part, device_name
 from tega.config.calibration.records import EmgRecord, TouchRecord, VestCalibration
-from tega.errors import CalibrationError
-from tega.setup.calibration.person import (
+from tega.config.person import (
     calibrate_command,
     closed_info,
     emg_warnings,
@@ -19,6 +18,7 @@ from tega.setup.calibration.person import (
     vest_warnings,
     whose,
 )
+from tega.errors import CalibrationError
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Self
 
 from tega.config.calibration.folder import device_name
 from tega.config.calibration.records import utc_now
+from tega.config.choose import block_s, muscle_decoder
+from tega.config.person import person_calibration
 from tega.devices.registry import driver_class
 from tega.errors import CalibrationError, ConfigError
 from tega.loop.inbox.sources import BlockMeter, SourceReport
-from tega.setup.calibration.maxima import emg_conditions
-from tega.setup.calibration.person import person_calibration
-from tega.stages.choose import block_s, muscle_decoder
+from tega.loop.maxima import emg_conditions
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from tega.config.choose import chosen_stage
 from tega.devices.registry import driver_class
 from tega.errors import CalibrationError, ConfigError
 from tega.setup.calibration.refresh import kept_record, to_todays_scale
 from tega.setup.calibration.steps_emg import take_rest, take_squeezes
-from tega.stages.choose import chosen_stage
 from tega.stages.learned.learned import LearnedDecoder
 from tega.stages.learned.stage import LearnedOptions
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.config.calibration.folder import CalibrationFolder
     from tega.devices.base import EmgChunk
-    from tega.setup.calibration.guide import Guide
+    from tega.runtime.guide import Guide
     from tega.setup.calibration.times import Times
 
 

@@ -11,9 +11,10 @@ import numpy as np
 
 from tega.config.calibration.folder import CalibrationFolder, device_name
 from tega.config.calibration.records import EmgRecord, TouchRecord
+from tega.config.choose import block_s
 from tega.devices.registry import driver_class
 from tega.errors import CalibrationError, ConfigError
-from tega.setup.calibration.guide import Guide
+from tega.runtime.guide import Guide
 from tega.setup.calibration.steps_emg import (
     Maxima,
     Quiet,
@@ -24,7 +25,6 @@ from tega.setup.calibration.steps_emg import (
 )
 from tega.setup.calibration.steps_touch import take_baseline
 from tega.setup.calibration.times import Times
-from tega.stages.choose import block_s
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 from tega.errors import CalibrationError
-from tega.setup.calibration.guide import Guide, Undecided
+from tega.runtime.guide import Guide, Undecided
 
 _Result = TypeVar("_Result")
 

@@ -16,7 +16,7 @@ import numpy as np
 from tega.arm.heading import ForwardCheck, check_forward, kept_yaw, yaw_from_sweep
 from tega.arm.sweep import ForearmSweep
 from tega.errors import CalibrationError
-from tega.setup.calibration.guide import Bar, Guide, Undecided
+from tega.runtime.guide import Bar, Guide, Undecided
 from tega.setup.calibration.settling import until_good
 
 if TYPE_CHECKING:

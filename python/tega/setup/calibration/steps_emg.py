@@ -14,9 +14,9 @@ from tega.config.calibration.folder import device_name
 from tega.config.calibration.records import EmgRecord
 from tega.devices.base import optional
 from tega.errors import CalibrationError
+from tega.loop.maxima import TAU_S, emg_conditions
+from tega.runtime.guide import Bar, Guide, Shows
 from tega.setup.calibration.effort import Chain, judge_muscles, judge_quiet, judge_squeezes
-from tega.setup.calibration.guide import Bar, Guide, Shows
-from tega.setup.calibration.maxima import TAU_S, emg_conditions
 from tega.setup.calibration.settling import until_good
 from tega.setup.calibration.times import Times
 

@@ -13,7 +13,10 @@ from tega.config.calibration.folder import CalibrationFolder, KeptGel, device_na
 from tega.config.calibration.known_press import Ball, fit_gel
 from tega.config.calibration.records import GelRecord, TouchRecord
 from tega.config.calibration.store import TouchMaxima
+from tega.config.choose import Preset, preset_metric
 from tega.errors import CalibrationError
+from tega.loop.maxima import guided_maxima
+from tega.runtime.guide import Bar, Guide
 from tega.runtime.opencv import read_image
 from tega.setup.calibration.gel import (
     LEAST_PICTURES,
@@ -23,12 +26,9 @@ from tega.setup.calibration.gel import (
     judge_rest,
     suspect_contact,
 )
-from tega.setup.calibration.guide import Bar, Guide
-from tega.setup.calibration.maxima import guided_maxima
 from tega.setup.calibration.presses import PRESSES, PressMeter
 from tega.setup.calibration.settling import until_good
 from tega.setup.calibration.times import Times
-from tega.stages.choose import Preset, preset_metric
 from tega.stages.metrics import contact_metrics_of
 
 if TYPE_CHECKING:

@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
+from tega.config.calibration.wearing import SITES, Wearing, judge_wearing, site_motors, site_place
 from tega.haptics import Layout, MotorLevels, vest_frame
 from tega.runtime.clock import Clock, SystemClock
-from tega.setup.calibration.guide import Bar, Guide
+from tega.runtime.guide import Bar, Guide
 from tega.setup.calibration.identify import show_frame
 from tega.setup.calibration.settling import until_good
 from tega.setup.calibration.staircase import LEVEL_PERCENT, TOP_LEVEL, Ladder
 from tega.setup.calibration.times import Times
-from tega.setup.calibration.wearing import SITES, Wearing, judge_wearing, site_motors, site_place
 
 if TYPE_CHECKING:
     from tega.devices.base import VestSink

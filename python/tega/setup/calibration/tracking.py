@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tega.config.calibration.records import PracticeRecord, utc_now
-from tega.setup.calibration.guide import Bar, Guide
+from tega.config.choose import decoder_told
+from tega.config.person import whose
+from tega.runtime.guide import Bar, Guide
 from tega.setup.calibration.muscle_loop import MuscleLoop
-from tega.setup.calibration.person import whose
 from tega.setup.calibration.practice import Curve, score
 from tega.setup.calibration.tracked import keep_tracked, tracked_samples
-from tega.stages.choose import decoder_told
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig

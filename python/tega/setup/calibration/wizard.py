@@ -21,14 +21,16 @@ from tega.config.calibration.records import (
     VestCalibration,
     read_record,
 )
+from tega.config.calibration.wearing import middle_sites, site_face
+from tega.config.choose import block_s
+from tega.config.person import closed_info
 from tega.config.sections import TrackerConfig
 from tega.devices.registry import driver_class
-from tega.devices.vest.worn_vest import worn_vest
 from tega.errors import CalibrationError, ConfigError
+from tega.loop.worn_vest import worn_vest
 from tega.runtime.files.plain_name import path_below
+from tega.runtime.guide import Guide, Undecided
 from tega.runtime.opencv import read_image
-from tega.setup.calibration.guide import Guide, Undecided
-from tega.setup.calibration.person import closed_info
 from tega.setup.calibration.staircase import LEVEL_PERCENT, TOP_LEVEL, highest_level
 from tega.setup.calibration.steps_arm import take_base_yaw, take_heading
 from tega.setup.calibration.steps_emg import (
@@ -44,8 +46,6 @@ from tega.setup.calibration.steps_emg import (
 from tega.setup.calibration.steps_touch import TakenBaseline, take_baseline, take_presses
 from tega.setup.calibration.steps_vest import FeltSite, Pulses, take_steps, take_thresholds, take_wearing
 from tega.setup.calibration.times import Times
-from tega.setup.calibration.wearing import middle_sites, site_face
-from tega.stages.choose import block_s
 
 if TYPE_CHECKING:
     from tega.devices.base import Device

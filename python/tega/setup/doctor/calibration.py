@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Final
 
 from tega.config.calibration.records import utc_now
 from tega.config.calibration.store import load_calibration, refused_law
+from tega.config.person import calibrate_command, closed_info
 from tega.errors import CalibrationError
 from tega.setup.calibration.check import CalibrationLook, look_at, people_with_calibrations
-from tega.setup.calibration.person import calibrate_command, closed_info
 from tega.setup.doctor.findings import Finding, Status
 
 if TYPE_CHECKING:

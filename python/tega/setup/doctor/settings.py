@@ -11,7 +11,7 @@ from tega.setup.doctor.bench import try_all
 from tega.setup.doctor.calibration import check_calibration
 from tega.setup.doctor.case import DriverCase
 from tega.setup.doctor.findings import Examination, Finding
-from tega.setup.doctor.scene import check_scene
+from tega_scene.doctor import check_scene
 
 DEADLINE_S: Final = 30.0
 """Deadline of everything: a slow amplifier measures its rate for ten seconds before it is refused."""

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 
 from tega.devices import TactileSource, driver_class
 from tega.devices.base import CountingSource, TactileFrame
-from tega.devices.fingertip.picture_check import CameraCounts
 from tega.devices.fingertip.video_nodes import VideoNode, video_nodes
 from tega.errors import TegaError
+from tega.runtime.device_items import CameraCounts
 from tega.setup.doctor.case import DriverCase, failed, holders
 from tega.setup.doctor.findings import Finding
 from tega.setup.doctor.gel import look_at_gel

@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from tega.stages.learned.features import AMPLITUDES, Blocks, as_samples, block_features
+from tega.stages.learned.features import Blocks, as_samples
 from tega.stages.learned.latch import Latch
 from tega.stages.learned.model import Model, load_model, save_model
+from tega.stages.learned.refit import fitted_anew
+from tega.stages.learned.scorer import BlockScorer
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -39,61 +41,6 @@ class Decoded(msgspec.Struct, frozen=True):
     channels: tuple[int, ...]
     end: int
     effort: float
-
-
-class BlockScorer:
-    """Turn a block's features into smoothed, scaled values and an effort; keeps the smoothing's state.
-
-    Attributes:
-        newest: Features of the last block: what the smoothed ones would become if the muscles stayed as in it.
-    """
-
-    def __init__(self, model: Model) -> None:
-        n, channels = 0, len(model.channels)
-        spans = []
-        for name in model.features:
-            width = channels * (4 if name == "AR" else 1)
-            if name in AMPLITUDES:
-                spans.append(slice(n, n + width))
-            n += width
-        self._amplitude = np.zeros(n, bool)
-        for span in spans:
-            self._amplitude[span] = True
-        self._floor = np.array(model.floor)
-        self._gains = -np.expm1(-model.tau / model.rate_hz / np.array(model.smoothing_s))[:, np.newaxis]
-        self._state: NDArray[np.float64] | None = None
-        self.newest: NDArray[np.float64] = np.empty(0)
-        self.use(model)
-
-    def use(self, model: Model) -> None:
-        """Go on with another model of the same features."""
-        self._features, self._bias, self._gamma = model.features, model.bias, model.gamma
-        self._mean, self._scale = np.array(model.mean), np.array(model.scale)
-        self._weights, self._support = np.array(model.weights), np.array(model.support)
-
-    def smooth(self, samples: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the smoothed features of the next block, as the model was trained on them."""
-        values = block_features(samples, self._features)
-        if len(self._floor):
-            values[self._amplitude] = np.log(values[self._amplitude] + self._floor)
-        if self._state is None:
-            self._state = np.repeat(values[np.newaxis], len(self._gains), axis=0)
-        else:
-            self._state = self._state + self._gains * (values - self._state)
-        self.newest = np.tile(values, len(self._gains))
-        return self._state.ravel()
-
-    def scaled(self, smoothed: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return them in standard deviations."""
-        z: NDArray[np.float64] = (smoothed - self._mean) / self._scale
-        return z
-
-    def effort(self, z: NDArray[np.float64]) -> float:
-        """Return the effort. Sums instead of products of matrices: those may differ from machine to machine."""
-        if self._gamma:
-            apart = self._support - z
-            z = np.exp(-self._gamma * np.add.reduce(apart * apart, axis=1))
-        return float(np.add.reduce(self._weights * z)) + self._bias
 
 
 class LearnedDecoder:
@@ -212,8 +159,6 @@ class LearnedDecoder:
         Raises:
             CalibrationError: The data is too short or lacks rest or effort, or the model is a kernel.
         """
-        from tega.stages.learned.refit import fitted_anew
-
         return LearnedDecoder(fitted_anew(self.model, as_samples(emg, len(self.model.channels)), target))
 
     @property

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import msgspec
 import numpy as np
 
-from tega.devices.emg.lsl import EXTRA, load_lsl
 from tega.errors import DeviceUnavailableError
 from tega.records import Intent
+from tega.runtime.lsl import EXTRA, load_lsl
 from tega.stages.base import Decoder, MuscleSetup, StageOptions
 
 if TYPE_CHECKING:

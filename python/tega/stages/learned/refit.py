@@ -10,8 +10,8 @@ import numpy as np
 
 from tega.errors import CalibrationError, ShapeError
 from tega.stages.learned.features import Blocks
-from tega.stages.learned.learned import BlockScorer
 from tega.stages.learned.model import Model
+from tega.stages.learned.scorer import BlockScorer
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

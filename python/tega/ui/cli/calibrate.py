@@ -114,7 +114,7 @@ def calibrate(
     from tega.setup.calibration.refresh import refresh as refresh_all
     from tega.setup.calibration.times import Times
     from tega.setup.calibration.wizard import Calibrating, parts_of
-    from tega.ui.cli.guide import guide_for
+    from tega.ui.cli.guided import guide_for
     from tega.ui.cli.options import echo_json
     from tega_scene.cli import parse_size
 

@@ -35,7 +35,7 @@ def show(*, file: Path | None, sets: tuple[str, ...], as_json: bool) -> None:
     an object per setting, {"key", "value", "unit", "origin"}.
     """
     from tega.config import load_config
-    from tega.config.units import unit_of
+    from tega.stages.units import unit_of
     from tega.ui.cli.options import echo_json
 
     values = load_config(file, sets=sets).values

@@ -44,7 +44,7 @@ def emg_recalibrate(
     from tega.config.calibration.records import utc_now
     from tega.setup.calibration.recalibrate import HALF_S, recalibrate
     from tega.setup.calibration.times import Times
-    from tega.ui.cli.guide import guided
+    from tega.ui.cli.guided import guided
 
     config = load_config(settings, sets=(*sets, f"calibration.person={json.dumps(person)}")).config
     home = CalibrationFolder(config.calibration.folder or settings.absolute().parent / "calibrations")

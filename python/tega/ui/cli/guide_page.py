@@ -11,7 +11,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Final, Self
 
 from tega.errors import MissingExtraError
-from tega.setup.calibration.guide import Bar, Undecided
+from tega.runtime.guide import Bar, Undecided
 from tega.ui.cli.guide import LineGuide
 
 if TYPE_CHECKING:

@@ -43,9 +43,9 @@ def identify(
     felt mirrored, set front_mirror (bhaptics-ble). The settings of the person (threshold, step, mirror) are left out.
     """
     from tega.config import DEFAULT_LAYOUT, load_config
-    from tega.devices.vest.worn_vest import dose_file, worn_vest
     from tega.errors import ConfigError
     from tega.haptics import vest_frame
+    from tega.loop.worn_vest import dose_file, worn_vest
     from tega.runtime.clock import SystemClock
     from tega.safety.ctrl_c import CtrlC
     from tega.setup.calibration.identify import light_motor, motor_place

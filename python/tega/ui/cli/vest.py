@@ -213,8 +213,8 @@ def _played(wanted: _Wanted, motor: int) -> Callable[[Any], OnsetLog]:
     """Click, play, click again; return what makes the log of it once the recording's clock is known."""
     from tega.config import DEFAULT_LAYOUT
     from tega.config.calibration.records import utc_now
-    from tega.devices.vest.worn_vest import dose_file, worn_vest
     from tega.errors import ConfigError
+    from tega.loop.worn_vest import dose_file, worn_vest
     from tega.runtime.clock import SystemClock
     from tega.safety.ctrl_c import CtrlC
     from tega.ui.cli.options import progress_bar

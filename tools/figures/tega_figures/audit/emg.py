@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
+from tega.config.choose import block_s, muscle_decoder
 from tega.emg import channel_maxima
 from tega.emg.score import changes_per_second, delay_s
 from tega.errors import CalibrationError
 from tega.loop.inbox.sources import BlockMeter, EmgBlock, SourceReport
-from tega.setup.calibration.maxima import EMG_PERCENTILE, block_length, held_samples
-from tega.stages.choose import block_s, muscle_decoder
+from tega.loop.maxima import EMG_PERCENTILE, block_length, held_samples
 from tega_figures.audit.touch import rank_of
 
 if TYPE_CHECKING:

@@ -12,9 +12,9 @@ from tega.config.calibration import EmgMaxima
 from tega.devices.registry import driver_class
 from tega.errors import RecordingError
 from tega.loop.baseline import find_baseline
+from tega.loop.maxima import emg_conditions
 from tega.recording.mcap_folder import INDEX_NAME, session_files
 from tega.recording.replay.recorded import Head, read_recorded
-from tega.setup.calibration.maxima import emg_conditions
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import msgspec
 
 from tega.config import check_tree
+from tega.config.choose import chosen_stage
 from tega.errors import ConfigError, RecordingError
 from tega.loop.inbox.sources import metrics_of
 from tega.runtime.files.foreign_file import tells_damage
-from tega.stages.choose import chosen_stage
 from tega_figures.audit.emg import EmgScore, emg_scores
 from tega_figures.audit.recordings import AuditMaterial, EmgColumns, read_material, recordings_of
 from tega_figures.audit.touch import FingerAudit, FingerReading, TouchScore

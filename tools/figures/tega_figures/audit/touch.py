@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
+from tega.config.choose import finger_metric
 from tega.devices.base import TactileFrame
 from tega.emg.score import changes_per_second, rank_correlation
 from tega.errors import TegaError
 from tega.loop.inbox.frames import FrameMeter
 from tega.loop.inbox.sources import Contact, SourceReport
-from tega.stages.choose import finger_metric
 from tega.tactile import ContactMetrics
 from tega_figures.audit.truth import FarField, Mask, PictureTruth
 

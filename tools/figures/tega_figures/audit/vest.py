@@ -10,8 +10,8 @@ import numpy as np
 
 from tega.config.calibration import Calibration, FingerMaxima
 from tega.haptics.motor_layout import find_layout
+from tega.loop.maxima import touch_maxima
 from tega.loop.touch_loop import touch_loop
-from tega.setup.calibration.maxima import touch_maxima
 from tega_figures.audit.touch import rank_of
 
 if TYPE_CHECKING:

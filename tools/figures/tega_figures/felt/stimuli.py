@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
+from tega.config.choose import Chosen
 from tega.config.sections import StageConfig
 from tega.haptics import FINGERS, FeltMap, MotorLevels
 from tega.haptics.motor_layout import X40
 from tega.records import Contact, Event
 from tega.stages.base import VestSetup
-from tega.stages.choose import Chosen
 
 from .skin import REFRESH_S
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple, Protocol
 
-from tega.devices.arm.robot.messages import Quaternion, Triple
+from tega.arm.messages import Quaternion, Triple
 
 
 class HandSeen(NamedTuple):

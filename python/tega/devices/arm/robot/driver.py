@@ -15,8 +15,7 @@ from typing import Annotated, Any, ClassVar
 import msgspec
 
 import tega.errors
-from tega.arm.pose import ArmCommand, StampedPose
-from tega.devices.arm.robot.messages import (
+from tega.arm.messages import (
     ArmShutdown,
     ArmStatusWords,
     ArmTargetWords,
@@ -28,6 +27,7 @@ from tega.devices.arm.robot.messages import (
     decode,
     encode,
 )
+from tega.arm.pose import ArmCommand, StampedPose
 from tega.devices.arm.robot.process import ProcessSettings
 from tega.errors import DeviceUnavailableError
 from tega.runtime.child_process import end_child, python_command, python_environment

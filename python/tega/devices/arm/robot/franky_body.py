@@ -8,9 +8,9 @@ from typing import Any, Final
 
 import numpy as np
 
+from tega.arm.messages import Quaternion, Triple
 from tega.devices.arm.robot.body import HandSeen
 from tega.devices.arm.robot.fci import Library, installed_library, server_version, the_fix
-from tega.devices.arm.robot.messages import Quaternion, Triple
 from tega.errors import DeviceUnavailableError, WrongDeviceError
 from tega.runtime.lifecycle import require
 

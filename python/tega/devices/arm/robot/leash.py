@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Literal, NamedTuple
 
+from tega.arm.messages import ArmTargetWords
 from tega.arm.settings import WatchdogSettings
-from tega.devices.arm.robot.messages import ArmTargetWords
 
 # The clocks are one on one machine; more than this is no delay of a thread.
 _AHEAD_MS = 20.0

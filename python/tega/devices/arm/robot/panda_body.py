@@ -9,13 +9,13 @@ from typing import Any, Final
 import numpy as np
 
 from tega.arm.clip import clipped
+from tega.arm.messages import Quaternion, Triple
 from tega.arm.pose import Pose
 from tega.arm.rotation import from_matrix
 from tega.arm.settings import LimitSettings
 from tega.devices.arm.robot.body import HandSeen
 from tega.devices.arm.robot.fci import server_version
 from tega.devices.arm.robot.franky_body import JOINT_LIMITS_RAD, MODE_WORDS
-from tega.devices.arm.robot.messages import Quaternion, Triple
 from tega.errors import DeviceUnavailableError, WrongDeviceError
 from tega.runtime.lifecycle import require
 

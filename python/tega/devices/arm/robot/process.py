@@ -21,9 +21,7 @@ from typing import Any
 
 import msgspec
 
-from tega.devices.arm.robot.body import HandSeen, RobotBody
-from tega.devices.arm.robot.leash import Leash
-from tega.devices.arm.robot.messages import (
+from tega.arm.messages import (
     AppliedTarget,
     ArmShutdown,
     ArmStatusWords,
@@ -37,6 +35,8 @@ from tega.devices.arm.robot.messages import (
     decode,
     encode,
 )
+from tega.devices.arm.robot.body import HandSeen, RobotBody
+from tega.devices.arm.robot.leash import Leash
 from tega.devices.arm.robot.slew import Slew
 from tega.errors import TegaError
 

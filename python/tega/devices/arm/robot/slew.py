@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
+from tega.arm.messages import Quaternion, Triple
 from tega.arm.rotation import between, exp, multiply, unit
-from tega.devices.arm.robot.messages import Quaternion, Triple
 
 
 class Slew:

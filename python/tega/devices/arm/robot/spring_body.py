@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from tega.arm.messages import Quaternion, Triple
 from tega.arm.rotation import between, exp, multiply, unit
 from tega.devices.arm.robot.body import HandSeen
-from tega.devices.arm.robot.messages import Quaternion, Triple
 
 # Critically damped with 1 kg: 800 N/m as on the robot; turning likewise.
 _PER_S2 = 800.0

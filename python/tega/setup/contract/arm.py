@@ -10,8 +10,8 @@ import numpy as np
 from tega.arm.frames import FRAMES
 from tega.arm.pose import ArmCommand, StampedPose
 from tega.devices.base import ArmDriver, InputEvent, InputReading, InputSource, Tracker
-from tega.devices.contract.rule import refuses, rule
 from tega.errors import DeviceUnavailableError
+from tega.setup.contract.rule import refuses, rule
 
 _TRACKED_S, _POLL_S = 3.0, 0.01
 _STILL_M = 0.002

@@ -11,8 +11,8 @@ import msgspec
 from tega.config.calibration.folder import CalibrationFolder, Part, device_name
 from tega.config.calibration.records import ArmRecord, EmgRecord, TouchRecord, VestCalibration
 from tega.config.calibration.store import Calibration, EmgMaxima, FingerMaxima, TouchMaxima, refused_law
+from tega.config.calibration.wearing import site_motors
 from tega.errors import CalibrationError, TegaError
-from tega.setup.calibration.wearing import site_motors
 
 if TYPE_CHECKING:
     from tega.config import CalibrationConfig, LoadedConfig, SessionConfig

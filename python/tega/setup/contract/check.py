@@ -26,12 +26,12 @@ from tega.devices.base import (
     Tracker,
     VestSink,
 )
-from tega.devices.contract.arm import check_arm, check_input, check_tracker
-from tega.devices.contract.rule import refuses, rule
-from tega.devices.contract.sinks import check_hand, check_sink
-from tega.devices.contract.sources import check_skip, check_source
 from tega.errors import DeviceUnavailableError
 from tega.haptics import vest_frame
+from tega.setup.contract.arm import check_arm, check_input, check_tracker
+from tega.setup.contract.rule import refuses, rule
+from tega.setup.contract.sinks import check_hand, check_sink
+from tega.setup.contract.sources import check_skip, check_source
 from tega.wire import allegro_torque_frames
 
 _PROTOCOLS: dict[str, tuple[type, ...]] = {

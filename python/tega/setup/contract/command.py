@@ -11,11 +11,11 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from tega.devices.contract.check import check_driver
-from tega.devices.contract.stages import check_stage
 from tega.devices.registry import driver_class, driver_names
 from tega.errors import TegaError
 from tega.haptics.motor_layout import find_layout
+from tega.setup.contract.check import check_driver
+from tega.setup.contract.stages import check_stage
 from tega.stages.registry import GROUPS, find_stages, stage_class, stage_names
 
 
@@ -26,7 +26,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         0; 1 if one broke a rule, 2 if one could not be tried.
     """
     parser = argparse.ArgumentParser(
-        prog="python -m tega.devices.contract", description="Put drivers and stages through their contracts."
+        prog="python -m tega.setup.contract", description="Put drivers and stages through their contracts."
     )
     parser.add_argument("names", nargs="*", metavar="NAME", help="names of entry points; none: all of them")
     parser.add_argument(
@@ -90,7 +90,7 @@ def _try_driver(name: str, sets: Sequence[str], *, real: bool) -> tuple[str, str
             if sets:
                 where = f"with {' '.join(sets)}"
             elif driver.__module__.startswith("tega.") and not real:
-                with needs_tools(f"python -m tega.devices.contract {name}"):
+                with needs_tools(f"python -m tega.setup.contract {name}"):
                     from tega_emulators.benches import BENCHES, why_not
                 if reason := why_not(name):
                     return "not tried", reason

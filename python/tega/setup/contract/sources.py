@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from tega.devices.base import EmgSource, SkippingSource, TactileSource
-from tega.devices.contract.rule import rule
+from tega.setup.contract.rule import rule
 
 # A recording read by a contract check is expected to end before this many reads.
 _MOST_READS = 100_000

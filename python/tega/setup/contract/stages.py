@@ -9,10 +9,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.devices.contract.rule import rule
 from tega.haptics import FINGERS
 from tega.haptics.motor_layout import SHIPPED, MotorLayout
 from tega.records import Contact, Event, Intent, NamedValue
+from tega.setup.contract.rule import rule
 from tega.stages.base import (
     Decoder,
     FingerSetup,

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from tega.devices.base import SteeredHand
-from tega.devices.contract.rule import refuses, rule
 from tega.errors import InvalidValueError
 from tega.haptics import vest_frame
+from tega.setup.contract.rule import refuses, rule
 from tega.wire import allegro_torque_frames
 
 

@@ -24,7 +24,7 @@ def dose_file(calibration: CalibrationConfig) -> Path | None:
     """Return the dose file of the person that settings name, or of whoever is not named; ``None`` without a folder."""
     if calibration.person is None:
         return None if calibration.folder is None else calibration.folder / NAMELESS
-    from tega.setup.calibration.person import whose
+    from tega.config.person import whose
 
     person, calibrations = whose(calibration)
     return calibrations.person(person) / "vest-dose.json"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from tega.devices.contract.command import main
+from tega.setup.contract.command import main
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -5,21 +5,21 @@ the broken rule. For hardware, give the options of the device on the bench.
 
 Example::
 
-    from tega.devices.contract import check_driver
+    from tega.setup.contract import check_driver
     check_driver(MyVest, MyVestOptions(port="COM3"))
 
 ``check_stage`` does the same for a metric, decoder, mapping or layout. Both from a shell, by the name of the entry
 point; without a name everything installed is put through, TEGA's own drivers against their emulators, unless ``--set``
 or ``--real`` says that the device itself is meant::
 
-    python -m tega.devices.contract my-vest --set port=COM3
-    python -m tega.devices.contract my-metric --set components=4
+    python -m tega.setup.contract my-vest --set port=COM3
+    python -m tega.setup.contract my-metric --set components=4
 """
 
 from __future__ import annotations
 
-from tega.devices.contract.check import check_driver
-from tega.devices.contract.command import main
-from tega.devices.contract.stages import check_stage
+from tega.setup.contract.check import check_driver
+from tega.setup.contract.command import main
+from tega.setup.contract.stages import check_stage
 
 __all__ = ["check_driver", "check_stage", "main"]

@@ -26,7 +26,7 @@ def load_lsl(who: str) -> Any:
     """
     own = (Path("lsl_api.cfg"), Path.home() / "lsl_api" / "lsl_api.cfg", Path("/etc/lsl_api/lsl_api.cfg"))
     if not any(file.exists() for file in own):
-        quiet = files("tega.devices.emg").joinpath("lsl_api.cfg")
+        quiet = files("tega.runtime").joinpath("lsl_api.cfg")
         # Read once, when the library is loaded.
         os.environ.setdefault("LSLAPICFG", str(quiet))
     return require("pylsl", driver=who, extra=EXTRA)

@@ -1,0 +1,20 @@
+"""Define the keys of a running trial."""
+
+from __future__ import annotations
+
+END = "e"
+
+
+def keys_of(*, sees_height: bool) -> list[tuple[str, str]]:
+    """Return the keys of a running trial and what they do."""
+    mark = [] if sees_height else [("space", "left the table, then at the mark")]
+    return [
+        *mark,
+        ("s", "slip"),
+        ("d", "deformation"),
+        ("x", "dropped"),
+        ("u", "undo"),
+        (END, "done"),
+        ("a", "break off, technical"),
+        ("z", "stop for safety"),
+    ]
