@@ -70,7 +70,7 @@ def worn(made: datetime = NOW) -> VestCalibration:
 
 
 def keep_all(lab: Path, made: datetime = NOW, kind: str = "raw") -> None:
-    from tega.setup.calibration.steps_emg import driver_settings
+    from tega.config.person import driver_settings
 
     config = load_config(lab / "lab.toml", environ={}).config
     assert config.emg is not None

@@ -18,8 +18,9 @@ from tega.config import load_config
 from tega.config.calibration.folder import CalibrationFolder, device_name
 from tega.config.calibration.records import EmgRecord
 from tega.config.choose import block_s
+from tega.config.person import driver_settings
 from tega.devices.registry import driver_class
-from tega.setup.calibration.steps_emg import chain_of, driver_settings
+from tega.setup.calibration.steps_emg import chain_of
 from tega.stages.learned import LearnedDecoder, fit
 from tega.stages.learned.compare import Log, shifted_electrode, two_halves
 from tega_emulators.process import Emulator

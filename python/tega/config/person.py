@@ -15,7 +15,7 @@ from tega.config.calibration.wearing import site_motors
 from tega.errors import CalibrationError, TegaError
 
 if TYPE_CHECKING:
-    from tega.config import CalibrationConfig, LoadedConfig, SessionConfig
+    from tega.config import CalibrationConfig, EmgConfig, LoadedConfig, SessionConfig
     from tega.devices.base import DeviceInfo, EmgSource, TactileSource
 
 
@@ -24,6 +24,7 @@ _RATE_TOLERANCE = 0.05
 _MOTORS = 40
 _HEADING_OLD_H = 12.0
 _FRAME_S = 1.0
+_NOT_SETTINGS = {"port", "baud", "measure_s", "silence_s", "start_s", "channels", "rate_hz", "by", "value"}
 
 
 class Personal(NamedTuple):
@@ -154,9 +155,13 @@ def _check_size(record: TouchRecord, source: TactileSource, finger: str, *, comm
         )
 
 
-def _check_emg(record: EmgRecord, now: EmgMaxima, config: SessionConfig, *, command: str) -> None:
-    from tega.setup.calibration.steps_emg import driver_settings
+def driver_settings(config: EmgConfig) -> str:
+    """Return the driver's options that change the numbers, in one fixed order."""
+    options = msgspec.to_builtins(config.options) if isinstance(config.options, msgspec.Struct) else {}
+    return ", ".join(f"{k}={v}" for k, v in sorted(options.items()) if k not in _NOT_SETTINGS)
 
+
+def _check_emg(record: EmgRecord, now: EmgMaxima, config: SessionConfig, *, command: str) -> None:
     section = config.emg
     made_with: tuple[tuple[str, object, object], ...] = (
         ("driver", record.driver, section.driver if section else ""),

@@ -6,14 +6,10 @@ import math
 import re
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, Protocol
 
 from tega.safety.settings import SafetySection
 from tega.safety.states import RunStates, State, Transition
-
-if TYPE_CHECKING:
-    from tega.loop.inbox.sources import SourceReport
-
 
 # Looked at this often, and less where nothing is live; a loop that is late, always.
 _LOOK_NS = 10_000_000
@@ -31,6 +27,18 @@ _KEPT_CHANGES = 1000
 _NUMBERS = re.compile(r"[\d.]+")
 
 
+class StreamReport(Protocol):
+    """Report of a live stream.
+
+    Attributes:
+        lost: Reason why the source went away; ``""`` while it is there.
+        faults: Channels that have no vote now, with the reason.
+    """
+
+    lost: str
+    faults: tuple[str, ...]
+
+
 class Watched(NamedTuple):
     """A live stream that the run needs.
 
@@ -45,7 +53,7 @@ class Watched(NamedTuple):
     name: str
     kind: Literal["tactile", "emg"]
     rate_hz: float | None
-    report: SourceReport
+    report: StreamReport
     driver_faults: Callable[[], Sequence[str]] = tuple
 
 

@@ -15,11 +15,11 @@ import numpy as np
 from tega.devices.at_exit import closes_on_exit, last_words, release
 from tega.devices.base import DeviceInfo, Found, Kind, Options
 from tega.devices.hand.can_links import can_links, link_trouble
+from tega.devices.hand.hand_alert import HandAlert
 from tega.devices.hand.hand_bus import bus_label
 from tega.devices.hand.hand_told import LET_GO
 from tega.errors import DeviceUnavailableError, InvalidValueError, WrongDeviceError
 from tega.hand import MOST_ADDED_LEVELS
-from tega.loop.hand_alert import HandAlert
 from tega.runtime.lifecycle import Opened
 
 if TYPE_CHECKING:

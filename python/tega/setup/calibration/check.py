@@ -102,7 +102,7 @@ def people_with_calibrations(config: SessionConfig, settings: str) -> list[str]:
 
 def _other_way(record: EmgRecord, config: SessionConfig) -> str | None:
     """Say what was set in another way when the muscles were calibrated, as far as settings tell."""
-    from tega.setup.calibration.steps_emg import driver_settings
+    from tega.config.person import driver_settings
 
     section = config.emg
     if section is None:

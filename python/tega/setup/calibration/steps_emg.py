@@ -12,6 +12,7 @@ import numpy as np
 
 from tega.config.calibration.folder import device_name
 from tega.config.calibration.records import EmgRecord
+from tega.config.person import driver_settings
 from tega.devices.base import optional
 from tega.errors import CalibrationError
 from tega.loop.maxima import TAU_S, emg_conditions
@@ -47,7 +48,6 @@ _MOVEMENTS = {
     "FPL": "bend the tip of the thumb",
 }
 # Options that say where a device is or how it is watched, not what its numbers mean.
-_NOT_SETTINGS = {"port", "baud", "measure_s", "silence_s", "start_s", "channels", "rate_hz", "by", "value"}
 
 
 class Quiet(msgspec.Struct, frozen=True, kw_only=True):
@@ -86,12 +86,6 @@ def muscle_names(config: EmgConfig, channels: Sequence[str]) -> tuple[str, ...]:
             "name one muscle per channel",
         )
     return config.muscles
-
-
-def driver_settings(config: EmgConfig) -> str:
-    """Return the driver's options that change the numbers, in one fixed order."""
-    options = msgspec.to_builtins(config.options) if isinstance(config.options, msgspec.Struct) else {}
-    return ", ".join(f"{k}={v}" for k, v in sorted(options.items()) if k not in _NOT_SETTINGS)
 
 
 def collect(
