@@ -12,6 +12,7 @@ import numpy as np
 from tega.config.calibration.folder import CalibrationFolder, device_name
 from tega.config.calibration.records import EmgRecord, TouchRecord
 from tega.config.choose import block_s
+from tega.config.person import driver_settings
 from tega.devices.registry import driver_class
 from tega.errors import CalibrationError, ConfigError
 from tega.runtime.guide import Guide
@@ -19,7 +20,6 @@ from tega.setup.calibration.steps_emg import (
     Maxima,
     Quiet,
     chain_of,
-    driver_settings,
     take_rest,
     take_squeezes,
 )
