@@ -31,7 +31,7 @@ class ForearmReader:
     """
 
     def __init__(self, config: SessionConfig) -> None:
-        net = config.net
+        net = net_of(config)
         self._source: PoseSource | None = None
         self._seats: dict[str, Seat] = {}
         self._pose: PoseNumbers | None = None

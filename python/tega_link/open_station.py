@@ -9,6 +9,7 @@ from tega.errors import ConfigError
 from tega_link.keys import check_expiry
 from tega_link.operator import OperatorStation
 from tega_link.robot import RobotStation
+from tega_link.settings import net_of
 from tega_link.station import Station
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ def open_station(
     Raises:
         ConfigError: The settings do not fit a station.
     """
-    net = config.net
+    net = net_of(config)
     assert net is not None
     if config.session.pace == "fast":
         raise ConfigError(

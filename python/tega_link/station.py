@@ -12,7 +12,7 @@ from tega.records import RunState
 from tega.runtime.lifecycle import Opened
 from tega_link.clock import PeerClock
 from tega_link.link import Link
-from tega_link.settings import NetSection
+from tega_link.settings import NetSection, net_of
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig
@@ -42,8 +42,9 @@ class Station(Opened):
     tick_s = 0.05
 
     def __init__(self, config: SessionConfig, bus: Bus, tell: Callable[[str], None]) -> None:
-        assert config.net is not None
-        self.net: NetSection = config.net
+        net = net_of(config)
+        assert net is not None
+        self.net: NetSection = net
         self._config, self._bus, self._tell = config, bus, tell
         bus.subscribe(RunState, self.changed, name="link")
         self._link = Link(self.net)

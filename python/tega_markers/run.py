@@ -13,8 +13,8 @@ from tega_markers.lsl_out import LslMarkersOut
 from tega_markers.lsl_streams import LslStreams
 
 if TYPE_CHECKING:
-    from tega.config import MarkersSection
     from tega.records.bus import Bus
+    from tega_markers.settings import MarkersSection
 
 
 class RunMarkers:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from array import array
 from typing import TYPE_CHECKING, Any, Final
 
-import msgspec
 import numpy as np
 
 from tega.errors import RecordingError
@@ -26,21 +25,6 @@ _H264_SLICE, _H264_ALONE, _H264_SPS = 1, 5, 7
 _AV1_SEQUENCE: Final = 1
 # Temporal delimiter, metadata and padding may stand before a sequence header.
 _AV1_BEFORE: Final = frozenset({2, 5, 15})
-
-
-class ScenePicture(msgspec.Struct, frozen=True, kw_only=True):
-    """A scene camera's picture, for those who draw it: no record, and not recorded.
-
-    Attributes:
-        camera: Its name.
-        t_ns: When it was taken, since the start of the session.
-        image: uint8 (H, W, 3), blue, green, red; borrowed, nobody writes into it. ``None`` where the camera has none
-            at that time.
-    """
-
-    camera: str
-    t_ns: int
-    image: NDArray[np.uint8] | None
 
 
 class SceneDecoder:

@@ -250,10 +250,10 @@ def test_one_machine_s_settings_are_shared_among_two(tmp_path) -> None:
     address = "tcp/127.0.0.1:7447"
     robot_file, operator_file = write_trees(tmp_path, split(tree, listen=address, connect=address))
     robot, operator = (load_config(file, environ={}).config for file in (robot_file, operator_file))
-    assert robot.net is not None
-    assert operator.net is not None
-    assert operator.net.tracker is not None
-    assert (robot.net.listen, operator.net.connect) == (address, address)
+    assert robot.guests["net"] is not None
+    assert operator.guests["net"] is not None
+    assert operator.guests["net"].tracker is not None
+    assert (robot.guests["net"].listen, operator.guests["net"].connect) == (address, address)
     assert robot.session.preset == operator.session.preset == "paper"
     assert robot.session.out_dir != operator.session.out_dir
     for config in (robot, operator):

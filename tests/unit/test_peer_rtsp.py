@@ -29,11 +29,12 @@ from reference.waiting import until
 from tega.config import check_tree
 from tega.errors import DeviceUnavailableError
 from tega.loop import run_session
-from tega.records import Alert, SceneVideo
+from tega.records import Alert
 from tega.records.bus import Bus
 from tega.setup.doctor import examine
 from tega_scene.pictures import read_pictures
 from tega_scene.record import export_camera
+from tega_scene.records import SceneVideo
 
 pytestmark = [
     pytest.mark.slow,

@@ -33,6 +33,7 @@ from tega.recording.replay.playhead import Playhead
 from tega.recording.replay.recorded import read_recorded
 from tega.records import EmgSamples, Marker
 from tega.records.bus import Bus
+from tega.records.display import DisplayPicture
 from tega.stages.base import MeasuredPicture
 from tega.stages.metrics import contact_metrics_of
 from tega.ui.cli.main import main
@@ -40,7 +41,7 @@ from tega.ui.view.browser import BrowserView, Controls
 from tega.ui.view.browser.camera_pictures import cameras_html
 from tega.ui.view.browser.feed import SessionFeed
 from tega.ui.view.state import ViewState
-from tega_scene.decode import SceneDecoder, ScenePicture, stands_alone
+from tega_scene.decode import SceneDecoder, stands_alone
 from tega_scene.settings import VideoFormat
 from tega_scene.video import SceneEncoder, shrunk
 
@@ -260,12 +261,12 @@ def test_scene_pictures_are_those_of_the_playhead_also_after_jumps(
     film = packets(filmed(times_ms), video)
     side = write_scene(tmp_path / "scene.mcap", {"front": film, "side": film[:20]}, video=video)
     playhead, bus = Playhead(), Bus()
-    told = list[tuple[float, int, int, ScenePicture]]()
+    told = list[tuple[float, int, int, DisplayPicture]]()
 
-    def see(one: ScenePicture) -> None:
+    def see(one: DisplayPicture) -> None:
         told.append((playhead.at_s, playhead.shift_ns, playhead.n_jumps, one))
 
-    bus.subscribe(ScenePicture, see, vital=True)
+    bus.subscribe(DisplayPicture, see, vital=True)
     summary = play_file(
         moved, nowhere(tmp_path), speed=None, bus=bus, playhead=playhead, scenes=[side],
         observer=jumping(playhead, {0.4: 1.2, 0.6: 0.1, 0.9: 0.45}),
@@ -297,7 +298,7 @@ def test_a_scene_that_cannot_be_used_is_refused_in_words(moved: Path, lossless: 
         "rubbish.mcap": ([(t_ns, b"rubbish") for t_ns, _ in film], None, "", "no picture of its video"),
         "empty.mcap": ([], None, "", "holds no scene camera"),
     }
-    bus = _Heard(ScenePicture).bus
+    bus = _Heard(DisplayPicture).bus
     for name, (found, table, video, words) in wrong.items():
         scene = write_scene(tmp_path / name, {"front": found}, video=video or "h264", table=table)
         with pytest.raises(RecordingError, match=words):
@@ -317,7 +318,7 @@ def test_damage_in_a_video_is_told_and_the_next_picture_that_stands_alone_is_sho
     film = packets(filmed(times_ms))
     film[12] = (film[12][0], b"")
     scene = write_scene(tmp_path / "scene.mcap", {"front": film})
-    heard = _Heard(ScenePicture)
+    heard = _Heard(DisplayPicture)
     summary = play_file(moved, nowhere(tmp_path), speed=None, bus=heard.bus, scenes=[scene])
     shown = [number_of(one.image) for one in heard.told]
     assert shown == [*range(12), *range(20, 30)]
@@ -360,7 +361,7 @@ def test_video_inside_the_recording_itself_is_shown(lossless: Path, tmp_path: Pa
                 ids[channel.topic] = writer.register_channel(channel.topic, "protobuf", schema_id)
             writer.add_message(ids[channel.topic], log_ns, message.data, log_ns)
         writer.finish()
-    heard = _Heard(ScenePicture)
+    heard = _Heard(DisplayPicture)
     play_file(both, nowhere(tmp_path), speed=None, bus=heard.bus)
     assert [number_of(one.image) for one in heard.told] == list(range(30))
     assert replay_file(both).same

@@ -21,7 +21,7 @@ from tega.recording.mcap_folder import SessionFolder, session_files
 from tega.recording.trim import trim_session
 from tega.records import Contact
 from tega.ui.cli.main import main
-from tega_lerobot import export_lerobot
+from tega_lerobot.dataset import export_lerobot
 from tega_lerobot.video import EpisodeCamera, Video
 from tega_scene.pictures import times_path
 

@@ -16,12 +16,11 @@ import pytest
 from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError, TegaError
 from tega.recording.mcap_reader import McapReader
 from tega.ui.cli.main import main
-from tega_study import make_plan, read_plan, write_plan
 from tega_study.bids_names import BIDS_NAME, bids_names
 from tega_study.bundle import MANIFEST, open_bundle, write_bundle
 from tega_study.journal import Journal
 from tega_study.observers import observer_path
-from tega_study.plan import StudyPlan
+from tega_study.plan import StudyPlan, make_plan, read_plan, write_plan
 from tega_study.privacy import withdraw
 from tega_study.state import events_path
 from tega_study.trials import study_trials

@@ -22,12 +22,11 @@ from reference.written import boris_project
 from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError
 from tega.recording.mcap_reader import McapReader
 from tega.recording.replay.recorded import read_recorded
-from tega_study import make_plan, read_plan, write_plan
 from tega_study.detecting import DETECTOR, detected_path
 from tega_study.journal import Journal, read_events
 from tega_study.observe import Observing
 from tega_study.observers import observer_path, read_observers, saw_whole
-from tega_study.plan import StudyPlan
+from tega_study.plan import StudyPlan, make_plan, read_plan, write_plan
 from tega_study.privacy import withdraw
 from tega_study.score.accounts import agreements
 from tega_study.score.boris_file import read_boris

@@ -13,7 +13,6 @@ pytest.importorskip("scipy")
 
 from reference.written import boris_project
 from tega.errors import InvalidValueError, RecordingError
-from tega_study import make_plan, read_plan, write_plan
 from tega_study.cli import study
 from tega_study.detecting import detect_study, detected_path, events_of, read_detected
 from tega_study.hand_rows import HandRow, hand_path, read_hand, write_hand
@@ -21,6 +20,7 @@ from tega_study.lead import lead_session
 from tega_study.lead.benches import SimulatedBench
 from tega_study.lead.experimenter import Screen
 from tega_study.observers import read_observers
+from tega_study.plan import make_plan, read_plan, write_plan
 from tega_study.score import agreements, export_boris, import_boris
 from tega_study.touch_rows import touch_path
 from tega_study.trials import study_trials

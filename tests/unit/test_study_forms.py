@@ -11,8 +11,8 @@ pytest.importorskip("jinja2")
 
 from tega.errors import InvalidValueError
 from tega.ui.cli.main import main
-from tega_study import make_plan, write_plan
 from tega_study.forms import FORMS, write_forms
+from tega_study.plan import make_plan, write_plan
 
 
 def forms_of(folder: Path, **settings: Any) -> dict[str, str]:

@@ -21,7 +21,6 @@ from reference.study_bench import StandingBench
 from reference.waiting import until
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.runtime.clock import SystemClock
-from tega_study import make_plan, read_plan, write_plan
 from tega_study.analyse import analyse_study
 from tega_study.coupling import read_course
 from tega_study.finger_rows import finger_rows
@@ -37,7 +36,7 @@ from tega_study.lead.running_trial import Going
 from tega_study.lead.status_file import board_path, read_board
 from tega_study.lead.trial import LedTrial
 from tega_study.page import report_html
-from tega_study.plan import PlannedTrial
+from tega_study.plan import PlannedTrial, make_plan, read_plan, write_plan
 from tega_study.ratings import ratings
 from tega_study.score.recorded import recorded_trials
 from tega_study.score.trial_pictures import read_reel
@@ -469,7 +468,7 @@ def test_a_trial_that_was_to_be_done_again_and_was_not_is_no_data(tmp_path: Path
 KILLED = """
 import sys
 from pathlib import Path
-from tega_study import read_plan
+from tega_study.plan import read_plan
 from tega_study.lead import lead_session
 from tega_study.lead.benches import SimulatedBench
 from tega_study.lead.experimenter import LineDesk

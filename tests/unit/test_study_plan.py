@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError
-from tega_study import make_plan, read_plan, write_plan
 from tega_study.journal import Journal, read_events
+from tega_study.plan import make_plan, read_plan, write_plan
 from tega_study.privacy import export, note_elsewhere, withdraw, withdrawn_ids
 from tega_study.score.boris import export_boris
 from tega_study.state import derive, events_path, resume
@@ -104,7 +104,7 @@ def test_a_session_killed_in_a_trial_goes_on_with_the_next_and_repeats_it_at_the
     code = f"""
 from pathlib import Path
 import os, signal
-from tega_study import read_plan
+from tega_study.plan import read_plan
 from tega_study.state import resume
 folder = Path({str(folder)!r})
 journal, state = resume(folder, read_plan(folder), "p01", t_ns=1)
@@ -293,7 +293,7 @@ def test_a_study_killed_ten_times_keeps_its_plan_and_every_event_that_was_acknow
     code = f"""
 import sys
 from pathlib import Path
-from tega_study import read_plan
+from tega_study.plan import read_plan
 from tega_study.state import derive, resume
 folder = Path({str(folder)!r})
 plan = read_plan(folder)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from tega.recording.session import Recording
     from tega.records.bus import Bus
     from tega_link.station import Station
-    from tega_markers import RunMarkers
+    from tega_markers.run import RunMarkers
     from tega_scene.filmed_run import RunCameras
 
 
@@ -166,7 +166,7 @@ def _markers(stack: ExitStack, config: SessionConfig, bus: Bus) -> RunMarkers | 
     """Open the streams of markers, if there are any."""
     if config.markers == type(config.markers)():
         return None
-    from tega_markers import RunMarkers
+    from tega_markers.run import RunMarkers
 
     markers = RunMarkers(config.markers, bus)
     stack.callback(markers.close)
@@ -177,10 +177,10 @@ def _cameras(
     stack: ExitStack, config: SessionConfig, bus: Bus, stop: Callable[[], bool]
 ) -> RunCameras | None:
     """Open the scene cameras, where what they film is recorded or shown."""
-    from tega.records import SceneVideo
-    from tega_scene.decode import ScenePicture
+    from tega.records.display import DisplayPicture
+    from tega_scene.records import SceneVideo
 
-    if not config.scene or not (bus.wants(SceneVideo) or bus.wants(ScenePicture)):
+    if not config.scene or not (bus.wants(SceneVideo) or bus.wants(DisplayPicture)):
         return None
     from tega_scene.filmed_run import RunCameras
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from tega.recording.session import Recording
     from tega.records.bus import Bus
     from tega_link.station import Station
-    from tega_markers import RunMarkers
+    from tega_markers.run import RunMarkers
     from tega_scene.filmed_run import RunCameras
 
 

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.ui.cli.options import NameList, json_option, loop_options, loop_sets
+from tega.ui.cli.options import NameList, json_option
 from tega.ui.cli.page import view_options
+from tega_sim.cli.options import loop_options, loop_sets
 
 if TYPE_CHECKING:
     from tega.ui.view.state import ViewState

@@ -90,7 +90,7 @@ def plan(
     """
     import msgspec
 
-    from tega_study import make_plan, write_plan
+    from tega_study.plan import make_plan, write_plan
 
     made = make_plan(
         participants=participants,
@@ -125,8 +125,8 @@ def plan(
 @json_option
 def status(*, folder: Path, as_json: bool) -> None:
     """Show how far everybody is, and which trial comes next. What comes next is not shown to who recruits."""
-    from tega_study import read_plan
     from tega_study.journal import read_events
+    from tega_study.plan import read_plan
     from tega_study.privacy import withdrawn_ids
     from tega_study.state import derive, events_path
 

@@ -40,7 +40,7 @@ def score(
     """
     import msgspec
 
-    from tega_study import read_plan
+    from tega_study.plan import read_plan
     from tega_study.score import agreements, export_boris, import_boris
 
     if (taken is None) != (rater is None):

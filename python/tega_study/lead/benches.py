@@ -19,7 +19,9 @@ if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.safety.states import Transition
     from tega_sim.seams import Act, Percept, Shear
-    from tega_study.lead.rest_tasks import RestTask
+    from tega_scene.settings import cameras_of
+from tega_study.masking_settings import MaskingSection
+from tega_study.lead.rest_tasks import RestTask
     from tega_study.lead.running_trial import Going
     from tega_study.plan import PlannedTrial, StudyPlan
 from tega.runtime.files.whole_file import write_whole
@@ -111,8 +113,8 @@ class LabBench:
         self.rest_tasks: Sequence[RestTask] = (squeeze_task(config, settings=settings),)
         if config.arm is not None and config.arm.start is not None:
             self.rest_tasks = (*self.rest_tasks, start_task(config))
-        self.masking = config.masking
-        self.measurable = any(camera.lens is not None for camera in config.scene)
+        self.masking: MaskingSection = config.guests.get("masking", MaskingSection())
+        self.measurable = any(camera.lens is not None for camera in cameras_of(config))
         self._settings = settings
         self.where: Where = where
         self.closure: ClosureScale | None = None

@@ -7,10 +7,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from tega.recording.replay.followed_file import FollowedFile, PlayedMoment
 from tega.recording.replay.played_scene import followed_scene
+
+from tega.recording.replay.followed_file import FollowedFile, PlayedMoment
 from tega.records.bus import Bus
-from tega_scene.decode import ScenePicture
+from tega.records.display import DisplayPicture
 
 if TYPE_CHECKING:
     import numpy as np
@@ -26,14 +27,14 @@ class _FilmFile:
 
     def __init__(self, path: Path) -> None:
         self._bus = Bus()
-        self._bus.subscribe(ScenePicture, self._see, vital=True)
+        self._bus.subscribe(DisplayPicture, self._see, vital=True)
         self.file: FollowedFile = followed_scene(
             path, self._bus, start_ns=0, end_ns=_EVER_NS, behind_ns=_EVER_NS
         )
         self.names = [one.name for one in self.file.followers]
         self.newest: dict[str, NDArray[np.uint8]] = {}
 
-    def _see(self, one: ScenePicture) -> None:
+    def _see(self, one: DisplayPicture) -> None:
         self.newest.pop(one.camera, None)
         if one.image is not None:
             self.newest[one.camera] = one.image

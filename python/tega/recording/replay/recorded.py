@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from array import array
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ from tega.hand import joined_level
 from tega.recording.mcap_reader import McapReader, Message, read_picture
 from tega.recording.mcap_schemas import VERSIONS
 from tega.recording.origin import LEAD_IN, span
+from tega.recording.replay.players import Player, players
 from tega.recording.session import FORMAT
 from tega.records import (
     Adaptation,
@@ -36,7 +36,6 @@ from tega.records import (
 )
 from tega.records.schema import read
 from tega.runtime.files.foreign_file import load_npy, parse_json, parse_toml, tells_damage
-from tega_scene.decode import note_key
 
 
 class Head(msgspec.Struct, frozen=True):
@@ -105,7 +104,7 @@ class Recorded(msgspec.Struct):
         n_early: Items of the lead-in, by finger, ``emg`` for levels, ``hand`` for exchanges, ``arm`` for its
             turns.
         reader: Passes over the file again; ``None`` before the first message.
-        video_keys: Log times of scene pictures from which a decoder can begin, by topic.
+        players: Players of features, which have noted their messages.
     """
 
     head: Head
@@ -133,7 +132,7 @@ class Recorded(msgspec.Struct):
     from_ns: int = 0
     n_early: dict[str, int] = {}
     reader: McapReader | None = None
-    video_keys: dict[str, array[int]] = {}
+    players: list[Player] = []
 
     @property
     def last_tick_ns(self) -> int:
@@ -207,6 +206,7 @@ def _begin(reader: McapReader, begin: Callable[[Head], None], chunk: Callable[[E
         {finger: [] for finger in head.baselines},
         from_ns=span(reader.metadata).from_ns,
         reader=reader,
+        players=players(),
     )
     begin(head)
     if recorded.from_ns > 0:
@@ -236,8 +236,6 @@ def _take(recorded: Recorded, message: Message, chunk: Callable[[EmgChunk], None
             chunk(EmgChunk(value.t_ns, value.first_index, samples))
         case "tega.ArmTurn":
             recorded.turns.append(value)
-        case "foxglove.CompressedVideo":
-            note_key(recorded.video_keys, message)
         case "tega.Marker":
             recorded.markers.append((value.t_ns, value.text))
         case "tega.TriedMotor":
@@ -285,7 +283,8 @@ def _keep(recorded: Recorded, message: Message) -> None:
         case "tega.Status":
             recorded.dropped = dict(zip(value.dropped_topics, value.dropped_counts, strict=True))
         case _:
-            pass
+            for player in recorded.players:
+                player.note(message)
 
 
 def _beside(message: Message) -> BesideContact | BesideIntent:

@@ -62,7 +62,7 @@ def export(
 
     files = session_files(session)
     if kind == "lerobot":
-        from tega_lerobot import export_lerobot
+        from tega_lerobot.dataset import export_lerobot
 
         if pictures:
             raise click.UsageError("--pictures is for tables; a dataset has them as video")

@@ -103,7 +103,7 @@ def run_settings(
     from tega.ui.cli.page import run_viewed
     from tega.ui.cli.report import tell_summary
     from tega.ui.cli.run_view import stage
-    from tega_markers.cli import streamed
+    from tega.ui.cli.streams import streamed
 
     if wait_for_go and not view:
         raise click.UsageError("--wait-for-go is for --view, whose page has the button")

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any, Final, Self
 
 from tega.errors import DeviceUnavailableError
 from tega.recording.record_channels import RecordChannels
-from tega.records import RECORDS, HandExchange, Record
+from tega.records import HandExchange, Record
 from tega.records.bus import Backlog
+from tega.records.types import record_types
 from tega.runtime.lifecycle import require
 from tega.runtime.threads import run_realtime
 
@@ -64,7 +65,7 @@ class FoxgloveStream:
                 f"foxglove: port {self._port} cannot be served: {error}", "end the program that has it"
             ) from error
         self.url = f"ws://127.0.0.1:{self._server.port}"
-        for kind in RECORDS:
+        for kind in record_types():
             # A hand's exchanges are stamped by another clock until the session has started; unless somebody else wants
             # them they are not even made.
             if kind.topic and kind is not HandExchange:

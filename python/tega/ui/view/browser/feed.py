@@ -14,11 +14,11 @@ import numpy as np
 
 from tega.loop.adapting import UNDO_SEAT
 from tega.records import Button, EmgSamples, Marker, Picture
+from tega.records.display import DisplayPicture
 from tega.stages.base import MeasuredPicture
 from tega.ui.view.browser.hand_figure import STANDING, HandFigure
 from tega.ui.view.browser.muscle_rows import MuscleRows
 from tega.ui.view.state import EmgTail, TouchImage, ViewState
-from tega_scene.decode import ScenePicture
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -61,7 +61,7 @@ class SessionFeed:
         bus.subscribe(EmgSamples, self._hear, name="page")
         self._cameras: dict[str, NDArray[np.uint8]] = {}
         self._marker: Marker | None = None
-        bus.subscribe(ScenePicture, self._filmed, name="page")
+        bus.subscribe(DisplayPicture, self._filmed, name="page")
         bus.subscribe(Marker, self._mark, name="page")
         self._bus, self._t_ns, self._muscle_rows = bus, 0, MuscleRows(bus)
 
@@ -120,10 +120,10 @@ class SessionFeed:
             image = TouchImage(picture.image, picture.metrics, picture.metric.touch_map())
             shown.put(picture.t_ns, image)
 
-    def _filmed(self, picture: ScenePicture) -> None:
-        cameras = {name: image for name, image in self._cameras.items() if name != picture.camera}
+    def _filmed(self, picture: DisplayPicture) -> None:
+        cameras = {name: image for name, image in self._cameras.items() if name != picture.name}
         if picture.image is not None:
-            cameras[picture.camera] = picture.image
+            cameras[picture.name] = picture.image
         self._cameras = cameras  # another thread may be reading the one before
 
     def _mark(self, marker: Marker) -> None:

@@ -1,4 +1,4 @@
-"""Define the record of what a scene camera films."""
+"""Define the base of records that hold encoded video."""
 
 from __future__ import annotations
 
@@ -7,17 +7,16 @@ from typing import ClassVar
 from tega.records.base import Ns, Record
 
 
-class SceneVideo(Record, frozen=True, kw_only=True):
-    """One encoded picture of a scene camera.
+class VideoPacket(Record, frozen=True, kw_only=True):
+    """One encoded picture of a camera; a feature gives the topic.
 
     Attributes:
-        camera: Its name.
-        t_ns: When the machine had the picture, since the start of the session.
+        camera: Name of the camera.
+        t_ns: Time at which the machine received the picture, since the start of the session.
         data: The packet: Annex B of H.264, or a temporal unit of AV1.
         video: ``h264`` or ``av1``.
     """
 
-    topic: ClassVar[str] = "/scene/{camera}/video"
     schema: ClassVar[str] = "foxglove.CompressedVideo"
 
     camera: str

@@ -1,4 +1,4 @@
-"""Ask the person at a device, and print its acceptance: ``tega-teleop doctor --acceptance DEVICE``."""
+"""Ask the person at a device, and print its acceptance: ``tega-teleop acceptance SETTINGS.toml DEVICE``."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from tega.ui.cli.options import echo_json
+from tega.ui.cli.options import echo_json, json_option
 
 _FAILED = 3
 
@@ -41,24 +41,48 @@ class _Unasked:
         return ""
 
 
-def accept(
-    config: Path | None, sets: tuple[str, ...], name: str, *, out: Path, yes: bool, as_json: bool
-) -> int:
-    """Run the acceptance of one device of the settings, write its report, and return the exit code.
+@click.command(epilog="Example: tega-teleop acceptance lab.toml vest")
+@click.argument("config", type=click.Path(path_type=Path, dir_okay=False), metavar="SETTINGS.toml")
+@click.argument("device", metavar="DEVICE")
+@click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
+@click.option(
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    default=Path("acceptance"),
+    show_default=True,
+    help="Folder of the report.",
+)
+@click.option("--yes", is_flag=True, help="Ask nothing, and make the pulse or motion. For emulated devices.")
+@json_option
+@click.pass_context
+def acceptance(
+    ctx: click.Context,
+    *,
+    config: Path,
+    device: str,
+    sets: tuple[str, ...],
+    out: Path,
+    yes: bool,
+    as_json: bool,
+) -> None:
+    """Test one device of the settings for the first time: vest, hand, emg, a fingertip, a tracker or the arm.
 
-    Raises:
-        ConfigError: The settings name no such device.
-        click.UsageError: There is nobody to ask.
+    The test checks identity, rate, latency, limits, one pulse or motion at the least strength, after a yes, and the
+    stop. Measurements and answers are written as JSON and as text.
+
+    Exit codes: 0 passed, 1 the settings are faulty, 2 usage, 3 failed.
+
+    With --json: {"report", "text", "passed", "steps"}.
     """
     from tega.config import load_config
     from tega_bench.acceptance import accept_device, acceptance_case, report_text, write_report
 
     if not yes and not sys.stdin.isatty():
         raise click.UsageError(
-            "an acceptance asks a person: run it in a terminal, or with --yes on emulated devices"
+            "an acceptance test asks a person: run it in a terminal, or with --yes on emulated devices"
         )
     loaded = load_config(config, sets=sets).config
-    case = acceptance_case(loaded, name)
+    case = acceptance_case(loaded, device)
     report = accept_device(loaded, case, _Unasked() if yes else _Asked(), answered=not yes)
     data, text = write_report(report, out)
     if as_json:
@@ -67,4 +91,4 @@ def accept(
     else:
         click.echo(report_text(report))
         click.echo(f"Wrote {data} and {text}: send both back, they make the table of tried devices.")
-    return 0 if report.passed else _FAILED
+    ctx.exit(0 if report.passed else _FAILED)

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+from array import array
 from bisect import bisect_right
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from tega.errors import ConfigError, RecordingError
+from tega.errors import RecordingError
 from tega.recording.mcap_reader import McapReader
 from tega.recording.replay.followed_file import NEVER_NS, FollowedFile, PlayedMoment, StreamFollower
+from tega.recording.replay.players import PlayedTopics
+from tega.records.display import DisplayPicture
 from tega.runtime.files.foreign_file import tells_damage
-from tega_scene.decode import SceneDecoder, ScenePicture, note_key
+from tega_scene.decode import SceneDecoder, note_key
 from tega_scene.offset_file import read_offsets
 from tega_scene.record import scene_epoch
 
 if TYPE_CHECKING:
-    from array import array
     from collections.abc import Mapping
 
     import numpy as np
@@ -91,7 +93,7 @@ class PlayedCamera:
             self._tell(moment.at_ns + moment.shift_ns, None)
 
     def _tell(self, t_ns: int, image: NDArray[np.uint8] | None) -> None:
-        self._bus.publish(ScenePicture(camera=self.name, t_ns=t_ns, image=image))
+        self._bus.publish(DisplayPicture(name=self.name, t_ns=t_ns, image=image))
 
     def skip(self, known_ns: int) -> None:
         """Go on with the next picture that stands alone."""
@@ -153,13 +155,32 @@ def camera_delays(path: Path) -> dict[str, int]:
     return {f"/scene/{name}/video": offset.late_ns for name, offset in read_offsets(path).items()}
 
 
-def refuse_namesakes(followers: Iterable[StreamFollower]) -> None:
-    """Refuse two streams of one name.
+class PlayedScene:
+    """Plays the scene cameras of a recording, and scene recordings beside it."""
 
-    Raises:
-        ConfigError: There are two.
-    """
-    names = [one.name for one in followers]
-    for name in names:
-        if names.count(name) > 1:
-            raise ConfigError(f"two of what is to be played are called {name!r}", "leave one of them out")
+    def __init__(self) -> None:
+        self._keys_ns: dict[str, array[int]] = {}
+
+    def note(self, message: Message) -> None:
+        """Note the pictures of a video that stand alone."""
+        if message.schema == VIDEO:
+            note_key(self._keys_ns, message)
+
+    def topics(self, path: Path, zero_ns: int, bus: Bus) -> PlayedTopics:
+        """Return the videos of the recording."""
+        if not self._keys_ns or not bus.wants(DisplayPicture):
+            return PlayedTopics({}, {})
+        late = camera_delays(path)
+        followers: dict[str, StreamFollower] = {
+            topic: PlayedCamera(topic, [key_ns - zero_ns - late.get(topic, 0) for key_ns in keys], bus)
+            for topic, keys in self._keys_ns.items()
+        }
+        return PlayedTopics(followers, late)
+
+    def beside(
+        self, path: Path, bus: Bus, *, start_ns: int, end_ns: int, behind_ns: int
+    ) -> FollowedFile | None:
+        """Return a scene recording of the same machine."""
+        if not bus.wants(DisplayPicture):
+            return None
+        return followed_scene(path, bus, start_ns=start_ns, end_ns=end_ns, behind_ns=behind_ns)
