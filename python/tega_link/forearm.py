@@ -10,6 +10,7 @@ from tega.devices.registry import driver_class
 from tega.devices.tracker.sources.rates import RatePoses
 from tega.errors import ConfigError
 from tega.records import PoseNumbers
+from tega_link.settings import net_of
 
 if TYPE_CHECKING:
     from tega.arm.pose import PoseSource

@@ -65,3 +65,11 @@ def read_guest_tables(
             table = load_target(feature.check, extra=feature.extra)(table, context)
         found[key] = table
     return found
+
+
+def guest_files(config: SessionConfig) -> dict[str, Path]:
+    """Return the files that features' tables name, to be kept with a recording, by the name they have there."""
+    tables = [
+        one for table in config.guests.values() for one in (table if isinstance(table, tuple) else (table,))
+    ]
+    return {name: path for one in tables if hasattr(one, "files") for name, path in one.files().items()}

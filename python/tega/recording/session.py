@@ -17,6 +17,7 @@ import numpy as np
 from tega.config.attached import attached_files
 from tega.config.calibration.store import calibration_text
 from tega.config.choose import metric_told
+from tega.config.guests import guest_files
 from tega.config.text import config_text
 from tega.recording.log_records import LogRecords
 from tega.recording.mcap_folder import SessionFolder
@@ -163,9 +164,8 @@ class Recording:
             files["poses.toml"] = ("application/toml", poses.read_bytes())
         for name, data in attached_files(config.stages).items():
             files[name] = ("application/octet-stream", data)
-        for camera in config.scene:
-            for name, path in camera.files().items():
-                files[name] = ("application/octet-stream", path.read_bytes())
+        for name, path in guest_files(config).items():
+            files[name] = ("application/octet-stream", path.read_bytes())
         self._recorder.head(told, files)
 
     def begin(self, start_ns: int, now_ns: int) -> None:

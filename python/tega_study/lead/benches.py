@@ -13,19 +13,19 @@ from tega.config.sections import StageConfig
 from tega.config.text import config_text
 from tega.errors import InvalidValueError
 from tega.hand.poses import ClosureScale, load_poses
+from tega.runtime.files.whole_file import write_whole
+from tega_scene.settings import cameras_of
 from tega_sim.streams import Streams
+from tega_study.masking_settings import MaskingSection
+from tega_study.state import Where
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.safety.states import Transition
     from tega_sim.seams import Act, Percept, Shear
-    from tega_scene.settings import cameras_of
-from tega_study.masking_settings import MaskingSection
-from tega_study.lead.rest_tasks import RestTask
+    from tega_study.lead.rest_tasks import RestTask
     from tega_study.lead.running_trial import Going
     from tega_study.plan import PlannedTrial, StudyPlan
-from tega.runtime.files.whole_file import write_whole
-from tega_study.state import Where
 
 _LOOK_S = 0.01
 _CONDITIONS = ("haptic", "non-haptic", "event-gated")

@@ -283,8 +283,13 @@ def _keep(recorded: Recorded, message: Message) -> None:
         case "tega.Status":
             recorded.dropped = dict(zip(value.dropped_topics, value.dropped_counts, strict=True))
         case _:
-            for player in recorded.players:
-                player.note(message)
+            _note(recorded, message)
+
+
+def _note(recorded: Recorded, message: Message) -> None:
+    """Offer a message that is none of TEGA's own to the players of features."""
+    for player in recorded.players:
+        player.note(message)
 
 
 def _beside(message: Message) -> BesideContact | BesideIntent:
