@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, TypeAlias, ca
 
 from tega import _native
 from tega.errors import ShapeError
-from tega.records.touch import NamedValue
 from tega.touch import GelLight, TouchTracker, TrackedContact, nominal_light, sensor_noise, update_fingers
 
 if TYPE_CHECKING:
@@ -78,8 +77,6 @@ class ContactMetrics(NamedTuple):
     """Where it is; the first in row order."""
     in_contact: bool = False
     """False where there is nothing to report."""
-    more: tuple[NamedValue, ...] = ()
-    """Values of a metric of one's own (:mod:`tega.stages`)."""
 
 
 _contact: Final[Callable[[tuple[object, ...]], ContactMetrics]] = partial(tuple.__new__, ContactMetrics)

@@ -22,7 +22,6 @@ from tega.calibration.times import Times
 from tega.errors import CalibrationError
 from tega.opencv import read_image
 from tega.stages.choose import Preset, preset_metric
-from tega.stages.metrics import contact_metrics_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -296,7 +295,7 @@ def _follow(
         found = {preset: metric.update(frame.image, frame.t_ns) for preset, metric in metrics.items()}
         live = found["live"]
         felt.append(live)
-        press = meter.take(frame.t_ns, {preset: contact_metrics_of(one) for preset, one in found.items()})
+        press = meter.take(found)
         if press is not None:
             said = meter.judge(press)
             guide.say(

@@ -59,7 +59,7 @@ class Intent(Record, frozen=True, kw_only=True):
 
     topic: ClassVar[str] = "/emg/levels"
     schema: ClassVar[str] = "Levels"
-    version: ClassVar[int] = 2
+    version: ClassVar[int] = 3
     table: ClassVar[tuple[str, ...]] = ("t_s", "channels", "level")
 
     t_ns: Ns

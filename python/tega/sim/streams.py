@@ -145,7 +145,7 @@ class Streams:
         images = self._firmest.images
         if not images:
             return None
-        finger = max(images, key=lambda one: images[one].metrics.mass)
+        finger = max(images, key=lambda one: images[one].contact.mass)
         return finger, images[finger]
 
     def course(self, *, pose_base: int = 1) -> SessionCourse:

@@ -16,7 +16,8 @@ from tega.config import DEFAULT_STAGES, SessionConfig
 from tega.devices.base import ComparingSource, EmgSource, TactileSource
 from tega.errors import CalibrationError
 from tega.inbox.prepared import Finger, Muscles, Prepared
-from tega.inbox.sources import Contact, SourceReport
+from tega.inbox.sources import SourceReport
+from tega.records import Contact
 from tega.stages.choose import block_s, chosen_stage, finger_metric, muscle_decoder
 from tega.teleop.baseline import find_baseline
 from tega.teleop.touching import RecordedFingers
