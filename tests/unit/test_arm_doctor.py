@@ -19,7 +19,6 @@ from tega.config import check_tree, load_config
 from tega.doctor import Finding, examine, lab_settings
 from tega.teleop.arm_view import ArmView
 from tega.teleop.moment import LoopView
-from tega.teleop.touch import TouchMoment
 from tega.view.browser.state_html import arm_html
 from tega.view.terminal import render
 from tega_emulators.emulated_bench import EmulatedBench
@@ -144,9 +143,7 @@ def _read(file: Path) -> str:
 
 def _moment(seen: ArmView | None) -> LoopView:
     arm = "idle: <who> knows" if seen is None else seen.words
-    return LoopView(
-        0, {}, [TouchMoment(0.0, 0.0, 0.0, 0.0)] * 4, None, None, None, {}, arm=arm, seen_arm=seen
-    )
+    return LoopView(0, {}, None, None, None, {}, arm=arm, seen_arm=seen)
 
 
 def _shown(view: LoopView) -> str:

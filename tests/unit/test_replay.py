@@ -215,7 +215,7 @@ def test_a_calibration_file_with_mistakes_is_refused(
 def test_touch_alone_and_muscles_alone(replay: Replay, press: list[object], tmp_path: Path) -> None:
     touch = replay(*press[:4], "--out", tmp_path / "touch")
     assert (touch["emg"], touch["hand"]["ticks"], touch["vest"]["frames"]) == (None, 0, 30)
-    assert (tmp_path / "touch" / "levels.csv").read_text() == "t_s,fused\n"
+    assert (tmp_path / "touch" / "levels.csv").read_text() == "t_s,fused,closure,confidence\n"
     assert len(table(tmp_path / "touch" / "can.csv")) == 5  # only the way out
     muscles = replay(*press[8:], "--out", tmp_path / "muscles")
     assert (muscles["tactile"], muscles["hand"]["ticks"], muscles["vest"]["frames"]) == ({}, 1000, 0)
@@ -235,7 +235,7 @@ def test_one_channel_is_enough(replay: Replay, tmp_path: Path) -> None:
         tmp_path / "out",
     )
     assert (summary["emg"]["channels"], summary["emg"]["tau"]) == (["ch1"], 100)
-    assert list(table(tmp_path / "out" / "levels.csv")[0]) == ["t_s", "ch1", "fused"]
+    assert list(table(tmp_path / "out" / "levels.csv")[0]) == ["t_s", "ch1", "fused", "closure", "confidence"]
 
 
 def test_without_a_baseline_it_is_estimated_and_said(replay: Replay, tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from reference.scripted import touching
 from tega.calibration import TouchMaxima
 from tega.calibration.identify import light_motor, motor_place
 from tega.cli.main import main
@@ -15,13 +16,11 @@ from tega.config import load_config
 from tega.devices.vest_recorder import VestRecorder, VestRecorderOptions
 from tega.errors import ConfigError, InvalidValueError, ShapeError
 from tega.haptics import FeltMap, vest_frame
-from tega.tactile import ContactMetrics
 from tega.teleop.touch import TouchLoop
 
 
 def touched(loop: TouchLoop) -> list[int]:
-    contact = ContactMetrics(1.0, (9.0, 9.0), 3.0, 1.0, 700, 0.5, 40.0, (9, 9), in_contact=True)
-    loop.update("thumb", 0, contact)
+    loop.update("thumb", touching(700))
     frame: list[int] = loop.frame(0).intensities.tolist()
     return frame
 

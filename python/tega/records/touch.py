@@ -133,6 +133,11 @@ class Contact(Record, frozen=True, kw_only=True):
         "in_contact",
         "front",
         "back",
+        "area_mm2",
+        "depth_mm",
+        "force_n",
+        "strength",
+        "broad",
     )
 
     finger: str
