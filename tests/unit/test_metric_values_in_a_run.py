@@ -1,4 +1,4 @@
-"""Values of a metric of another package in a whole run: what the reflex does by them, and every file that holds them."""
+"""Values of another package's metric in a whole run: what the reflex does by them, and every file that holds them."""
 
 from __future__ import annotations
 

@@ -183,11 +183,11 @@ def test_after_a_jump_pictures_and_samples_are_of_there_and_stamped_by_the_run(
         observer=jumping(playhead, {0.4: 1.2, 0.6: 0.1}),
     )  # fmt: skip
     thumb = [one for one in heard.of(MeasuredPicture) if one.contact.finger == "thumb"]
-    run_ns = [one.t_ns for one in thumb]
+    run_ns = [one.contact.t_ns for one in thumb]
     assert run_ns == sorted(run_ns)
     # By the run's time: the first 0.4 s, then 1.2 to 1.4 s, then from 0.1 s on; a tick and a picture may be between.
     for one in thumb:
-        at_ms, of_ms = one.t_ns / MS, images[one.image.tobytes()] / MS
+        at_ms, of_ms = one.contact.t_ns / MS, images[one.image.tobytes()] / MS
         shift_ms = 0.0 if at_ms < 400 else -800.0 if at_ms < 600 else 500.0
         if min(abs(at_ms - 400), abs(at_ms - 600)) > 60:
             assert at_ms - of_ms == pytest.approx(shift_ms, abs=40), at_ms

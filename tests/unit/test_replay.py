@@ -120,7 +120,7 @@ def test_the_vest_shows_the_newest_frame_and_ends_silent(
 def test_levels_and_can_frames(replay: Replay, press: list[object], tmp_path: Path) -> None:
     summary = replay(*press, "--out", tmp_path / "out")
     levels = table(tmp_path / "out" / "levels.csv")
-    assert list(levels[0]) == ["t_s", "ch2", "ch5", "ch3", "fused"]
+    assert list(levels[0]) == ["t_s", "ch2", "ch5", "ch3", "fused", "closure", "confidence"]
     assert [row["t_s"] for row in levels] == [f"{k / 10:.6f}" for k in range(1, 31)]
     assert {int(row["fused"]) for row in levels} <= {1, 2, 3, 4, 5}
     assert len({row["fused"] for row in levels}) > 2

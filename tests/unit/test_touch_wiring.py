@@ -221,7 +221,7 @@ def test_fingers_of_loose_recordings_are_told_of_each_other() -> None:
         for name in ("ring", "thumb"):
             again = []
             while (contact := streams[name].next_until(10**12)) is not None:
-                again.append(repr(contact[1]))
+                again.append(repr(contact))
             assert again == found[name]
     for name, told in flags.items():
         assert [picture.loaded for picture in told_in_run if picture.finger == name] == told
@@ -497,7 +497,7 @@ def test_full_is_what_a_round_and_a_flat_press_say_together() -> None:
     assert both.eda_max == pytest.approx(1.3 * wide.eda_max, rel=0.02)
     # Held with either object, as firmly as can be, no column is full.
     felt = [
-        (m.cci / both.cci_max, m.eda / both.eda_max) for frames in presses.values() for _, m in frames[20:55]
+        (m.cci / both.cci_max, m.eda / both.eda_max) for frames in presses.values() for m in frames[20:55]
     ]
     full_share = np.mean([intensity(max(shares), 1.0) > 99.5 for shares in felt])
     assert full_share == 0.0
