@@ -12,7 +12,9 @@ from tega.errors import RecordingError
 from tega.hand import JOINT_NAMES
 from tega.recording.mcap_reader import McapReader, Message, read_picture
 from tega.recording.origin import span
+from tega.records import Contact
 from tega.records.arm import PoseNumbers
+from tega.records.schema import read
 from tega.runtime.files.foreign_file import tells_damage
 
 if TYPE_CHECKING:
@@ -199,7 +201,10 @@ def _keep(stream: _Stream, message: Message, t_ns: int) -> None:
     value, topic = message.value, message.topic
     match message.schema:
         case "tega.Contact":
-            stream.add(t_ns, (value.eda, value.cci, value.in_contact, *(_known(value, n) for n in _MEASURED)))
+            contact = read(Contact, value, finger="")
+            known = (getattr(contact, name) for name in _MEASURED)
+            numbers = (np.nan if one is None else one for one in known)
+            stream.add(t_ns, (contact.eda, contact.cci, contact.in_contact, *numbers))
         case "tega.EmgSamples":
             stream.add(t_ns, np.array(value.samples, np.float32).reshape(-1, value.n_channels))
         case "tega.Levels":
@@ -217,12 +222,6 @@ def _keep(stream: _Stream, message: Message, t_ns: int) -> None:
             stream.add(t_ns, (place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w))
         case _:
             pass
-
-
-def _known(value: Any, name: str) -> float:
-    """Return a number that a record may have; NaN where it has none, as those of earlier versions."""
-    there = name in value.DESCRIPTOR.fields_by_name and value.HasField(name)
-    return float(getattr(value, name)) if there else np.nan
 
 
 class _Samples:

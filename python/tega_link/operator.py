@@ -11,8 +11,7 @@ import msgspec
 
 import tega
 from tega.errors import ConfigError
-from tega.records import EmgSamples
-from tega.records import Intent as IntentRecord
+from tega.records import EmgSamples, Intent
 from tega_link.forearm import ForearmReader
 from tega_link.gate import StampGate
 from tega_link.intent import IntentSender
@@ -72,7 +71,7 @@ class OperatorStation(Station):
             lambda: self._stamp(self._lead.session, "emg"), lambda: self._lead.is_recorded
         )
         bus.subscribe(EmgSamples, self._samples.take, name="link")
-        bus.subscribe(IntentRecord, self._levels, name="link")
+        bus.subscribe(Intent, self._levels, name="link")
         self._was_lost = False
         self._n_lost = 0
 
@@ -166,10 +165,12 @@ class OperatorStation(Station):
         self._samples.begin(start_ns)
         self._start_ns = start_ns
 
-    def _levels(self, intent: IntentRecord) -> None:
+    def _levels(self, intent: Intent) -> None:
         """Note the newest block of EMG; what is asked of the hand is the guard's decision."""
         if self._start_ns is not None:
-            self._intent.block(self._start_ns + intent.t_ns, intent.channels)
+            self._intent.intent(
+                msgspec.structs.replace(intent, t_ns=self._start_ns + intent.t_ns, taken_ns=0)
+            )
 
     def missing(self) -> str:
         """Say that the robot does not answer, or does not want us."""

@@ -19,12 +19,11 @@ from typing import TYPE_CHECKING, Any, Protocol
 from tega.config import FINGERS
 from tega.hand.poses import ClosureScale
 from tega.loop.inbox.frames import FrameMeter
-from tega.loop.inbox.sources import Contact, EmgBlock, picture_of, samples_of
+from tega.loop.inbox.sources import picture_of, samples_of
 from tega.loop.inbox.stream import NEVER_NS, LiveStream
-from tega.records import EmgSamples, Picture
+from tega.records import Contact, EmgSamples, Intent, Picture
 from tega.runtime.device_items import EmgChunk, TactileFrame
 from tega.stages.base import MeasuredPicture
-from tega.tactile import ContactMetrics
 from tega.ui.view.state import TouchImage
 from tega_sim.gel import CAMERA_HZ
 from tega_sim.hand import encoded
@@ -98,9 +97,9 @@ class TrialRig:
 
     Attributes:
         contacts: Stream of measured frames, by finger, for the loop.
-        levels: Stream of EMG blocks, for the loop.
+        levels: Stream of intents, for the loop.
         frames: The newest picture of each finger that was painted.
-        metrics: What was measured in it.
+        measured: The contact in it.
         emg_tail: The newest few seconds of EMG, a block of (10, 3) an entry, microvolts.
         vest: What the vest's motors are told now; ``None`` where it is off or not worn.
         act: What the person does now.
@@ -144,11 +143,11 @@ class TrialRig:
         self._on_act = on_act
         due_ns = CAMERA_DELAY_NS if with_cameras else NEVER_NS
         self.contacts = {finger: LiveStream[Contact](due_ns=due_ns) for finger in FINGERS}
-        self.levels = LiveStream[EmgBlock](due_ns=block_ns)
+        self.levels = LiveStream[Intent](due_ns=block_ns)
         self._streams = list(self.contacts.values())
         self._still = [baselines[finger] for finger in FINGERS]
         self.frames = list(self._still)
-        self.metrics = [ContactMetrics() for _ in FINGERS]
+        self.measured = [Contact(finger=finger, t_ns=0, in_contact=False) for finger in FINGERS]
         self._bus = bus
         self.emg_tail: deque[NDArray[np.float64]] = deque(maxlen=_TAIL)
         self._act_ns = 0
@@ -201,17 +200,11 @@ class TrialRig:
                 contact = meter.take(frame)
             if contact is None:
                 continue
-            self.metrics[finger] = contact[1]
+            self.measured[finger] = contact
             self._streams[finger].put(contact, next_ns=next_ns)
             if told:
                 self._bus.publish(
-                    MeasuredPicture(
-                        finger=FINGERS[finger],
-                        t_ns=arrival_ns,
-                        image=self.frames[finger],
-                        metrics=contact[1],
-                        metric=meter.metric,
-                    )
+                    MeasuredPicture(image=self.frames[finger], contact=contact, metric=meter.metric)
                 )
 
     def _picture(self, finger: int, indenters: Sequence[Indenter], number: int) -> NDArray[np.uint8]:
@@ -230,7 +223,7 @@ class TrialRig:
     def touch_images(self) -> dict[str, TouchImage]:
         """Return each finger's newest picture with what its metric made of it."""
         return {
-            finger: TouchImage(self.frames[k], self.metrics[k], self._meters[k].metric.touch_map())
+            finger: TouchImage(self.frames[k], self.measured[k], self._meters[k].metric.touch_map())
             for k, finger in enumerate(FINGERS)
         }
 
@@ -244,8 +237,8 @@ class TrialRig:
             self._n_samples += len(samples)
             if self._bus.wants(EmgSamples):
                 self._bus.publish(samples_of(chunk, live=False, start_ns=0))
-            for block in self._blocks.take(chunk):
-                self.levels.put(block, next_ns=t_ns + self._block_ns)
+            for intent in self._blocks.take(chunk):
+                self.levels.put(intent, next_ns=t_ns + self._block_ns)
         truth = self.truth = self.world.truth()
         t_s = t_ns / 1e9
         percept = Percept(t_s, truth, self.vest, self.closure(), encoded(self.world.angles_rad))

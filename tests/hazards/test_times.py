@@ -176,7 +176,7 @@ def test_what_a_reflex_added_is_taken_back_within_200_ms_of_a_hold() -> None:
 
 def test_a_stale_finger_is_silent_after_100_ms_and_a_refresh() -> None:
     loop = TouchLoop({"thumb": TouchMaxima(cci_max=0.01, eda_max=10.0)}, layout="x40")
-    loop.update("thumb", 0, touching(50))
+    loop.update("thumb", touching(50))
     assert loop.frame(100 * MS).intensities.any()
     refreshes_ms = np.arange(1, 20) * 1000 / 30
     silent_ms = next(t for t in refreshes_ms if not loop.frame(round(t * MS)).intensities.any())

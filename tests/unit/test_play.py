@@ -159,7 +159,7 @@ def test_the_vest_is_told_what_it_was_told_and_the_hand_asked_what_it_was_asked(
     before = len(seen_by(lab.vest).history)
     levels: list[int] = []
     summary = play_file(
-        file, checked(to), observer=lambda view: levels.append(view.block[2] if view.block else 0)
+        file, checked(to), observer=lambda view: levels.append(view.intent.level if view.intent else 0)
     )
     assert summary["ended"] == "complete"
     states = [change["state"] for change in summary["safety"]["changes"]]
@@ -223,8 +223,8 @@ def test_in_the_lead_the_vest_rests_and_the_hand_goes_to_where_it_began(made_up:
     seen: list[tuple[int, int, bool]] = []
 
     def look(view: LoopView) -> None:
-        if view.block is not None and view.vest is not None:
-            seen.append((view.t_ns, view.block[2], bool(view.vest.intensities.any())))
+        if view.intent is not None and view.vest is not None:
+            seen.append((view.t_ns, view.intent.level, bool(view.vest.intensities.any())))
 
     # A live driver, and nothing but this terminal's error output behind it.
     play_file(made_up, checked({"vest": {"driver": "on-screen-vest"}}), speed=2.0, observer=look)

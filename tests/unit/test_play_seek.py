@@ -10,6 +10,8 @@ from typing import Any
 
 import pytest
 
+from tega.records import Intent
+
 pytest.importorskip("foxglove", reason="needs the extra record")
 
 from reference.chromium import launched, opened
@@ -102,37 +104,34 @@ def test_a_jump_goes_there_and_the_run_ends_as_much_earlier_or_later(
 def test_after_a_jump_the_level_that_stood_there_is_asked_for_at_once() -> None:
     playhead = Playhead()
     playhead.begin(10_000 * MS, 0)
-    items = [(1000 * MS, "two"), (5000 * MS, "four"), (9000 * MS, "one")]
+    items = [Intent(t_ns=t_s * 1000 * MS, level=level) for t_s, level in ((1, 2), (5, 4), (9, 1))]
 
-    def stamped(item: tuple[int, str], t_ns: int) -> tuple[int, str]:
-        return t_ns, item[1]
+    def stream(first: Intent | None) -> LiveStream[Intent]:
+        known = [item.t_ns for item in items]
+        return PlayedItems(items, known, playhead=playhead, first=first).stream
 
-    def stream(first: tuple[int, str] | None) -> LiveStream[tuple[int, str]]:
-        known = [t for t, _ in items]
-        return PlayedItems(items, known, playhead=playhead, stamped=stamped, first=first).stream
+    levels, touch = stream(Intent(t_ns=0, level=5)), stream(None)
 
-    levels, touch = stream((0, "open")), stream(None)
-
-    def come(t_ms: int) -> tuple[list[tuple[int, str]], list[tuple[int, str]]]:
+    def come(t_ms: int) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
         playhead.reach(t_ms * MS)
         both = [], []  # type: ignore[var-annotated]
         for stream, taken in zip((levels, touch), both, strict=True):
             while (item := stream.next_until(t_ms * MS)) is not None:
-                taken.append(item)
+                taken.append((item.t_ns, item.level))
         return both
 
-    assert come(0) == ([(0, "open")], [])
+    assert come(0) == ([(0, 5)], [])
     assert come(900) == ([], [])
-    assert come(1000) == ([(1000 * MS, "two")], [(1000 * MS, "two")])
+    assert come(1000) == ([(1000 * MS, 2)], [(1000 * MS, 2)])
     playhead.go_to(6.0)
-    assert come(2000) == ([(2000 * MS, "four")], [])
+    assert come(2000) == ([(2000 * MS, 4)], [])
     playhead.go_to(0.0)
-    assert come(3000) == ([(3000 * MS, "open")], [])
-    assert come(4000) == ([(4000 * MS, "two")], [(4000 * MS, "two")])
+    assert come(3000) == ([(3000 * MS, 5)], [])
+    assert come(4000) == ([(4000 * MS, 2)], [(4000 * MS, 2)])
     playhead.go_to(6.0)
-    assert come(5000) == ([(5000 * MS, "four")], [])
+    assert come(5000) == ([(5000 * MS, 4)], [])
     assert (levels.ended, touch.ended) == (False, False)
-    assert come(9000) == ([(8000 * MS, "one")], [(8000 * MS, "one")])
+    assert come(9000) == ([(8000 * MS, 1)], [(8000 * MS, 1)])
     assert (levels.ended, touch.ended) == (True, True)
     assert levels.end_ns == touch.end_ns == 9000 * MS
 

@@ -25,7 +25,6 @@ from tega.config import SessionConfig, check_tree
 from tega.config.choose import finger_metric
 from tega.errors import RecordingError
 from tega.loop.moment import LoopView, Moment
-from tega.loop.touch import TouchMoment
 from tega.recording.mcap_reader import McapReader
 from tega.recording.replay import replay_file
 from tega.recording.replay.play import play_file
@@ -35,7 +34,6 @@ from tega.records import EmgSamples, Marker
 from tega.records.bus import Bus
 from tega.records.display import DisplayPicture
 from tega.stages.base import MeasuredPicture
-from tega.stages.metrics import contact_metrics_of
 from tega.ui.cli.main import main
 from tega.ui.view.browser import BrowserView, Controls
 from tega.ui.view.browser.camera_pictures import cameras_html
@@ -102,7 +100,8 @@ def test_pictures_are_measured_again_with_the_maps_of_the_run_s_metric(
     bus = Bus()
 
     def see(one: MeasuredPicture) -> None:
-        seen.append((one.finger, one.t_ns, one.image, one.metrics, one.metric.touch_map().height.copy()))  # type: ignore[union-attr]
+        contact = one.contact
+        seen.append((contact.finger, contact.t_ns, one.image, contact, one.metric.touch_map().height.copy()))  # type: ignore[union-attr]
 
     bus.subscribe(MeasuredPicture, see, vital=True)
     summary = play_file(lossless, nowhere(tmp_path), speed=None, bus=bus)
@@ -121,7 +120,7 @@ def test_pictures_are_measured_again_with_the_maps_of_the_run_s_metric(
         for one, (_, t_ns, image) in zip(
             (s for s in seen if s[0] == finger), (g for g in given if g[0] == finger), strict=True
         ):
-            assert repr(one[3]) == repr(contact_metrics_of(metric.update(image, t_ns)))  # NaN is no NaN
+            assert repr(one[3]) == repr(metric.update(image, t_ns))  # NaN is no NaN
             assert np.array_equal(one[4], metric.touch_map().height)  # type: ignore[union-attr]
     assert any(one[4].max() > 0 for one in seen)
     assert summary["played"]["shown"] == {"thumb": 90, "ring": 60}
@@ -184,12 +183,12 @@ def test_after_a_jump_pictures_and_samples_are_of_there_and_stamped_by_the_run(
         lossless, nowhere(tmp_path), speed=None, bus=heard.bus, playhead=playhead,
         observer=jumping(playhead, {0.4: 1.2, 0.6: 0.1}),
     )  # fmt: skip
-    thumb = [one for one in heard.of(MeasuredPicture) if one.finger == "thumb"]
-    run_ns = [one.t_ns for one in thumb]
+    thumb = [one for one in heard.of(MeasuredPicture) if one.contact.finger == "thumb"]
+    run_ns = [one.contact.t_ns for one in thumb]
     assert run_ns == sorted(run_ns)
     # By the run's time: the first 0.4 s, then 1.2 to 1.4 s, then from 0.1 s on; a tick and a picture may be between.
     for one in thumb:
-        at_ms, of_ms = one.t_ns / MS, images[one.image.tobytes()] / MS
+        at_ms, of_ms = one.contact.t_ns / MS, images[one.image.tobytes()] / MS
         shift_ms = 0.0 if at_ms < 400 else -800.0 if at_ms < 600 else 500.0
         if min(abs(at_ms - 400), abs(at_ms - 600)) > 60:
             assert at_ms - of_ms == pytest.approx(shift_ms, abs=40), at_ms
@@ -230,7 +229,8 @@ def test_the_page_s_moments_have_pictures_signal_and_markers_of_a_played_recordi
     image = state.images["thumb"]
     assert image.map is not None
     assert image.map.unit == "mm"
-    assert image.metrics == state.loop.contacts["thumb"][1]
+    assert image.contact.t_ns == state.loop.contacts["thumb"].t_ns
+    assert image.contact.eda == state.loop.contacts["thumb"].eda
     assert state.emg is not None
     assert len(state.emg.samples) == pytest.approx(1000, abs=110)
     assert state.rows["marker"] == "lift <b>, 0.7 s ago"
@@ -452,7 +452,7 @@ def shown(html: str) -> NDArray[np.uint8]:
 
 
 def test_the_page_shows_scene_pictures_and_looks_back_at_them() -> None:
-    view_of = LoopView(0, {}, [TouchMoment(0.0, 0.0, 0.0, 0.0)] * 4, None, None, None, {})
+    view_of = LoopView(0, {}, None, None, None, {})
 
     def state(k: int) -> ViewState:
         image = numbered(k)

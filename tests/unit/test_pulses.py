@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from reference.scripted import MS, Sink
 from tega.config import check_tree, load_config
@@ -26,9 +27,9 @@ from tega.loop.pacing import Pacer
 from tega.loop.session import run_session
 from tega.loop.touch import TouchLoop
 from tega.recording.replay import replay_file
+from tega.records import Contact
 from tega.runtime.clock import ManualClock
 from tega.stages.pulses import PulsesMapping, PulsesOptions
-from tega.tactile import ContactMetrics
 from tega_emulators.lab import emulated_lab
 from tega_emulators.vests import seen_by
 
@@ -36,10 +37,12 @@ FRAME_MS = 16
 LONG_S = 60.0
 
 
-def touch(mass: float, y: float = 100.0) -> ContactMetrics:
+def touch(mass: float, y: float = 100.0, t_ns: int = 0) -> Contact:
     """Return a contact of so much pressure in all, or none."""
     on = mass > 0
-    return ContactMetrics(
+    return Contact(
+        finger="index",
+        t_ns=t_ns,
         mass=mass,
         centroid_xy=(120.0, y) if on else (math.nan, math.nan),
         spread=1.0,
@@ -60,7 +63,7 @@ def pulsing(maxima: TouchMaxima, *, felt: FeltMap | None = None, **pulses: float
 
 
 def told(
-    script: list[ContactMetrics],
+    script: list[Contact],
     *,
     fail_at_ns: int | None = None,
     felt: FeltMap | None = None,
@@ -69,7 +72,7 @@ def told(
     """Run the loop over an index finger's frames; return changes of (time, front, back), all frames, and the loop."""
     vest = Sink(fail_at_ns)
     loop = pulsing(TouchMaxima(cci_max=1.0, eda_max=3000.0), felt=felt, **pulses)
-    items = [(n * FRAME_MS * MS, metrics) for n, metrics in enumerate(script)]
+    items = [replace(contact, t_ns=n * FRAME_MS * MS) for n, contact in enumerate(script)]
     run = DualLoop(
         pacer=Pacer(ManualClock()),
         touch=loop,
@@ -129,12 +132,12 @@ def test_a_lost_finger_ends_its_pulse_and_its_return_is_no_event() -> None:
     detector_only = pulsing(TouchMaxima())
     mapping = detector_only.mapping
     assert isinstance(mapping, PulsesMapping)
-    detector_only.update("index", 0, touch(0))
+    detector_only.update("index", touch(0))
     for n in range(20):  # back after a second, pressed
-        detector_only.update("index", 10**9 + n * FRAME_MS * MS, touch(60_000))
+        detector_only.update("index", touch(60_000, t_ns=10**9 + n * FRAME_MS * MS))
     detector_only.frame(10**9 + 20 * FRAME_MS * MS)
     assert mapping.n_told["contact"] == 0
-    detector_only.update("index", 2 * 10**9, touch(60_000))
+    detector_only.update("index", touch(60_000, t_ns=2 * 10**9))
     assert not detector_only.frame(3 * 10**9).intensities.any()
 
 

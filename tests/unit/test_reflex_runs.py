@@ -17,7 +17,6 @@ from tega.errors import ConfigError
 from tega.hand import HandController
 from tega.hand.link import HandLink, Received
 from tega.loop.hand import ModelledAllegro
-from tega.loop.inbox.sources import EmgBlock
 from tega.loop.inbox.stream import PulledStream
 from tega.loop.loop import DualLoop
 from tega.loop.moment import LoopView, Moment
@@ -32,17 +31,17 @@ from tega.records import (
     HandCommand,
     HandExchange,
     Imposed,
+    Intent,
     NamedValue,
     ReflexGrip,
     bus_frames,
 )
 from tega.records.bus import Bus
 from tega.runtime.clock import ManualClock
-from tega.tactile import ContactMetrics
 
 
-def slipping(share: float) -> ContactMetrics:
-    return touching(50)._replace(more=(NamedValue("incipient", share),))
+def slipping(share: float, t_ns: int = 0) -> Contact:
+    return msgspec.structs.replace(touching(50, t_ns=t_ns), more=(NamedValue("incipient", share),))
 
 
 class Ran:
@@ -58,7 +57,7 @@ class Ran:
         bus.subscribe(ReflexGrip, self.told.append, vital=True)
         bus.subscribe(HandCommand, self.commands.append, vital=True)
         bus.subscribe(Moment, lambda moment: self.views.append(moment.view), vital=True)
-        thumb = [(k * 20 * MS, slipping(1.0 if 10 <= k < 20 else 0.0)) for k in range(100)]
+        thumb = [slipping(1.0 if 10 <= k < 20 else 0.0, k * 20 * MS) for k in range(100)]
         self.arc: ReflexArc | None = open_reflex(
             self.config, bus, ["thumb"], active=lambda: True, hand=None, authority=lambda: page
         )
@@ -68,7 +67,7 @@ class Ran:
             pacer=Pacer(ManualClock()),
             touch=TouchLoop({"thumb": TouchMaxima(cci_max=1.0, eda_max=100.0)}, layout="paper32"),
             contacts={"thumb": PulledStream(thumb)},
-            levels=PulledStream([EmgBlock(0, (3,), 3)], end_ns=2000 * MS),
+            levels=PulledStream([Intent(t_ns=0, channels=(3,), level=3)], end_ns=2000 * MS),
             hand=ModelledAllegro(),
             vests=[],
             hands=[Sink()],
@@ -138,12 +137,10 @@ def test_a_recorded_run_is_computed_again_with_what_was_imposed() -> None:
     now = 0
     arc = recorded_arc(recorded, run.config, tick_ns=lambda: now, tell=again.append)
     assert arc is not None
-    from tega.stages.metrics import contact_record
-
     for row in rows:
         now = row.t_ns
         share = 1.0 if 200 * MS <= now < 400 * MS else 0.0
-        arc.step(now, 3.0, lambda s=share: {"thumb": contact_record("thumb", 0, slipping(s))})  # type: ignore[misc]
+        arc.step(now, 3.0, lambda s=share: {"thumb": slipping(s)})  # type: ignore[misc]
     same = [one for one in rows if one.t_ns < 600 * MS]
     assert again[: len(same)] == same
     assert {one.own for one in again if 600 * MS <= one.t_ns < 800 * MS} == {4.0}

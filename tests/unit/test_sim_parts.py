@@ -11,6 +11,7 @@ import pytest
 from tega.errors import InvalidValueError
 from tega.loop.inbox.stream import NEVER_NS, LiveStream
 from tega.loop.inbox.stuck_frames import LastFrame
+from tega.records import Intent
 from tega.runtime.clock import ManualClock, PausableClock
 from tega.wire import CanFrame, allegro_limp_frames, allegro_torque_frames
 from tega_sim.conditions import ARMS, CONDITIONS, SESSION_CONDITIONS, worn
@@ -114,16 +115,17 @@ def test_the_strongest_fingertip_counts() -> None:
 
 
 def test_a_live_stream_gives_items_when_their_time_has_come() -> None:
-    stream = LiveStream[tuple[int, str]](due_ns=10)
+    stream = LiveStream[Intent](due_ns=10)
     assert (stream.due_ns, stream.next_until(50)) == (10, None)
-    stream.put((10, "a"), next_ns=20)
-    stream.put((20, "b"), next_ns=30)
+    first, second = Intent(t_ns=10), Intent(t_ns=20)
+    stream.put(first, next_ns=20)
+    stream.put(second, next_ns=30)
     assert stream.next_until(9) is None
-    assert stream.next_until(25) == (10, "a")
+    assert stream.next_until(25) is first
     assert stream.due_ns == 20
-    assert stream.next_until(25) == (20, "b")
+    assert stream.next_until(25) is second
     assert (stream.due_ns, stream.next_until(25)) == (30, None)
-    stream.put((30, "c"), next_ns=40)
+    stream.put(Intent(t_ns=30), next_ns=40)
     stream.end(31)
     stream.close()
     assert (stream.ended, stream.end_ns, stream.due_ns, stream.next_until(99)) == (True, 31, NEVER_NS, None)

@@ -18,12 +18,12 @@ from tega.config.calibration import TouchMaxima
 from tega.errors import DeviceUnavailableError
 from tega.loop import run_session
 from tega.loop.hand import ModelledAllegro
-from tega.loop.inbox.sources import Contact, EmgBlock
 from tega.loop.inbox.stream import PulledStream
 from tega.loop.loop import DualLoop
 from tega.loop.moment import LoopView
 from tega.loop.pacing import Pacer
 from tega.loop.touch import TouchLoop
+from tega.records import Contact, Intent
 from tega.runtime.clock import ManualClock
 from tega_sim.gel import Gel
 
@@ -52,7 +52,7 @@ def run_kept(vest: Sink, recorder: Sink, contacts: list[Contact], *, end_ns: int
 
 def test_a_vest_gets_every_tick_and_its_driver_knows_what_to_send() -> None:
     vest, recorder = Sink(), Sink()
-    contacts = [(k * 10 * MS, touching(50 if k < 20 else 80)) for k in range(40)]
+    contacts = [touching(50 if k < 20 else 80, t_ns=k * 10 * MS) for k in range(40)]
     report = run_kept(vest, recorder, contacts, end_ns=400 * MS).report
     assert [t for t, _ in recorder.sent] == [*(round(k * 1e9 / 30) for k in range(12)), 400 * MS]
     assert vest.sent == recorder.sent
@@ -62,7 +62,7 @@ def test_a_vest_gets_every_tick_and_its_driver_knows_what_to_send() -> None:
 
 def test_a_vest_that_fails_does_not_keep_the_others_from_silence() -> None:
     recorder = Sink()
-    contacts = [(k * 10 * MS, touching(50 + k)) for k in range(40)]
+    contacts = [touching(50 + k, t_ns=k * 10 * MS) for k in range(40)]
     with pytest.raises(DeviceUnavailableError, match="cable"):
         run_kept(Sink(fail_at_ns=50 * MS), recorder, contacts, end_ns=400 * MS)
     assert not recorder.sent[-1][1].intensities.any()
@@ -85,8 +85,8 @@ class Waits(ManualClock):
 
 def run_parts(*, touch: bool, emg: bool, **how: Any) -> tuple[DualLoop, Waits, Sink, Sink]:
     clock, vest, hand = Waits(), Sink(), Sink()
-    contacts = [(k * 16 * MS, touching(50)) for k in range(61)] if touch else []
-    levels = [EmgBlock(k * 100 * MS, (2,), 2) for k in range(1, 10)]
+    contacts = [touching(50, t_ns=k * 16 * MS) for k in range(61)] if touch else []
+    levels = [Intent(t_ns=k * 100 * MS, channels=(2,), level=2) for k in range(1, 10)]
     streams = {"thumb": PulledStream(contacts, end_ns=1000 * MS)} if touch else {}
     loop = DualLoop(
         pacer=Pacer(clock),
@@ -226,7 +226,7 @@ def test_a_session_of_one_finger_knows_no_other(plugin: Any, tmp_path: Path) -> 
 
 def test_the_back_loop_holds_nothing_of_fingers_not_in_use() -> None:
     touch = TouchLoop({"ring": TouchMaxima(cci_max=1.0, eda_max=100.0)}, layout="paper32")
-    touch.update("ring", 0, touching(100, 1.0))
+    touch.update("ring", touching(100, 1.0))
     assert {len(held) for held in (touch._maxima, touch._newest)} == {1}
     assert touch.frame(0).intensities[:4].tolist() == [0, 0, 0, 99]
 

@@ -20,7 +20,6 @@ from tega.devices.vest.vest_stream import VestOptions
 from tega.haptics import vest_frame
 from tega.loop.hand import ModelledAllegro
 from tega.loop.inbox.reader import Reader
-from tega.loop.inbox.sources import Contact
 from tega.loop.inbox.stream import LiveStream, PulledStream
 from tega.loop.latency import LatencyTrace
 from tega.loop.loop import DualLoop
@@ -30,7 +29,7 @@ from tega.loop.touch import TouchLoop
 from tega.loop.worn_vest import worn_vest
 from tega.recording.replay import replay_file
 from tega.recording.replay.recorded import read_recorded
-from tega.records import Latency
+from tega.records import Contact, Intent, Latency
 from tega.records.bus import Bus
 from tega.runtime.clock import ManualClock, SystemClock
 from tega.runtime.wake import Bell
@@ -103,7 +102,7 @@ def test_what_a_picture_changes_is_felt_at_once_and_what_it_does_not_is_not_sent
         until(lambda: bool(vest.sent))  # the first refresh; the next one comes a minute later
         for eda in (50, 50, 80, 0):
             n = len(vest.sent)
-            yield (pacer.elapsed_ns(), touching(eda))
+            yield touching(eda, t_ns=pacer.elapsed_ns())
             felt.append(eda)
             if len(felt) == 2:
                 continue  # nothing changes
@@ -131,8 +130,8 @@ def test_what_a_picture_changes_is_felt_at_once_and_what_it_does_not_is_not_sent
 
 def scripted(*, by_frame: bool) -> list[int]:
     vest = Sink()
-    thumb = PulledStream([(10 * MS, touching(50)), (20 * MS, touching(50)), (40 * MS, touching(0))])
-    levels = PulledStream([(90 * MS, (1, 1, 1), 1)], end_ns=90 * MS)
+    thumb = PulledStream([touching(50, t_ns=10 * MS), touching(50, t_ns=20 * MS), touching(0, t_ns=40 * MS)])
+    levels = PulledStream([Intent(t_ns=90 * MS, channels=(1, 1, 1))], end_ns=90 * MS)
     loop = loop_of({"thumb": thumb}, vest, pacer=Pacer(ManualClock()), levels=levels, by_frame=by_frame)
     loop.run()
     return [t_ns // MS for t_ns, _ in vest.sent]

@@ -64,12 +64,12 @@ def test_a_sessions_moments_are_completed_with_pictures_signal_and_hand(tmp_path
     # The picture is the one that was measured last, and map and outline are those of the metric that did.
     n_touched = 0
     for state in done[1::5]:
-        image, metrics = state.images["thumb"], state.loop.contacts["thumb"][1]
-        assert image.metrics == metrics or not metrics.in_contact
+        image, contact = state.images["thumb"], state.loop.contacts["thumb"]
+        assert (image.contact.t_ns, image.contact.eda) == (contact.t_ns, contact.eda)
         assert image.map.unit == "mm"
-        assert np.count_nonzero(image.map.mask) == metrics.eda
-        assert (image.map.height.max() > 0) == metrics.in_contact
-        n_touched += metrics.in_contact
+        assert np.count_nonzero(image.map.mask) == contact.eda
+        assert (image.map.height.max() > 0) == contact.in_contact
+        n_touched += contact.in_contact
     assert 3 < n_touched < len(done[1::5])
 
 
@@ -192,14 +192,14 @@ def test_a_live_sensor_is_looked_at_as_its_frames_pass():
     bus = Bus()
     feed = SessionFeed({}, bus)
     feed.watch(Prepared({"thumb": finger}, None, Calibration(preset="live", origin=""), ""))
-    loop = LoopView(0, {"thumb": (0, touching(eda=90))}, [], None, None, None, {})
+    loop = LoopView(0, {"thumb": touching(eda=90)}, None, None, None, {})
     assert feed.complete(ViewState(0, loop)).images == {}
     for frame in frames:
         bus.publish(picture_of("thumb", frame, received_ns=frame.t_ns))
         images = feed.complete(ViewState(0, loop)).images
         assert images is not None
         assert images["thumb"].frame is frame.image
-        assert images["thumb"].metrics.eda == 90
+        assert images["thumb"].contact.eda == 90
 
 
 def test_replay_with_view_keeps_time_and_takes_in_the_same(tmp_path, capsys):

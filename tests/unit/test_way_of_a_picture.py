@@ -15,7 +15,7 @@ from tega.config import check_tree
 from tega.loop import run_session
 from tega_emulators.lab import PRESSED, emulated_lab
 
-PASSED = {"TactileFrame", "ContactMetrics", "Contact", "Felt", "VestFrame"}
+PASSED = {"TactileFrame", "ContactMetrics", "Contact", "VestFrame"}
 
 # Parts of one of the objects on the way, and the values themselves.
 WITHIN = {
@@ -32,7 +32,7 @@ WITHIN = {
 
 
 def is_passed(value: Any) -> bool:
-    """Whether a value is a picture, a contact, what is felt of it, or a frame of the vest."""
+    """Whether a value is a picture, a contact, or a frame of the vest."""
     if isinstance(value, np.ndarray):
         return value.ndim == 3 or value.shape == (40,)
     if type(value) is tuple:

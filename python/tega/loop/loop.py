@@ -14,13 +14,12 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
-import msgspec
+from msgspec.structs import replace
 
 from tega.errors import TegaError
-from tega.hand import split_level
+from tega.hand import joined_level, split_level
 from tega.loop.hand import HAND_TICK_NS, Hand
 from tega.loop.inbox.inputs import Inputs
-from tega.loop.inbox.sources import Contact, EmgBlock
 from tega.loop.inbox.stream import NEVER_NS, Stream
 from tega.loop.loop_report import LoopReport
 from tega.loop.moment import LoopView, Moments
@@ -28,8 +27,7 @@ from tega.loop.opening import reached
 from tega.loop.pacing import Pacer
 from tega.loop.touch import STALE_NS, TouchLoop
 from tega.loop.vest_output import VestOutput
-from tega.records import Contact as ContactRecord
-from tega.records import Event, HandCommand, HandLook, Imposed, Intent, Joints, Skip, bus_frames
+from tega.records import Contact, Event, HandCommand, HandLook, Imposed, Intent, Joints, Skip, bus_frames
 from tega.records.bus import Bus
 
 if TYPE_CHECKING:
@@ -73,7 +71,7 @@ class DualLoop:
         pacer: Deadlines on the session's clock.
         touch: The back loop; ``None`` without tactile sources.
         contacts: Stream of measured frames, by finger, thumb first.
-        levels: Stream of EMG blocks; ``None`` without EMG.
+        levels: Stream of intents; ``None`` without EMG.
         hand: What turns levels into frames.
         vests: Where vest frames go, every one.
         hands: Where CAN frames go.
@@ -100,7 +98,7 @@ class DualLoop:
         pacer: Pacer,
         touch: TouchLoop,
         contacts: Mapping[str, Stream[Contact]],
-        levels: Stream[EmgBlock] | None,
+        levels: Stream[Intent] | None,
         hand: Hand,
         vests: Sequence[Sink[MotorLevels]],
         hands: Sequence[Sink[Sequence[CanFrame]]],
@@ -123,7 +121,7 @@ class DualLoop:
         self._touch = touch
         self._contacts = list(contacts.items())
         self._levels = levels
-        self._streams: list[Stream[Contact] | Stream[EmgBlock]] = list(contacts.values())
+        self._streams: list[Stream[Contact] | Stream[Intent]] = list(contacts.values())
         if levels is not None:
             self._streams.append(levels)
         self._hand = hand
@@ -137,9 +135,10 @@ class DualLoop:
         self._endless = endless
         self.reflex = reflex
         self._newest: dict[str, Contact] = {}
-        self._block: EmgBlock | None = None
+        self._intent: Intent | None = None
         self._felt_anew = False
         self._due_ns = 0
+        self._wanted: float = FIRST_LEVEL
         self._imposed: float = 0
         self._asked: float = 0
         self._end_ns = NEVER_NS
@@ -150,7 +149,6 @@ class DualLoop:
         )
         self._moments = Moments(
             self._bus,
-            touch,
             None if levels is None else hand,
             self.report,
             inputs=self._inputs,
@@ -246,11 +244,11 @@ class DualLoop:
         guard, late_ns = self._guard, self._pacer.late_ns
         if guard is None or not guard.due(t_ns, late_ns):
             return
-        stamps = {finger: contact[0] for finger, contact in self._newest.items()}
+        stamps = {finger: contact.t_ns for finger, contact in self._newest.items()}
         counts = dict(self.report.n_contacts)
         unvoted = None
-        if (block := self._block) is not None:
-            stamps["emg"], unvoted = block.t_ns, None if any(block.channels) else block.wanted
+        if (intent := self._intent) is not None:
+            stamps["emg"], unvoted = intent.t_ns, None if any(intent.channels) else self._wanted
             counts["emg"] = self.report.n_blocks
         released = ""
         if (dead_man := self._inputs.seen.get("dead_man")) is not None and not dead_man.held:
@@ -279,27 +277,18 @@ class DualLoop:
                     heads[finger] = head
             if not heads:
                 break
-            first = min((f for f, _ in self._contacts if f in heads), key=lambda f: heads[f][0])
+            first = min((f for f, _ in self._contacts if f in heads), key=lambda f: heads[f].t_ns)
             self._feel(first, heads.pop(first))
             taken = self._felt_anew = True
         if self._levels is not None:
-            while (block := self._levels.next_until(t_ns)) is not None:
-                self._block = block
+            while (intent := self._levels.next_until(t_ns)) is not None:
+                self._intent = replace(intent, taken_ns=self._pacer.tick_ns)
+                self._wanted = joined_level(intent.level, intent.closure)
                 taken = True
                 self.report.n_blocks += 1
                 if self._trace is not None:
-                    self._trace.taken("emg", block[0])
-                if self._bus.wants(Intent):
-                    self._bus.publish(
-                        Intent(
-                            t_ns=block.t_ns,
-                            taken_ns=self._pacer.tick_ns,
-                            channels=block.channels,
-                            level=block.level,
-                            closure=block.closure,
-                            confidence=block.confidence,
-                        )
-                    )
+                    self._trace.taken("emg", intent.t_ns)
+                self._bus.publish(self._intent)
         self._note_next_due()
         return taken
 
@@ -314,23 +303,13 @@ class DualLoop:
             self._end_ns = max((stream.end_ns for stream in self._streams), default=0)
 
     def _feel(self, finger: str, contact: Contact) -> None:
-        t_ns, metrics = contact
-        felt = self._touch.update(finger, t_ns, metrics)
-        self._newest[finger] = contact
+        felt = self._touch.update(finger, contact)
+        taken = replace(felt, taken_ns=self._pacer.tick_ns, known_ns=self._pacer.elapsed_ns())
+        self._newest[finger] = taken
         self.report.n_contacts[finger] += 1
         if self._trace is not None:
-            self._trace.taken(finger, t_ns)
-        if self._bus.wants(ContactRecord):
-            self._bus.publish(
-                ContactRecord(
-                    finger=finger,
-                    taken_ns=self._pacer.tick_ns,
-                    known_ns=self._pacer.elapsed_ns(),
-                    t_ns=t_ns,
-                    **metrics._asdict(),
-                    **felt._asdict(),
-                )
-            )
+            self._trace.taken(finger, taken.t_ns)
+        self._bus.publish(taken)
         self._tell_events(self._touch.found)
 
     def _look_at_hand(self, t_ns: int) -> None:
@@ -347,7 +326,7 @@ class DualLoop:
         if self.reflex is not None:
             self.reflex.heard(found)
         for event in found:
-            told = msgspec.structs.replace(event, taken_ns=self._pacer.tick_ns)
+            told = replace(event, taken_ns=self._pacer.tick_ns)
             self._moments.event = told
             self._bus.publish(told)
 
@@ -361,7 +340,7 @@ class DualLoop:
 
     def _tick_hand(self, t_ns: int) -> None:
         self._look_at_hand(t_ns)
-        wanted = FIRST_LEVEL if self._block is None else self._block.wanted
+        wanted = self._wanted
         level = wanted if self._guard is None else self._guard.level(wanted)
         imposed = level if level != wanted else 0
         if imposed != self._imposed:
@@ -407,10 +386,10 @@ class DualLoop:
                 self._guard.alert("latency", self._trace.warning)
             for finger, _ in self._contacts:
                 newest = self._newest.get(finger)
-                if newest is None or t_ns - newest[0] > STALE_NS:
+                if newest is None or t_ns - newest.t_ns > STALE_NS:
                     self.report.n_stale_ticks[finger] += 1
         if self._moments.wanted:
-            self._moments.show(t_ns, dict(self._newest), self._vest.frame, self._block)
+            self._moments.show(t_ns, dict(self._newest), self._vest.frame, self._intent)
 
     def _leave(self, t_ns: int, reason: str) -> list[BaseException]:
         """Silence every vest and let go of every hand; one that fails does not keep the others from it."""

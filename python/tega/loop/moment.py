@@ -14,10 +14,9 @@ if TYPE_CHECKING:
     from tega.loop.arm_view import ArmView
     from tega.loop.hand import Hand
     from tega.loop.inbox.inputs import Inputs, SeatSeen
-    from tega.loop.inbox.sources import Contact, EmgBlock
     from tega.loop.latency import LatencyTrace
     from tega.loop.loop_report import LoopReport
-    from tega.loop.touch import TouchLoop, TouchMoment
+    from tega.records import Contact, Intent
     from tega.records.bus import Bus
     from tega.safety.guard import Guard
 
@@ -30,10 +29,9 @@ class LoopView(NamedTuple):
 
     Attributes:
         t_ns: Time since the start of the session.
-        contacts: The newest metrics of each finger, with their time; a finger without a frame yet is missing.
-        felt: What each finger feels now, thumb first.
+        contacts: The newest contact of each finger, however old; a finger without a frame yet is missing.
         vest: The frame of this tick; ``None`` without tactile sources.
-        block: The newest EMG block; ``None`` before the first.
+        intent: The newest intent; ``None`` before the first.
         angles_rad: The hand's 16 joint angles as measured or modelled; ``None`` without a hand.
         counts: What was done since the start: frames of one finger (mean), EMG blocks, hand ticks, vest frames.
         inputs: What the operator's input devices say, by what they are for.
@@ -52,9 +50,8 @@ class LoopView(NamedTuple):
 
     t_ns: int
     contacts: Mapping[str, Contact]
-    felt: Sequence[TouchMoment]
     vest: MotorLevels | None
-    block: EmgBlock | None
+    intent: Intent | None
     angles_rad: Sequence[float] | None
     counts: Mapping[str, int]
     inputs: Mapping[str, SeatSeen] = {}
@@ -72,13 +69,17 @@ class LoopView(NamedTuple):
     reflex: str = ""
 
     @property
+    def felt(self) -> dict[str, Contact]:
+        """The contacts that are not too old to be felt, by finger."""
+        return {name: one for name, one in self.contacts.items() if self.t_ns - one.t_ns <= STALE_NS}
+
+    @property
     def picture_to_vest_ms(self) -> dict[str, float]:
         """How old, on average, the fresh pictures are that this tick's vest frame is made of, by the delay's name.
 
         Milliseconds; empty where no finger has a fresh picture.
         """
-        fresh = (self.t_ns - t_ns for t_ns, _ in self.contacts.values())
-        ages_ms = [age_ns / 1e6 for age_ns in fresh if age_ns <= STALE_NS]
+        ages_ms = [(self.t_ns - contact.t_ns) / 1e6 for contact in self.felt.values()]
         return {"picture to vest": sum(ages_ms) / len(ages_ms)} if ages_ms else {}
 
     @property
@@ -106,7 +107,6 @@ class Moments:
 
     Args:
         bus: Where to.
-        touch: What the fingers feel.
         hand: Knows its joints' angles; ``None`` without EMG.
         report: Counted up by the loop.
         inputs: The operator's input devices.
@@ -121,7 +121,6 @@ class Moments:
     def __init__(
         self,
         bus: Bus,
-        touch: TouchLoop,
         hand: Hand | None,
         report: LoopReport,
         *,
@@ -130,7 +129,7 @@ class Moments:
         trace: LatencyTrace | None,
         complete: Sequence[Callable[[LoopView], LoopView]],
     ) -> None:
-        self._bus, self._touch, self._hand, self._report = bus, touch, hand, report
+        self._bus, self._hand, self._report = bus, hand, report
         self._inputs, self._guard, self._trace, self._complete = inputs, guard, trace, complete
         self._commanded = hand if isinstance(hand, CommandedHand) else None
         self._shown: Moment | None = None
@@ -142,7 +141,7 @@ class Moments:
         return self._bus.wants(Moment)
 
     def show(
-        self, t_ns: int, newest: Mapping[str, Contact], vest: MotorLevels | None, block: EmgBlock | None
+        self, t_ns: int, newest: Mapping[str, Contact], vest: MotorLevels | None, intent: Intent | None
     ) -> None:
         """Publish the moment of a tick."""
         guard, trace = self._guard, self._trace
@@ -150,9 +149,8 @@ class Moments:
         view = LoopView(
             t_ns,
             newest,
-            self._touch.fresh(t_ns),
             vest,
-            block,
+            intent,
             None if self._hand is None else self._hand.angles_rad.tolist(),
             self._counts(),
             inputs=self._inputs.seen,

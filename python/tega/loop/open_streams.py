@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 from tega.devices.base import AnsweringHand, FeedingSource, StampingVest
 from tega.loop.inbox.frames import FrameMeter, fed_contacts, keeps_up, measured_contacts
 from tega.loop.inbox.reader import Reader
-from tega.loop.inbox.sources import Contact, EmgBlock, grasp_blocks, picture_of, samples_of
+from tega.loop.inbox.sources import grasp_blocks, picture_of, samples_of
 from tega.loop.inbox.stream import LiveStream, PulledStream, Stream
 from tega.loop.joint_motion import JointMotion
 from tega.loop.latency import LatencyTrace
-from tega.records import EmgSamples, Picture
+from tega.records import Contact, EmgSamples, Intent, Picture
 from tega.stages.base import MeasuredPicture
 
 if TYPE_CHECKING:
@@ -118,13 +118,10 @@ def contact_stream(
             bus.publish(picture)
 
     def tell(frame: TactileFrame, contact: Contact) -> None:
-        t_ns, metrics = contact
         if live:
-            touching.note(name, t_ns, bears_load=metric.bears_load)
+            touching.note(name, contact.t_ns, bears_load=metric.bears_load)
         if bus.wants(MeasuredPicture):
-            bus.publish(
-                MeasuredPicture(finger=name, t_ns=t_ns, image=frame.image, metrics=metrics, metric=metric)
-            )
+            bus.publish(MeasuredPicture(image=frame.image, contact=contact, metric=metric))
 
     told |= {"see": see, "tell": tell}
     if not live:
@@ -160,8 +157,8 @@ def level_stream(
     trace: LatencyTrace | None,
     bus: Bus,
     adaptation: ChannelAdaptation | None = None,
-) -> Stream[EmgBlock]:
-    """Make the stream of EMG blocks; only a live source is worth a thread."""
+) -> Stream[Intent]:
+    """Make the stream of intents; only a live source is worth a thread."""
     if muscles.stream is not None or muscles.decoder is None:
         assert muscles.stream is not None  # what makes no levels is given them
         return muscles.stream
@@ -185,7 +182,7 @@ def level_stream(
         return PulledStream(produce())
     if trace is not None:
         produce = partial(produce, stamp=trace.source("emg"))
-    stream: LiveStream[EmgBlock] = LiveStream(on_loss=muscles.report.drop)
+    stream: LiveStream[Intent] = LiveStream(on_loss=muscles.report.drop)
     # It is short, and comes before the cameras: a block that waits for four of them is late.
     reader = Reader("emg", lambda stopped: produce(stopped=stopped), stream.put, stream.end, rank="act")
     stack.callback(reader.close)

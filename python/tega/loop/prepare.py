@@ -17,9 +17,10 @@ from tega.devices.base import ComparingSource, EmgSource, TactileSource
 from tega.errors import CalibrationError
 from tega.loop.baseline import find_baseline
 from tega.loop.inbox.prepared import Finger, Muscles, Prepared
-from tega.loop.inbox.sources import Contact, SourceReport
+from tega.loop.inbox.sources import SourceReport
 from tega.loop.maxima import SELF_CALIBRATED, emg_conditions, emg_maxima, touch_maxima
 from tega.loop.touching import RecordedFingers
+from tega.records import Contact
 
 _log = logging.getLogger(__name__)
 

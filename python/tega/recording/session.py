@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 __all__ = ["FORMAT", "Recording"]
 
 FORMAT = "tega-recording"
-VERSION = "2"
+VERSION = "3"
 
 _LOG = logging.getLogger(__name__)
 

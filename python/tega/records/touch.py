@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 
 _NAN = math.nan
 
+# Fields that version 2 spelled as values of the metric's own.
+_ONCE_NAMED = {"area_mm2": "mm²", "depth_mm": "mm", "force_n": "N", "strength": "1", "broad": "1"}
+
 
 class Picture(Record, frozen=True, kw_only=True):
     """One picture of a fingertip camera, as it was read.
@@ -86,8 +89,9 @@ class NamedValue(msgspec.Struct, frozen=True):
 class Contact(Record, frozen=True, kw_only=True):
     """Contact in one picture of a fingertip, and what of it the wearer is to feel.
 
-    A metric gives ``finger``, ``t_ns``, ``in_contact`` and what else it knows; the loop adds when it took the contact
-    in and what it means to the wearer. Without contact, places and lengths are NaN, and ``eda`` and ``cci`` 0.
+    A metric gives ``finger``, ``t_ns``, ``in_contact`` and what else it knows; the loop adds ``taken_ns``,
+    ``known_ns``, ``cci_norm``, ``eda_norm``, ``front`` and ``back``. Without contact, places and lengths are NaN, and
+    ``eda`` and ``cci`` 0.
 
     Attributes:
         finger: Whose it is.
@@ -116,7 +120,7 @@ class Contact(Record, frozen=True, kw_only=True):
     """
 
     topic: ClassVar[str] = "/tactile/{finger}/contact"
-    version: ClassVar[int] = 2
+    version: ClassVar[int] = 3
     unwritten: ClassVar[tuple[str, ...]] = ("finger",)
     table: ClassVar[tuple[str, ...]] = (
         "t_s",
@@ -129,6 +133,11 @@ class Contact(Record, frozen=True, kw_only=True):
         "in_contact",
         "front",
         "back",
+        "area_mm2",
+        "depth_mm",
+        "force_n",
+        "strength",
+        "broad",
     )
 
     finger: str
@@ -159,6 +168,20 @@ class Contact(Record, frozen=True, kw_only=True):
     def log_ns(self) -> int:
         """Time at which the loop took the contact in."""
         return self.taken_ns
+
+    def current(self) -> Contact:
+        """Return the contact with each named value that has a field of its name and unit in that field."""
+        if not self.more:
+            return self
+        named = {
+            one.name: one.value
+            for one in self.more
+            if _ONCE_NAMED.get(one.name) == one.unit and getattr(self, one.name) is None
+        }
+        if not named:
+            return self
+        more = tuple(one for one in self.more if one.name not in named)
+        return msgspec.structs.replace(self, more=more, **named)
 
 
 class Event(Record, frozen=True, kw_only=True):

@@ -37,33 +37,6 @@ def contact_record(finger: str, t_ns: int, metrics: ContactMetrics) -> Contact:
     return Contact(finger=finger, t_ns=t_ns, **metrics._asdict())
 
 
-# Numbers of a contact that the kernels' own result has no place for.
-_FURTHER = {"area_mm2": "mm²", "depth_mm": "mm", "force_n": "N", "strength": "1", "broad": "1"}
-
-
-def contact_metrics_of(contact: Contact) -> ContactMetrics:
-    """Return a record in the form that the loop passes on; what the kernels do not know becomes a named value."""
-    further = tuple(
-        [
-            NamedValue(name, value, unit)
-            for name, unit in _FURTHER.items()
-            if (value := getattr(contact, name)) is not None
-        ]
-    )
-    return ContactMetrics(
-        contact.mass,
-        contact.centroid_xy,
-        contact.spread,
-        contact.threshold,
-        contact.eda,
-        contact.cci,
-        contact.peak,
-        contact.peak_xy,
-        contact.in_contact,
-        further + contact.more,
-    )
-
-
 class PaperMetric(Metric):
     """Eq 1 to 6 on the masked, blurred difference: :func:`tega.tactile.read_contact` with ``reading="paper"``."""
 

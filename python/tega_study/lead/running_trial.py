@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 
 from tega.hand.tips import tip_heights_mm
-from tega.haptics import FINGERS
 from tega_study.coupling import TouchCourse
 from tega_study.hand_rows import HandRow
 from tega_study.touch_rows import TouchRow
@@ -115,7 +114,8 @@ class Going:
         self._newest_ns = view.t_ns
         if self._presses > pressed:
             self._seen.append(TrialSeen("mark", t_s))
-        for finger, (at_ns, contact) in view.contacts.items():
+        for finger, contact in view.contacts.items():
+            at_ns = contact.t_ns
             if self._newest_touch.get(finger) != at_ns >= self._view_zero_ns:
                 self._newest_touch[finger] = at_ns
                 self._touch.append(
@@ -130,15 +130,11 @@ class Going:
                     )
                 )
         self._hand.append(self._hand_row(t_s, view))
-        if view.block is not None:
-            touching = [
-                felt
-                for felt, finger in zip(view.felt, FINGERS, strict=True)
-                if finger in view.contacts and view.contacts[finger][1].in_contact
-            ]
-            cci = sum(felt.cci_norm for felt in touching) / max(len(touching), 1)
-            eda = sum(felt.eda_norm for felt in touching) / max(len(touching), 1)
-            self._rows.append((t_s, cci, eda, view.block[2] - 1.0))
+        if view.intent is not None:
+            touching = [contact for contact in view.felt.values() if contact.in_contact]
+            cci = sum(contact.cci_norm for contact in touching) / max(len(touching), 1)
+            eda = sum(contact.eda_norm for contact in touching) / max(len(touching), 1)
+            self._rows.append((t_s, cci, eda, view.intent.level - 1.0))
 
     def _hand_row(self, t_s: float, view: LoopView) -> HandRow:
         closure = tips_mm = None
@@ -146,7 +142,7 @@ class Going:
             angles_rad = np.asarray(view.angles_rad)
             if np.isfinite(angles_rad).all():  # a hand that has told none yet has NaN
                 closure, tips_mm = self._closure(angles_rad), tip_heights_mm(angles_rad)
-        level = None if view.block is None else view.block[2]
+        level = None if view.intent is None else view.intent.level
         return HandRow(t_s, level, closure, view.arm_height_m, tips_mm)
 
     def see(self, kind: SeenKind, t_ns: int, value: float = 0.0) -> None:

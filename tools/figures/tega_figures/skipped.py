@@ -20,19 +20,19 @@ from typing import Any, Final
 import click
 import msgspec
 import numpy as np
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from tega.config.calibration import TouchMaxima
 from tega.haptics import FINGERS
 from tega.loop.hand import ModelledAllegro
-from tega.loop.inbox.sources import EmgBlock
 from tega.loop.inbox.stream import PulledStream
 from tega.loop.inbox.stuck_frames import LastFrame
 from tega.loop.loop import DualLoop
 from tega.loop.pacing import Pacer
 from tega.loop.touch import TouchLoop
+from tega.records import Contact, Intent
 from tega.runtime.clock import ManualClock
-from tega.tactile import ContactMetrics
 from tega.tactile.tracker import TouchTracker
 from tega.wire import x40_ble_frame
 from tega_figures.bench.machine import describe_machine
@@ -45,7 +45,9 @@ PROJECT: Final = Path(__file__).resolve().parents[3]
 RESULTS: Final = PROJECT / "benches" / "skips.json"
 PAGE: Final = PROJECT / "docs" / "evidence" / "skips.md"
 MINUTE_NS: Final = 60_000_000_000
-TOUCH: Final = ContactMetrics(
+TOUCH: Final = Contact(
+    finger="thumb",
+    t_ns=0,
     mass=1.0,
     centroid_xy=(1.0, 1.0),
     spread=1.0,
@@ -118,7 +120,7 @@ def _reading() -> dict[Says, tuple[Callable[[], object], Callable[[], object]]]:
     constant.keep(shown, TOUCH)
     loop = TouchLoop({finger: TouchMaxima(cci_max=1.0, eda_max=20_000.0) for finger in FINGERS}, layout="x40")
     for finger in FINGERS:
-        loop.update(finger, 0, TOUCH)
+        loop.update(finger, TOUCH)
     frame, again = loop.frame(1), loop.frame(1)
     return {
         Says(
@@ -204,8 +206,8 @@ def _read_picture(gel: Gel, pressing: list[Indenter], tracker: TouchTracker) -> 
 
 
 def _minute(*, emg: bool) -> object:
-    contacts = [(k * 16_666_667, TOUCH) for k in range(3600)]
-    blocks = [EmgBlock(k * 100_000_000, (2,), 2) for k in range(1, 600)]
+    contacts = [replace(TOUCH, t_ns=k * 16_666_667) for k in range(3600)]
+    blocks = [Intent(t_ns=k * 100_000_000, channels=(2,), level=2) for k in range(1, 600)]
     loop = DualLoop(
         pacer=Pacer(ManualClock()),
         touch=TouchLoop({"thumb": TouchMaxima(cci_max=1.0, eda_max=100.0)}, layout="x40"),

@@ -5,26 +5,24 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Generator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
+from msgspec.structs import replace
 
 from tega.devices.base import EmgChunk, EmgSource, TactileFrame
 from tega.emg.votes import ChannelVotes
 from tega.errors import DeviceUnavailableError, InvalidValueError, ShapeError
-from tega.hand import joined_level, nearest_level
+from tega.hand import nearest_level
 from tega.loop.inbox.reader import READ_TIMEOUT_S, opened_again
-from tega.records import EmgSamples, Picture
-from tega.tactile import ContactMetrics
+from tega.records import EmgSamples, Intent, Picture
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tega.config.calibration import EmgMaxima
     from tega.loop.emg_adaptation import ChannelAdaptation
-    from tega.records import Contact as ContactRecord
-    from tega.records import Intent
     from tega.stages.base import Decoder
 
 
@@ -36,37 +34,6 @@ _EVEN_HZ = frozenset({200.0, 250.0, 500.0, 1000.0, 2000.0, 4000.0})
 
 # The level before a fault is looked for among so many blocks; a fault is seen after two thirds of a second at most.
 _KEPT_BLOCKS = 256
-
-Contact = tuple[int, ContactMetrics]
-"""Time in nanoseconds, what was measured."""
-
-
-class EmgBlock(NamedTuple):
-    """Level or closure that a block of EMG asks for, as the loop passes it on.
-
-    Attributes:
-        t_ns: Time in nanoseconds.
-        channels: Level of each channel, 0 for one that cannot be believed.
-        level: Level of all together, 1 to 5.
-        closure: From 0 (open) to 1 (closed); ``None`` where the decoder knows levels only.
-        confidence: How sure the decoder is, 0 to 1; ``None`` where it does not say.
-    """
-
-    t_ns: int
-    channels: tuple[int, ...]
-    level: int
-    closure: float | None = None
-    confidence: float | None = None
-
-    @property
-    def wanted(self) -> float:
-        """Number that the hand is to be asked: the level, or the closure's place among the levels."""
-        return joined_level(self.level, self.closure)
-
-
-def metrics_of(contact: ContactRecord) -> ContactMetrics:
-    """Return the contact metrics of a contact's record."""
-    return ContactMetrics(**{name: getattr(contact, name) for name in ContactMetrics._fields})
 
 
 def picture_of(
@@ -185,7 +152,7 @@ class BlockMeter:
         # The faults that the report tells.
         self._told = self._votes.faults
         # Blocks that had a vote, with the number of samples at their end.
-        self._sound: deque[tuple[int, EmgBlock]] = deque(maxlen=_KEPT_BLOCKS)
+        self._sound: deque[tuple[int, Intent]] = deque(maxlen=_KEPT_BLOCKS)
         self._names = maxima.channels
         self._report = report
         self._rate_hz = maxima.rate_hz
@@ -198,7 +165,7 @@ class BlockMeter:
         """Begin again with a source that was away: what it missed is a gap, whatever number it counts from."""
         self._next_index = -round(MOST_GAP_S * self._rate_hz)
 
-    def take(self, chunk: EmgChunk) -> list[EmgBlock]:
+    def take(self, chunk: EmgChunk) -> list[Intent]:
         """Take the next samples.
 
         Samples that are missing before them, by their numbers, take their time: they are held for a tenth of a
@@ -208,7 +175,7 @@ class BlockMeter:
             chunk: The next samples, (n, channels), in the unit of the source.
 
         Returns:
-            The blocks that they complete: none, one or more.
+            The intents of the blocks that they complete: none, one or more.
 
         Raises:
             ShapeError: The samples have another number of channels than the maxima.
@@ -220,7 +187,7 @@ class BlockMeter:
             samples = np.concatenate([np.full((n_told, *samples.shape[1:]), np.nan), samples])
         end_ns = chunk.t_ns - self._start_ns
         times_ns = self._times_ns(len(samples), end_ns)
-        blocks, at = list[EmgBlock](), 0
+        intents, at = list[Intent](), 0
         while at < len(samples):
             part = slice(at, at + votes.room)
             voting = votes.take(samples[part])
@@ -230,7 +197,7 @@ class BlockMeter:
             made = [self._believed(intent) for intent in self._decoder.decode(given, times_ns[part])]
             if adaptation is not None:
                 adaptation.decoded(made, int(times_ns[at - 1]))
-            blocks += made
+            intents += made
         report.n_items += len(chunk.samples)
         report.n_missing += n_missing
         self._next_index = chunk.first_index + len(chunk.samples)
@@ -238,7 +205,7 @@ class BlockMeter:
         if votes.faults is not self._told:
             self._told = votes.faults
             report.faults = tuple(f"{name}: {why}" for name, why in self._told.items())
-        return blocks
+        return intents
 
     def _times_ns(self, n: int, end_ns: int) -> NDArray[np.int64]:
         """Return the times of the next samples: of a live source when they came, of a recording when each was whole."""
@@ -252,28 +219,27 @@ class BlockMeter:
             return np.arange(first * period_ns, (first + n) * period_ns, period_ns)
         return np.rint(np.arange(first, first + n) * 1_000_000_000 / self._rate_hz).astype(np.int64)
 
-    def _believed(self, intent: Intent) -> EmgBlock:
-        """Return what a decoder says, without the channels at fault; with none left, as before the fault began."""
-        faults = self._votes.faults
-        block = _block(intent, len(self._names))
+    def _believed(self, intent: Intent) -> Intent:
+        """Return a decoder's intent without the channels at fault; with none left, as before the fault began."""
+        intent, faults = _checked(intent, len(self._names)), self._votes.faults
         if faults:
-            levels = zip(self._names, block.channels, strict=True)
-            block = block._replace(channels=tuple(0 if name in faults else level for name, level in levels))
-        if any(block.channels) and self._sound and self._votes.still:
+            levels = zip(self._names, intent.channels, strict=True)
+            intent = replace(intent, channels=tuple(0 if name in faults else level for name, level in levels))
+        if any(intent.channels) and self._sound and self._votes.still:
             # The next block tells whether this is a fault; until then its low level is not passed on.
             last = self._sound[-1][1]
-            block = block._replace(level=last.level, closure=last.closure)
-        elif any(block.channels):
-            self._sound.append((self._n_samples, block))
+            intent = replace(intent, level=last.level, closure=last.closure)
+        elif any(intent.channels):
+            self._sound.append((self._n_samples, intent))
         elif (began := self._votes.began) is not None:
             # What was made of samples before the fault was seen must not be what the hand holds.
-            before = next((sound for n, sound in reversed(self._sound) if n <= began), block)
-            block = block._replace(level=before.level, closure=before.closure)
-        return block
+            before = next((sound for n, sound in reversed(self._sound) if n <= began), intent)
+            intent = replace(intent, level=before.level, closure=before.closure)
+        return intent
 
 
-def _block(intent: Intent, n_channels: int) -> EmgBlock:
-    """Return what a decoder says, checked: it may be anybody's.
+def _checked(intent: Intent, n_channels: int) -> Intent:
+    """Return a decoder's intent, checked: the decoder may be anybody's. A closure sets the level to the nearest.
 
     Raises:
         InvalidValueError: The level, the closure or the levels of the channels are out of range.
@@ -289,7 +255,7 @@ def _block(intent: Intent, n_channels: int) -> EmgBlock:
         raise InvalidValueError(
             f"the decoder gives {intent.channels!r} for {n_channels} channels", "give a level 0 to 5 for each"
         )
-    return EmgBlock(intent.t_ns, intent.channels, level, closure, intent.confidence)
+    return replace(intent, level=level)
 
 
 def grasp_blocks(
@@ -303,7 +269,7 @@ def grasp_blocks(
     stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None,
     see: Callable[[EmgChunk], None] = lambda _chunk: None,
     adaptation: ChannelAdaptation | None = None,
-) -> Generator[EmgBlock, None, int]:
+) -> Generator[Intent, None, int]:
     """Turn the samples of a source into levels, one per block.
 
     A block of a recording is stamped with the time at which its last sample was complete, n/rate, however the
@@ -323,7 +289,7 @@ def grasp_blocks(
         adaptation: Adapts what the decoder is given; ``None`` for samples as they came.
 
     Yields:
-        Time, level of each channel and fused level of each block.
+        The intent of each block.
 
     Returns:
         When the source ended, in nanoseconds.
@@ -337,7 +303,7 @@ def grasp_blocks(
                 continue
             received_ns = time.monotonic_ns()
             see(chunk)
-            blocks = meter.take(chunk)
+            intents = meter.take(chunk)
         except DeviceUnavailableError as error:
             if not live:
                 raise
@@ -352,8 +318,8 @@ def grasp_blocks(
                 raise
             report.drop()
             continue
-        for block in blocks:
-            stamp(block[0], received_ns)
-            yield block
+        for intent in intents:
+            stamp(intent.t_ns, received_ns)
+            yield intent
     report.end_ns = meter.end_ns
     return meter.end_ns

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from tega.tactile import ContactMetrics
+    from tega.records import Contact
 
 
 # So many equal pictures in a row, the first included, and a live sensor is called stuck. Two may come of a camera
@@ -27,17 +27,17 @@ class LastFrame:
     """The newest measured picture, for telling whether the next one differs.
 
     Attributes:
-        metrics: What was measured in it; ``None`` before the first.
+        contact: Contact in it; ``None`` before the first.
         n_equal: How many pictures in a row showed exactly this, the first included.
     """
 
     def __init__(self) -> None:
-        self.metrics: ContactMetrics | None = None
+        self.contact: Contact | None = None
         self.n_equal = 0
         self._image: NDArray[np.uint8] | None = None
         self._sample = b""
 
-    def repeat(self, image: NDArray[np.uint8]) -> ContactMetrics | None:
+    def repeat(self, image: NDArray[np.uint8]) -> Contact | None:
         """Compare a picture with the newest one.
 
         A picture that is the newest one itself, in memory that cannot be written, needs no comparison. Else the
@@ -49,7 +49,7 @@ class LastFrame:
             image: uint8 (H, W, 3).
 
         Returns:
-            What was measured in the newest one if every pixel is equal, and counts it; else ``None``.
+            The contact in the newest one if every pixel is equal, and counts it; else ``None``.
         """
         last = self._image
         if last is None or image.shape != last.shape:
@@ -60,12 +60,12 @@ class LastFrame:
             if image.tobytes() != last.tobytes():
                 return None
         self.n_equal += 1
-        return self.metrics
+        return self.contact
 
-    def keep(self, image: NDArray[np.uint8], metrics: ContactMetrics) -> None:
+    def keep(self, image: NDArray[np.uint8], contact: Contact) -> None:
         """Take a picture that was measured as the newest one."""
         self._image, self._sample = image, _sample(image)
-        self.metrics, self.n_equal = metrics, 1
+        self.contact, self.n_equal = contact, 1
 
 
 def _is_constant(image: NDArray[np.uint8]) -> bool:

@@ -14,6 +14,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Final, Self
 
 import numpy as np
+from msgspec.structs import replace
 
 from tega.config.attached import with_attached
 from tega.config.choose import finger_metric
@@ -84,12 +85,8 @@ class PlayedFinger:
         contact = self._meter.take(TactileFrame(told.t_ns, told.seq, image, told.name))
         if contact is None or known_ns < self._shown_ns:
             return
-        t_ns, metrics = contact
-        self._bus.publish(
-            MeasuredPicture(
-                finger=self.name, t_ns=t_ns + moment.shift_ns, image=image, metrics=metrics, metric=metric
-            )
-        )
+        contact = replace(contact, t_ns=contact.t_ns + moment.shift_ns)
+        self._bus.publish(MeasuredPicture(image=image, contact=contact, metric=metric))
         self.n_told += 1
 
     def settle(self, moment: PlayedMoment) -> None:

@@ -8,7 +8,7 @@ JPEG pictures from the contacts as recorded, and the pictures are measured besid
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -36,7 +36,17 @@ from tega.recording.replay.measured import (
 )
 from tega.recording.replay.recorded import Recorded, read_recorded
 from tega.recording.replay.reflex import recorded_arc
-from tega.records import Adaptation, BusFrame, Contact, Event, HandCommand, Intent, ReflexGrip, VestFrame
+from tega.records import (
+    Adaptation,
+    BusFrame,
+    Contact,
+    Event,
+    HandCommand,
+    Intent,
+    Record,
+    ReflexGrip,
+    VestFrame,
+)
 from tega.records.bus import Bus
 from tega.records.schema import values
 from tega.runtime.clock import ManualClock
@@ -304,13 +314,15 @@ def _compare(recorded: Recorded, again: _Again, cut_ns: int | None) -> list[Comp
     streams = []
     for finger, contacts in recorded.contacts.items():
         n = recorded.n_early.get(finger, 0)
-        ours = [(c.t_ns, _contact_row(c)) for c in contacts[n:]]
-        theirs = [(c.t_ns, _contact_row(c)) for c in again.contacts[finger][n:]]
+        ours = [(c.t_ns, _row(c)) for c in contacts[n:]]
+        theirs = [(c.t_ns, _row(c)) for c in again.contacts[finger][n:]]
         streams.append(compare(f"/tactile/{finger}/contact", ours, theirs, until_ns=cut_ns))
     if "emg" in recorded.head.sources:
         n = recorded.n_early.get("emg", 0)
+        # Before version 3 it was lost on the way to the file.
+        unkept = {"activity"} if int(recorded.head.versions.get("Levels", "1")) < 3 else set()
         ours, theirs = (
-            [(row.t_ns, {"channels": row.channels, "fused": row.level}) for row in rows[n:]]
+            [(row.t_ns, _row(row, _WHEN | unkept)) for row in rows[n:]]
             for rows in (recorded.levels, again.levels)
         )
         streams.append(compare("/emg/levels", ours, theirs, until_ns=cut_ns))
@@ -359,8 +371,8 @@ def _compare_adaptations(recorded: Recorded, measured: Measured) -> list[Compari
     return [compare(Adaptation.topic, rows, again)]
 
 
-def _contact_row(contact: Contact) -> dict[str, Any]:
-    return {name: value for name, value in values(contact).items() if name not in _WHEN}
+def _row(record: Record, without: Set[str] = _WHEN) -> dict[str, Any]:
+    return {name: value for name, value in values(record).items() if name not in without}
 
 
 def _vest_rows(rows: Sequence[tuple[int, str, bytes]]) -> list[tuple[int, dict[str, Any]]]:

@@ -21,7 +21,9 @@ from tega.hand import ModelledHand
 from tega.haptics import FINGERS, MotorLevels
 from tega.loop.inbox.stuck_frames import LastFrame
 from tega.loop.touch import TouchLoop
-from tega.tactile import ContactMetrics, read_contact
+from tega.records import Contact
+from tega.stages.metrics import contact_record
+from tega.tactile import read_contact
 from tega.wire import allegro_torque_frames, x40_ble_frame
 from tega_figures.bench.timing import Timing, in_turns
 from tega_sim.gel import Gel, ball
@@ -96,11 +98,12 @@ class Tick:
         t_ns = self._number * 10_000_000
         started = clock()
         contacts = [
-            read_contact(images[now], still, reading=self._reading) for images, still in self._fingers
+            contact_record(finger, t_ns, read_contact(images[now], still, reading=self._reading))
+            for finger, (images, still) in zip(FINGERS, self._fingers, strict=True)
         ]
         read = clock()
-        for finger, metrics in zip(FINGERS, contacts, strict=True):
-            self._touch.update(finger, t_ns, metrics)
+        for contact in contacts:
+            self._touch.update(contact.finger, contact)
         mapped = clock()
         frame = self._touch.frame(t_ns)
         framed = clock()
@@ -118,12 +121,12 @@ class Tick:
         return (*stages, *alike), packet, data
 
     def _tell_repeats(
-        self, t_ns: int, now: int, contacts: Sequence[ContactMetrics], frame: MotorLevels
+        self, t_ns: int, now: int, contacts: Sequence[Contact], frame: MotorLevels
     ) -> tuple[int, int]:
         """Time what the skips do instead of the work: four pictures and a vest frame that are the ones before."""
         clock = time.perf_counter_ns
-        for last, (images, _), metrics in zip(self._seen, self._fingers, contacts, strict=True):
-            last.keep(images[now], metrics)
+        for last, (images, _), contact in zip(self._seen, self._fingers, contacts, strict=True):
+            last.keep(images[now], contact)
         again = self._touch.frame(t_ns)
         started = clock()
         for last, (images, _) in zip(self._seen, self._fingers, strict=True):

@@ -88,7 +88,7 @@ class SessionFeed:
         for name, pictures in self._pictures.items():
             if (image := pictures.at(state.t_ns)) is not None:
                 if not pictures.measured and name in state.loop.contacts:
-                    image = image._replace(metrics=state.loop.contacts[name][1])
+                    image = image._replace(contact=state.loop.contacts[name])
                 images[name] = image
         shapes = poses = palm = None
         if (angles := state.loop.angles_rad) is not None:
@@ -116,9 +116,9 @@ class SessionFeed:
             shown.put(picture.t_ns, TouchImage(picture.image))
 
     def _measured(self, picture: MeasuredPicture) -> None:
-        if (shown := self._pictures.get(picture.finger)) is not None:
-            image = TouchImage(picture.image, picture.metrics, picture.metric.touch_map())
-            shown.put(picture.t_ns, image)
+        if (shown := self._pictures.get(picture.contact.finger)) is not None:
+            image = TouchImage(picture.image, picture.contact, picture.metric.touch_map())
+            shown.put(picture.contact.t_ns, image)
 
     def _filmed(self, picture: DisplayPicture) -> None:
         cameras = {name: image for name, image in self._cameras.items() if name != picture.name}
