@@ -11,6 +11,7 @@ import msgspec
 
 import tega
 from tega.errors import ConfigError
+from tega.loop.parts import RunStart
 from tega.records import EmgSamples, Intent
 from tega_link.forearm import ForearmReader
 from tega_link.gate import StampGate
@@ -26,12 +27,9 @@ if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.loop.inbox.inputs import Inputs
     from tega.loop.inbox.prepared import Prepared
-    from tega.loop.latency import LatencyTrace
     from tega.loop.moment import LoopView
     from tega.loop.sinks import Sinks
     from tega.records.bus import Bus
-    from tega.runtime.wake import Bell
-    from tega.safety.guard import Guard
 
 
 class OperatorStation(Station):
@@ -40,14 +38,11 @@ class OperatorStation(Station):
     Args:
         config: The session's settings.
         bus: Tells what passes in the session, and is told what comes over the link for a recording.
-        tell: Told in a sentence what happens.
         stop: Asked while the robot is looked for.
     """
 
-    def __init__(
-        self, config: SessionConfig, bus: Bus, tell: Callable[[str], None], stop: Callable[[], bool]
-    ) -> None:
-        super().__init__(config, bus, tell)
+    def __init__(self, config: SessionConfig, bus: Bus, stop: Callable[[], bool]) -> None:
+        super().__init__(config, bus)
         net = self.net
         self.tick_s = 1 / net.rate_hz
         self._stop = stop
@@ -150,18 +145,11 @@ class OperatorStation(Station):
         self._forearm.open(stack, inputs)
         return inputs
 
-    def begin(
-        self,
-        prepared: Prepared,
-        *,
-        start_ns: int,
-        bell: Bell | None,
-        trace: LatencyTrace | None,
-        guard: Guard,
-    ) -> None:
+    def begin(self, run: RunStart) -> None:
         """Take in touch from now on."""
-        self._touch.begin(prepared, self._bus, start_ns=start_ns, bell=bell, trace=trace)
-        self._intent.begin(guard)
+        prepared, start_ns, trace = run.rig.prepared, run.start_ns, run.trace
+        self._touch.begin(prepared, self._bus, start_ns=start_ns, bell=run.bell, trace=trace)
+        self._intent.begin(run.rig.guard)
         self._samples.begin(start_ns)
         self._start_ns = start_ns
 
@@ -212,8 +200,8 @@ class OperatorStation(Station):
             said += f", touch on the way {way.at(0.5) / 1e6:.1f} ms"
         return f"{said}, {self._clock.words}"
 
-    def summary(self) -> dict[str, Any]:
-        """Return the link's part of a run's summary."""
+    def _summary(self) -> dict[str, Any]:
+        """Return the counts of the link."""
         return self._link_summary() | {
             "robot": self.net.robot,
             "joined": self._lead.n,

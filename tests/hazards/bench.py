@@ -12,7 +12,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from reference.parts import observed
 from tega.config import check_tree
+from tega.loop.controls import Controls
 from tega.loop.moment import LoopView
 from tega.loop.session import run_session
 from tega.safety.states import Transition
@@ -118,10 +120,9 @@ class Lab:
         try:
             self.summary = run_session(
                 check_tree(self.tree, {}, base=self.folder).config,
-                observer=look,
                 progress=progress,
-                stop=self.stop,
-                on_state=self.changes.append,
+                controls=Controls(stop=self.stop),
+                bus=observed(look, on_state=self.changes.append),
             )
         finally:
             if began:

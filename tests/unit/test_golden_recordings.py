@@ -25,6 +25,7 @@ from tega.config.choose import muscle_decoder
 from tega.devices.base import DeviceInfo
 from tega.errors import RecordingError
 from tega.loop import run_session
+from tega.loop.controls import Controls
 from tega.loop.inbox.prepared import Finger, Muscles, Prepared
 from tega.loop.inbox.sources import SourceReport
 from tega.recording.inspection import inspect_file
@@ -210,7 +211,9 @@ def test_the_same_input_is_recorded_as_the_same_bytes_as_by_the_first_version(tm
         "session": {"preset": "paper", "pace": "fast"},
         "recording": {"dir": str(tmp_path / "again"), "lossless": True, "stop_free_mib": 0.0},
     }
-    summary = run_session(check_tree(tree, {}, base=tmp_path).config, prepared=prepared, haptics=haptics)
+    summary = run_session(
+        check_tree(tree, {}, base=tmp_path).config, prepared=prepared, controls=Controls(haptics=haptics)
+    )
     again = tmp_path / "again" / summary["recording"]["file"]
     assert _by_topic(again) == _by_topic(golden)
 

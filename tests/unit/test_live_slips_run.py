@@ -11,8 +11,10 @@ from typing import Any
 import msgspec
 import pytest
 
+from reference.parts import observed
 from tega.config import check_tree
 from tega.loop import LoopView, run_session
+from tega.loop.controls import Controls
 from tega.recording.mcap_reader import McapReader
 from tega.recording.replay import replay_file
 from tega.recording.replay.play import play_file
@@ -46,8 +48,12 @@ def test_a_run_looks_at_hand_and_arm_and_goes_by_touch_while_the_hand_is_silent(
 
         summary = run_session(
             check_tree(lab.tree, {}, base=tmp_path).config,
-            observer=look,
-            stop=lambda: (len(seen_ns) > 0 and seen_ns[-1] - seen_ns[0] > 5e9) or time.monotonic() > until_s,
+            controls=Controls(
+                stop=lambda: (
+                    (len(seen_ns) > 0 and seen_ns[-1] - seen_ns[0] > 5e9) or time.monotonic() > until_s
+                )
+            ),
+            bus=observed(look),
         )
     file = tmp_path / "recorded" / summary["recording"]["file"]
     looks = [read(HandLook, m.value) for m in McapReader(file).messages() if m.topic == HandLook.topic]

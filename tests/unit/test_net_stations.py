@@ -11,6 +11,9 @@ from typing import Any
 import msgspec
 import pytest
 
+from reference.parts import Given
+from tega.loop.controls import Controls
+
 pytest.importorskip("zenoh", reason="needs the extra net")
 
 from reference.net import Leader
@@ -86,7 +89,10 @@ def test_pictures_come_for_the_page_with_the_gel_they_are_compared_with(files) -
     config = load_config(files[1], environ={}).config
     until_s = time.monotonic() + 60
     summary = run_session(
-        config, on_prepared=watch, stop=lambda: len(seen) > 4 or time.monotonic() > until_s, bus=bus
+        config,
+        bus=bus,
+        controls=Controls(stop=lambda: len(seen) > 4 or time.monotonic() > until_s),
+        parts=[Given(watch)],
     )
     assert {frame.image.shape for frame in seen} == set(baselines)
     # A recording is read a second ahead, so its pictures are early; by our clock they are of about now.

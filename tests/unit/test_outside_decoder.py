@@ -17,6 +17,7 @@ from reference.waiting import until
 from tega.config import check_tree
 from tega.errors import DeviceUnavailableError
 from tega.loop import run_session
+from tega.loop.controls import Controls
 from tega.records import Alert, Intent, RunState
 from tega.records.bus import Bus
 from tega.safety.stop import Stop
@@ -153,7 +154,9 @@ def test_a_run_holds_while_the_other_process_is_silent_and_goes_on_after_it(tmp_
         over = threading.Event()
         stop.also(lambda: "the test" if over.is_set() else "")
         config = check_tree(tree, {}, base=tmp_path).config
-        run = threading.Thread(target=lambda: done.append(run_session(config, bus=bus, stop=stop)))
+        run = threading.Thread(
+            target=lambda: done.append(run_session(config, bus=bus, controls=Controls(stop=stop)))
+        )
         run.start()
         try:
             until(lambda: states[-1:] == ["active"])

@@ -11,6 +11,8 @@ from typing import Any
 
 import pytest
 
+from tega.loop.controls import Controls
+
 pytest.importorskip("cv2")
 pytest.importorskip("av")
 pytest.importorskip("foxglove")
@@ -65,7 +67,9 @@ class Run:
         bus.subscribe(SceneVideo, self._count, vital=True)
         bus.subscribe(Alert, self._hear, vital=True)
         try:
-            self._summary = run_session(config_of(self._folder, self._url), bus=bus, stop=self._done.is_set)
+            self._summary = run_session(
+                config_of(self._folder, self._url), bus=bus, controls=Controls(stop=self._done.is_set)
+            )
         except Exception as error:
             self._failed = error
 

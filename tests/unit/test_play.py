@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
+from reference.parts import observed
 from reference.sessions import tree as sessions_tree
 from reference.waiting import until
 from tega.config import SessionConfig, check_tree
@@ -25,6 +26,7 @@ from tega.config.calibration.folder import CalibrationFolder
 from tega.errors import ConfigError
 from tega.haptics import MotorLevels
 from tega.loop import run_session
+from tega.loop.controls import Controls
 from tega.loop.moment import LoopView
 from tega.recording.replay.play import LEAD_S, play_file
 from tega.recording.replay.play_clock import PlayClock
@@ -159,7 +161,7 @@ def test_the_vest_is_told_what_it_was_told_and_the_hand_asked_what_it_was_asked(
     before = len(seen_by(lab.vest).history)
     levels: list[int] = []
     summary = play_file(
-        file, checked(to), observer=lambda view: levels.append(view.intent.level if view.intent else 0)
+        file, checked(to), bus=observed(lambda view: levels.append(view.intent.level if view.intent else 0))
     )
     assert summary["ended"] == "complete"
     states = [change["state"] for change in summary["safety"]["changes"]]
@@ -227,7 +229,7 @@ def test_in_the_lead_the_vest_rests_and_the_hand_goes_to_where_it_began(made_up:
             seen.append((view.t_ns, view.intent.level, bool(view.vest.intensities.any())))
 
     # A live driver, and nothing but this terminal's error output behind it.
-    play_file(made_up, checked({"vest": {"driver": "on-screen-vest"}}), speed=2.0, observer=look)
+    play_file(made_up, checked({"vest": {"driver": "on-screen-vest"}}), speed=2.0, bus=observed(look))
     lead = [(level, felt) for t_ns, level, felt in seen if t_ns < 2 * LEAD_S * 1e9]
     assert len(lead) > 40
     assert set(lead) == {(read_recorded(made_up).hand[0][1], False)}
@@ -237,7 +239,7 @@ def test_in_the_lead_the_vest_rests_and_the_hand_goes_to_where_it_began(made_up:
 def test_asked_to_stop_while_it_reads_it_opens_nothing(made_up: Path) -> None:
     nowhere = checked({"vest": {"driver": "bhaptics-player", "options": {"port": 1}}})
     with pytest.raises(KeyboardInterrupt):
-        play_file(made_up, nowhere, stop=lambda: True)
+        play_file(made_up, nowhere, controls=Controls(stop=lambda: True))
 
 
 def refused(call: Callable[[], object]) -> str:
@@ -330,7 +332,7 @@ def test_the_recorded_arm_and_the_markers_are_seen_again_and_no_arm_is_moved(tmp
         bus.subscribe(Marker, marked.append)
         to = checked({"session": {"out_dir": str(tmp_path / f"out-{from_s:g}")}})
         summary = play_file(
-            recording, to, speed=None, playhead=Playhead(from_s), bus=bus, observer=views.append
+            recording, to, speed=None, playhead=Playhead(from_s), bus=observed(views.append, bus)
         )
         assert [(marker.text, marker.source) for marker in marked] == [
             (text, "recording") for text in expected

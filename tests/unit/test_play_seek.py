@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from reference.parts import observed
 from tega.records import Intent
 
 pytest.importorskip("foxglove", reason="needs the extra record")
@@ -89,7 +90,7 @@ def test_a_jump_goes_there_and_the_run_ends_as_much_earlier_or_later(
         if t_s >= at_s and not playhead.n_jumps:
             playhead.go_to(to_s)
 
-    summary = played(recorded, tmp_path, playhead, observer=look)
+    summary = played(recorded, tmp_path, playhead, bus=observed(look))
     assert summary["played"]["jumps"] == 1
     assert summary["duration_s"] == pytest.approx(SECONDS + at_s - to_s, abs=0.12)
     times = [t_s for t_s, _ in seen]

@@ -16,6 +16,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from reference.parts import observed
+
 pytest.importorskip("foxglove", reason="needs the extra record")
 pytest.importorskip("av", reason="needs the extra lerobot")
 
@@ -144,8 +146,7 @@ def test_of_a_jpeg_recording_pictures_are_shown_too_and_damage_in_one_is_passed_
         rewritten(file, tmp_path / "trial-009.mcap", damage),
         nowhere(tmp_path),
         speed=None,
-        bus=heard.bus,
-        observer=views.append,
+        bus=observed(views.append, heard.bus),
     )
     assert summary["played"]["shown"] == {"thumb": 90, "ring": 59}
     why = "/tactile/ring/image: a picture of 10 bytes cannot be decoded"
@@ -180,9 +181,12 @@ def test_after_a_jump_pictures_and_samples_are_of_there_and_stamped_by_the_run(
         lossless, frame=lambda f, p, _: images.update({p.image.tobytes(): p.t_ns} if f == "thumb" else {})
     )
     play_file(
-        lossless, nowhere(tmp_path), speed=None, bus=heard.bus, playhead=playhead,
-        observer=jumping(playhead, {0.4: 1.2, 0.6: 0.1}),
-    )  # fmt: skip
+        lossless,
+        nowhere(tmp_path),
+        speed=None,
+        playhead=playhead,
+        bus=observed(jumping(playhead, {0.4: 1.2, 0.6: 0.1}), heard.bus),
+    )
     thumb = [one for one in heard.of(MeasuredPicture) if one.contact.finger == "thumb"]
     run_ns = [one.contact.t_ns for one in thumb]
     assert run_ns == sorted(run_ns)
@@ -222,7 +226,7 @@ def test_the_page_s_moments_have_pictures_signal_and_markers_of_a_played_recordi
     feed = SessionFeed({}, bus)
     bus.subscribe(Moment, lambda m: states.append(feed.complete(ViewState(m.t_ns, m.view))), vital=True)
     bus.publish(Marker(t_ns=300 * MS, text="lift <b>", source="marker"))
-    play_file(lossless, nowhere(tmp_path), speed=None, bus=bus, on_prepared=feed.watch)
+    play_file(lossless, nowhere(tmp_path), speed=None, bus=bus, parts=[feed])
     state = next(one for one in states if one.t_ns >= 1000 * MS)
     assert state.images is not None
     assert set(state.images) == {"thumb", "ring"}
@@ -242,8 +246,7 @@ def test_at_its_own_speed_a_thread_reads_and_is_gone_after_the_run(lossless: Pat
         lossless,
         nowhere(tmp_path),
         speed=1.0,
-        bus=heard.bus,
-        observer=lambda _view: threads.update(one.name for one in threading.enumerate()),
+        bus=observed(lambda _view: threads.update(one.name for one in threading.enumerate()), heard.bus),
     )
     assert "tega-played" in threads
     assert "tega-played" not in {one.name for one in threading.enumerate()}
@@ -268,10 +271,14 @@ def test_scene_pictures_are_those_of_the_playhead_also_after_jumps(
 
     bus.subscribe(DisplayPicture, see, vital=True)
     summary = play_file(
-        moved, nowhere(tmp_path), speed=None, bus=bus, playhead=playhead, scenes=[side],
-        observer=jumping(playhead, {0.4: 1.2, 0.6: 0.1, 0.9: 0.45}),
-    )  # fmt: skip
-    front = [row for row in told if row[-1].camera == "front"]
+        moved,
+        nowhere(tmp_path),
+        speed=None,
+        playhead=playhead,
+        bus=observed(jumping(playhead, {0.4: 1.2, 0.6: 0.1, 0.9: 0.45}), bus),
+        others=[side],
+    )
+    front = [row for row in told if row[-1].name == "front"]
     assert {n_jumps for _, _, n_jumps, _ in front} == {0, 1, 2, 3}
     for at_s, shift_ns, _, one in front:
         # The newest picture of the moment that is played, and none of those that were decoded on the way to it.
@@ -302,13 +309,13 @@ def test_a_scene_that_cannot_be_used_is_refused_in_words(moved: Path, lossless: 
     for name, (found, table, video, words) in wrong.items():
         scene = write_scene(tmp_path / name, {"front": found}, video=video or "h264", table=table)
         with pytest.raises(RecordingError, match=words):
-            play_file(moved, nowhere(tmp_path), speed=None, bus=bus, scenes=[scene])
+            play_file(moved, nowhere(tmp_path), speed=None, bus=bus, others=[scene])
     (tmp_path / "text.mcap").write_text("no recording")
     for scene in (tmp_path / "text.mcap", tmp_path / "missing.mcap"):
         with pytest.raises(RecordingError, match=scene.name):
-            play_file(moved, nowhere(tmp_path), speed=None, bus=bus, scenes=[scene])
+            play_file(moved, nowhere(tmp_path), speed=None, bus=bus, others=[scene])
     with pytest.raises(RecordingError, match="holds no scene camera"):
-        play_file(moved, nowhere(tmp_path), speed=None, bus=bus, scenes=[lossless])
+        play_file(moved, nowhere(tmp_path), speed=None, bus=bus, others=[lossless])
 
 
 def test_damage_in_a_video_is_told_and_the_next_picture_that_stands_alone_is_shown(
@@ -319,7 +326,7 @@ def test_damage_in_a_video_is_told_and_the_next_picture_that_stands_alone_is_sho
     film[12] = (film[12][0], b"")
     scene = write_scene(tmp_path / "scene.mcap", {"front": film})
     heard = _Heard(DisplayPicture)
-    summary = play_file(moved, nowhere(tmp_path), speed=None, bus=heard.bus, scenes=[scene])
+    summary = play_file(moved, nowhere(tmp_path), speed=None, bus=heard.bus, others=[scene])
     shown = [number_of(one.image) for one in heard.told]
     assert shown == [*range(12), *range(20, 30)]
     assert summary["played"]["not_shown"] == [

@@ -14,11 +14,13 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from reference.parts import observed
 from reference.scripted import MS, Sink
 from tega.config import check_tree, load_config
 from tega.config.calibration import TouchMaxima
 from tega.errors import ConfigError, DeviceUnavailableError
 from tega.haptics import FeltMap, MotorLevels
+from tega.loop.controls import Controls
 from tega.loop.hand import ModelledAllegro
 from tega.loop.inbox.stream import PulledStream
 from tega.loop.loop import DualLoop
@@ -209,8 +211,8 @@ def test_a_run_pulses_an_emulated_vest_at_its_events_and_is_computed_again(tmp_p
         try:
             summary = run_session(
                 check_tree(lab.tree, {}, base=tmp_path).config,
-                observer=look,
-                stop=over.is_set,
+                controls=Controls(stop=over.is_set),
+                bus=observed(look),
             )
         finally:
             over.set()

@@ -24,6 +24,7 @@ from tega.config import check_tree, load_config  # noqa: E402
 from tega.config.text import config_text  # noqa: E402
 from tega.errors import ConfigError, DeviceUnavailableError, RecordingError, UnsafeNameError  # noqa: E402
 from tega.loop import run_session  # noqa: E402
+from tega.loop.controls import Controls  # noqa: E402
 from tega.recording.mcap_reader import McapReader  # noqa: E402
 from tega.recording.trim import trim_session  # noqa: E402
 from tega.records import Alert, SceneVideo  # noqa: E402
@@ -139,7 +140,7 @@ def test_a_camera_that_goes_away_is_told_recorded_and_found_again(tmp_path: Path
     thread = threading.Thread(target=film_twice, daemon=True)
     thread.start()
     tree = settings(tmp_path / "session", {"name": "front", "source": server.url}, duration_s=120.0)
-    summary = filmed(tree, tmp_path, bus=bus, stop=done.is_set)
+    summary = filmed(tree, tmp_path, bus=bus, controls=Controls(stop=done.is_set))
     thread.join()
     told = summary["scene"]["front"]
     assert (told["lost"], told["trouble"]) == (1, "")
@@ -190,7 +191,7 @@ def test_a_camera_whose_process_is_killed_gets_another(tmp_path: Path) -> None:
     bus.subscribe(SceneVideo, take, vital=True)
     with FilmServer() as server:
         tree = settings(tmp_path / "session", {"name": "front", "source": server.url}, duration_s=120.0)
-        summary = filmed(tree, tmp_path, bus=bus, stop=done.is_set)
+        summary = filmed(tree, tmp_path, bus=bus, controls=Controls(stop=done.is_set))
     told = summary["scene"]["front"]
     assert (told["lost"], told["trouble"]) == (1, "")
     recording = tmp_path / "session" / summary["recording"]["file"]

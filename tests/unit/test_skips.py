@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from reference.parts import observed
 from reference.scripted import MS, Sink, touching
 from tega.config import check_tree
 from tega.config.calibration import TouchMaxima
@@ -197,7 +198,7 @@ def test_a_session_of_one_finger_knows_no_other(plugin: Any, tmp_path: Path) -> 
         views.append(view)
         running.update(our_threads())
 
-    first = run_session(session(tmp_path, "one"), observer=observer, progress=progress)
+    first = run_session(session(tmp_path, "one"), progress=progress, bus=observed(observer))
     assert len(plugin.made) == 1
     assert plugin.read == plugin.made * len(plugin.read)
     assert while_measuring == {"tega-index"}  # the finger's own
@@ -209,7 +210,7 @@ def test_a_session_of_one_finger_knows_no_other(plugin: Any, tmp_path: Path) -> 
     np.save(tmp_path / "gel.npy", Gel(0).still())
     finger = {"driver": "counted-touch", "baseline": "gel.npy", "options": {"duration_s": 2.0}}
     config = session(tmp_path, "two", calibration=calibration, tactile={"index": finger})
-    second = run_session(config, observer=observer)
+    second = run_session(config, bus=observed(observer))
     assert len(plugin.made) == 1
     assert plugin.read == plugin.made * 120
     assert running <= {"tega-index", "tega-recordings"}  # one reads, one measures

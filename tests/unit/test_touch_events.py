@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
+from reference.parts import observed
 from tega.config import check_tree
 from tega.config.calibration import TouchMaxima
 from tega.haptics import FINGERS
@@ -41,7 +42,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, list[
     }
     bus, heard, seen = Bus(), list[Event](), list[LoopView]()
     bus.subscribe(Event, heard.append)
-    summary = run_session(check_tree(tree, {}, base=folder).config, bus=bus, observer=seen.append)
+    summary = run_session(check_tree(tree, {}, base=folder).config, bus=observed(seen.append, bus))
     return folder / "out", folder / "recorded" / summary["recording"]["file"], heard, seen
 
 

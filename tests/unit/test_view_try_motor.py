@@ -17,6 +17,7 @@ from reference.waiting import until
 from tega.config import check_tree
 from tega.haptics import MotorLevels, vest_frame
 from tega.loop import run_session
+from tega.loop.controls import Controls
 from tega.loop.motor_tests import TEST_PERCENT, MotorAnswer, MotorTests
 from tega.recording.replay import replay_file
 from tega.records import RunState, TriedMotor, VestFrame
@@ -134,7 +135,7 @@ def test_a_run_hears_it_while_armed_and_its_recording_is_computed_again_with_it(
 
     # A run on recordings has no vest that could be sent anything.
     tests.sent = lambda _t_ns, _sent, _bus: None  # type: ignore[method-assign, assignment]
-    summary = run_session(settings, bus=bus, go=go, motor_tests=tests)
+    summary = run_session(settings, bus=bus, controls=Controls(go=go, motor_tests=tests))
     armed = [frame for state, frame in lit if state == "armed" and any(frame)]
     assert armed
     assert all(frame[5] == TEST_PERCENT and sum(frame) == TEST_PERCENT for frame in armed)

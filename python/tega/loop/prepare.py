@@ -36,6 +36,7 @@ def prepare(
     progress: Progress,
     stop: Callable[[], bool],
     settings: str = "SETTINGS.toml",
+    origin: str = "",
 ) -> Prepared:
     """Find baselines and maxima.
 
@@ -48,6 +49,7 @@ def prepare(
         progress: Told how many frames are measured.
         stop: Asked whether to give up.
         settings: How the settings file is named in the commands that are suggested.
+        origin: Words for the origin of maxima that are elsewhere, so that none are needed here; ``""``: none.
 
     Returns:
         What the run starts with.
@@ -74,8 +76,7 @@ def prepare(
         calibration, name, warnings = person_calibration(
             config, sources, emg, conditions, settings=settings, now=utc_now()
         )
-    elif config.net is not None and config.net.station == "robot":
-        origin = "the maxima are at the operator's station"
+    elif origin:
         calibration, name = Calibration(preset=preset, origin=origin, tactile=FingerMaxima()), "none"
     else:
         for what, source in (*sources.items(), ("emg", emg)):

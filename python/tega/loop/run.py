@@ -11,17 +11,18 @@ from tega.config import DEFAULT_LAYOUT, DEFAULT_PACE, Pace
 from tega.config.choose import finger_metric
 from tega.config.motor_onset import motor_onset
 from tega.loop.adapting import open_adaptation
+from tega.loop.controls import Controls
 from tega.loop.gc_pause import settle
 from tega.loop.hand import Hand, ModelledAllegro
 from tega.loop.hand_look import open_looks
 from tega.loop.loop import DualLoop
-from tega.loop.moment import LoopView, Moment
-from tega.loop.motor_tests import MotorTests
+from tega.loop.moment import Moment
 from tega.loop.open_streams import contact_stream, is_fed, latency_trace, level_stream
 from tega.loop.pacing import Pacer
+from tega.loop.parts import RunStart
 from tega.loop.reflex import open_reflex
 from tega.loop.rig import Rig
-from tega.loop.summary import RunFacts, summarise, write_summary
+from tega.loop.summary import RunFacts, summarise
 from tega.loop.touch_loop import touch_loop
 from tega.loop.touching import RecordedFingers, Touching
 from tega.records import Alert, Event, RunState, Value
@@ -37,48 +38,28 @@ if TYPE_CHECKING:
     from tega.stages.base import Metric
 
 
-def run_loop(
-    stack: ExitStack,
-    rig: Rig,
-    *,
-    clock: Clock,
-    observer: Callable[[LoopView], None] | None,
-    stop: Callable[[], bool],
-    haptics: Callable[[], bool],
-    tests: MotorTests,
-    shown: Callable[[LoopView], LoopView] = lambda view: view,
-    authority: Callable[[], float | None] = lambda: None,
-) -> dict[str, Any]:
-    """Run the dual loop until it ends, close what is open and write down what was.
+def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) -> dict[str, Any]:
+    """Run the dual loop until it ends, close everything that is open, and write the summary.
 
     Args:
-        stack: Holds what the rig has open; closed here where tables or a recording have to be complete.
-        rig: What the run is made of.
+        stack: Holds everything that the rig has open; closed here, so that tables and recordings are complete.
+        rig: Devices, outputs and parts of the run.
         clock: The session's clock.
-        observer: Called once per vest tick with what a display may show.
-        stop: Asked all the time whether to end.
-        haptics: Asked at every vest tick; every motor rests while it says no.
-        tests: Wishes to feel a motor while the run is armed.
-        shown: Completes each moment for a display.
-        authority: Asked at each tick of the hand what authority a page gives the reflex.
+        controls: Answers at every tick whether to end and what is allowed.
 
     Returns:
         The summary.
 
     Raises:
-        TegaError: Whatever ended the loop; the summary is written first.
+        TegaError: The error that ended the loop; the summary is written first.
     """
-    config, prepared, sinks, guard, recording = rig.config, rig.prepared, rig.sinks, rig.guard, rig.recording
-    session, muscles, station = config.session, prepared.muscles, rig.station
+    config, prepared, sinks, guard = rig.config, rig.prepared, rig.sinks, rig.guard
+    session, muscles, tests = config.session, prepared.muscles, controls.motor_tests
     layout = config.vest.layout or DEFAULT_LAYOUT[session.preset]
 
     def may_feel() -> bool:
-        return haptics() and guard.felt
+        return controls.haptics() and guard.felt
 
-    if observer is not None:
-        rig.bus.subscribe(Moment, lambda moment: observer(moment.view), name="display", vital=True)
-    if station is not None:
-        rig.bus.subscribe(Moment, lambda moment: station.seen(moment.view), name="link")
     pace, bell = _pace(rig, clock)
     flows = stack.enter_context(ExitStack())
     real_time = False
@@ -89,8 +70,9 @@ def run_loop(
             flows.enter_context(all_along())
     hand: Hand = sinks.steered or ModelledAllegro(device_id=config.hand.device_id)
     pacer = Pacer(clock, bell=bell)
-    if recording is not None:
-        recording.head(rig, layout=layout, pace=pace, observed=rig.bus.wants(Moment))
+    run = RunStart(rig, layout, pace, rig.bus.wants(Moment), isinstance(clock, SystemClock), bell=bell)
+    for part in rig.parts:
+        part.head(run)
     # Before the clock starts: what a stage computes when it is made would come off the first ticks.
     unmeasured = [name for name, f in prepared.fingers.items() if f.stream is None and f.measured is None]
     metrics = {name: _metric(rig, name) for name in unmeasured}
@@ -102,8 +84,6 @@ def run_loop(
         find_events=rig.bus.wants(Moment) or rig.bus.wants(Event),
     )
     start_ns = pacer.start()
-    if recording is not None:
-        recording.begin(start_ns, clock.now_ns())
     trace = None
     if isinstance(clock, SystemClock):
         trace = latency_trace(
@@ -117,17 +97,10 @@ def run_loop(
             bus=rig.bus,
         )
     _tell(rig.bus, pacer, guard, trace)
-    if rig.markers is not None:
-        trial = "start" if recording is None else recording.name
-        rig.markers.begin(
-            start_ns,
-            trial=trial,
-            real=isinstance(clock, SystemClock),
-            emg_hz=None if muscles is None else muscles.source.info.rate_hz,
-        )
-    if station is not None:
-        station.begin(prepared, start_ns=start_ns, bell=bell, trace=trace, guard=guard)
-        flows.callback(station.end)
+    run = run._replace(start_ns=start_ns, now_ns=clock.now_ns(), trace=trace)
+    for part in rig.parts:
+        part.begin(run)
+        flows.callback(part.end)
     _steer(flows, rig, start_ns)
     touching, recorded = Touching(), flows.enter_context(closing(RecordedFingers()))
     loop = DualLoop(
@@ -170,10 +143,14 @@ def run_loop(
         inputs=rig.inputs,
         guard=guard,
         trace=trace,
-        complete=[*(part.shown for part in (sinks, rig.steering, station) if part is not None), shown],
-        endless=rig.steering is not None or station is not None,
+        complete=[
+            sinks.shown,
+            *([] if rig.steering is None else [rig.steering.shown]),
+            *(part.shown for part in rig.parts),
+        ],
+        endless=rig.steering is not None or any(part.endless for part in rig.parts),
         tried=lambda t_ns, frame: tests.frame(
-            t_ns, frame, refused=partial(_untried, guard, haptics), bus=rig.bus
+            t_ns, frame, refused=partial(_untried, guard, controls.haptics), bus=rig.bus
         ),
         sent=lambda t_ns, sent: tests.sent(t_ns, sent, rig.bus),
         reflex=open_reflex(
@@ -182,7 +159,7 @@ def run_loop(
             prepared.fingers,
             active=lambda: guard.state == "active",
             hand=sinks.steered,
-            authority=authority,
+            authority=controls.authority,
         ),
         look=prepared.look
         or open_looks(config, hand=sinks.steered, arm=rig.steering, now_ns=pacer.elapsed_ns),
@@ -195,7 +172,7 @@ def run_loop(
 
     duration_ns = None if session.duration_s is None else round(session.duration_s * 1e9)
     try:
-        loop.run(duration_ns=duration_ns, stop=stop)
+        loop.run(duration_ns=duration_ns, stop=controls.stop)
     except BaseException as error:
         conclude(error)
         raise
@@ -231,10 +208,7 @@ def _tell(bus: Bus, pacer: Pacer, guard: Guard, trace: LatencyTrace | None) -> N
 
 
 def _steer(flows: ExitStack, rig: Rig, start_ns: int) -> None:
-    """Let the arm follow, and the scene cameras film, until the run ends."""
-    if rig.cameras is not None:
-        rig.cameras.begin(start_ns)
-        flows.callback(rig.cameras.end)
+    """Let the arm follow until the run ends."""
     if rig.steering is not None:
         rig.steering.start(rig.bus, start_ns, may_move=lambda: rig.guard.state == "active")
         flows.callback(rig.steering.stop)
@@ -253,19 +227,12 @@ def _pace(rig: Rig, clock: Clock) -> tuple[Pace, Bell | None]:
 def _conclude(
     stack: ExitStack, state: RunFacts, error: BaseException | None, *, n_waits: int
 ) -> dict[str, Any]:
-    """Close what is open and write down what was."""
-    recording, markers = state.rig.recording, state.rig.markers
+    """Close everything that is open, and have the parts complete and keep the summary, the first part last."""
     summary = summarise(state, error=error)
-    out_dir = state.rig.config.session.out_dir
-    try:
-        if out_dir is not None or recording is not None:
-            stack.pop_all().close()  # the tables are complete before the summary says so
-    finally:
-        if markers is not None:
-            summary["markers"] = markers.summary()  # with those that came last
-        if recording is not None:
-            recording.ended(state.loop, n_waits)
-            summary["recording"] = recording.finish(summary)
-    if out_dir is not None:
-        write_summary(summary, out_dir / "summary.json")
+    with ExitStack() as ending:
+        for part in state.rig.parts:
+            ending.callback(part.finish, summary)
+        for part in state.rig.parts:
+            ending.callback(part.ended, state.loop, n_waits)
+        stack.pop_all().close()  # tables and recordings are complete before the summary says so
     return summary

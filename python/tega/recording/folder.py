@@ -13,11 +13,11 @@ from typing import Literal
 import msgspec
 
 from tega.errors import ConfigError, RecordingError
+from tega.loop.summary import SUMMARY_FORMAT
 from tega.recording.tables import TABLES
 from tega.runtime.files.foreign_file import parse_json, read_words
 from tega.runtime.files.whole_file import write_whole
 
-SUMMARY_FORMAT = "tega-run"
 OUTPUT_NAMES = (*TABLES.values(), "vest.csv", "can.csv", "summary.json", "calibration.toml", "picture.png")
 NOT_ENDED = "not yet, or it was killed"
 

@@ -35,3 +35,13 @@ class DisplayRow(msgspec.Struct, frozen=True, kw_only=True):
 
     name: str
     text: str
+
+
+class Notice(msgspec.Struct, frozen=True, kw_only=True):
+    """A sentence for the person who runs the session, published once.
+
+    Attributes:
+        text: The sentence.
+    """
+
+    text: str

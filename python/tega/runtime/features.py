@@ -116,7 +116,8 @@ def _loaded() -> tuple[dict[str, Feature], tuple[Broken, ...]]:
     """Import every declaration; one that fails does not keep the others out."""
     found: dict[str, Feature] = {}
     broken: list[Broken] = []
-    for name, entry in sorted(plugins(GROUP).items()):
+    own = {name: not entry.value.startswith("tega.") for name, entry in plugins(GROUP).items()}
+    for name, entry in sorted(plugins(GROUP).items(), key=lambda pair: (own[pair[0]], pair[0])):
         package = plugin_package(entry)
         try:
             feature = entry.load()

@@ -21,7 +21,6 @@ from tega_study.state import Where
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig
-    from tega.safety.states import Transition
     from tega_sim.seams import Act, Percept, Shear
     from tega_study.lead.rest_tasks import RestTask
     from tega_study.lead.running_trial import Going
@@ -133,7 +132,9 @@ class LabBench:
     def run(self, trial: PlannedTrial, going: Going, folder: Path) -> None:
         """Run a session of the devices for as long as the trial lasts."""
         from tega.loop import run_session
-        from tega.records import MuscleCondition
+        from tega.loop.controls import Controls
+        from tega.loop.moment import Moment
+        from tega.records import MuscleCondition, RunState
         from tega.records.bus import Bus
 
         bus = Bus()
@@ -149,21 +150,19 @@ class LabBench:
             recording=replace(self._config.recording, dir=folder.absolute()),
         )
 
-        def changed(change: Transition) -> None:
+        def changed(change: RunState) -> None:
             going.tell(change.state, change.reason)
             if change.state == "active":
                 going.begin(change.t_ns)
 
+        bus.subscribe(Moment, lambda moment: going.view(moment.view), name="study", vital=True)
+        bus.subscribe(RunState, changed, name="study", vital=True)
         run_session(
             config,
             bus=bus,
-            observer=going.view,
+            controls=Controls(stop=going.over, haptics=going.feel, go=going.may_go),
             progress=going.preparing,
-            stop=going.over,
-            haptics=going.feel,
             settings=self._settings,
-            go=going.may_go,
-            on_state=changed,
         )
 
 

@@ -7,11 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from tega.recording.replay.played_scene import followed_scene
-
 from tega.recording.replay.followed_file import FollowedFile, PlayedMoment
 from tega.records.bus import Bus
 from tega.records.display import DisplayPicture
+from tega_scene.played import followed_scene
 
 if TYPE_CHECKING:
     import numpy as np
@@ -35,9 +34,9 @@ class _FilmFile:
         self.newest: dict[str, NDArray[np.uint8]] = {}
 
     def _see(self, one: DisplayPicture) -> None:
-        self.newest.pop(one.camera, None)
+        self.newest.pop(one.name, None)
         if one.image is not None:
-            self.newest[one.camera] = one.image
+            self.newest[one.name] = one.image
 
 
 class SceneReel:

@@ -130,6 +130,7 @@ def run_viewed(
         The summary.
     """
     from tega.loop import run_session
+    from tega.loop.controls import Controls as RunControls
     from tega.loop.motor_tests import MotorTests
     from tega.records import bus as run_bus
     from tega.runtime.clock import PausableClock
@@ -147,11 +148,9 @@ def run_viewed(
         playhead=playhead,
         reflex=None if reflex is None or reflex.name is None else reflex.authority,
     )
-    if controls.reflex is not None:
-        options["authority"] = lambda: controls.reflex
-    if run is None and not can_pause:
-        options["motor_tests"] = tests = MotorTests()
-        options["go"] = lambda: controls.may_go
+    tests = MotorTests()
+    live = run is None and not can_pause
+    if live:
         controls.try_motor = tests.ask
     ends = Stop()
     ends.also(lambda: (getattr(stop, "reason", "") or "asked to") if stop() else "")
@@ -170,9 +169,14 @@ def run_viewed(
             options["clock"] = PausableClock(lambda: controls.paused and not stop())
         return (run or run_session)(
             config,
-            stop=ends,
-            on_prepared=feed.watch,
-            haptics=lambda: controls.haptics,
+            controls=RunControls(
+                stop=ends,
+                go=(lambda: controls.may_go) if live else (lambda: True),
+                haptics=lambda: controls.haptics,
+                authority=lambda: controls.reflex,
+                motor_tests=tests,
+            ),
+            parts=[feed],
             bus=bus,
             **options,
         )

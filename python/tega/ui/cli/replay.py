@@ -100,11 +100,12 @@ def replay(
     --json the summary is printed, with a table "measured" of wall_s and real_time_factor.
     """
     import time
-    from functools import partial
 
     from tega.config import check_tree, override_tree
     from tega.loop import run_session
+    from tega.loop.controls import Controls
     from tega.records.bus import Bus
+    from tega.records.display import Notice
     from tega.safety.ctrl_c import CtrlC
     from tega.ui.cli.findings import Findings
     from tega.ui.cli.options import progress_bar
@@ -129,15 +130,15 @@ def replay(
     bus, picture = Bus(), flags["picture"]
     findings = Findings(bus, picture or flags["out"] / "picture.png", required=picture is not None)
     started = time.perf_counter()
-    tell = partial(click.echo, err=True)
+    bus.subscribe(Notice, lambda notice: click.echo(notice.text, err=True), name="notices")
     with CtrlC() as stop, progress_bar(enabled=not as_json) as progress:
         if view:
             summary = run_viewed(
                 settings, title="TEGA · replay", port=view_port, progress=progress, stop=stop,
-                can_pause=True, tell=tell, bus=bus,
+                can_pause=True, bus=bus,
             )  # fmt: skip
         else:
-            summary = run_session(settings, progress=progress, stop=stop, tell=tell, bus=bus)
+            summary = run_session(settings, progress=progress, controls=Controls(stop=stop), bus=bus)
     wall_s = time.perf_counter() - started
     findings.tell(
         f"TEGA replay, preset {flags['preset']}", pose_base=settings.session.pose_base, words=not as_json

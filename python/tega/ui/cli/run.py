@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
@@ -79,12 +79,14 @@ def run_settings(
     wait_for_go: bool,
     streams: tuple[str, ...],
     as_json: bool,
-    station: Literal["operator", "robot"] | None = None,
+    check: Callable[[SessionConfig], None] = lambda _settings: None,
 ) -> None:
-    """Run a session from its settings file, alone or as one of two stations.
+    """Run a session from its settings file.
+
+    ``check`` refuses settings that are not meant for the verb.
 
     Raises:
-        ConfigError: The settings are wrong, or those of another station.
+        ConfigError: The settings are wrong, or another verb's.
         KeyboardInterrupt: The run was stopped.
     """
     import json
@@ -97,7 +99,9 @@ def run_settings(
     spare_threads()
     from tega.config import load_config
     from tega.loop import run_session
+    from tega.loop.controls import Controls
     from tega.records.bus import Bus
+    from tega.records.display import Notice
     from tega.safety.ctrl_c import CtrlC
     from tega.ui.cli.options import stop_keys
     from tega.ui.cli.page import run_viewed
@@ -114,7 +118,7 @@ def run_settings(
     if lossless:
         sets = (*sets, "recording.lossless=true")
     settings = load_config(config, sets=sets).config
-    _check_station(settings, config, station)
+    check(settings)
     name = shlex.quote(str(config))
     heading = f"TEGA · {config.name}" + (" · space or q: stop" if sys.stdin.isatty() else "")
     started = time.perf_counter()
@@ -130,6 +134,7 @@ def run_settings(
                 click.echo(said, err=True)
 
         bus = Bus()
+        bus.subscribe(Notice, lambda notice: tell(notice.text), name="notices")
         shown.enter_context(streamed(bus, streams))
         if display is not None:
             display.watch(bus)
@@ -141,27 +146,11 @@ def run_settings(
                 progress=progress,
                 stop=stop,
                 settings=name,
-                tell=tell,
                 bus=bus,
                 wait=wait_for_go,
             )
         else:
-            summary = run_session(settings, progress=progress, stop=stop, settings=name, tell=tell, bus=bus)
+            summary = run_session(
+                settings, progress=progress, controls=Controls(stop=stop), settings=name, bus=bus
+            )
     tell_summary(summary, wall_s=time.perf_counter() - started, as_json=as_json)
-
-
-def _check_station(settings: SessionConfig, config: Path, station: str | None) -> None:
-    from tega.errors import ConfigError
-
-    meant = None if settings.net is None else settings.net.station
-    if meant == station:
-        return
-    if meant is None:
-        raise ConfigError(
-            f"{config.name} has no [net], so it is no {station}'s station",
-            f'set net.station = "{station}", as docs/two-machines.md shows',
-        )
-    raise ConfigError(
-        f"{config.name} is the settings of the {meant}'s station",
-        f"start it with: tega-teleop {meant} {config.name}",
-    )

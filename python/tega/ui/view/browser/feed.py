@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tega.loop.adapting import UNDO_SEAT
+from tega.loop.parts import Part
 from tega.records import Button, EmgSamples, Marker, Picture
 from tega.records.display import DisplayPicture
 from tega.stages.base import MeasuredPicture
@@ -39,10 +40,10 @@ _MARKED_NS = 10_000_000_000
 _MARKED_LETTERS = 40
 
 
-class SessionFeed:
-    """Completes a session's moments.
+class SessionFeed(Part):
+    """Completes a session's moments for the page.
 
-    Give the bus and :meth:`watch` (as ``on_prepared``) to ``run_session``, and :meth:`complete` to the view.
+    Give the bus and this part to ``run_session``, and :meth:`complete` to the view.
 
     Args:
         rows: Lines of text to show.
@@ -53,7 +54,7 @@ class SessionFeed:
         self._rows = rows
         self._figure = HandFigure()
         self._pictures: dict[str, _Pictures] = {}
-        self._prepared: Prepared | None = None
+        self._inputs: Prepared | None = None
         self._chunks: deque[EmgSamples] = deque()
         self._n_kept, self._live_emg, self._emg_unit = 0.0, False, ""
         bus.subscribe(Picture, self._see, name="page")
@@ -65,8 +66,8 @@ class SessionFeed:
         bus.subscribe(Marker, self._mark, name="page")
         self._bus, self._t_ns, self._muscle_rows = bus, 0, MuscleRows(bus)
 
-    def watch(self, prepared: Prepared) -> Prepared:
-        """Take note of what a run starts with, and return it."""
+    def prepared(self, prepared: Prepared) -> Prepared:
+        """Note the inputs of a run."""
         for name, finger in prepared.fingers.items():
             info = finger.source.info
             # What another station measured comes as a picture alone.
@@ -76,13 +77,13 @@ class SessionFeed:
             info = muscles.source.info
             self._n_kept = (_KEPT_S + (0.0 if info.live else _AHEAD_S)) * muscles.maxima.rate_hz
             self._live_emg, self._emg_unit = info.live, info.unit
-        self._prepared = prepared
+        self._inputs = prepared
         return prepared
 
     def complete(self, state: ViewState) -> ViewState:
         """Add pictures, muscle signal, hand and text to a moment of the loop."""
         self._t_ns = state.t_ns
-        if (prepared := self._prepared) is None:
+        if (prepared := self._inputs) is None:
             return state
         images = {}
         for name, pictures in self._pictures.items():
