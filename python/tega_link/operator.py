@@ -147,9 +147,9 @@ class OperatorStation(Station):
 
     def begin(self, run: RunStart) -> None:
         """Take in touch from now on."""
-        prepared, start_ns, trace = run.rig.prepared, run.start_ns, run.trace
+        prepared, start_ns, trace = run.prepared, run.start_ns, run.trace
         self._touch.begin(prepared, self._bus, start_ns=start_ns, bell=run.bell, trace=trace)
-        self._intent.begin(run.rig.guard)
+        self._intent.begin(run.guard)
         self._samples.begin(start_ns)
         self._start_ns = start_ns
 

@@ -144,7 +144,7 @@ class RobotStation(Station):
 
     def begin(self, run: RunStart) -> None:
         """Let operators lead from now on."""
-        prepared, start_ns, trace = run.rig.prepared, run.start_ns, run.trace
+        prepared, start_ns, trace = run.prepared, run.start_ns, run.trace
         pictures = self._pictures
         self._reception.welcome = Welcome(
             station=self._session,

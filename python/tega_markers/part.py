@@ -22,10 +22,10 @@ class MarkersPart(Part):
 
     def begin(self, run: RunStart) -> None:
         """Send that session and trial begin."""
-        muscles = run.rig.prepared.muscles
+        muscles = run.prepared.muscles
         self._markers.begin(
             run.start_ns,
-            trial=next((part.trial for part in run.rig.parts if part.trial), "start"),
+            trial=run.trial,
             real=run.real,
             emg_hz=None if muscles is None else muscles.source.info.rate_hz,
         )

@@ -17,20 +17,20 @@ from tega_study.coupling import TouchCourse, read_course
 from tega_study.difference import OutcomeDifference, outcomes
 from tega_study.directions import Direction, directions
 from tega_study.finger_rows import FingerRow, finger_rows
-from tega_study.journal import read_events
+from tega_study.journal import events_path, read_events
 from tega_study.objects import ObjectFacts, read_objects
 from tega_study.plan import default_family
 from tega_study.power import SPREADS, count_power, people_for
-from tega_study.privacy import withdrawn_ids
 from tega_study.probe import ProbeUse, probe_uses
 from tega_study.ratings import RatingUse, ratings
 from tega_study.score.accounts import agreements
 from tega_study.score.agree import Agreement
 from tega_study.silico.assumptions import Assumptions, read_assumptions, read_parameters
 from tega_study.silico.sensitivity import SensitivityRow, read_sensitivity
-from tega_study.state import derive, events_path, rehearsed
+from tega_study.state import derive, rehearsed
 from tega_study.touch_picture import FingerPicture, pictures_of
 from tega_study.trials import Trial, bench_trials, course_path, study_trials
+from tega_study.withdrawn import withdrawn_ids
 
 FORMAT = "tega-study-analysis"
 

@@ -17,11 +17,10 @@ from tega.haptics import FINGERS
 from tega.stages.events import DetectedEvent, Detector, ShearFrame, TouchFrame
 from tega.stages.events.settings import SETTINGS
 from tega_study.hand_rows import HandRow, hand_path, read_hand
-from tega_study.journal import Journal, JournalEvent, Kind, read_events
+from tega_study.journal import Journal, JournalEvent, Kind, events_path, read_events
 from tega_study.plan import read_plan
-from tega_study.privacy import withdrawn_ids
-from tega_study.state import events_path
 from tega_study.touch_rows import TouchRow, read_touch, touch_path
+from tega_study.withdrawn import withdrawn_ids
 
 DETECTOR = "detector"
 DETECTED: dict[str, Kind] = {"lift_off": "lift_off", "slip": "slip", "deformation": "deformation"}

@@ -9,6 +9,10 @@ FEATURE = Feature(
     settings={"masking": "tega_study.masking_settings:MaskingSection"},
     verbs={
         "study": Verb("tega_study.cli:study", "Plan, lead, score and report a user study."),
+        "scene measure": Verb(
+            "tega_study.cli.scene:measure", "Measure the filmed lifts of a study's session."
+        ),
+        "scene confirm": Verb("tega_study.cli.scene:confirm", "Confirm or correct a measured trial."),
         "recording take": Verb(
             "tega_study.cli.take:take", "Record episodes, begun and ended by key or pedal."
         ),

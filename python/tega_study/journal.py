@@ -16,6 +16,7 @@ import msgspec
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.runtime.files.foreign_file import check_file, parse_json, read_foreign
 from tega.runtime.files.lock import lock_file
+from tega.runtime.files.plain_name import plain_name
 from tega.runtime.files.whole_file import open_to_append
 
 Kind = Literal[
@@ -236,3 +237,10 @@ def _sync_folder(folder: Path) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
+
+
+def events_path(folder: Path, participant: str) -> Path:
+    """Return where a person's events are."""
+    return (
+        folder / "sessions" / plain_name(participant, what="participant", source=folder.name) / "events.jsonl"
+    )

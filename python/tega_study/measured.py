@@ -9,8 +9,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tega_study.journal import JournalEvent, read_events
-from tega_study.state import events_path
+from tega_study.journal import JournalEvent, events_path, read_events
 
 CAMERA = "camera"
 

@@ -8,7 +8,6 @@ signals can identify a person: the anonymised copy has none, nor texts, names or
 from __future__ import annotations
 
 import hashlib
-import logging
 import os
 import re
 import shutil
@@ -19,17 +18,14 @@ from typing import Any, NamedTuple
 import msgspec
 
 from tega.errors import InvalidValueError, RecordingError
-from tega.runtime.files.foreign_file import parse_json, read_foreign, read_words
+from tega.runtime.files.foreign_file import parse_json, read_foreign
 from tega.runtime.files.whole_file import open_to_append, write_whole
-from tega_study.journal import Journal, JournalEvent, read_events
+from tega_study.journal import Journal, JournalEvent, events_path, read_events
 from tega_study.objects import OBJECTS, objects_text, read_objects
 from tega_study.observers import PART, observer_path, read_observers
 from tega_study.plan import StudyPlan, person_id, read_plan, write_plan
-from tega_study.state import events_path
+from tega_study.withdrawn import WITHDRAWN, lines_of, withdrawn_ids
 
-_LOG = logging.getLogger(__name__)
-
-_LIST = "withdrawn.txt"
 ELSEWHERE = "elsewhere.txt"
 REPORTS = ("report", "report.html")
 COURSES = "courses"
@@ -52,27 +48,6 @@ class Withdrawal(NamedTuple):
     left: list[Path]
 
 
-def withdrawn_ids(folder: Path) -> set[str]:
-    """Return the ids of those who have withdrawn; nothing is deleted by asking.
-
-    Args:
-        folder: The study's folder.
-    """
-    path = folder / _LIST
-    if not path.exists():
-        return set()
-    ids = {line for line in _lines(path) if re.fullmatch(r"p\d+", line)}
-    for person in sorted(ids):
-        if os.path.lexists(events_path(folder, person).parent):
-            _LOG.warning(
-                "%s has withdrawn, but something of theirs is left: tega-teleop study withdraw %s %s",
-                person,
-                folder,
-                person,
-            )
-    return ids
-
-
 def note_elsewhere(folder: Path, participant: str, path: Path) -> None:
     """Note what the program made of a person outside of the study's folder, so that withdrawing can tell of it.
 
@@ -90,19 +65,7 @@ def note_elsewhere(folder: Path, participant: str, path: Path) -> None:
 
 
 def _noted(notes: Path) -> list[str]:
-    return _lines(notes) if notes.is_file() else []
-
-
-def _lines(path: Path) -> list[str]:
-    """Return the lines of a list.
-
-    Raises:
-        RecordingError: It is no text.
-    """
-    try:
-        return read_words(path).splitlines()
-    except UnicodeDecodeError as error:
-        raise RecordingError(f"{path}: no list of lines: {error}", "restore it from a copy") from error
+    return lines_of(notes) if notes.is_file() else []
 
 
 def withdraw(folder: Path, participant: str) -> Withdrawal:
@@ -126,7 +89,7 @@ def withdraw(folder: Path, participant: str) -> Withdrawal:
     read_plan(folder).of(participant)
     if participant not in withdrawn_ids(folder):
         check_not_led(folder, participant)
-        with open_to_append(folder / _LIST) as file:  # first: a crash cannot undo it
+        with open_to_append(folder / WITHDRAWN) as file:  # first: a crash cannot undo it
             file.write(f"\n{participant}\n".encode())
             file.flush()
             os.fsync(file.fileno())

@@ -9,8 +9,7 @@ from typing import Literal
 import msgspec
 
 from tega.errors import InvalidValueError, RecordingError
-from tega.runtime.files.plain_name import plain_name
-from tega_study.journal import Journal, JournalEvent, Status, undone_numbers
+from tega_study.journal import Journal, JournalEvent, Status, events_path, undone_numbers
 from tega_study.plan import PlannedTrial, StudyPlan
 
 Where = Literal["lab", "emulated", "simulated"]
@@ -36,13 +35,6 @@ class SessionState(msgspec.Struct, frozen=True):
     running: tuple[int, int] | None
     next: tuple[int, int] | None
     n_over: int
-
-
-def events_path(folder: Path, participant: str) -> Path:
-    """Return where a person's events are."""
-    return (
-        folder / "sessions" / plain_name(participant, what="participant", source=folder.name) / "events.jsonl"
-    )
 
 
 def derive(trials: Sequence[PlannedTrial], events: Sequence[JournalEvent]) -> SessionState:
@@ -135,7 +127,7 @@ def resume(
         RecordingError: The events are damaged, belong to another plan, or the person has withdrawn.
         DeviceUnavailableError: Another program has the session open.
     """
-    from tega_study.privacy import withdrawn_ids
+    from tega_study.withdrawn import withdrawn_ids
 
     trials = plan.of(participant)
     if participant in withdrawn_ids(folder):

@@ -9,12 +9,11 @@ import msgspec
 
 from tega.errors import RecordingError
 from tega_study.beep_score import score_beeps
-from tega_study.journal import JournalEvent, Status, counting, read_events
+from tega_study.journal import JournalEvent, Status, counting, events_path, read_events
 from tega_study.observers import read_observers, saw_whole
 from tega_study.plan import PlannedTrial, StudyPlan, read_plan
-from tega_study.privacy import withdrawn_ids
 from tega_study.squeeze_score import squeeze_shares
-from tega_study.state import events_path
+from tega_study.withdrawn import withdrawn_ids
 
 _CAN_BE_UNDONE = {"lift_off", "lifted", "slip", "deformation", "drop", "note", "override", "redo", "rating"}
 

@@ -52,12 +52,11 @@ from tega_study.bundle import open_bundle, write_bundle
 from tega_study.coupling import TouchCourse, read_course, write_course
 from tega_study.episodes.journal import EpisodeLine, read_episodes
 from tega_study.hand_rows import read_hand
-from tega_study.journal import Journal, read_events
+from tega_study.journal import Journal, events_path, read_events
 from tega_study.objects import read_objects
 from tega_study.plan import make_plan, read_plan, write_plan
 from tega_study.score import boris, boris_file, clips, recorded, trial_pictures
 from tega_study.silico.assumptions import read_assumptions, read_parameters
-from tega_study.state import events_path
 from tega_study.touch_picture import read_touch_picture
 from tega_study.touch_rows import read_touch
 

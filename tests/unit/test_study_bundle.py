@@ -18,11 +18,10 @@ from tega.recording.mcap_reader import McapReader
 from tega.ui.cli.main import main
 from tega_study.bids_names import BIDS_NAME, bids_names
 from tega_study.bundle import MANIFEST, open_bundle, write_bundle
-from tega_study.journal import Journal
+from tega_study.journal import Journal, events_path
 from tega_study.observers import observer_path
 from tega_study.plan import StudyPlan, make_plan, read_plan, write_plan
 from tega_study.privacy import withdraw
-from tega_study.state import events_path
 from tega_study.trials import study_trials
 
 GOLDEN = Path(__file__).resolve().parents[1] / "golden" / "paper.mcap.xz"

@@ -23,7 +23,7 @@ from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingErro
 from tega.recording.mcap_reader import McapReader
 from tega.recording.replay.recorded import read_recorded
 from tega_study.detecting import DETECTOR, detected_path
-from tega_study.journal import Journal, read_events
+from tega_study.journal import Journal, events_path, read_events
 from tega_study.observe import Observing
 from tega_study.observers import observer_path, read_observers, saw_whole
 from tega_study.plan import StudyPlan, make_plan, read_plan, write_plan
@@ -34,7 +34,7 @@ from tega_study.score.clips import ClipKey, key_path, make_clips, read_key
 from tega_study.score.clips_coded import take_clips
 from tega_study.score.recorded import RecordedTrial, recorded_trials
 from tega_study.score.trial_pictures import read_reel
-from tega_study.state import events_path, resume
+from tega_study.state import resume
 
 S, MS = 1_000_000_000, 1_000_000
 FIRST_NS, LEAD_NS, LENGTH_NS = 1000 * S, 100 * MS, 1300 * MS

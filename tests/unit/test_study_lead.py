@@ -24,7 +24,7 @@ from tega.runtime.clock import SystemClock
 from tega_study.analyse import analyse_study
 from tega_study.coupling import read_course
 from tega_study.finger_rows import finger_rows
-from tega_study.journal import Journal, JournalEvent, counting, read_events
+from tega_study.journal import Journal, JournalEvent, counting, events_path, read_events
 from tega_study.lead import lead_session
 from tega_study.lead.asking import BlockQuestions
 from tega_study.lead.benches import LabBench, SimulatedBench
@@ -40,7 +40,7 @@ from tega_study.plan import PlannedTrial, make_plan, read_plan, write_plan
 from tega_study.ratings import ratings
 from tega_study.score.recorded import recorded_trials
 from tega_study.score.trial_pictures import read_reel
-from tega_study.state import derive, events_path, rehearsed, resume
+from tega_study.state import derive, rehearsed, resume
 from tega_study.touch_picture import pictures_of
 from tega_study.trials import course_path, study_trials
 

@@ -13,12 +13,13 @@ import numpy as np
 import pytest
 
 from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError
-from tega_study.journal import Journal, read_events
+from tega_study.journal import Journal, events_path, read_events
 from tega_study.plan import make_plan, read_plan, write_plan
-from tega_study.privacy import export, note_elsewhere, withdraw, withdrawn_ids
+from tega_study.privacy import export, note_elsewhere, withdraw
 from tega_study.score.boris import export_boris
-from tega_study.state import derive, events_path, resume
+from tega_study.state import derive, resume
 from tega_study.trials import study_trials, trials_of_events
+from tega_study.withdrawn import withdrawn_ids
 
 START_NS = 1_763_720_000_123_456_789
 

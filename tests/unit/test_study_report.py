@@ -21,11 +21,10 @@ from tega.ui.cli.main import main
 from tega_study.analyse import analyse, analyse_study
 from tega_study.coupling import TouchCourse, write_course
 from tega_study.figures import _violins, new_figure
-from tega_study.journal import Journal, read_events
+from tega_study.journal import Journal, events_path, read_events
 from tega_study.page import number, report_html
 from tega_study.plan import make_plan, read_plan, write_plan
 from tega_study.report import Report, write_report
-from tega_study.state import events_path
 from tega_study.tables import PAPER_LABELS, csv_files
 from tega_study.trials import course_path
 

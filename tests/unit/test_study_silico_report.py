@@ -17,12 +17,11 @@ pytest.importorskip("statsmodels")
 
 from tega.errors import RecordingError
 from tega_study.directions import directions
-from tega_study.journal import Journal
+from tega_study.journal import Journal, events_path
 from tega_study.plan import PlannedTrial, StudyPlan, read_plan
 from tega_study.report import write_report
 from tega_study.silico.sensitivity import ARMS, SENSITIVITY, read_sensitivity
 from tega_study.silico.simulate import made_study
-from tega_study.state import events_path
 from tega_study.touch_picture import picture_path, read_touch_picture, write_touch_picture
 from tega_study.trials import Trial
 

@@ -17,10 +17,11 @@ if TYPE_CHECKING:
     from tega.loop.latency import LatencyTrace
     from tega.loop.loop_report import LoopReport
     from tega.loop.moment import LoopView
-    from tega.loop.rig import Rig
     from tega.loop.sinks import Sinks
     from tega.records.bus import Bus
+    from tega.runtime.device_items import DeviceInfo
     from tega.runtime.wake import Bell
+    from tega.safety.guard import Guard
 
 
 class PartContext(NamedTuple):
@@ -45,7 +46,12 @@ class RunStart(NamedTuple):
     """Facts of a run that is about to begin.
 
     Attributes:
-        rig: Devices and outputs, all of them open.
+        config: The settings.
+        prepared: The sources, with their baselines and maxima.
+        sinks: The outputs.
+        guard: Watches over the live devices.
+        arm_infos: Descriptions of tracker and arm by name; empty without an arm.
+        trial: Name of the trial; ``"start"`` where no part names one.
         layout: Layout of the vest.
         pace: When the vest is sent a frame.
         observed: Whether a display follows the run.
@@ -56,7 +62,12 @@ class RunStart(NamedTuple):
         trace: Latency trace; ``None`` where nothing is live.
     """
 
-    rig: Rig
+    config: SessionConfig
+    prepared: Prepared
+    sinks: Sinks
+    guard: Guard
+    arm_infos: Mapping[str, DeviceInfo]
+    trial: str
     layout: Layout
     pace: Pace
     observed: bool

@@ -70,7 +70,19 @@ def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) ->
             flows.enter_context(all_along())
     hand: Hand = sinks.steered or ModelledAllegro(device_id=config.hand.device_id)
     pacer = Pacer(clock, bell=bell)
-    run = RunStart(rig, layout, pace, rig.bus.wants(Moment), isinstance(clock, SystemClock), bell=bell)
+    run = RunStart(
+        config,
+        prepared,
+        sinks,
+        guard,
+        arm_infos={} if rig.steering is None else rig.steering.infos,
+        trial=next((part.trial for part in rig.parts if part.trial), "start"),
+        layout=layout,
+        pace=pace,
+        observed=rig.bus.wants(Moment),
+        real=isinstance(clock, SystemClock),
+        bell=bell,
+    )
     for part in rig.parts:
         part.head(run)
     # Before the clock starts: what a stage computes when it is made would come off the first ticks.

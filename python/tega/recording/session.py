@@ -86,13 +86,11 @@ class Recording(Part):
 
     def head(self, run: RunStart) -> None:
         """Write the file's head, before the session starts: everything that a reader needs first."""
-        rig = run.rig
-        config, prepared = rig.config, rig.prepared
+        config, prepared = run.config, run.prepared
         infos = {name: finger.source.info for name, finger in prepared.fingers.items()}
         if prepared.muscles is not None:
             infos["emg"] = prepared.muscles.source.info
-        if rig.steering is not None:
-            infos |= rig.steering.infos
+        infos |= run.arm_infos
         self.describe(
             config,
             calibration=prepared.calibration,
@@ -102,8 +100,8 @@ class Recording(Part):
             facts={
                 "layout": run.layout,
                 "pace": run.pace,
-                "live_vest": str(bool(rig.sinks.live_vests)).lower(),
-                "steered": str(rig.sinks.steered is not None).lower(),
+                "live_vest": str(bool(run.sinks.live_vests)).lower(),
+                "steered": str(run.sinks.steered is not None).lower(),
                 "observed": str(run.observed).lower(),
             },
         )

@@ -125,10 +125,10 @@ def plan(
 @json_option
 def status(*, folder: Path, as_json: bool) -> None:
     """Show how far everybody is, and which trial comes next. What comes next is not shown to who recruits."""
-    from tega_study.journal import read_events
+    from tega_study.journal import events_path, read_events
     from tega_study.plan import read_plan
-    from tega_study.privacy import withdrawn_ids
-    from tega_study.state import derive, events_path
+    from tega_study.state import derive
+    from tega_study.withdrawn import withdrawn_ids
 
     made, gone = read_plan(folder), withdrawn_ids(folder)
     rows: list[dict[str, Any]] = []

@@ -8,14 +8,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tega_study.detecting import DETECTOR, read_detected
-from tega_study.journal import JournalEvent, Kind, counting, read_events
+from tega_study.journal import JournalEvent, Kind, counting, events_path, read_events
 from tega_study.measured import CAMERA, read_measured
 from tega_study.observers import read_observers, saw_whole, was_shown_proposals
 from tega_study.plan import read_plan
-from tega_study.privacy import withdrawn_ids
 from tega_study.score.agree import Agreement, agreement
 from tega_study.score.boris import attempts
-from tega_study.state import events_path
+from tega_study.withdrawn import withdrawn_ids
 
 TRUTH, EXPERIMENTER = "truth", "experimenter"
 _PLACES = {TRUTH: 0, EXPERIMENTER: 2, CAMERA: 3, DETECTOR: 4}

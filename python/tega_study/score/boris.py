@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 from tega.errors import InvalidValueError, RecordingError
 from tega.runtime.files.foreign_file import read_words
 from tega_study.detecting import DETECTOR, read_detected
-from tega_study.journal import Journal, JournalEvent, Kind, counting, read_events
+from tega_study.journal import Journal, JournalEvent, Kind, counting, events_path, read_events
 from tega_study.observers import PART, WHOLE, observer_path, read_observers
 from tega_study.plan import read_plan
 from tega_study.privacy import note_elsewhere
@@ -26,7 +26,6 @@ from tega_study.score.boris_file import (
     boris_project,
     read_boris,
 )
-from tega_study.state import events_path
 
 CODES: dict[str, tuple[Kind, str]] = {
     "slip": ("slip", "s"),

@@ -9,13 +9,12 @@ from typing import Final
 import msgspec
 
 from tega.errors import InvalidValueError, RecordingError
-from tega_study.journal import read_events
+from tega_study.journal import events_path, read_events
 from tega_study.observers import PROPOSED, RECORDED, observer_path
-from tega_study.privacy import withdrawn_ids
 from tega_study.score.boris import CODES, CodedTrial, attempts, write_coded
 from tega_study.score.boris_file import CodedEvent, read_boris
 from tega_study.score.clips import OPEN, VERDICTS, RaterClip, key_path, read_key
-from tega_study.state import events_path
+from tega_study.withdrawn import withdrawn_ids
 
 _SAME_S: Final = 0.05
 """Moved by less than that, an event was not moved: a picture and a half."""
