@@ -19,7 +19,6 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.reader import NonSeekingReader
 from mcap.writer import Writer
-from tega.recording.replay.played_scene import followed_scene
 
 from reference.filmed import packets, write_scene
 from reference.foreign_readers import READERS, npy, toml
@@ -36,6 +35,7 @@ from tega.records.bus import Bus
 from tega.records.display import DisplayPicture
 from tega.runtime.files.foreign_file import MIB, load_npy
 from tega.stages.base import MeasuredPicture
+from tega_scene.played import followed_scene
 
 _FEW = settings(
     max_examples=60,

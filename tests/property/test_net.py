@@ -295,7 +295,7 @@ def _damaged(draw: st.DrawFn) -> bytes:
     st.lists(st.tuples(st.sampled_from(_KEYS), _message | _damaged() | st.binary(max_size=60)), max_size=30)
 )
 def test_no_bytes_bring_the_robot_s_station_down_or_close_its_hand(arrivals) -> None:
-    station = RobotStation(check_tree(_TREE, {}, base=Path()).config, Bus(), lambda _said: None)
+    station = RobotStation(check_tree(_TREE, {}, base=Path()).config, Bus())
     station._reception.welcome = Welcome(station=1, fingers={}, hand=True, arm=True)
     station._commands.start(time.monotonic_ns(), None)
     join = Join(5, "alice", frame="openxr", dead_man=True, muscles=True)

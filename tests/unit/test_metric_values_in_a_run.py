@@ -132,7 +132,7 @@ def test_every_file_of_a_run_holds_the_values_that_its_metric_gave(tmp_path: Pat
 def test_a_data_set_of_a_run_has_area_depth_and_force(tmp_path: Path) -> None:
     parquet = pytest.importorskip("pyarrow.parquet", reason="needs the extra tega[lerobot]")
     pytest.importorskip("av", reason="needs the extra tega[lerobot]")
-    from tega_lerobot import export_lerobot
+    from tega_lerobot.dataset import export_lerobot
 
     ran = run(tmp_path, force_n=9.0)
     folder = export_lerobot([ran.file], tmp_path / "set", fps=25, task="hold")

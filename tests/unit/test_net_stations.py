@@ -263,11 +263,11 @@ def test_one_machine_s_settings_are_shared_among_two(tmp_path) -> None:
     assert robot.session.preset == operator.session.preset == "paper"
     assert robot.session.out_dir != operator.session.out_dir
     for config in (robot, operator):
-        open_station(config, Bus(), tell=print, stop=lambda: True)  # nothing stands where it does not belong
+        open_station(config, Bus(), stop=lambda: True)  # nothing stands where it does not belong
     with pytest.raises(ConfigError, match="belongs to the operator"):
-        open_station(msgspec.structs.replace(robot, emg=operator.emg), Bus(), tell=print, stop=lambda: True)
+        open_station(msgspec.structs.replace(robot, emg=operator.emg), Bus(), stop=lambda: True)
     with pytest.raises(ConfigError, match="belongs to the robot"):
-        open_station(msgspec.structs.replace(operator, arm=robot.arm), Bus(), tell=print, stop=lambda: True)
+        open_station(msgspec.structs.replace(operator, arm=robot.arm), Bus(), stop=lambda: True)
 
 
 def test_a_message_that_the_transport_refuses_does_not_end_the_sending(monkeypatch) -> None:

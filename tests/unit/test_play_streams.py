@@ -289,7 +289,7 @@ def test_scene_pictures_are_those_of_the_playhead_also_after_jumps(
     assert summary["played"]["shown"]["front"] == len(front)
     assert len(front) == pytest.approx(summary["duration_s"] * 25, abs=6)
     # The other camera ended at 0.26 s, and a second later has no picture.
-    others = [one.image is None for *_, one in told if one.camera == "side"]
+    others = [one.image is None for *_, one in told if one.name == "side"]
     assert set(others) == {False, True}
 
 

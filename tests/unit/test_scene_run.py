@@ -27,7 +27,7 @@ from tega.loop import run_session  # noqa: E402
 from tega.loop.controls import Controls  # noqa: E402
 from tega.recording.mcap_reader import McapReader  # noqa: E402
 from tega.recording.trim import trim_session  # noqa: E402
-from tega.records import Alert, SceneVideo  # noqa: E402
+from tega.records import Alert  # noqa: E402
 from tega.records.bus import Bus  # noqa: E402
 from tega.records.display import DisplayPicture  # noqa: E402
 from tega.setup.doctor import examine  # noqa: E402
@@ -38,6 +38,7 @@ from tega_scene.layout import example_layout, save_layout  # noqa: E402
 from tega_scene.lens import Lens, save_lens  # noqa: E402
 from tega_scene.pictures import read_pictures, read_times, times_path  # noqa: E402
 from tega_scene.record import export_camera  # noqa: E402
+from tega_scene.records import SceneVideo  # noqa: E402
 from tega_scene.settings import SceneConfig, full_source  # noqa: E402
 
 WIDE, HIGH = 2 * SIZE[0], 2 * SIZE[1]
@@ -78,7 +79,7 @@ def test_files_are_filmed_into_the_run_s_own_recording(tmp_path: Path) -> None:
 
     def see(one: DisplayPicture) -> None:
         assert one.image is not None
-        seen[one.camera].append((one.t_ns, number_of(one.image)))
+        seen[one.name].append((one.t_ns, number_of(one.image)))
 
     bus.subscribe(DisplayPicture, see, vital=True)
     summary = filmed(tree, tmp_path, bus=bus)

@@ -18,19 +18,18 @@ from tega.errors import InvalidValueError
 from tega.haptics import MotorLevels, intensity, vest_frame
 from tega_sim.conditions import CONDITIONS
 from tega_sim.lab import Lab
-from tega_sim.lift import Lift
+from tega_sim.lift import Lift, other_vest
 from tega_sim.operator import Operator, ScriptedOperator, load_parameters, people_digest, rules_digest
 from tega_sim.operator.panels import ConfirmedClosure
 from tega_sim.operator.scripted import DEFAULT_COURSE, Step
-from tega_sim.other_trial import other_trial, other_vest
-from tega_sim.plan import TrialPlan
+from tega_sim.other_trial import other_trial
+from tega_sim.plan import FULL_N, TrialPlan, TrueTouch
 from tega_sim.practice import practise
 from tega_sim.recorded import LiftRecorder
 from tega_sim.score import REST_S, SLIP_M_S
 from tega_sim.seams import Act, Percept, WorldTruth
 from tega_sim.streams import Streams
 from tega_sim.trial import run_trial
-from tega_sim.true_touch import FULL_N, TrueTouch
 from tega_sim.world import OBJECTS
 from tega_study.silico.simulate import made_study
 

@@ -36,7 +36,6 @@ from tega.records import RunState
 from tega.records.bus import Bus
 from tega.records.display import Notice
 from tega.safety.ctrl_c import CtrlC
-from tega.safety.states import Transition
 from tega_emulators.hid_port import HidBoard, HidPort
 
 __all__ = ["REFUSED", "main", "noted_tick_ns"]
@@ -99,7 +98,7 @@ def _say(**what: Any) -> None:
     sys.stdout.flush()
 
 
-def _change(change: Transition) -> None:
+def _change(change: RunState) -> None:
     _say(state=change.state, reason=change.reason)
 
 
