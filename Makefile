@@ -40,7 +40,7 @@ deep: ## what computes for long: all tests marked deep, and each property with 2
 stress: ## the properties at the ends of the number range, and docs/stress.md from what they found
 	PYTHONPATH=tests $(BIN)/python tests/property/stress_page.py docs/stress.md
 
-lint: ## formatting, clippy, ruff, mypy, stub against extension, circles of files, words of the pages
+lint: ## formatting, clippy, ruff, mypy, layers, stub against extension, words of the pages
 	cargo fmt --all --check
 	cargo fmt --check --manifest-path fuzz/Cargo.toml
 	cargo fmt --check --manifest-path benches/Cargo.toml
@@ -52,11 +52,12 @@ lint: ## formatting, clippy, ruff, mypy, stub against extension, circles of file
 		--target $(ARM64) --locked -- -D warnings,@echo 'arm64 kernels not checked: rustup target add $(ARM64)')
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
+	$(BIN)/lint-imports --no-cache
 	$(BIN)/mypy
 	$(BIN)/mypy --platform win32 --follow-imports silent python
 	$(BIN)/mypy --platform darwin --follow-imports silent python
 	$(BIN)/python -m mypy.stubtest tega._native
-	$(BIN)/python -m pytest -q tests/unit/test_packages.py tests/unit/test_crate_files.py \
+	$(BIN)/python -m pytest -q tests/unit/test_crate_files.py \
 		tests/docs/test_words.py
 
 fmt: ## rustfmt, ruff format, ruff --fix

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from tega_study.packages import scipy_stats
+from tega.runtime.scientific import scipy_stats
 from tega_study.rank import rank_sum_counts
 
 if TYPE_CHECKING:

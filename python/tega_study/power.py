@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from tega.errors import InvalidValueError
-from tega_study.packages import scipy_stats
+from tega.runtime.scientific import scipy_stats
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

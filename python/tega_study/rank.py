@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from tega.errors import ShapeError
-from tega_study.packages import scipy_stats, statsmodels
+from tega.runtime.scientific import scipy_stats, statsmodels
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
