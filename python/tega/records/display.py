@@ -6,9 +6,13 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
+from tega.runtime.features import targets
+
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
+
+    from tega.records.bus import Bus
 
 
 class DisplayPicture(msgspec.Struct, frozen=True, kw_only=True):
@@ -45,3 +49,28 @@ class Notice(msgspec.Struct, frozen=True, kw_only=True):
     """
 
     text: str
+
+
+class DisplayRows:
+    """Rows that features show, kept for one display.
+
+    Args:
+        bus: Bus of the run.
+        name: Name of the display.
+    """
+
+    def __init__(self, bus: Bus, name: str) -> None:
+        self._rows: dict[str, str] = {}
+        for _, panel in targets("panels"):
+            panel(bus)
+        bus.subscribe(DisplayRow, self._take, name=name)
+
+    def __call__(self) -> dict[str, str]:
+        """Return the rows by label."""
+        return dict(self._rows)
+
+    def _take(self, row: DisplayRow) -> None:
+        rows = {label: text for label, text in self._rows.items() if label != row.name}
+        if row.text:
+            rows[row.name] = row.text
+        self._rows = rows  # another thread may be reading the one before

@@ -47,8 +47,9 @@ class Feature:
             :class:`tega.loop.parts.Part`, or ``None`` where this run does not need it.
         verbs: Verbs by name; a name of two words, such as ``"emg fitts"``, joins a group.
         checks: Check for ``doctor``, called with the settings; returns findings.
-        panels: Panels of the page, called with the page; returns the panels.
-        played: Followers of its recorded topics for ``play``.
+        panels: Panel of page and terminal, called with the run's bus: it subscribes to its records and publishes
+            :class:`~tega.records.display.DisplayRow` and :class:`~tega.records.display.DisplayPicture`.
+        played: Player of its recorded topics for ``play``, a class as :class:`tega.recording.replay.players.Player`.
         formats: Formats of ``recording export`` by name, each called as ``export(recordings, out, **options)``.
         extra: Extra of the package that brings the libraries it needs.
     """

@@ -15,7 +15,7 @@ import numpy as np
 from tega.loop.adapting import UNDO_SEAT
 from tega.loop.parts import Part
 from tega.records import Button, EmgSamples, Marker, Picture
-from tega.records.display import DisplayPicture
+from tega.records.display import DisplayPicture, DisplayRows
 from tega.stages.base import MeasuredPicture
 from tega.ui.view.browser.hand_figure import STANDING, HandFigure
 from tega.ui.view.browser.muscle_rows import MuscleRows
@@ -64,6 +64,7 @@ class SessionFeed(Part):
         self._marker: Marker | None = None
         bus.subscribe(DisplayPicture, self._filmed, name="page")
         bus.subscribe(Marker, self._mark, name="page")
+        self._features = DisplayRows(bus, "page")
         self._bus, self._t_ns, self._muscle_rows = bus, 0, MuscleRows(bus)
 
     def prepared(self, prepared: Prepared) -> Prepared:
@@ -102,7 +103,13 @@ class SessionFeed(Part):
             poses=poses,
             palm=palm,
             emg=None if muscles is None else self._tail(state.t_ns, muscles),
-            rows={**self._rows, **self._muscle_rows.rows(holds), **self._marked(state.t_ns), **state.rows},
+            rows={
+                **self._rows,
+                **self._muscle_rows.rows(holds),
+                **self._marked(state.t_ns),
+                **self._features(),
+                **state.rows,
+            },
             latency_ms=state.loop.picture_to_vest_ms,
             cameras=self._cameras,
         )
