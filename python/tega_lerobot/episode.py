@@ -116,9 +116,11 @@ class _Stream:
         return newest
 
     def at(self, grid_ns: NDArray[np.int64]) -> NDArray[np.float32]:
-        """Return the value that was newest at each time; what is not a number is 0."""
+        """Return the value that was newest at each time; what is not a number, or none of float32, is 0."""
         rows = np.array(self.values, np.float64)[self.newest(grid_ns)]
-        return np.nan_to_num(rows, posinf=0.0, neginf=0.0).astype(np.float32)
+        with np.errstate(over="ignore"):
+            stored = rows.astype(np.float32)
+        return np.nan_to_num(stored, posinf=0.0, neginf=0.0)
 
 
 @tells_damage
