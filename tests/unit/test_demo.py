@@ -17,7 +17,7 @@ from rich.console import Console
 from reference.scripted import touching
 from tega.haptics import vest_frame
 from tega.loop.moment import LoopView
-from tega.recording import prepare_folder
+from tega.recording.folder import prepare_folder
 from tega.records import Intent
 from tega.tactile import read_contact
 from tega.ui.cli.main import main

@@ -20,7 +20,7 @@ from reference.waiting import until
 from tega.config.calibration import Calibration, FingerMaxima, TouchMaxima, save_calibration
 from tega.config.choose import preset_metric
 from tega.haptics import intensity
-from tega.recording import prepare_folder
+from tega.recording.folder import prepare_folder
 from tega.ui.cli.main import main
 
 OUTPUTS = [

@@ -46,7 +46,7 @@ def fields_of(struct: msgspec.Struct, prefix: str = "") -> Iterator[tuple[str, A
         if name == "guests":
             for key, table in value.items():
                 yield from _fields_under(key, table)
-        elif name != "options":
+        elif name != "options" or isinstance(value, msgspec.Struct):
             yield from _fields_under(f"{prefix}{name}", value)
 
 

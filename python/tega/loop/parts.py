@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from tega.safety.guard import Guard
 
 
+__all__ = ["Part", "PartContext", "RunStart", "open_parts"]
+
+
 class PartContext(NamedTuple):
     """Context in which a feature opens its part.
 

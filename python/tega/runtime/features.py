@@ -15,6 +15,8 @@ from typing import Any
 from tega.errors import MissingExtraError, TegaError
 from tega.runtime.plugins import plugin_package, plugins
 
+__all__ = ["Broken", "Feature", "Verb", "broken_features", "features", "load_target", "targets"]
+
 GROUP = "tega.features"
 
 

@@ -112,7 +112,7 @@ def demo(
     import msgspec
 
     from tega.errors import MissingExtraError
-    from tega.recording import prepare_folder
+    from tega.recording.folder import prepare_folder
     from tega.runtime.threads import short_turns
     from tega.safety.ctrl_c import CtrlC
     from tega.ui.cli.install_line import with_origin
