@@ -43,7 +43,7 @@ from tega.records import (
     TrackerAxes,
 )
 from tega.records.bus import Bus
-from tega.records.schema import own_schema, read, schema_name, values
+from tega.records.schema import fields, own_schema, read, schema_name, values
 from tega.records.table import columns, rows
 from tega.runtime.object_pipe import receive_object, send_object
 from tega_lerobot.episode import read_episode
@@ -172,13 +172,13 @@ def test_every_record_is_read_out_of_its_file_as_the_bus_delivered_it(published:
             if isinstance(one, Picture):
                 (there,) = (picture for picture in found if isinstance(picture, Picture))
                 wanted = replace(one, pixels_crc32=there.pixels_crc32)
-            assert any(same(wanted, other) for other in found), one
+            assert any(same(wanted, _for_viewers(other)) for other in found), one
         assert len(found) >= len(published)
         _check_replay(read_recorded(path), {type(one): one for one in published})
 
 
 def _for_viewers(record: Record) -> Record:
-    """Return a record as a viewer's message has it: -0 is written as 0 there."""
+    """Return a record without the sign of 0 where a viewer's message has it: some of these do not keep it."""
     if own_schema(type(record)):
         return record
     numbers = {name: getattr(record, name, ()) for name in ("position", "quaternion", "angles_rad")}
@@ -329,8 +329,9 @@ def test_an_export_has_every_number_of_contact_and_intent(contact: Contact, inte
             for field, value in values(one).items():
                 many = value if isinstance(value, list | tuple) else None
                 if field == "more":
+                    ours = {known.name for known in fields(Contact)}
                     own = {each["name"]: each["value"] for each in value}
-                    found = {each: row[f"more.{each}" if each in values(one) else each] for each in own}
+                    found = {each: row[f"more.{each}" if each in {"log_ns", *ours} else each] for each in own}
                     assert repr({each: float(text) for each, text in found.items()}) == repr(own)
                 elif many is not None:
                     cells = [row[f"{field}_{k}"] for k in range(1, len(many) + 1)]

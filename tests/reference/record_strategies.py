@@ -33,8 +33,7 @@ _INTEGERS = {
 _TIME_NS = st.integers(0, 2**61)
 _NAME = st.from_regex(r"[a-z][a-z0-9-]{0,8}", fullmatch=True)
 _REAL = st.floats(width=64)
-# Fields that stand in a topic or tell which of a device's parts it is.
-_NAMES = {"finger": st.sampled_from(FINGERS), "seat": _NAME, "camera": _NAME, "stage": _NAME, "path": _NAME}
+_FINGER = st.sampled_from(FINGERS)
 
 
 def records_of(kind: type[Record]) -> st.SearchStrategy[Any]:
@@ -44,7 +43,9 @@ def records_of(kind: type[Record]) -> st.SearchStrategy[Any]:
 
 def _struct(kind: Any) -> st.SearchStrategy[Any]:
     hints = get_type_hints(kind, localns={"np": np, "NDArray": NDArray}, include_extras=True)
-    fields = {name: _field(name, hints[name]) for name in kind.__struct_fields__}
+    fields = {name: _field(hints[name]) for name in kind.__struct_fields__}
+    topic = getattr(kind, "topic", "")
+    fields |= {name: _FINGER if name == "finger" else _NAME for name in fields if f"{{{name}}}" in topic}
     fields |= _together(kind)
     make = _samples if kind is EmgSamples else kind
     return st.fixed_dictionaries(fields).map(lambda given: make(**given))
@@ -88,17 +89,15 @@ _LIMITED: dict[type[Record], dict[str, st.SearchStrategy[Any]]] = {
 _PLAIN = {float: _REAL, bool: st.booleans(), str: st.text(max_size=8), bytes: st.binary(max_size=8)}
 
 
-def _field(name: str, hint: Any) -> st.SearchStrategy[Any]:
+def _field(hint: Any) -> st.SearchStrategy[Any]:
     origin, of = get_origin(hint), get_args(hint)
     found: st.SearchStrategy[Any]
-    if name in _NAMES:
-        found = _NAMES[name]
-    elif origin in {Union, types.UnionType}:
-        found = st.none() | _field(name, next(one for one in of if one is not type(None)))
+    if origin in {Union, types.UnionType}:
+        found = st.none() | _field(next(one for one in of if one is not type(None)))
     elif origin is tuple and of[-1] is Ellipsis:
-        found = st.lists(_field("", of[0]), max_size=4).map(tuple)
+        found = st.lists(_field(of[0]), max_size=4).map(tuple)
     elif origin is tuple:
-        found = st.tuples(*[_field("", one) for one in of])
+        found = st.tuples(*[_field(one) for one in of])
     elif origin is Annotated:
         found = _number(*of)
     elif isinstance(hint, type) and issubclass(hint, msgspec.Struct):

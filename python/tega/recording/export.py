@@ -103,7 +103,7 @@ def _columns(value: Any) -> Iterator[tuple[str, Any]]:
             continue
         if field.message_type is not None and field.message_type.name == "NamedValue":
             # One that is named as a column of the record is not that column.
-            own = value.DESCRIPTOR.fields_by_name
+            own = {"log_ns", *value.DESCRIPTOR.fields_by_name}
             yield from ((f"more.{one.name}" if one.name in own else one.name, one.value) for one in content)
         elif not hasattr(content, "extend"):
             yield field.name, str(content) if field.message_type is not None else content
