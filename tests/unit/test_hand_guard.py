@@ -94,11 +94,23 @@ def test_a_frozen_program_that_goes_on_steers_the_hand_again() -> None:
         until(lambda: bool(hand.say("look")["servo_on"] and any(hand.say("look")["duties"])))
 
 
-def test_a_process_that_is_told_to_terminate_lets_go_of_the_hand() -> None:
+@pytest.mark.parametrize("all_of_them", [True, False])
+def test_signals_to_every_process_let_go_and_those_to_the_hand_s_own_change_nothing(
+    *, all_of_them: bool
+) -> None:
     with Emulator("allegro_port") as hand, steering(hand) as running:
-        (steers,) = begun_by(running.pid, "tega.devices.hand_program")
-        os.kill(steers, signal.SIGTERM)
-        until(lambda: limp(hand))
+        own = [*begun_by(running.pid, "tega.devices.hand_program"), *hand_guards(running.pid)]
+        assert len(own) == 2
+        for number in (signal.SIGTERM, signal.SIGHUP):
+            for pid in ([running.pid] if all_of_them else []) + own:
+                os.kill(pid, number)
+        if all_of_them:
+            until(lambda: limp(hand))
+            assert running.wait() == 128 + signal.SIGTERM
+        else:
+            before = hand.say("look")["torques"]
+            until(lambda: hand.say("look")["torques"] > before + 400)
+            assert not limp(hand)
 
 
 def test_a_closed_terminal_lets_go_of_the_hand() -> None:

@@ -16,7 +16,7 @@ import time
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Final
 
-from tega.child_process import end_child, own_group, python_command, python_environment
+from tega.child_process import end_child, start_child
 from tega.errors import DeviceUnavailableError
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ class GuardProcess:
 
     def __init__(self, what: str, module: str, *arguments: str) -> None:
         self._what = what
-        self._words = python_command(module, *arguments)
+        self._module, self._arguments = module, arguments
         self._closing, self._safe = threading.Event(), False
         self._swap = threading.Lock()  # of the process, against the program's leaving
         self._next_s = 0.0
@@ -119,13 +119,7 @@ class GuardProcess:
                 process.stdin.close()
 
     def _start(self) -> subprocess.Popen[bytes]:
-        process = subprocess.Popen(
-            self._words,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            **own_group(),
-            env=python_environment(),
-        )
+        process = start_child(self._module, *self._arguments, stdout=subprocess.PIPE)
         late = threading.Timer(_READY_S, process.kill)
         late.start()
         said = process.stdout.readline() if process.stdout else b""

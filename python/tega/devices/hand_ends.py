@@ -12,7 +12,7 @@ import time
 from io import BufferedReader, BufferedWriter
 from typing import TYPE_CHECKING, Final
 
-from tega.child_process import end_child, own_group, python_command, python_environment
+from tega.child_process import end_child, start_child
 from tega.devices.hand_loop import LEAVE_S, HandLoop
 from tega.devices.hand_told import WORD_S, HandOrders, Tell
 from tega.errors import DeviceUnavailableError
@@ -106,13 +106,7 @@ class HandProcess:
 
     def warm_up(self) -> None:
         """Start it, and return at once; it makes ready, and touches nothing of the hand before :meth:`open`."""
-        self._process = subprocess.Popen(
-            python_command("tega.devices.hand_program"),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            env=python_environment(),
-            **own_group(),
-        )
+        self._process = start_child("tega.devices.hand_program", stdout=subprocess.PIPE)
         assert isinstance(self._process.stdin, BufferedWriter)
         widen_pipe(self._process.stdin)
         with contextlib.suppress(OSError):  # it has ended: told of when the hand is opened

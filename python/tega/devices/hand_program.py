@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import gc
 import os
-import signal
 import sys
 import threading
 from contextlib import suppress
@@ -76,9 +75,6 @@ def _steer(options: Any, *, asked: FileIO, orders: HandOrders, said: BufferedWri
 def main() -> None:
     """Steer until the run says that it is over, or is no more."""
     orders = HandOrders(heard=True)
-    # A key press ends the run, which then has the hand let go; a shutdown may ask this program as well.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, lambda *_: orders.leaving.set())
     said = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a library prints is no answer
     try:

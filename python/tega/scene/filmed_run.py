@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import msgspec
 
-from tega.child_process import end_child, own_group, python_command, python_environment
+from tega.child_process import end_child, start_child
 from tega.errors import DeviceUnavailableError
 from tega.object_pipe import receive_object, send_object
 from tega.records import SceneVideo
@@ -185,13 +185,7 @@ class _FilmingProcess:
         _closed(self._process, _LEAVE_S)
 
     def _started(self) -> subprocess.Popen[bytes]:
-        process = subprocess.Popen(
-            python_command("tega.scene.camera_program"),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            env=python_environment(),
-            **own_group(),
-        )
+        process = start_child("tega.scene.camera_program", stdout=subprocess.PIPE)
         self._process = process
         with run_realtime("beside") as real_time:
             self._tell((self.camera, self._shows, not real_time))
