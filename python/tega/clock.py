@@ -16,6 +16,41 @@ from collections.abc import Callable
 from typing import Protocol
 
 _PAUSE_LOOK_S = 0.02
+# Goes on while the computer sleeps; so does `time.monotonic` on Windows.
+_BOOT = getattr(time, "CLOCK_BOOTTIME", getattr(time, "CLOCK_MONOTONIC", None))
+
+
+def since_boot_s() -> float:
+    """Return the time since some moment, seconds, with all the time that the computer slept."""
+    return time.monotonic() if _BOOT is None else time.clock_gettime(_BOOT)
+
+
+class Standstill:
+    """Detects that this program did not run: it was stopped, got no processor, or the computer slept.
+
+    Args:
+        longest_s: Time between two calls of :meth:`pulse` that is no standstill yet, seconds.
+
+    Attributes:
+        slept_s: Time that the computer slept in the last standstill, seconds.
+    """
+
+    def __init__(self, longest_s: float) -> None:
+        self._longest_s = longest_s
+        self._last_s, self._awake_s = since_boot_s(), time.monotonic()
+        self.slept_s = 0.0
+
+    def pulse(self) -> bool:
+        """Take note that the program runs; return whether it stood still since the last call."""
+        now_s, awake_s = since_boot_s(), time.monotonic()
+        stood_s, waited_s = now_s - self._last_s, awake_s - self._awake_s
+        self._last_s, self._awake_s = now_s, awake_s
+        self.slept_s = stood_s - waited_s if stood_s - waited_s > self._longest_s else 0.0
+        return stood_s > self._longest_s
+
+    def is_over(self) -> bool:
+        """Return whether the last call of :meth:`pulse` was longer ago than that."""
+        return since_boot_s() - self._last_s > self._longest_s
 
 
 class Clock(Protocol):

@@ -21,7 +21,7 @@ from types import FrameType
 _ENDING = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 _open: list[Callable[[], None]] = []
-_handled: set[int] = set()
+_leaving = threading.Event()
 _words: list[str] = []
 
 
@@ -54,7 +54,6 @@ def closes_on_exit(close: Callable[[], None]) -> None:
         for number in _ENDING:
             if signal.getsignal(number) == signal.SIG_DFL:
                 signal.signal(number, _leave)
-                _handled.add(number)
 
 
 def release(close: Callable[[], None]) -> None:
@@ -64,13 +63,14 @@ def release(close: Callable[[], None]) -> None:
     _open.remove(close)
     atexit.unregister(close)
     if not _open and threading.current_thread() is threading.main_thread():
-        for number in _handled:
-            if signal.getsignal(number) in {_leave, signal.SIG_IGN}:
+        for number in _ENDING:
+            if signal.getsignal(number) is _leave:
                 signal.signal(number, signal.SIG_DFL)
-        _handled.clear()
+        _leaving.clear()
 
 
 def _leave(number: int, _frame: FrameType | None) -> None:
-    for other in _handled:
-        signal.signal(other, signal.SIG_IGN)
+    if _leaving.is_set():
+        return
+    _leaving.set()
     raise SystemExit(128 + number)

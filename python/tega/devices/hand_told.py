@@ -55,6 +55,7 @@ class HandNews(NamedTuple):
         cpu_s: Processor time of the loop's thread.
         ended: Whether the loop has ended.
         let_go: Whether no motor was switched on, or the hand has confirmed that they are off.
+        guard_pid: Number of the process that guards the hand; 0 while there is none.
     """
 
     state: HandState
@@ -69,6 +70,7 @@ class HandNews(NamedTuple):
     cpu_s: float = 0.0
     ended: bool = False
     let_go: bool = False
+    guard_pid: int = 0
 
 
 Tell = Callable[[list[HandSpoken], HandNews], None]
