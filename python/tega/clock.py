@@ -16,6 +16,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 _PAUSE_LOOK_S = 0.02
+_TOGETHER_S = 0.001
 # Goes on while the computer sleeps; so does `time.monotonic` on Windows.
 _BOOT = getattr(time, "CLOCK_BOOTTIME", getattr(time, "CLOCK_MONOTONIC", None))
 
@@ -23,6 +24,14 @@ _BOOT = getattr(time, "CLOCK_BOOTTIME", getattr(time, "CLOCK_MONOTONIC", None))
 def since_boot_s() -> float:
     """Return the time since some moment, seconds, with all the time that the computer slept."""
     return time.monotonic() if _BOOT is None else time.clock_gettime(_BOOT)
+
+
+def _boot_and_asleep_s() -> tuple[float, float]:
+    """Return the time since boot, and how far it is ahead of the clock that stands still in a sleep."""
+    while True:
+        before_s, boot_s, after_s = time.monotonic(), since_boot_s(), time.monotonic()
+        if after_s - before_s < _TOGETHER_S:  # else the program was stopped between the two clocks
+            return boot_s, boot_s - before_s
 
 
 class Standstill:
@@ -37,15 +46,15 @@ class Standstill:
 
     def __init__(self, longest_s: float) -> None:
         self._longest_s = longest_s
-        self._last_s, self._awake_s = since_boot_s(), time.monotonic()
+        self._last_s, self._asleep_s = _boot_and_asleep_s()
         self.slept_s = 0.0
 
     def pulse(self) -> bool:
         """Take note that the program runs; return whether it stood still since the last call."""
-        now_s, awake_s = since_boot_s(), time.monotonic()
-        stood_s, waited_s = now_s - self._last_s, awake_s - self._awake_s
-        self._last_s, self._awake_s = now_s, awake_s
-        self.slept_s = stood_s - waited_s if stood_s - waited_s > self._longest_s else 0.0
+        now_s, asleep_s = _boot_and_asleep_s()
+        stood_s, slept_s = now_s - self._last_s, asleep_s - self._asleep_s
+        self._last_s, self._asleep_s = now_s, asleep_s
+        self.slept_s = slept_s if slept_s > self._longest_s else 0.0
         return stood_s > self._longest_s
 
     def is_over(self) -> bool:

@@ -18,7 +18,7 @@ import pytest
 from reference.processes import begun_by, hand_guards
 from reference.waiting import until
 from tega.child_process import python_command, python_environment
-from tega.devices import guard_process, hand_guard
+from tega.devices import guard_process, hand_guard, system_log
 from tega.devices.allegro import Allegro, AllegroOptions
 from tega.devices.guard_process import GuardProcess
 from tega.devices.hand_guard import guard_runs
@@ -263,8 +263,8 @@ def test_last_words_name_no_process_that_does_not_run(capfd: pytest.CaptureFixtu
 
 def test_a_guard_that_gives_up_writes_to_the_system_s_log(monkeypatch: pytest.MonkeyPatch) -> None:
     logged: list[str] = []
-    monkeypatch.setattr(guard_process, "log_to_system", logged.append)
-    monkeypatch.setattr(guard_process, "_OVERDUE_S", 0.05)
+    monkeypatch.setattr(system_log, "log_to_system", logged.append)
+    monkeypatch.setattr(system_log, "_OVERDUE_S", 0.05)
     monkeypatch.setattr(hand_guard, "LONGEST_S", 0.3)
     bus = {"interface": "virtual", "channel": "nobody", "bitrate": 1_000_000}
     pieces: SimpleQueue[bytes] = SimpleQueue()

@@ -21,6 +21,7 @@ from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Final
 
 from tega.child_process import end_child, start_child
+from tega.devices.system_log import Alarm
 from tega.errors import DeviceUnavailableError
 
 if TYPE_CHECKING:
@@ -39,7 +40,6 @@ _AGAIN_S: Final = 1.0
 _LEAVE_S: Final = 5.0
 _HAS_IT: Final = b"alone\n"
 _OFF: Final = b"off\n"
-_OVERDUE_S: Final = 5.0
 # Processes that go on trying after this program has closed its device; kept so that nobody waits for them.
 _left: list[subprocess.Popen[bytes]] = []
 
@@ -228,7 +228,7 @@ def stand_by(device: str, let_go: Callable[[Callable[[], bool]], str]) -> None:
         if gone:
             stay_alone()
         if heard:
-            alarm = _Alarm(device)
+            alarm = Alarm(device)
             why = let_go(_never if gone else lambda: not pieces.empty())
             alarm.end(why if gone else "")
             if gone and not why:
@@ -236,41 +236,6 @@ def stand_by(device: str, let_go: Callable[[Callable[[], bool]], str]) -> None:
         if gone:
             return
         stuck = True
-
-
-class _Alarm:
-    """Writes to the system's log if a device does not confirm in time, and how that ended."""
-
-    def __init__(self, device: str) -> None:
-        self._device, self._overdue = device, False
-        self._timer = threading.Timer(_OVERDUE_S, self._raise)
-        self._timer.daemon = True
-        self._timer.start()
-
-    def end(self, why: str) -> None:
-        """Take note that nothing more is tried, and why the device has not confirmed; ``""`` if it has."""
-        self._timer.cancel()
-        if why:
-            log_to_system(f"{self._device}: not confirmed to be off ({why}): use its switch")
-        elif self._overdue:
-            log_to_system(f"{self._device}: the alert is over")
-
-    def _raise(self) -> None:
-        self._overdue = True
-        log_to_system(
-            f"{self._device}: not confirmed to be off after {_OVERDUE_S:g} s: use its switch; "
-            f"process {os.getpid()} goes on trying"
-        )
-
-
-def log_to_system(message: str) -> None:
-    """Write an alert to the system's log, where the system has one that Python knows."""
-    try:
-        import syslog
-    except ImportError:  # Windows
-        return
-    syslog.openlog("tega", syslog.LOG_PID, syslog.LOG_DAEMON)
-    syslog.syslog(syslog.LOG_ALERT, message)
 
 
 def _next(pieces: SimpleQueue[bytes], timeout_s: float | None) -> bytes | None:
