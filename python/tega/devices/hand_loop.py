@@ -226,7 +226,7 @@ class HandLoop:
                 angles_rad=link.angles_rad,
                 target_rad=link.target_rad,
                 ready=self._ready,
-                trouble=self._died or self._bus.trouble,
+                trouble=self._died or self._orders.reason or self._bus.trouble,
                 guard_problem="" if guard is None else guard.problem,
                 n_garbled=self._bus.n_garbled,
                 n_unsent=self._bus.n_unsent,

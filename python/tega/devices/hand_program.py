@@ -20,6 +20,7 @@ from tega.devices.hand_ends import MAKES_READY, read_words
 from tega.devices.hand_loop import HandLoop
 from tega.devices.hand_told import WORD_S, HandNews, HandOrders, HandSpoken
 from tega.object_pipe import receive_object, send_object
+from tega.safety.sleep_lock import SleepLock
 from tega.threads import realtime, run_realtime, short_turns
 
 _LEAVE_S = 2.0
@@ -49,9 +50,11 @@ def _steer(options: Any, *, asked: FileIO, orders: HandOrders, said: BufferedWri
     """Make ready, wait until the run opens the hand, and steer it."""
     told: SimpleQueue[_Told | None] = SimpleQueue()
     loop = HandLoop(options, orders, lambda spoken, seen: told.put((spoken, seen)))
+    lock = SleepLock("a robot hand's motors are on", lambda: orders.leave(" (the computer goes to sleep)"))
     try:
         _makes_ready(said)
         loop.warm_up()
+        lock.load()
         _makes_ready(said)
         loop.whole = receive_object(asked)
         loop.open()
@@ -65,9 +68,12 @@ def _steer(options: Any, *, asked: FileIO, orders: HandOrders, said: BufferedWri
     threading.Thread(target=read_words, args=(sys.stdin.fileno(), orders), daemon=True).start()
     telling = threading.Thread(target=_pass_on, args=(told, said), daemon=True)
     telling.start()
+    if options.torque:
+        lock.take()
     gc.collect()
     gc.freeze()
     loop.run()
+    lock.release()
     told.put(None)
     telling.join(_LEAVE_S)
 
