@@ -83,6 +83,13 @@ def test_a_killed_or_frozen_process_of_the_hand_does_not_leave_it_pushing(how: s
         assert running.wait() == 1
 
 
+def test_a_frozen_program_and_hand_process_do_not_leave_the_hand_pushing() -> None:
+    with Emulator("allegro_port") as hand, steering(hand) as running:
+        for pid in (*begun_by(running.pid, "tega.devices.hand_program"), running.pid):
+            os.kill(pid, signal.SIGSTOP)
+        until(lambda: limp(hand))
+
+
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
 def test_a_killed_or_frozen_program_without_a_guard_lets_go_of_the_hand(how: signal.Signals) -> None:
     with Emulator("allegro_port") as hand, steering(hand, guard=False) as running:

@@ -7,6 +7,9 @@ import signal
 import sys
 import threading
 import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
 
 import pytest
 
@@ -17,6 +20,7 @@ from tega.clock import Standstill
 from tega.devices.allegro import AllegroOptions
 from tega.devices.hand_loop import HandLoop
 from tega.devices.hand_told import HandNews, HandOrders
+from tega.wire import CanFrame
 from tega_emulators.process import Emulator
 from unit.test_hand_guard import limp, steering
 
@@ -42,31 +46,68 @@ def test_programs_that_stood_still_together_send_no_torque_before_they_let_go(*,
         assert hand.say("look")["pushed_s"] < begun_s
 
 
-def test_a_computer_that_slept_ends_the_hand(monkeypatch: pytest.MonkeyPatch) -> None:
-    slept_s = 0.0
-    with Emulator("allegro_port") as hand:
-        news: list[HandNews] = []
-        orders = HandOrders(heard=False)
+class Slept:
+    """A hand's loop in a thread, and a clock by which the computer may have slept."""
+
+    def __init__(self, hand: Emulator, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.slept_s = 0.0
+        self.news: list[HandNews] = []
+        self.orders = HandOrders(heard=False)
         options = AllegroOptions(**hand.address, silent_after_ms=1000.0, lowest_rate_hz=50.0, guard=False)
-        loop = HandLoop(options, orders, lambda _spoken, seen: news.append(seen))
+        self.loop = HandLoop(options, self.orders, lambda _spoken, seen: self.news.append(seen))
         awake = clock.since_boot_s
-        monkeypatch.setattr(clock, "since_boot_s", lambda: awake() + slept_s)
-        loop.open()
-        orders.take(5.0, 0.0)
-        thread = threading.Thread(target=loop.run)
+        monkeypatch.setattr(clock, "since_boot_s", lambda: awake() + self.slept_s)
+
+    @contextmanager
+    def steering(self) -> Iterator[threading.Thread]:
+        """Have the hand closed."""
+        self.loop.open()
+        self.orders.take(5.0, 0.0)
+        thread = threading.Thread(target=self.loop.run)
         thread.start()
         try:
+            yield thread
+        finally:
+            self.orders.leaving.set()
+            thread.join()
+
+
+def test_a_computer_that_slept_ends_the_hand(monkeypatch: pytest.MonkeyPatch) -> None:
+    with Emulator("allegro_port") as hand:
+        slept = Slept(hand, monkeypatch)
+        with slept.steering() as thread:
             until(lambda: any(hand.say("look")["duties"]))
-            slept_s = 600.0
+            slept.slept_s = 600.0
             thread.join(30.0)
             assert not thread.is_alive()
-        finally:
-            orders.leaving.set()
-            thread.join()
         assert limp(hand)
-    assert news[-1].ended
-    assert news[-1].let_go
-    assert news[-1].trouble == " (the computer slept for 600 s)"
+    assert slept.news[-1].ended
+    assert slept.news[-1].let_go
+    assert slept.news[-1].trouble == " (the computer slept for 600 s)"
+
+
+def test_a_torque_that_was_computed_before_a_standstill_is_not_sent(monkeypatch: pytest.MonkeyPatch) -> None:
+    sent: list[bool] = []
+    with Emulator("allegro_port") as hand:
+        slept = Slept(hand, monkeypatch)
+        bus = slept.loop._bus
+        send = bus.send
+
+        def sleeping_before(frames: Sequence[CanFrame], **more: Any) -> list[CanFrame]:
+            pushes = any(frame.id >> 2 in range(0x60, 0x64) and any(frame.data) for frame in frames)
+            if pushes and slept.slept_s == 0.0 and any(hand.say("look")["duties"]):
+                slept.slept_s = 600.0
+            taken = send(frames, **more)
+            if pushes and slept.slept_s:
+                sent.append(bool(taken))
+            return taken
+
+        monkeypatch.setattr(bus, "send", sleeping_before)
+        with slept.steering() as thread:
+            thread.join(30.0)
+            assert not thread.is_alive()
+        assert limp(hand)
+    assert sent == [False]
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the clock of the system is replaced")

@@ -124,8 +124,8 @@ class HandLoop:
             while not (link.released or (self._leave_ns and time.monotonic_ns() > self._leave_ns)):
                 if orders.gone or (self._leave_ns and link.phase == "faulted"):
                     break
-                if orders.still() and not self._stood_still():
-                    break
+                if orders.still():
+                    self._stand_by()
                 frames = self._bus.receive(may_reopen=not orders.leaving.is_set())
                 if standstill.pulse():
                     if standstill.slept_s:
@@ -185,16 +185,16 @@ class HandLoop:
         if link.phase != before or t_ns * 1e-9 - self._told_s > _TELL_S:
             self._flush(t_ns)
 
-    def _stood_still(self) -> bool:
-        """Let go of the hand and wait for a run that stands still; return whether to go on then."""
-        off = not self._pushed or self._bus.switch_off(
-            self._off, device_id=self._options.device_id, patience_s=_STILL_OFF_S
-        )
-        if not off and (self._guard is None or self._guard.problem):
-            return False
+    def _stand_by(self) -> None:
+        """Let go of the hand and wait for a run that stands still."""
+        device_id, guard = self._options.device_id, self._guard
+        while self._pushed and self._orders.still():
+            if self._bus.switch_off(self._off, device_id=device_id, patience_s=_STILL_OFF_S):
+                break
+            if guard is not None and not guard.problem:
+                break  # it goes on trying
         self._bus.drop()  # the guard may need it
         self._orders.await_word()
-        return True
 
     def dismiss(self) -> None:
         """Dismiss the process that guards the hand if the hand has confirmed that its motors are off."""

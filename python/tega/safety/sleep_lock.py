@@ -128,7 +128,7 @@ async def _call(bus: MessageBus, interface: str, member: str, *words: str) -> Me
     )
     async with asyncio.timeout(_CALL_S):
         reply = await bus.call(call)
-    if reply is None or reply.message_type is MessageType.ERROR:
-        said = "no answer" if reply is None else " ".join(map(str, reply.body)) or reply.error_name
+    if reply.message_type is MessageType.ERROR:
+        said = " ".join(map(str, reply.body)) or reply.error_name
         raise OSError(f"{member}: {said}")
     return reply
