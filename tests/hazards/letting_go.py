@@ -10,8 +10,9 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
+import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Final, Literal, NamedTuple
@@ -23,7 +24,7 @@ __all__ = ["CELLS", "Cell", "Expected", "Seen", "expected", "try_cell"]
 PATIENCE_S: Final = float(os.environ.get("TEGA_PATIENCE_S", "60"))
 STOP_S: Final = 3.0
 _WATCH_S: Final = 3.0
-_BETWEEN_S: Final = 0.2
+_BETWEEN_S: Final = 0.02
 _SIGNALS: Final = {
     "HUP": (signal.SIGHUP,),
     "INT": (signal.SIGINT,),
@@ -157,16 +158,21 @@ def _fault(cell: Cell, started: Started) -> Iterator[list[float]]:
         pids = [pid for role in _roles(cell.targets) for pid in started.roles[role]]
         if cell.event == "STOP 3 s":
             _send(pids, signal.SIGSTOP)
-            timer = _later(STOP_S, lambda: (goes_on_s.append(time.monotonic()), _send(pids, signal.SIGCONT)))
+
+            def go_on() -> None:
+                goes_on_s.append(time.monotonic())
+                _send(pids, signal.SIGCONT)
+
+            timer = threading.Timer(STOP_S, go_on)
+            timer.start()
             try:
                 yield goes_on_s
             finally:
-                timer()
+                timer.join()
             return
-        for number in _SIGNALS[cell.event]:
+        for k, number in enumerate(_SIGNALS[cell.event]):
+            time.sleep(_BETWEEN_S * k)
             _send(pids, number)
-            if len(_SIGNALS[cell.event]) > 1:
-                time.sleep(0.0 if number is signal.SIGHUP else _BETWEEN_S / 10)
     yield goes_on_s
 
 
@@ -180,15 +186,6 @@ def _send(pids: list[int], number: signal.Signals) -> None:
     for pid in pids:
         with contextlib.suppress(ProcessLookupError):
             os.kill(pid, number)
-
-
-def _later(delay_s: float, act: Callable[[], object]) -> Callable[[], None]:
-    """Call a function later; the function that is returned waits for that."""
-    import threading
-
-    timer = threading.Timer(delay_s, act)
-    timer.start()
-    return timer.join
 
 
 def _watched(outcome: Outcome, started: Started, begun_s: float, goes_on_s: list[float]) -> Seen:

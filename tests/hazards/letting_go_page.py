@@ -22,7 +22,7 @@ pushes. The fault then goes to the processes named in the row, all at once. The 
 the hand had zero torque and SERVO OFF, by the emulated hand's own stamps; n = 1. The same cells are tests
 (`tests/hazards/test_letting_go.py`), with the bounds of the [hazard table](../safety.md#what-can-go-wrong).
 
-- **goes on**: the hand is steered as before. A guard that is killed or stopped is replaced, and the run holds until then.
+- **goes on**: the hand is steered as before. A guard that is killed or stopped is replaced; the run holds until then.
 - **switch**: the hand still pushes, and no program is left that could let go. Use the hand's emergency switch.
 - *TERM, HUP*: the second signal follows 20 ms after the first.
 - *STOP {STOP_S:g} s*: the processes are stopped and go on {STOP_S:g} s later. Where all of them are stopped, as in a

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import pty
+import select
 import shlex
 import signal
 import subprocess
@@ -14,7 +15,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import IO, Any, Final, Literal, NamedTuple
+from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 
@@ -32,14 +33,17 @@ from tega_emulators.vests import seen_by
 __all__ = ["SUBJECTS", "Started", "Subject"]
 
 TIGHT: Final = CLOSURE_POSES_RAD[4]
-_LEAVE_S: Final = 20.0
+_LOOK_S: Final = 0.01
 # Tests may themselves run under nohup, whose children ignore SIGHUP.
 _FIRST: Final = (
     "import signal, sys; signal.signal(signal.SIGHUP, signal.SIG_DFL); "
     "signal.signal(signal.SIGINT, signal.default_int_handler); from tega.cli.main import main; main(sys.argv[1:])"
 )
 
-_ON_TERMINAL: Final = "import fcntl, os, sys, termios; fcntl.ioctl(0, termios.TIOCSCTTY, 0); os.execvp(sys.argv[1], sys.argv[1:])"
+_ON_TERMINAL: Final = (
+    "import fcntl, os, sys, termios; fcntl.ioctl(0, termios.TIOCSCTTY, 0); "
+    "os.execvp(sys.argv[1], sys.argv[1:])"
+)
 
 
 def command(*words: object) -> list[str]:
@@ -54,12 +58,13 @@ class Program:
         words: Its words.
         terminal: Whether it has a terminal, whose controlling process it is.
         shell: Whether a shell has the terminal, as over SSH, and the command is its job.
-        typed: Text to be typed again and again.
+        typed: Text to be typed whenever the program asks for Enter.
     """
 
     def __init__(self, words: Sequence[str], *, terminal: bool, shell: bool = False, typed: str = "") -> None:
-        self._err: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115  # closed with the program
-        self._master = -1
+        # Appended to by the program and by this one, and read from its start.
+        self._err = tempfile.NamedTemporaryFile("ab", buffering=0)  # noqa: SIM115  # closed with the program
+        self._master, self._closing = -1, threading.Event()
         if not terminal and not typed:
             self.process = subprocess.Popen(
                 words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=self._err,
@@ -78,14 +83,19 @@ class Program:
         os.close(slave)
         if shell:
             os.write(self._master, (shlex.join(words) + "\n").encode())
-        threading.Thread(target=self._read, args=(self._master, typed), daemon=True).start()
+        self._reader = threading.Thread(target=self._read, args=(typed,), daemon=True)
+        self._reader.start()
 
-    def _read(self, master: int, typed: str) -> None:
+    def _read(self, typed: str) -> None:
+        # A read that waits would keep the terminal open.
         with contextlib.suppress(OSError):
-            while piece := os.read(master, 65536):
+            while not self._closing.is_set():
+                if not select.select([self._master], [], [], _LOOK_S)[0]:
+                    continue
+                piece = os.read(self._master, 65536)
                 self._err.write(piece)
-                if typed and b">" in piece:
-                    os.write(master, typed.encode())
+                if typed and b"Enter" in piece:
+                    os.write(self._master, typed.encode())
 
     @property
     def pid(self) -> int:
@@ -99,14 +109,15 @@ class Program:
 
     def hang_up(self) -> None:
         """Close the terminal."""
+        self._closing.set()
+        self._reader.join()
         os.close(self._master)
         self._master = -1
 
     @property
     def said(self) -> str:
         """Text on the error output."""
-        self._err.seek(0)
-        return self._err.read().decode("utf-8", "replace")
+        return Path(self._err.name).read_text("utf-8", "replace")
 
     def end(self) -> None:
         """End it and everything below it."""
@@ -297,7 +308,7 @@ SUBJECTS: Final = {
     "run": Subject("tega-teleop run", _run),
     "robot": Subject("tega-teleop robot", _stations("robot")),
     "operator": Subject(
-        "tega-teleop operator", _stations("operator"), steers=False, otherwise="opens", within_s=2.3
+        "tega-teleop operator", _stations("operator"), steers=False, otherwise="opens", within_s=3.0
     ),
     "play": Subject("tega-teleop play --to", _play),
     "hand": Subject("tega-teleop hand measure", _measure),
