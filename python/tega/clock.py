@@ -11,19 +11,22 @@ Example:
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable
 from typing import Protocol
 
 _PAUSE_LOOK_S = 0.02
 _TOGETHER_S = 0.001
-# Goes on while the computer sleeps; so does `time.monotonic` on Windows.
-_BOOT = getattr(time, "CLOCK_BOOTTIME", getattr(time, "CLOCK_MONOTONIC", None))
 
 
 def since_boot_s() -> float:
     """Return the time since some moment, seconds, with all the time that the computer slept."""
-    return time.monotonic() if _BOOT is None else time.clock_gettime(_BOOT)
+    if sys.platform == "win32":
+        return time.monotonic()  # which goes on in a sleep there
+    if sys.platform == "linux":
+        return time.clock_gettime(time.CLOCK_BOOTTIME)
+    return time.clock_gettime(time.CLOCK_MONOTONIC)
 
 
 def _boot_and_asleep_s() -> tuple[float, float]:

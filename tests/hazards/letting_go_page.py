@@ -10,6 +10,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Final
 
+import pytest
+
 from hazards.letting_go import CELLS, EVENTS, STOP_S, Cell, Seen, expected, try_cell
 from hazards.programs import SUBJECTS
 
@@ -39,9 +41,7 @@ The operator's station has no hand: its column is the time until the robot's sta
 _NAMES: Final = {"main": "the command", "run": "the command", "all": "all three"}
 
 
-def _text(cell: Cell, seen: Seen | None) -> str:
-    if seen is None:
-        return "–"
+def _text(cell: Cell, seen: Seen) -> str:
     if seen.outcome == "pushes":
         return "**switch**" if expected(cell).outcome == "pushes" else "**PUSHES**"
     if seen.outcome == "goes on":
@@ -49,13 +49,30 @@ def _text(cell: Cell, seen: Seen | None) -> str:
     return f"{seen.took_s:.2f} s"
 
 
+def read_page() -> dict[Cell, str]:
+    """Return the text of each cell of the page."""
+    if not PAGE.is_file():
+        return {}
+    rows = [line for line in PAGE.read_text(encoding="utf-8").splitlines() if line.startswith("| ")]
+    texts = [text.strip() for row in rows[1:] for text in row.strip("|").split("|")[2:]]
+    cells = [Cell(*row, event) for row in _rows() for event in EVENTS]
+    return dict(zip(cells, texts, strict=True)) if len(cells) == len(texts) else {}
+
+
+def _rows() -> list[tuple[str, str]]:
+    return list(dict.fromkeys((cell.subject, cell.targets) for cell in CELLS))
+
+
 def page(seen: Mapping[Cell, Seen]) -> str:
-    """Return the page's text."""
+    """Return the page's text: of the cells that were not tried, what it was before."""
+    before = read_page()
     lines = [f"| command | processes | {' | '.join(EVENTS)} |", "|---" * (2 + len(EVENTS)) + "|"]
-    for subject, targets in dict.fromkeys((cell.subject, cell.targets) for cell in CELLS):
+    for subject, targets in _rows():
         cells = [Cell(subject, targets, event) for event in EVENTS]
         name = _NAMES.get(targets, targets.replace("run", "command"))
-        texts = " | ".join(_text(cell, seen.get(cell)) for cell in cells)
+        texts = " | ".join(
+            _text(cell, seen[cell]) if cell in seen else before.get(cell, "–") for cell in cells
+        )
         lines.append(f"| `{SUBJECTS[subject].command}` | {name} | {texts} |")
     return _HEAD + "\n".join(lines) + "\n"
 
@@ -71,9 +88,14 @@ def problem(cell: Cell, seen: Seen) -> str:
     return f"{seen.took_s:.2f} s is more than {asked.within_s:g} s" if late else ""
 
 
-def _try(cell: Cell) -> Seen:
-    with tempfile.TemporaryDirectory(prefix="tega-letting-go-") as folder:
-        seen = try_cell(cell, Path(folder))
+def _try(cell: Cell) -> Seen | None:
+    """Try a cell; ``None`` if its program did not come so far."""
+    try:
+        with tempfile.TemporaryDirectory(prefix="tega-letting-go-") as folder:
+            seen = try_cell(cell, Path(folder))
+    except (Exception, pytest.fail.Exception) as error:
+        _say(f"{' | '.join(cell)} | not tried | {error}")
+        return None
     _say(f"{' | '.join(cell)} | {_text(cell, seen)} | {problem(cell, seen)}")
     return seen
 
@@ -85,15 +107,15 @@ def _say(line: str) -> None:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Try the cells that are asked for; return 0 if each is as expected."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--only", default="", metavar="SUBJECT", help=f"one of {', '.join(SUBJECTS)}")
+    parser.add_argument("--only", nargs="*", default=[], metavar="WORD", help="cells with all of these words")
     parser.add_argument("--jobs", type=int, default=2, help="cells at once")
     asked = parser.parse_args(arguments)
-    chosen = [cell for cell in CELLS if asked.only in {"", cell.subject}]
+    chosen = [cell for cell in CELLS if all(word in " | ".join(cell) for word in asked.only)]
     with ThreadPoolExecutor(asked.jobs) as pool:
-        seen = dict(zip(chosen, pool.map(_try, chosen), strict=True))
-    if not asked.only:
-        PAGE.write_text(page(seen), encoding="utf-8")
-    wrong = [cell for cell in chosen if problem(cell, seen[cell])]
+        tried = zip(chosen, pool.map(_try, chosen), strict=True)
+        seen = {cell: outcome for cell, outcome in tried if outcome is not None}
+    PAGE.write_text(page(seen), encoding="utf-8")
+    wrong = [cell for cell in chosen if cell not in seen or problem(cell, seen[cell])]
     _say(f"{len(chosen) - len(wrong)} of {len(chosen)} cells are as expected")
     return 1 if wrong else 0
 

@@ -87,6 +87,7 @@ class Program:
         self._reader.start()
 
     def _read(self, typed: str) -> None:
+        unanswered = b""
         # A read that waits would keep the terminal open.
         with contextlib.suppress(OSError):
             while not self._closing.is_set():
@@ -94,8 +95,10 @@ class Program:
                     continue
                 piece = os.read(self._master, 65536)
                 self._err.write(piece)
-                if typed and b"Enter" in piece:
+                unanswered += piece
+                if typed and b"Enter" in unanswered:
                     os.write(self._master, typed.encode())
+                    unanswered = b""
 
     @property
     def pid(self) -> int:

@@ -26,9 +26,3 @@ def test_a_cell_of_the_table(cell: Cell, tmp_path: Path) -> None:
     assert seen.outcome == asked.outcome, seen
     assert not seen.old_torque
     assert seen.took_s <= TIMES * asked.within_s
-
-
-def test_only_the_kill_of_every_process_leaves_a_hand_pushing() -> None:
-    left = {(cell.subject, cell.targets, cell.event) for cell in CELLS if expected(cell).outcome == "pushes"}
-    steering = {"run", "robot", "play", "hand"}
-    assert left == {(subject, "all", "KILL") for subject in steering}

@@ -114,7 +114,7 @@ def test_a_torque_that_was_computed_before_a_standstill_is_not_sent(monkeypatch:
 def test_a_standstill_is_what_is_longer_than_the_watchdog(monkeypatch: pytest.MonkeyPatch) -> None:
     now = {"boot": 100.0, "awake": 10.0}
     monkeypatch.setattr(clock, "since_boot_s", lambda: now["boot"])
-    monkeypatch.setattr(clock.time, "monotonic", lambda: now["awake"])
+    monkeypatch.setattr(time, "monotonic", lambda: now["awake"])
 
     def go_on(awake_s: float, slept_s: float = 0.0) -> None:
         now["awake"] += awake_s

@@ -47,7 +47,12 @@ def test_locks_are_held_until_they_are_released(logind: Emulator) -> None:
 def test_a_refused_block_leaves_the_delay(logind: Emulator) -> None:
     logind.say("refuse")
     asleep = threading.Event()
-    lock = SleepLock("a test", lambda: (asleep.set(), threading.Thread(target=lock.release).start())[0])
+
+    def let_go() -> None:
+        asleep.set()
+        threading.Thread(target=lock.release).start()
+
+    lock = SleepLock("a test", let_go)
     lock.take()
     until(lambda: logind.say("look")["locks"] == BOTH[:1])
     assert lock.problem == "Inhibit: Permission denied"

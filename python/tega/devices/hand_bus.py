@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import sys
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -35,6 +36,16 @@ _MOST_ECHOES = 64
 def bus_label(interface: str, channel: str | int) -> str:
     """Return adapter and bus, without a path."""
     return f"{interface} {Path(str(channel)).name}"
+
+
+def load_can() -> None:
+    """Load python-can in a program of its own, which has no time for the log format that needs pandas.
+
+    python-can imports ``asammdf`` for MF4 logs where that is installed, which takes ten times as long as all the rest.
+    """
+    sys.modules.setdefault("asammdf", None)  # type: ignore[arg-type]  # an import of it then fails, which is allowed for
+    with contextlib.suppress(ImportError):  # opening the bus says what is missing
+        import can  # noqa: F401
 
 
 def off_frames(device_id: int) -> list[CanFrame]:

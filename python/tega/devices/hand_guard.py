@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from tega.child_process import is_running
 from tega.devices.guard_process import GuardProcess, stand_by
-from tega.devices.hand_bus import HandBus, off_frames
+from tega.devices.hand_bus import HandBus, load_can, off_frames
 from tega.errors import DeviceUnavailableError
 
 if TYPE_CHECKING:
@@ -138,8 +138,7 @@ class _Hand:
 
 def main() -> None:
     """Wait, and let go of the hand if its program ends without a word or stands still."""
-    import can  # noqa: F401  # there is no time for that later
-
+    load_can()  # there is no time for that later
     hand = _Hand(**json.loads(sys.argv[1]))
     stand_by(hand.label, hand.let_go)
 

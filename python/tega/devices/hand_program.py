@@ -16,6 +16,7 @@ from io import BufferedWriter, FileIO
 from queue import Empty, SimpleQueue
 from typing import Any
 
+from tega.devices.hand_bus import load_can
 from tega.devices.hand_ends import MAKES_READY, read_words
 from tega.devices.hand_loop import HandLoop
 from tega.devices.hand_told import WORD_S, HandNews, HandOrders, HandSpoken
@@ -80,6 +81,7 @@ def _steer(options: Any, *, asked: FileIO, orders: HandOrders, said: BufferedWri
 
 def main() -> None:
     """Steer until the run says that it is over, or is no more."""
+    load_can()
     orders = HandOrders(heard=True)
     said = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a library prints is no answer

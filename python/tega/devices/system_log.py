@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 import threading
 from typing import Final
 
@@ -40,9 +41,9 @@ class Alarm:
 
 def log_to_system(message: str) -> None:
     """Write an alert to the system's log, where the system has one that Python knows."""
-    try:
-        import syslog
-    except ImportError:  # Windows
+    if sys.platform == "win32":
         return
+    import syslog
+
     syslog.openlog("tega", syslog.LOG_PID, syslog.LOG_DAEMON)
     syslog.syslog(syslog.LOG_ALERT, message)
