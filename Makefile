@@ -7,7 +7,7 @@ WALK := PYTHONPATH=$(CURDIR)/tests:$(TOOLS) $(BIN)/python -m tega_figures.strang
 ARM64 := aarch64-unknown-linux-gnu
 PYTHON ?= python3
 .DEFAULT_GOAL := help
-.PHONY: help setup build test slow guards deep stress lint fmt fuzz bench counts figures msrv licences arm64 wheels site pictures shots measured stranger clean
+.PHONY: help setup build test slow guards letting-go deep stress lint fmt fuzz bench counts figures msrv licences arm64 wheels site pictures shots measured stranger clean
 
 help: ## print this
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 10
@@ -32,6 +32,9 @@ slow: ## what waits in true time: emulated devices, sessions, kills, soaks; then
 
 guards: ## tests have to fail without the guard they show; all of them into docs/evidence/guards.md (THIRD=today: a third)
 	PYTHONPATH=tests $(BIN)/python -m hazards.without $(if $(THIRD),--third $(THIRD),--page)
+
+letting-go: ## every signal to each process of a program and to several at once, into docs/evidence/letting-go.md
+	PYTHONPATH=tests $(BIN)/python -m hazards.letting_go_page
 
 deep: ## what computes for long: all tests marked deep, and each property with 2,000 examples
 	HYPOTHESIS_PROFILE=deep $(BIN)/python -m pytest -m deep

@@ -16,8 +16,13 @@ from typing import TYPE_CHECKING, Any, Final
 import msgspec
 
 from tega.errors import DeviceUnavailableError
+<<<<<<< HEAD
 from tega.records.display import DisplayPicture
 from tega.runtime.child_process import end_child, own_group, python_command, python_environment
+=======
+from tega.records import SceneVideo
+from tega.runtime.child_process import end_child, start_child
+>>>>>>> 20df11408f390e7fdd7c72330d5e61896133f03b
 from tega.runtime.object_pipe import receive_object, send_object
 from tega.runtime.reopening import Reopening
 from tega.runtime.threads import run_realtime
@@ -185,13 +190,7 @@ class _FilmingProcess:
         _closed(self._process, _LEAVE_S)
 
     def _started(self) -> subprocess.Popen[bytes]:
-        process = subprocess.Popen(
-            python_command("tega_scene.camera_program"),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            env=python_environment(),
-            **own_group(),
-        )
+        process = start_child("tega_scene.camera_program", stdout=subprocess.PIPE)
         self._process = process
         with run_realtime("beside") as real_time:
             self._tell((self.camera, self._shows, not real_time))

@@ -237,7 +237,7 @@ def stands_still(monkeypatch: pytest.MonkeyPatch) -> Callable[..., float]:
         monkeypatch.setattr(whose, "let_go", lambda *_: let_go_s.append(now.s))
         monkeypatch.setattr(guard_process, "hear", Heard)
         monkeypatch.setattr(guard_process, "stay_alone", lambda: None)
-        monkeypatch.setattr(guard_process, "answer", lambda _chunk: None)
+        monkeypatch.setattr(guard_process, "_answer", lambda _line: None)
         monkeypatch.setattr(sys, "argv", ["guard", *words])
         guard.main()
         return let_go_s[0] - 0.5

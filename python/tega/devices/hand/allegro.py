@@ -219,16 +219,17 @@ class Allegro(Opened):
 
     def _tell_of_the_end(self) -> None:
         """Tell, as the last words of the program, of a hand that has not confirmed that its motors are off."""
-        from tega.devices.hand.hand_guard import LONGEST_S
+        from tega.devices.hand.hand_guard import LONGEST_S, guard_runs
 
         seen, self._seen = self._seen, None
         if seen is None or seen.let_go:
             return
-        guarded = self._options.guard and self._options.interface != "virtual"
-        tries = f"; another process goes on telling it to, for {LONGEST_S / 60:g} minutes" if guarded else ""
+        tries = "no other process goes on switching it off"
+        if guard_runs(seen.guard_pid):
+            tries = f"process {seen.guard_pid} goes on switching it off, for {LONGEST_S / 60:g} minutes"
         last_words(
             f"USE THE HAND'S EMERGENCY SWITCH: {self._label}: the hand has not confirmed that its motors are off, "
-            f"so it may still be pushing{tries}"
+            f"so it may still be pushing; {tries}"
         )
 
     @property
@@ -352,7 +353,7 @@ class Allegro(Opened):
         if seen is not None and seen.fault is not None:
             wrong = WrongDeviceError if seen.fault.kind in _REFUSED else DeviceUnavailableError
             raise wrong(f"allegro: {seen.fault.message}{trouble}", seen.fault.hint)
-        lost = "the hand's loop has ended" if seen is not None and seen.ended else end.lost
+        lost = end.lost or ("the hand's loop has ended" if seen is not None and seen.ended else "")
         if lost:
             raise DeviceUnavailableError(f"allegro: {lost}{trouble}", "open it again")
         if not started:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import sys
 import time
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +27,7 @@ _ASK_S = 0.05
 _SEND_S = 0.01
 _REOPEN_S = 1.0
 _MOST_FRAMES = 64
+_MOST_DRAINED = 64
 # Buses that give their own frames back, which are then no other program's; python-can cannot tell them apart.
 _ECHOING = frozenset({"udp_multicast"})
 _MOST_ECHOES = 64
@@ -34,6 +36,23 @@ _MOST_ECHOES = 64
 def bus_label(interface: str, channel: str | int) -> str:
     """Return adapter and bus, without a path."""
     return f"{interface} {Path(str(channel)).name}"
+
+
+def load_can() -> None:
+    """Load python-can in a program of its own, which has no time for the log format that needs pandas.
+
+    python-can imports ``asammdf`` for MF4 logs where that is installed, which takes ten times as long as all the rest.
+    """
+    sys.modules.setdefault("asammdf", None)  # type: ignore[arg-type]  # an import of it then fails, which is allowed for
+    with contextlib.suppress(ImportError):  # opening the bus says what is missing
+        import can  # noqa: F401
+
+
+def off_frames(device_id: int) -> list[CanFrame]:
+    """Return the frames that leave a hand without force and silent: zero torque, SERVO OFF and no more reports."""
+    from tega.wire import allegro_limp_frames, allegro_set_period
+
+    return [*allegro_limp_frames(device_id=device_id), allegro_set_period(0, device_id=device_id)]
 
 
 def can_message(can: Any, frame: CanFrame) -> Any:
@@ -148,12 +167,25 @@ class HandBus:
             wait_s = 0.0
         return frames
 
-    def send(self, frames: Sequence[CanFrame]) -> list[CanFrame]:
-        """Send frames and return those that the adapter took."""
+    def drain(self) -> None:
+        """Discard the frames that wait in the adapter."""
+        for _ in range(_MOST_DRAINED):
+            if len(self.receive(may_reopen=False)) < _MOST_FRAMES:
+                return
+
+    def send(
+        self, frames: Sequence[CanFrame], *, outdated: Callable[[], bool] = lambda: False
+    ) -> list[CanFrame]:
+        """Send frames and return those that the adapter took.
+
+        Args:
+            frames: The frames, in order.
+            outdated: Asked right before each is handed over; what is left is not sent once it returns true.
+        """
         sent: list[CanFrame] = []
         together = hasattr(self._bus, "send_together")
         for part in [frames] if together else [[frame] for frame in frames]:
-            if self._bus is None:
+            if self._bus is None or outdated():
                 break
             messages = [can_message(self._can, frame) for frame in part]
             try:
