@@ -16,13 +16,8 @@ from typing import TYPE_CHECKING, Any, Final
 import msgspec
 
 from tega.errors import DeviceUnavailableError
-<<<<<<< HEAD
 from tega.records.display import DisplayPicture
-from tega.runtime.child_process import end_child, own_group, python_command, python_environment
-=======
-from tega.records import SceneVideo
 from tega.runtime.child_process import end_child, start_child
->>>>>>> 20df11408f390e7fdd7c72330d5e61896133f03b
 from tega.runtime.object_pipe import receive_object, send_object
 from tega.runtime.reopening import Reopening
 from tega.runtime.threads import run_realtime

@@ -1,7 +1,7 @@
 """Run a process that leaves a device safe when the program that uses the device is killed or stands still.
 
-Only the program ends it (:func:`tega.runtime.child_process.start_child`). It does not end before the device has confirmed, and
-writes to the system's log where the device does not.
+Only the program ends it (:func:`tega.runtime.child_process.start_child`). It does not end before the device has
+confirmed, and writes to the system's log where the device does not.
 
 The program starts it before anything of the device is switched on, and waits until it says ``ready``. It then writes a
 line ``.`` ten times a second, which the process answers in kind. A line ``done`` ends the process; the end of its input
