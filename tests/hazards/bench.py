@@ -17,7 +17,7 @@ from tega.config import check_tree
 from tega.loop.controls import Controls
 from tega.loop.moment import LoopView
 from tega.loop.session import run_session
-from tega.safety.states import Transition
+from tega.records import RunState
 from tega.safety.stop import Stop
 from tega_emulators.lab import EmulatedLab, emulated_lab
 
@@ -41,7 +41,7 @@ class Lab:
         self.folder = folder
         self.devices = devices
         self.tree, self.sensors = devices.tree, devices.sensors
-        self.changes: list[Transition] = []
+        self.changes: list[RunState] = []
         self.views: list[LoopView] = []
         self.summary: dict[str, Any] = {}
         self.stop = Stop()

@@ -39,7 +39,6 @@ from tega.records import (
     Picture,
     PoseRecord,
     Record,
-    SceneVideo,
     TrackerAxes,
 )
 from tega.records.bus import Bus
@@ -51,6 +50,7 @@ from tega_link.clock import Offset
 from tega_link.commands import Commands
 from tega_link.messages import Feature, HandMessage, Welcome, decode, encode
 from tega_link.touch import FarTouch
+from tega_scene.records import SceneVideo
 
 pytest.importorskip("foxglove", reason="needs the extra tega[record]")
 
@@ -96,13 +96,13 @@ def recorded(folder: Path, published: tuple[Record, ...]) -> Path:
             "observed": "false",
         },
     )
-    recording.begin(START_NS, START_NS)
+    recording.start(START_NS, START_NS)
     for record in published:
         bus.publish(record)
     assert bus.problem() == ""
-    facts = recording.finish({})
+    facts = recording.close({})
     assert (facts["state"], facts["dropped"]) == ("complete", {})
-    return folder / facts["file"]
+    return folder / str(facts["file"])
 
 
 def read_back(path: Path) -> Iterator[Record]:
@@ -241,9 +241,9 @@ def _check_replay(read_for: Recorded, of: dict[type[Record], Any]) -> None:
 @given(record=_one)
 def test_a_record_reaches_another_process_as_it_is(record: Record) -> None:
     file = io.BytesIO()
-    writer = BufferedWriter(file)  # type: ignore[arg-type]  # bytes in memory stand for the pipe
+    writer: Any = BufferedWriter(file)  # bytes in memory stand for the pipe
     send_object(writer, record)
-    reader = BufferedReader(io.BytesIO(file.getvalue()))  # type: ignore[arg-type]  # likewise
+    reader: Any = BufferedReader(io.BytesIO(file.getvalue()))  # likewise
     assert same(record, receive_object(reader))
 
 

@@ -113,13 +113,13 @@ def test_an_offset_is_measured_in_a_recording_and_taken_off_by_export(tmp_path: 
     pytest.importorskip("av")
     pytest.importorskip("foxglove")
     from foxglove import channels, messages
-    from tega.recording.replay.played_scene import followed_scene
 
     from tega.recording.mcap_file import McapFile
     from tega.recording.replay.followed_file import PlayedMoment
     from tega.records.bus import Bus
     from tega.records.display import DisplayPicture
     from tega_scene.pictures import read_times, times_path
+    from tega_scene.played import followed_scene
     from tega_scene.video import SceneEncoder
 
     late_s = 0.053
