@@ -22,7 +22,6 @@ _PICTURES: Final = "tests/unit/test_picture_votes.py::test_"
 _VESTS: Final = "tests/contract/test_vests.py::test_"
 _START: Final = "tests/unit/test_arm_to_start.py::test_"
 _REFLEX: Final = "tests/property/test_reflex.py::test_"
-_LETGO: Final = "tests/hazards/test_letting_go.py::test_"
 _STAND: Final = "tests/unit/test_hand_standstill.py::test_"
 _LIMB: Final = "tests/unit/test_limb_loss.py::test_"
 
@@ -222,7 +221,8 @@ GUARDS: Final = (
         "programs beside a run die of the signals of a log-out",
         "    words[words.index(_BEGIN)] = _IGNORE + _BEGIN",
         "    pass",
-        f"{_LETGO}a_cell_of_the_table[end of the scope, all of run]",
+        "tests/unit/test_child_process.py::"
+        "test_a_program_ignores_the_signals_of_a_log_out_and_ends_with_its_input[hand's guard]",
     ),
     Guard(
         "a run that has lost hand process and guard does nothing",

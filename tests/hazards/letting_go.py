@@ -129,7 +129,7 @@ def expected(cell: Cell) -> Expected:
         return Expected("pushes") if killed else Expected("let go", STOP_S + 0.1)
     if hand and guard:  # the run starts a guard
         return Expected("let go", 2.0 if killed else 1.0 + 2.0)
-    return Expected("let go", 0.1 if killed else 1.0)
+    return Expected("let go", 0.1 if killed else 1.0 + 0.1)
 
 
 def try_cell(cell: Cell, folder: Path) -> Seen:

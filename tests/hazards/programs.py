@@ -34,6 +34,7 @@ __all__ = ["SUBJECTS", "Started", "Subject"]
 
 TIGHT: Final = CLOSURE_POSES_RAD[4]
 _LOOK_S: Final = 0.01
+_TRIES: Final = 10
 # Tests may themselves run under nohup, whose children ignore SIGHUP.
 _FIRST: Final = (
     "import signal, sys; signal.signal(signal.SIGHUP, signal.SIG_DFL); "
@@ -261,15 +262,24 @@ def _stations(which: Literal["robot", "operator"]) -> Start:
         trees = split(lab.tree, listen=address, connect=address)
         trees[0]["safety"] = lab.tree["safety"]
         files = dict(zip(("robot", "operator"), write_trees(folder, trees), strict=True))
-        programs = {}
-        for verb, file in files.items():
+
+        def begin(verb: str) -> Program:
             lost = verb == which
-            words = command(verb, file)
-            programs[verb] = _begun(stack, Program(words, terminal=terminal and lost, shell=shell and lost))
-            if verb == "robot" and not (terminal and lost):
-                until(lambda: "waits for an operator" in programs["robot"].said)
-        _await_push(lab.hand, programs[which])
-        return Started(programs[which], lab.hand, None, steers=which == "robot")
+            words = command(verb, files[verb])
+            return _begun(stack, Program(words, terminal=terminal and lost, shell=shell and lost))
+
+        robot = begin("robot")
+        if which == "operator" or not terminal:
+            until(lambda: "waits for an operator" in robot.said)
+        for tries_left in reversed(range(_TRIES)):
+            operator = begin("operator")
+            try:
+                _await_push(lab.hand, operator)
+                break
+            except AssertionError:  # it ends where the robot's station is not ready
+                if not tries_left:
+                    raise
+        return Started(robot if which == "robot" else operator, lab.hand, None, steers=which == "robot")
 
     return start
 

@@ -25,6 +25,7 @@ _SERVICES: Final = {
 }
 _LOCKS: Final = (("sleep:handle-lid-switch", "block"), ("sleep", "delay"))
 _CALL_S: Final = 5.0
+_LEAVE_S: Final = 0.5
 
 
 class SleepLock:
@@ -63,11 +64,11 @@ class SleepLock:
         thread, self._thread = self._thread, None
         if thread is None:
             return
-        self.asked.wait(_CALL_S)
+        self.asked.wait(_LEAVE_S)
         if self._loop is not None and self._released is not None:
             with contextlib.suppress(RuntimeError):  # its loop has ended
                 self._loop.call_soon_threadsafe(self._released.set)
-        thread.join(_CALL_S)
+        thread.join(_LEAVE_S)
 
     def _run(self) -> None:
         try:
