@@ -16,7 +16,8 @@ import pytest
 from hazards.bench import LONGEST_S, Lab, lab
 from reference.processes import hand_guards
 from reference.waiting import until
-from tega.devices.hand.allegro import Allegro, AllegroOptions
+from tega.devices.hand.allegro import Allegro
+from tega.devices.hand.allegro_options import AllegroOptions
 from tega.errors import CalibrationError, DeviceUnavailableError, SampleRateError
 from tega.hand import CLOSURE_POSES_RAD, TORQUE_LIMITS
 from tega.loop.moment import LoopView

@@ -25,7 +25,7 @@ from reference.waiting import until
 from tega.config import ReflexSection
 from tega.config.calibration import TouchMaxima
 from tega.devices.hand import guard_process, hand_bus, hand_guard, hand_loop
-from tega.devices.hand.allegro import AllegroOptions
+from tega.devices.hand.allegro_options import AllegroOptions
 from tega.devices.hand.hand_guard import guard_hand
 from tega.devices.input.pedal import Pedal, PedalOptions
 from tega.devices.vest import vest_ble, vest_ble_guard, vest_stream

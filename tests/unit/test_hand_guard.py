@@ -19,7 +19,8 @@ from reference.processes import begun_by, hand_guards
 from reference.waiting import until
 from tega.devices import system_log
 from tega.devices.hand import guard_process, hand_guard
-from tega.devices.hand.allegro import Allegro, AllegroOptions
+from tega.devices.hand.allegro import Allegro
+from tega.devices.hand.allegro_options import AllegroOptions
 from tega.devices.hand.guard_process import GuardProcess
 from tega.devices.hand.hand_guard import guard_runs
 from tega.devices.hand.hand_loop import HandLoop

@@ -15,7 +15,7 @@ import pytest
 
 from reference.processes import begun_by, hand_guards
 from reference.waiting import until
-from tega.devices.hand.allegro import AllegroOptions
+from tega.devices.hand.allegro_options import AllegroOptions
 from tega.devices.hand.hand_loop import HandLoop
 from tega.devices.hand.hand_told import HandNews, HandOrders
 from tega.runtime import clock

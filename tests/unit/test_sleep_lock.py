@@ -10,7 +10,8 @@ from collections.abc import Iterator
 import pytest
 
 from reference.waiting import until
-from tega.devices.hand.allegro import Allegro, AllegroOptions
+from tega.devices.hand.allegro import Allegro
+from tega.devices.hand.allegro_options import AllegroOptions
 from tega.errors import DeviceUnavailableError
 from tega.safety.sleep_lock import SleepLock
 from tega_emulators.process import Emulator

@@ -21,7 +21,7 @@ from tega.runtime.object_pipe import receive_object, send_object, widen_pipe
 from tega.runtime.threads import realtime_allowed, run_realtime
 
 if TYPE_CHECKING:
-    from tega.devices.hand.allegro import AllegroOptions
+    from tega.devices.hand.allegro_options import AllegroOptions
 
 
 MAKES_READY: Final = "makes ready"

@@ -26,7 +26,7 @@ from tega.errors import DeviceUnavailableError
 from tega.runtime.child_process import is_running
 
 if TYPE_CHECKING:
-    from tega.devices.hand.allegro import AllegroOptions
+    from tega.devices.hand.allegro_options import AllegroOptions
     from tega.wire import CanFrame
 
 

@@ -18,7 +18,7 @@ from tega.runtime.clock import Standstill
 from tega.runtime.threads import run_realtime
 
 if TYPE_CHECKING:
-    from tega.devices.hand.allegro import AllegroOptions
+    from tega.devices.hand.allegro_options import AllegroOptions
     from tega.devices.hand.guard_process import GuardProcess
     from tega.hand.link import HandState, Received
     from tega.wire import CanFrame

@@ -41,7 +41,7 @@ def compare_exchanges(recorded: Recorded) -> list[Comparison]:
 
 
 def _link(head: Head) -> HandLink:
-    from tega.devices.hand.allegro import AllegroOptions
+    from tega.devices.hand.allegro_options import AllegroOptions
 
     tree = dict(head.tree.get("hand", {}).get("options", {}))
     tree.pop("poses", None)

@@ -49,7 +49,8 @@ def _opened(
     """Open the hand, or the emulated one."""
     from contextlib import ExitStack
 
-    from tega.devices.hand.allegro import Allegro, AllegroOptions
+    from tega.devices.hand.allegro import Allegro
+    from tega.devices.hand.allegro_options import AllegroOptions
     from tega.runtime.checkout_tools import needs_tools
 
     with ExitStack() as stack:
