@@ -13,7 +13,7 @@ import numpy as np
 
 from tega.devices.at_exit import closes_on_exit, last_words, release
 from tega.devices.base import DeviceInfo, Found, Kind, Options
-from tega.devices.hand.allegro_options import AllegroOptions
+from tega.devices.hand.allegro_options import BITRATE, AllegroOptions
 from tega.devices.hand.can_links import can_links, link_trouble
 from tega.devices.hand.hand_alert import HandAlert
 from tega.devices.hand.hand_bus import bus_label
@@ -80,7 +80,7 @@ class Allegro(Opened):
         """List the CAN buses a hand may be on (Linux only); says nothing on them."""
         found = []
         for link in can_links():
-            problem, hint = link_trouble(link, bitrate=_BITRATE)
+            problem, hint = link_trouble(link, bitrate=BITRATE)
             options = {"interface": "socketcan", "channel": link.name}
             found.append(
                 Found(driver="allegro", label=link.name, options=options, problem=problem, hint=hint)

@@ -9,7 +9,8 @@ import msgspec
 
 from tega.devices.base import Options
 
-_BITRATE = 1_000_000
+BITRATE = 1_000_000
+"""CAN bit rate of the hand, bit/s."""
 _Share = Annotated[float, msgspec.Meta(gt=0, le=1)]
 
 
@@ -36,7 +37,7 @@ class AllegroOptions(Options, frozen=True):
 
     interface: str
     channel: str | int
-    bitrate: Annotated[int, msgspec.Meta(gt=0, le=1_000_000)] = _BITRATE
+    bitrate: Annotated[int, msgspec.Meta(gt=0, le=1_000_000)] = BITRATE
     bus: dict[str, Any] = msgspec.field(default_factory=dict)
     device_id: Annotated[int, msgspec.Meta(ge=0, le=3)] = 0
     side: Literal["right", "left"] = "right"
