@@ -102,7 +102,7 @@ def recorded(folder: Path, published: tuple[Record, ...]) -> Path:
     assert bus.problem() == ""
     facts = recording.finish({})
     assert (facts["state"], facts["dropped"]) == ("complete", {})
-    return folder / facts["file"]
+    return folder / str(facts["file"])
 
 
 def read_back(path: Path) -> Iterator[Record]:
@@ -241,9 +241,9 @@ def _check_replay(read_for: Recorded, of: dict[type[Record], Any]) -> None:
 @given(record=_one)
 def test_a_record_reaches_another_process_as_it_is(record: Record) -> None:
     file = io.BytesIO()
-    writer = BufferedWriter(file)  # type: ignore[arg-type]  # bytes in memory stand for the pipe
+    writer: Any = BufferedWriter(file)  # bytes in memory stand for the pipe
     send_object(writer, record)
-    reader = BufferedReader(io.BytesIO(file.getvalue()))  # type: ignore[arg-type]  # likewise
+    reader: Any = BufferedReader(io.BytesIO(file.getvalue()))
     assert same(record, receive_object(reader))
 
 

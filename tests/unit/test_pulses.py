@@ -196,12 +196,12 @@ def test_a_run_pulses_an_emulated_vest_at_its_events_and_is_computed_again(tmp_p
 
         def look(view: LoopView) -> None:
             """Wait for half a second without a press: a picture from before the run may have shown one."""
-            t_ns, contact = view.contacts.get("thumb", (0, None))
+            contact = view.contacts.get("thumb")
             if contact is None or contact.in_contact:
                 free_ns.clear()
                 return
-            free_ns.append(t_ns)
-            if t_ns - free_ns[0] > 500 * MS:
+            free_ns.append(contact.t_ns)
+            if contact.t_ns - free_ns[0] > 500 * MS:
                 viewed.set()
 
         presses = threading.Thread(target=fingertip, daemon=True)
