@@ -309,7 +309,8 @@ class DualLoop:
         self.report.n_contacts[finger] += 1
         if self._trace is not None:
             self._trace.taken(finger, taken.t_ns)
-        self._bus.publish(taken)
+        if self._bus.wants(Contact):
+            self._bus.publish(taken)
         self._tell_events(self._touch.found)
 
     def _look_at_hand(self, t_ns: int) -> None:

@@ -279,7 +279,8 @@ def measured_contacts(
 
 def _stamped(contact: Contact, t_ns: int) -> Contact:
     """Return a contact with the time of the picture that shows it, each of its values in the field of its name."""
-    contact = contact.current()
+    if contact.more:
+        contact = contact.current()
     return contact if contact.t_ns == t_ns else replace(contact, t_ns=t_ns)
 
 
