@@ -243,11 +243,7 @@ def test_a_record_reaches_another_process_as_it_is(record: Record) -> None:
     file = io.BytesIO()
     writer: Any = BufferedWriter(file)  # bytes in memory stand for the pipe
     send_object(writer, record)
-<<<<<<< HEAD
     reader: Any = BufferedReader(io.BytesIO(file.getvalue()))  # likewise
-=======
-    reader: Any = BufferedReader(io.BytesIO(file.getvalue()))
->>>>>>> d0ad1b9040615fd3a7cf582ed0bc3daac9124a75
     assert same(record, receive_object(reader))
 
 
