@@ -149,7 +149,7 @@ def test_a_mat_file_that_inflates_beyond_what_is_read_is_refused(
 def test_a_mat_file_with_an_object_beside_the_samples_is_read(recordings: Path) -> None:
     path = recordings / "emg" / "my_thesis" / "recording_force_v1.mat"
     assert read_emg_file(path)[0].shape == (8803, 8)
-    with pytest.raises(RecordingError, match="has no variable 'other'; it has: none that can be listed"):
+    with pytest.raises(RecordingError, match="has no variable 'other'; it has: Force, "):
         read_emg_file(path, variable="other")
 
 

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 # Channels of one amplifier may end so much apart: a logger that was stopped in the middle of a row.
 _MOST_UNEVEN = 0.01
 _FEWEST_UNEVEN = 8
+_WHOLE = 0.9
 
 
 class Signals(NamedTuple):
@@ -186,7 +187,8 @@ def _times(
         return None, ""
     column = table.columns[decision.time - 1]
     unit_s = SECONDS.get(column.unix or column.unit.lower())
-    times_s = to_seconds(others[:, 0], unit_s, reading.rate_hz or table.rate_hz)
+    whole = float(np.isfinite(others[:, 0]).mean()) > _WHOLE  # else it is another sensor's, at another rate
+    times_s = to_seconds(others[:, 0], unit_s, reading.rate_hz or table.rate_hz) if whole else None
     if times_s is None or (slope_of(times_s) or 0.0) <= 0:
         if decision.time == reading.time:
             raise RecordingError(
@@ -203,7 +205,9 @@ def _times(
 
 def _stated(table: Table, decision: Decision, reading: Reading, what: str) -> None:
     """Note the stated rate; refuse one that the file contradicts."""
-    if reading.rate_hz and table.rate_hz and abs(table.rate_hz / reading.rate_hz - 1) > RATE_TOLERANCE:
+    if what and table.rate_hz and reading.rate_hz:
+        pass  # the times decide
+    elif reading.rate_hz and table.rate_hz and abs(table.rate_hz / reading.rate_hz - 1) > RATE_TOLERANCE:
         raise RecordingError(
             f"{table.file}: {table.rate_hz:g} samples/s by {table.rate_from}, {reading.rate_hz:g} were given",
             f"leave the rate out or set it to {table.rate_hz:g}",

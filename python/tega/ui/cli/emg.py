@@ -248,16 +248,16 @@ def compare(
     from tega.stages.learned.compare import best_channels, shifted_electrode, two_halves
     from tega.stages.learned.compare import compare as compared
 
-    def read(log: str) -> Log:
+    def taken(log: str) -> Log:
         return read_log(log, target, rate_hz, kind, channels, variable, read)
 
     rows: list[dict[str, Any]] = []
     drawn: list[tuple[str, float, list[DecoderTold]]] = []
     for name in logs:
-        log = read(name)
+        log = taken(name)
         pairs = [("first half", "second half", *two_halves(log))]
         if train is not None:
-            learnt = read(train)
+            learnt = taken(train)
             pairs = [(learnt.name, "whole", learnt, log)]
         else:
             pairs.append(("second half", "first half (swapped)", *two_halves(log, swapped=True)))

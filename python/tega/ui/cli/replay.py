@@ -44,7 +44,9 @@ class _Finger(click.ParamType[tuple[str, Path]]):
     "--baseline", type=_Finger(), multiple=True, help="Picture of a finger's untouched gel; else estimated."
 )
 @click.option("--allow-truncated", is_flag=True, help="Use a video that ends before its header says.")
-@click.option("--emg", type=click.Path(path_type=Path), help="EMG samples: text, .npy, .mat, EDF, XDF and others.")
+@click.option(
+    "--emg", type=click.Path(path_type=Path), help="EMG samples: text, .npy, .mat, EDF, XDF and others."
+)
 @click.option(
     "--emg-rate-hz",
     type=click.FloatRange(0, 10_000_000, min_open=True),
@@ -55,8 +57,12 @@ class _Finger(click.ParamType[tuple[str, Path]]):
     type=click.Choice(["raw", "rectified", "envelope"]),
     help="Whether the samples are raw, rectified or an envelope.",
 )
-@click.option("--emg-channels", type=ChannelList(), help="Columns to use, counted from 1; else those that are EMG.")
-@click.option("--emg-variable", default="emg", show_default=True, help="Array or stream of a file of several.")
+@click.option(
+    "--emg-channels", type=ChannelList(), help="Columns to use, counted from 1; else those that are EMG."
+)
+@click.option(
+    "--emg-variable", default="emg", show_default=True, help="Array or stream of a file of several."
+)
 @click.option(
     "--preset", type=click.Choice(["paper", "live"]), default="live", show_default=True,
     help="Readings of the equations: paper (as printed) or live (meant for people).",

@@ -140,7 +140,7 @@ def _marks(edfio: Any, path: Path, layout: _Layout) -> tuple[NDArray[np.float64]
     """Return when each record begins, seconds, and the annotations; ``None`` for a file without them."""
     if layout.onset_at is None:
         return None, []
-    onsets = []
+    onsets = list[float]()
     with path.open("rb") as file:
         for k in range(layout.n_records):
             file.seek(len(layout.header) + k * layout.record_bytes + layout.onset_at)

@@ -66,8 +66,9 @@ def pick(arrays: Mapping[str, Any], variable: str, file: str) -> Picked:
             break
     listed = ", ".join(sorted(tables or arrays)[:_MOST_LISTED]) or "none that can be listed"
     raise RecordingError(
-        f"{file}: has no variable {variable!r}"
-        + (", and several that can be meant" if len(tables) > 1 else ""),
+        f"{file}: several arrays can be {variable!r}"
+        if len(tables) > 1
+        else f"{file}: has no variable {variable!r}",
         f"it has: {listed}; name one of them as the variable",
     )
 

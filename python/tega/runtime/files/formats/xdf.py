@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import contextlib
+import logging
+import warnings
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tega.errors import RecordingError
+from tega.errors import RecordingError, TegaError
+from tega.runtime.files.tables.encoding import opened
 from tega.runtime.files.tables.table import MOST_JUDGED, FileEvent, Reading, Table, judged_columns, loads
 from tega.runtime.lifecycle import require
 
@@ -23,12 +27,43 @@ def open_xdf(path: Path, reading: Reading) -> Table:
         MissingExtraError: pyxdf is not installed.
     """
     pyxdf: Any = require("pyxdf", driver="emg-file", extra="formats")
-    streams = [one for one in pyxdf.resolve_streams(str(path)) if one.get("stream_id") is not None]
+    with _damage(path.name) as found:
+        table = _open(pyxdf, path, reading)
+    if found:
+        table.notes.append(f"damaged in {len(found)} places, and read as far as possible: {found[0][:100]}")
+    return table
+
+
+@contextlib.contextmanager
+def _damage(name: str) -> Iterator[list[str]]:
+    """Keep what pyxdf logs of a damaged file, and its warnings, off the terminal; yield it."""
+    found: list[str] = []
+    log, handler = logging.getLogger("pyxdf"), logging.Handler(logging.ERROR)
+    handler.emit = lambda record: found.append(record.getMessage())  # type: ignore[method-assign]
+    propagated, log.propagate = log.propagate, False
+    log.addHandler(handler)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield found
+    except TegaError:
+        raise
+    except Exception as error:  # pyxdf raises whatever the bytes lead it to
+        raise RecordingError(f"{name}: a damaged XDF file: {error}", "copy it again") from error
+    finally:
+        log.removeHandler(handler)
+        log.propagate = propagated
+
+
+def _open(pyxdf: Any, path: Path, reading: Reading) -> Table:
+    """Open the stream of EMG."""
+    with opened(path) as file:
+        streams = [one for one in pyxdf.resolve_streams(file) if one.get("stream_id") is not None]
     chosen = _chosen(streams, reading.variable, path.name)
     marks = [one["stream_id"] for one in streams if _is_marks(one)]
-    loaded, _ = pyxdf.load_xdf(
-        str(path), select_streams=[chosen["stream_id"], *marks], dejitter_timestamps=False, verbose=False
-    )
+    wanted = [chosen["stream_id"], *marks]
+    with opened(path) as file:
+        loaded, _ = pyxdf.load_xdf(file, select_streams=wanted, dejitter_timestamps=False, verbose=False)
     by_id = {one["info"]["stream_id"]: one for one in loaded}
     stream = by_id.get(chosen["stream_id"])
     samples = np.asarray(stream["time_series"]) if stream is not None else np.empty((0, 0))

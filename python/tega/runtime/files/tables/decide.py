@@ -125,7 +125,7 @@ def _channels(file: str, columns: list[Column]) -> tuple[int, ...]:
         _refuse(file, f"some columns are named EMG, and {others} may be EMG too", columns)
     if named:
         return tuple(named)
-    by_values = [c for c in columns if c.why == "values" and c.holds in {"time", "counter"}]
+    by_values = [c for c in columns if c.why == "values" and c.holds in {"time", "counter", "label"}]
     if not unknown and by_values and not any(c.name for c in columns):
         for column in by_values:  # ramps are all that there is: numbers that somebody made
             column.holds, column.why = "unknown", ""
@@ -133,7 +133,13 @@ def _channels(file: str, columns: list[Column]) -> tuple[int, ...]:
     if not unknown:
         _refuse(file, "no column is EMG by its name or values", columns)
     nameless = not any(c.name for c in columns)
-    if nameless and by_values and len(moving) < len(unknown) and len(columns) > 4:
+    if (
+        nameless
+        and by_values
+        and by_values[0].holds != "label"
+        and len(moving) < len(unknown)
+        and len(columns) > 4
+    ):
         _refuse(
             file,
             f"a table without names, {_of(by_values)}, and {len(unknown) - len(moving)} columns never change",
@@ -168,6 +174,7 @@ def _time_of(table: Table, channels: Sequence[int], reading: Reading) -> int:
         return reading.time
     times = [c for c in table.columns if c.holds == "time" and c.number not in channels]
     # Of several the one nearest before the first channel: each sensor may have its own.
+    times = [c for c in times if c.even] or times
     before = [c for c in times if c.number < channels[0]]
     return (before[-1:] or times[:1])[0].number if times else 0
 

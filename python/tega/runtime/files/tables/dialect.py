@@ -34,10 +34,15 @@ MISSING: Final = frozenset(
 """Cells that hold no number, in lower case."""
 
 NUMBER: Final = {
-    ".": re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?inf(?:inity)?", re.IGNORECASE),
-    ",": re.compile(r"[+-]?(?:\d+(?:,\d+)?|,\d+)(?:[eE][+-]?\d+)?|[+-]?inf(?:inity)?", re.IGNORECASE),
+    ".": re.compile(
+        r"[+-]?(?:\d{1,3}(?:,\d{3})+\.\d*|\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?inf(?:inity)?", re.IGNORECASE
+    ),
+    ",": re.compile(
+        r"[+-]?(?:\d{1,3}(?:\.\d{3})+,\d+|\d+(?:,\d+)?|,\d+)(?:[eE][+-]?\d+)?|[+-]?inf(?:inity)?",
+        re.IGNORECASE,
+    ),
 }
-"""Numbers by their decimal sign."""
+"""Numbers by their decimal sign; thousands may be grouped by the other sign where there is a fraction."""
 
 _COMMENT = re.compile(r"#(?!n/?a\b|value|wert)", re.IGNORECASE)
 # So many lines at the end of what was read first decide; they are far from the preamble.
@@ -119,7 +124,10 @@ def find_dialect(lines: Sequence[str], name: str, *, decimal: str = "") -> Diale
     quoted = any('"' in line for line in lines)
     best, most = Dialect("", decimal or "."), 0.0
     for delimiter in ("\t", ";", ",", "|", None, ""):
-        # Lines before the table, such as "sep=;", are not of it.
+        if delimiter != "" and not any(
+            (delimiter or " ") in line or (not delimiter and "\t" in line) for line in probe
+        ):
+            continue
         cells = [split(line, delimiter, quoted=quoted) for line in probe]
         cells = [row[:-1] if len(row) > 1 and not row[-1] else row for row in cells]
         n_cells, n_lines = Counter(map(len, cells)).most_common(1)[0] if cells else (0, 0)

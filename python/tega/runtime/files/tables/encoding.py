@@ -109,7 +109,11 @@ def opened(path: Path) -> Iterator[IO[bytes]]:
         packed = raw.read(2) == b"\x1f\x8b"
         raw.seek(0)
         try:
-            yield gzip.GzipFile(fileobj=raw) if packed else raw  # type: ignore[misc]
+            if packed:
+                with gzip.GzipFile(fileobj=raw) as file:
+                    yield file  # type: ignore[misc]
+            else:
+                yield raw
         except (EOFError, zlib.error, gzip.BadGzipFile) as error:
             raise RecordingError(f"{path.name}: a damaged gzip file: {error}", "copy it again") from error
 

@@ -18,7 +18,11 @@ _RATE = re.compile(
     re.IGNORECASE,
 )
 _HERTZ = re.compile(r"(?<![\w.])(\d[\d.]*)\s*(k?)Hz\b", re.IGNORECASE)
-_DELTA = re.compile(r"^delta_x\s+(\S+)", re.IGNORECASE)
+# Seconds a sample: LabVIEW, LabChart, AcqKnowledge.
+_STEP = re.compile(
+    r"^(?:delta_x|interval=)\s*([\d.,eE+-]+)\s*(m|u|µ)?s?|^([\d.,]+)\s*(m|u|µ)?s(?:ec)?/sample", re.IGNORECASE
+)
+_LISTED = re.compile(r"^(\d+) channels$")
 _UNITS = frozenset(
     (
         *(
@@ -130,12 +134,13 @@ def stated_rate(preamble: Sequence[str]) -> float | None:
                 continue
             if 1.0 <= rate_hz <= 1e6:
                 found[of_emg].add(rate_hz)
-        if delta := _DELTA.match(line):
+        if step := _STEP.match(line):
+            digits, unit = step[1] or step[3], (step[2] or step[4] or "").lower()
             try:
-                step_s = float(delta[1].replace(",", "."))
+                step_s = float(digits.replace(",", ".")) * {"": 1.0, "m": 1e-3}.get(unit, 1e-6)
             except ValueError:
                 continue
-            found[True] |= {1 / step_s} if 1e-6 <= step_s <= 1.0 else set()
+            found[True] |= {float(f"{1 / step_s:.9g}")} if 1e-6 <= step_s <= 1.0 else set()
     rates = found[True] or found[False]
     return rates.pop() if len(rates) == 1 else None
 
@@ -169,35 +174,65 @@ def _names(  # noqa: PLR0917  # of one place in the file
 ) -> tuple[list[str], list[str], int]:  # fmt: skip
     """Return names, units and the first row."""
     width = len(numeric)
-    if above and abs(len(cells[above[-1]]) - width) <= 1 and (width > 2 or len(cells[above[-1]]) == width):
-        head = cells[above[-1]]
-        shifted = [""] * (len(head) == width - 1) + head
-        if not _has_numbers(shifted, numeric, dialect.decimal):
-            upper = cells[above[-2]] if len(above) > 1 else []
-            if (
-                _are_units(head)
-                and len(upper) == len(head)
-                and not _has_numbers(upper, numeric, dialect.decimal)
-            ):
-                return upper, head, first
-            return [_bare(cell) for cell in shifted], [], first
-        if len(head) == width and not _is_key(head) and not _are_ordinals(head):
-            raise RecordingError(
-                f"{name}:{above[-1] + 1}: not a row of numbers: {shown(lines[above[-1]])}",
-                "fix or delete that line, or name the channels to read without its column",
-            )
-        if _are_ordinals(head):
-            return head, [], first
+    if found := _listed(lines[:first], dialect, width) or _above(lines, cells, above, numeric, dialect, name):
+        return *found, first
     after = [row for at, row in cells.items() if at > first and len(row) == width]
     if _are_ordinals(cells[first]) and _is_header_of_numbers(cells[first], after, numeric):
-        later = [at for at in cells if at > first]
-        return cells[first], [], later[0] if later else first
+        return cells[first], [], next((at for at in cells if at > first), first)
     comments = [line for line in lines[:first] if line.startswith(_COMMENT_MARKS)]
-    if comments:
-        head = dialect.split(comments[-1].lstrip("#%/ "))
-        if len(head) == width > 1 and not _has_numbers(head, numeric, dialect.decimal):
-            return head, [], first
+    head = dialect.split(comments[-1].lstrip("#%/ ")) if comments else []
+    if len(head) == width > 1 and not _has_numbers(head, numeric, dialect.decimal):
+        return head, [], first
     return [], [], first
+
+
+def _above(  # noqa: PLR0917  # of one place in the file
+    lines: Sequence[str], cells: dict[int, list[str]], above: list[int], numeric: list[bool],
+    dialect: Dialect, name: str,
+) -> tuple[list[str], list[str]] | None:  # fmt: skip
+    """Return names and units that stand right above the first row; ``None`` if none do.
+
+    Raises:
+        RecordingError: A damaged row stands there.
+    """
+    width = len(numeric)
+    if not above:
+        return None
+    if dialect.joined:  # names have no decimal sign
+        cells[above[-1]] = [cell.strip() for cell in lines[above[-1]].split(",")]
+    head = cells[above[-1]]
+    if abs(len(head) - width) > 1 or (width <= 2 and len(head) != width):
+        return None
+    shifted = [""] * (len(head) == width - 1) + head
+    if not _has_numbers(shifted, numeric, dialect.decimal):
+        upper = cells[above[-2]] if len(above) > 1 else []
+        paired = len(upper) == len(head) and not _has_numbers(upper, numeric, dialect.decimal)
+        return (upper, head) if paired and _are_units(head) else ([_bare(cell) for cell in shifted], [])
+    if _are_ordinals(head):
+        return head, []
+    if len(head) == width and not _is_key(head):
+        raise RecordingError(
+            f"{name}:{above[-1] + 1}: not a row of numbers: {shown(lines[above[-1]])}",
+            "fix or delete that line, or name the channels to read without its column",
+        )
+    return None
+
+
+def _listed(lines: Sequence[str], dialect: Dialect, width: int) -> tuple[list[str], list[str]] | None:
+    """Return names and units that stand in a list before the table, as AcqKnowledge and LabChart write them."""
+    for at, line in enumerate(lines):
+        text = line.strip()
+        if text.lower().startswith("channeltitle="):
+            titles = [cell for cell in dialect.split(text)[1:] if cell]
+            if len(titles) in {width, width - 1}:
+                return ["time"] * (width - len(titles)) + titles, []
+        if (found := _LISTED.match(text)) and int(found[1]) in {width, width - 1}:
+            n = int(found[1])
+            pairs = [one.strip() for one in lines[at + 1 : at + 1 + 2 * n]]
+            if len(pairs) == 2 * n:
+                more = width - n
+                return ["time"] * more + pairs[::2], [""] * more + pairs[1::2]
+    return None
 
 
 def _bare(cell: str) -> str:

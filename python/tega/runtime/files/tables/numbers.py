@@ -43,7 +43,9 @@ def number_of(cell: str, decimal: str) -> float:
         ValueError: It is no number.
     """
     if NUMBER[decimal].fullmatch(cell):
-        return float(cell.replace(",", ".") if decimal == "," else cell)
+        if decimal == ",":
+            return float(cell.replace(".", "").replace(",", "."))
+        return float(cell.replace(",", ""))
     if cell.lower() in MISSING:
         return float("nan")
     return clock_s(cell)

@@ -11,7 +11,7 @@ import numpy as np
 
 from tega.errors import RecordingError
 from tega.runtime.files.tables.names import Name, Role, judged
-from tega.runtime.files.tables.values import course_of, unix_unit
+from tega.runtime.files.tables.values import course_of, is_even, unix_unit
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -65,6 +65,7 @@ class Column(msgspec.Struct, kw_only=True):
         why: ``name`` or ``values``; ``""`` if neither decides.
         constant: Whether the first values are all the same.
         unix: Unit of its times since 1970; ``""`` if it has none.
+        even: Whether it rises by the same step from row to row.
     """
 
     number: int
@@ -74,6 +75,7 @@ class Column(msgspec.Struct, kw_only=True):
     why: str = ""
     constant: bool = False
     unix: str = ""
+    even: bool = False
 
     @property
     def called(self) -> str:
@@ -131,11 +133,13 @@ def judged_columns(
         column = Column(number=at + 1, name=name.text, unit=name.unit, holds=name.role)
         column.why = "" if name.role == "unknown" else "name"
         course = course_of(values)
-        column.constant = course == "constant"
+        column.constant, column.even = course == "constant", is_even(values)
         column.unix = unix_unit(values) if course in {"time", "counter"} else ""
         if at < len(text) and text[at]:
             if column.holds != "time":
                 column.holds, column.why = "text", "values"
+        elif course == "label" and name.role == "unknown":
+            column.holds, column.why = "label", "values"
         elif course in {"time", "counter"} and name.role in {"unknown", "channel"}:
             column.holds, column.why = "time" if column.unix else course, "values"
         columns.append(column)

@@ -36,7 +36,7 @@ class Floats:
 
     def add(self, rows: NDArray[np.float64]) -> None:
         """Add rows, float64 (n, width)."""
-        self._bytes += memoryview(np.ascontiguousarray(rows, np.float64)).cast("B") if rows.size else b""
+        self._bytes += np.ascontiguousarray(rows, np.float64).tobytes()
 
     def array(self) -> NDArray[np.float64]:
         """Return all rows, float64 (n, width); nothing can be added afterwards."""
@@ -68,8 +68,8 @@ def open_text(path: Path, reading: Reading) -> Table:
     n = header.n_columns
     # Only the first rows are judged, cell by cell, since a column of them may hold words.
     head = np.array([[_value(cell, dialect.decimal) for cell in row[:n]] for row in rows]).reshape(-1, n)
-    text = [not (number or clock) for number, clock in zip(header.numeric, header.clock, strict=True)]
-    columns = judged_columns(header.names, head, units=header.units, text=text)
+    words = [not (number or clock) for number, clock in zip(header.numeric, header.clock, strict=True)]
+    columns = judged_columns(header.names, head, units=header.units, text=words)
     for column, clock, number in zip(columns, header.clock, header.numeric, strict=False):
         if clock and not number:
             column.holds, column.unit, column.why = "time", "s", column.why or "values"

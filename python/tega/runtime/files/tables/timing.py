@@ -25,7 +25,8 @@ MOST_GAP_S: Final = 3600.0
 _FEWEST = 16
 _BLOCK = 262_144
 _NEAR = 64
-_MOST_BATCH = 2000
+# With fewer different stamps than this share of the rows, samples came in batches.
+_MOST_SHARED = 0.7
 # A counter of 16 bits wraps within this; a greater one that falls was set anew.
 _MOST_TURN = 70_000
 _SLOPE_ROWS = 1000
@@ -84,12 +85,26 @@ def to_seconds(
 
 
 def slope_of(times: NDArray[np.float64]) -> float | None:
-    """Return the usual step between two times; ``None`` for too few. Losses and clocks that were set do not count."""
+    """Return the usual step between two rows' times, without losses and clocks that were set; ``None`` for too few.
+
+    Example:
+        >>> round(slope_of(np.arange(1000) // 10 * 0.04), 6)
+        0.004
+    """
     times = times[np.isfinite(times)]
-    if len(times) < _FEWEST:
+    rows = _stamped(times)
+    if len(times) < _FEWEST or len(rows) < 3:
         return None
-    far = max(1, min(_SLOPE_ROWS, len(times) // 4))
-    return float(np.median(times[far:] - times[:-far])) / far
+    far = max(1, min(_SLOPE_ROWS, len(rows) // 8))
+    slopes = np.sort((times[rows[far:]] - times[rows[:-far]]) / (rows[far:] - rows[:-far]))
+    quarter = len(slopes) // 4
+    return float(slopes[quarter : len(slopes) - quarter].mean())
+
+
+def _stamped(times: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return the rows whose times count: all, or the first of each batch of samples that share a stamp."""
+    changed = np.flatnonzero(np.diff(times)) + 1
+    return changed if len(changed) < _MOST_SHARED * len(times) else np.arange(len(times))
 
 
 def compare(
@@ -132,6 +147,10 @@ def compare(
             f"leave the rate out or set it to {measured_hz:.6g}; set time to none if {what} is wrong",
         )
     rises, back = _jumps(times_s, step_s, what=what, file=file)
+    if rises or back:  # the rate between them is known better than over them
+        step_s = _even_step(times_s, step_s, rises, back)
+        measured_hz = _round_rate(1 / step_s, rate_hz)
+        rises, back = _jumps(times_s, step_s, what=what, file=file)
     lost = [(row, round(rise_s / step_s)) for row, rise_s in rises]
     if sum(n for _, n in counted) > sum(n for _, n in lost) and not len(repeated):
         lost = counted
@@ -178,21 +197,16 @@ def _jumps(
 
     Each comes with the jump in seconds.
     """
-    n = len(times_s)
-    at = np.concatenate([_odd_steps(times_s, k, step_s) for k in range(0, n - 1, _BLOCK)]) if n > 1 else []
-    ups = np.diff(np.asarray(at, np.int64))
-    # Samples that come in batches share a stamp: a jump that lasts is seen over two batches.
-    batch = int(np.median(ups)) if len(ups) > _FEWEST and len(ups) > n / _MOST_BATCH else 1
-    n_near, begin = max(4, min(_NEAR, n // 8), 2 * batch), 0
+    rows = _stamped(times_s)
+    n_near, begin = max(4, min(_NEAR, len(rows) // 8)), 0
     rises, back = list[tuple[int, float]](), list[tuple[int, float]]()
-    for row in (int(k) + 1 for k in at):
-        first, last = max(begin, row - n_near), min(n, row + n_near)
-        if last - row < batch:
-            continue
-        late_s = times_s[first:last] - step_s * np.arange(first, last)
+    for k in _odd_steps(times_s, rows, step_s):
+        first, last = max(begin, k - n_near), min(len(rows), k + n_near)
+        near = rows[first:last]
+        late_s = times_s[near] - step_s * near
         # A sample cannot be stamped before it was taken: the earliest stamps on either side are compared.
-        rise_s = float(late_s[row - first :].min() - late_s[: row - first].min())
-        ahead = times_s[row] > times_s[row - 1]
+        rise_s = float(late_s[k - first :].min() - late_s[: k - first].min())
+        row, ahead = int(rows[k]), times_s[rows[k]] > times_s[rows[k] - 1]
         if rise_s > MOST_GAP_S:
             raise RecordingError(
                 f"{file}: {what} jumps by {rise_s / 3600:.3g} h between samples {row} and {row + 1}",
@@ -200,16 +214,32 @@ def _jumps(
             )
         if ahead and rise_s > 0.75 * step_s:
             rises.append((row, rise_s))
-            begin = row
-        elif not ahead and float(late_s[row - first :].max() - late_s[: row - first].min()) < -0.5 * step_s:
+            begin = k
+        elif not ahead and float(late_s[k - first :].max() - late_s[: k - first].min()) < -0.5 * step_s:
             back.append((row, rise_s))
-            begin = row
+            begin = k
     return rises, back
 
 
-def _odd_steps(times_s: NDArray[np.float64], at: int, step_s: float) -> NDArray[np.int64]:
-    steps = np.diff(times_s[at : at + _BLOCK + 1])
-    return np.flatnonzero((steps > 1.5 * step_s) | (steps < -0.5 * step_s)) + at
+def _odd_steps(times_s: NDArray[np.float64], rows: NDArray[np.int64], step_s: float) -> list[int]:
+    """Return the places among rows before which time does not go on evenly."""
+    found = list[int]()
+    for at in range(0, len(rows) - 1, _BLOCK):
+        part = rows[at : at + _BLOCK + 1]
+        ahead_s = np.diff(times_s[part]) - step_s * np.diff(part)
+        found += (np.flatnonzero((ahead_s > 0.5 * step_s) | (ahead_s < -1.5 * step_s)) + at + 1).tolist()
+    return found
+
+
+def _even_step(
+    times_s: NDArray[np.float64], step_s: float, rises: list[tuple[int, float]], back: list[tuple[int, float]]
+) -> float:
+    """Return the step of the longest stretch without a jump, if it is long enough to tell."""
+    edges = np.array([0, *sorted(row for row, _ in (*rises, *back)), len(times_s)])
+    longest = int(np.diff(edges).argmax())
+    part = times_s[edges[longest] : edges[longest + 1]]
+    found = slope_of(part) if len(part) > _FEWEST else None
+    return found if found is not None and abs(found / step_s - 1) < RATE_TOLERANCE else step_s
 
 
 def lost_by_counter(counter: NDArray[np.float64]) -> list[tuple[int, int]]:
