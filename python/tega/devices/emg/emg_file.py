@@ -9,6 +9,7 @@ import msgspec
 
 from tega.devices.base import DeviceInfo, EmgChunk, Kind, Options
 from tega.errors import DeviceUnavailableError, RecordingError
+from tega.records import HeardMarker
 from tega.runtime.lifecycle import Opened
 
 if TYPE_CHECKING:
@@ -103,6 +104,16 @@ class EmgFile(Opened):
     def close(self) -> None:
         """Forget the samples."""
         self._signals = None
+
+    @property
+    def marked(self) -> tuple[HeardMarker, ...]:
+        """Events that the file holds beside its samples, by time; those before the first sample come with it."""
+        events = () if self._signals is None else self._signals.decision.events
+        file = self._options.file.name
+        return tuple(
+            HeardMarker(t_ns=max(0, round(one.t_s * 1e9)), text=one.text, source=file, stamp_s=one.t_s)
+            for one in sorted(events, key=lambda one: one.t_s)
+        )
 
     @property
     def ended(self) -> bool:

@@ -168,18 +168,17 @@ def _comma_twice(probe: list[str], name: str, best: Dialect, *, decimal: str) ->
         best = plain
     n_cells = Counter(map(len, cells)).most_common(1)[0][0]
     cells = [row for row in cells if len(row) == n_cells]
-    joined, at, proven, likely = list[int](), 0, False, True
+    joined, at, proven = list[int](), 0, False
     while at < n_cells:
         left, right = [row[at] for row in cells], [row[at + 1] for row in cells] if at + 1 < n_cells else []
         sure = bool(right) and _is_fraction(left, right)
         if sure or decimal == ",":
             joined.append(at)
             proven |= sure
-        likely = likely and bool(right) and (sure or _like_fraction(right))
         at += 1 + bool(sure or decimal == ",")
     if decimal == "," or (joined and proven):
         return Dialect(",", ",", best.quoted, tuple(joined))
-    if likely and len(cells) >= _FEWEST_LINES and n_cells % 2 == 0 and _like_pairs(cells):
+    if len(cells) >= _FEWEST_LINES and n_cells % 2 == 0 and _like_pairs(cells):
         raise RecordingError(
             f"{name}: a decimal comma or {n_cells} columns of whole numbers? {probe[-1][:60]!r} can be read as either",
             "set decimal to comma or point",

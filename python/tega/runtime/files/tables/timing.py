@@ -286,7 +286,16 @@ def _offsets(
             for row, n in lost:
                 late_s[max(0, row - edge) :] -= n / rate_hz if edge < row < edge + n_second else 0.0
         medians[k] = np.median(late_s)
-    return np.minimum(edges + n_second / 2, len(times_s) - 1), medians - medians[:1]
+    knots = np.minimum(edges + n_second / 2, len(times_s) - 1)
+    if len(knots) > 2:  # the last second may be a part of one; the ends go on as their neighbours do
+        knots, medians = knots[:-1], medians[:-1]
+        slopes = np.diff(medians)[[0, -1]] / np.diff(knots)[[0, -1]]
+        ends = np.array([0.0, len(times_s) - 1.0])
+        medians = np.r_[
+            medians[0] - slopes[0] * knots[0], medians, medians[-1] + slopes[1] * (ends[1] - knots[-1])
+        ]
+        knots = np.r_[ends[0], knots, ends[1]]
+    return knots, medians - medians[:1]
 
 
 def _filled(times_s: NDArray[np.float64]) -> NDArray[np.float64]:
