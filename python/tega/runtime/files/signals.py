@@ -147,11 +147,9 @@ def _length(file: str, samples: NDArray[np.float64], decision: Decision) -> int:
         RecordingError: A channel ends long before the others, or holds no number.
     """
     n = len(samples)
-    there = np.isfinite(samples) | np.isinf(samples)
-    if not there.any(axis=0).all():
-        empty = [
-            str(c) for c, any_there in zip(decision.channels, there.any(axis=0), strict=True) if not any_there
-        ]
+    there = np.logical_not(np.isnan(samples))
+    empty = [str(c) for k, c in enumerate(decision.channels) if not there[:, k].any()]
+    if empty:
         rest = ",".join(str(c) for c in decision.channels if str(c) not in empty)
         if not rest:
             raise RecordingError(

@@ -43,7 +43,8 @@ def _pose(name: str, line: int, cells: dict[str, str], before: Sequence[StampedP
         t_s, *numbers = (float(cells[column]) for column in _COLUMNS)
         valid = float(cells["valid"]) == 1 if "valid" in cells else True
     except KeyError as error:
-        raise RecordingError(f"{name}, line {line}: {len(cells)} numbers, and {error} is missing") from error
+        n_wanted = len(_COLUMNS) + ("valid" in cells)
+        raise RecordingError(f"{name}, line {line}: {len(cells)} numbers, not {n_wanted}") from error
     except ValueError as error:
         raise RecordingError(f"{name}, line {line}: {error}") from error
     if not math.isfinite(t_s) or abs(t_s) > 1e9:

@@ -46,7 +46,7 @@ NUMBER: Final = {
 
 _COMMENT = re.compile(r"#(?!n/?a\b|value|wert)", re.IGNORECASE)
 # So many lines at the end of what was read first decide; they are far from the preamble.
-_MOST_LINES = 300
+_MOST_LINES = 150
 _FEWEST_LINES = 8
 _MOST_DIGITS = 60
 _NAMES = {"\t": "tab", ";": "semicolon", ",": "comma", "|": "bar", None: "spaces", "": "one column"}

@@ -28,6 +28,9 @@ _BOMS = (
 )
 # Of a text in Latin-1 at most this share of the bytes is beyond ASCII: a µ in the names, an umlaut in a comment.
 _MOST_FOREIGN = 0.1
+_ASCII = bytes(range(0x80))
+# Signs of Windows-1252, where Latin-1 has none.
+_WINDOWS = bytes(range(0x80, 0xA0))
 
 
 class Encoding(NamedTuple):
@@ -87,13 +90,13 @@ def find_encoding(head: bytes, name: str) -> Encoding:
     try:
         codecs.getincrementaldecoder("utf-8")().decode(head)
     except UnicodeDecodeError as error:
-        foreign = sum(byte > 127 for byte in head)
+        foreign = len(head.translate(None, _ASCII))
         if foreign > max(1, _MOST_FOREIGN * len(head)):
             raise RecordingError(
                 f"{name}: not text: byte {error.start} is {head[error.start]:#04x}",
                 "give a table of numbers as text, or one of the formats that emg inspect lists",
             ) from error
-        windows = any(0x80 <= byte < 0xA0 for byte in head)
+        windows = len(head.translate(None, _WINDOWS)) < len(head)
         return Encoding("cp1252" if windows else "latin-1")
     return Encoding("utf-8")
 

@@ -1,4 +1,4 @@
-"""Read tables of named columns whose cells are words and numbers: poses, forces, marks, as any spreadsheet writes them."""
+"""Read tables of named columns whose cells are words and numbers: poses, forces, marks."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class NamedRow(NamedTuple):
 
 
 def named_rows(path: Path, *, most_mib: int) -> tuple[list[str], Iterator[NamedRow]]:
-    """Return the names of a table's columns, and its rows.
+    """Return the names of a table's columns, none for an empty file, and its rows.
 
     Encoding, delimiter (comma, semicolon or tab) and decimal sign are found out. A row that has fewer cells than names
     lacks the last ones; one that has more is refused.
@@ -38,7 +38,7 @@ def named_rows(path: Path, *, most_mib: int) -> tuple[list[str], Iterator[NamedR
         most_mib: The largest size, MiB.
 
     Raises:
-        RecordingError: It is no text, has no line of names, or a row has too many cells.
+        RecordingError: It is no text, or a row has too many cells.
         OSError: It cannot be opened.
     """
     check_file(path, most_mib=most_mib)
@@ -51,11 +51,7 @@ def named_rows(path: Path, *, most_mib: int) -> tuple[list[str], Iterator[NamedR
     )
     _, head = next(lines, (0, ""))
     delimiter = max(",;\t", key=head.count)
-    names = split(head, delimiter, quoted=True)
-    if not any(names):
-        raise RecordingError(
-            f"{path.name}: has no line of names", "give a table whose first line names its columns"
-        )
+    names = split(head, delimiter, quoted=True) if head else []
     return names, _rows(path.name, lines, names, delimiter)
 
 

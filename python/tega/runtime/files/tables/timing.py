@@ -25,6 +25,7 @@ MOST_GAP_S: Final = 3600.0
 _FEWEST = 16
 _BLOCK = 262_144
 _NEAR = 64
+_MOST_SLOPES = 100_000
 # With fewer different stamps than this share of the rows, samples came in batches.
 _MOST_SHARED = 0.7
 # A counter of 16 bits wraps within this; a greater one that falls was set anew.
@@ -91,20 +92,30 @@ def slope_of(times: NDArray[np.float64]) -> float | None:
         >>> round(slope_of(np.arange(1000) // 10 * 0.04), 6)
         0.004
     """
-    times = times[np.isfinite(times)]
+    if not all(np.isfinite(times[at : at + _BLOCK]).all() for at in range(0, len(times), _BLOCK)):
+        times = times[np.isfinite(times)]
     rows = _stamped(times)
     if len(times) < _FEWEST or len(rows) < 3:
         return None
     far = max(1, min(_SLOPE_ROWS, len(rows) // 8))
-    slopes = np.sort((times[rows[far:]] - times[rows[:-far]]) / (rows[far:] - rows[:-far]))
+    places = np.arange(0, len(rows) - far, max(1, len(rows) // _MOST_SLOPES))
+    before, after = _picked(rows, places), _picked(rows, places + far)
+    slopes = np.sort((times[after] - times[before]) / (after - before))
     quarter = len(slopes) // 4
     return float(slopes[quarter : len(slopes) - quarter].mean())
 
 
-def _stamped(times: NDArray[np.float64]) -> NDArray[np.int64]:
+def _stamped(times: NDArray[np.float64]) -> NDArray[np.int64] | range:
     """Return the rows whose times count: all, or the first of each batch of samples that share a stamp."""
-    changed = np.flatnonzero(np.diff(times)) + 1
-    return changed if len(changed) < _MOST_SHARED * len(times) else np.arange(len(times))
+    n_changed = sum(
+        np.count_nonzero(np.diff(times[at : at + _BLOCK + 1])) for at in range(0, len(times), _BLOCK)
+    )
+    return range(len(times)) if n_changed >= _MOST_SHARED * len(times) else np.flatnonzero(np.diff(times)) + 1
+
+
+def _picked(rows: NDArray[np.int64] | range, places: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return rows by their places."""
+    return places if isinstance(rows, range) else rows[places]
 
 
 def compare(
@@ -202,7 +213,7 @@ def _jumps(
     rises, back = list[tuple[int, float]](), list[tuple[int, float]]()
     for k in _odd_steps(times_s, rows, step_s):
         first, last = max(begin, k - n_near), min(len(rows), k + n_near)
-        near = rows[first:last]
+        near = np.asarray(rows[first:last])
         late_s = times_s[near] - step_s * near
         # A sample cannot be stamped before it was taken: the earliest stamps on either side are compared.
         rise_s = float(late_s[k - first :].min() - late_s[: k - first].min())
@@ -221,11 +232,11 @@ def _jumps(
     return rises, back
 
 
-def _odd_steps(times_s: NDArray[np.float64], rows: NDArray[np.int64], step_s: float) -> list[int]:
+def _odd_steps(times_s: NDArray[np.float64], rows: NDArray[np.int64] | range, step_s: float) -> list[int]:
     """Return the places among rows before which time does not go on evenly."""
     found = list[int]()
     for at in range(0, len(rows) - 1, _BLOCK):
-        part = rows[at : at + _BLOCK + 1]
+        part = np.asarray(rows[at : at + _BLOCK + 1])
         ahead_s = np.diff(times_s[part]) - step_s * np.diff(part)
         found += (np.flatnonzero((ahead_s > 0.5 * step_s) | (ahead_s < -1.5 * step_s)) + at + 1).tolist()
     return found
@@ -301,7 +312,7 @@ def _offsets(
 def _filled(times_s: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return times with those that are missing put evenly between their neighbours."""
     good = np.isfinite(times_s)
-    if good.all() or not good.any():
+    if bool(good.all()) or not good.any():
         return times_s
     rows = np.arange(len(times_s))
     return np.interp(rows, rows[good], times_s[good])
@@ -309,7 +320,11 @@ def _filled(times_s: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _unwrapped(times_s: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return times of day that go on after midnight."""
-    back = np.flatnonzero(np.abs(np.diff(times_s) + _DAY_S) < 60)
+    odd = [
+        np.flatnonzero(np.abs(np.diff(times_s[at : at + _BLOCK + 1]) + _DAY_S) < 60) + at
+        for at in range(0, len(times_s), _BLOCK)
+    ]
+    back = np.concatenate(odd) if odd else np.empty(0, np.int64)
     if not len(back):
         return times_s
     days = np.zeros(len(times_s))
