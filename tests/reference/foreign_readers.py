@@ -25,13 +25,13 @@ from tega.config import load_config
 from tega.config.calibration import Calibration, FingerMaxima, load_calibration, save_calibration
 from tega.config.calibration.folder import CalibrationFolder, Unfinished
 from tega.config.calibration.records import TouchRecord, read_record
-from tega.devices.emg.emg_formats import read_emg_file
 from tega.devices.fingertip.video import VideoFile, VideoFileOptions
 from tega.devices.tracker.sources.recorded import read_poses
 from tega.hand.poses import load_poses
 from tega.recording.folder import prepare_folder
 from tega.recording.mcap_folder import SessionFolder
 from tega.runtime.files.foreign_file import read_foreign
+from tega.runtime.files.signals import read_signals
 from tega.runtime.opencv import read_image
 from tega.safety import dose_file
 from tega_bench.vest_latency.log import OnsetLog, read_log, read_wav, write_wav
@@ -306,9 +306,9 @@ READERS: dict[str, tuple[str, Callable[[Path], bytes], Callable[[Path], object]]
     "poses of the hand": ("poses.toml", lambda _: b"[level-1]\nindex = [0, 0, 0, 0]\n", load_poses),
     "poses": ("poses.csv", lambda _: _POSES, read_poses),
     "marks": ("marks.csv", lambda _: _MARKS, read_marks),
-    "EMG table": ("emg.csv", lambda _: b"a,b,c\n1,2,3\n4,5,6.5\n7,8,9e3\n", read_emg_file),
-    "EMG npy": ("emg.npy", lambda _: npy(np.arange(60.0).reshape(20, 3)), read_emg_file),
-    "EMG mat": ("emg.mat", lambda _: _mat(), read_emg_file),
+    "EMG table": ("emg.csv", lambda _: b"a,b,c\n1,2,3\n4,5,6.5\n7,8,9e3\n", read_signals),
+    "EMG npy": ("emg.npy", lambda _: npy(np.arange(60.0).reshape(20, 3)), read_signals),
+    "EMG mat": ("emg.mat", lambda _: _mat(), read_signals),
     "PNG": ("a.png", lambda _: _encoded(".png"), lambda p: read_image(p, driver="images")),
     "JPEG": ("a.jpg", lambda _: _encoded(".jpg"), lambda p: read_image(p, driver="images")),
     "BMP": ("a.bmp", lambda _: _encoded(".bmp"), lambda p: read_image(p, driver="images")),

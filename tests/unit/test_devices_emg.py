@@ -7,10 +7,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.io
+from numpy.typing import NDArray
 
 from tega.devices.emg.emg_file import EmgFile, EmgFileOptions
-from tega.devices.emg.emg_formats import read_emg_file
 from tega.errors import RecordingError
+from tega.runtime.files.signals import read_signals
+from tega.runtime.files.tables.table import Reading
+
+
+def read_emg_file(
+    path: Path, channels: tuple[int, ...] = (), variable: str = "emg"
+) -> tuple[NDArray[np.float64], tuple[int, ...]]:
+    """Return samples and channels of a file."""
+    signals = read_signals(path, Reading(channels=channels, variable=variable))
+    return signals.samples, signals.channels
+
 
 ROWS = np.array([[1.0, -2.5, 3e-4], [4.0, 5.0, -6.0], [7.0, 8.25, 9.0]])
 
@@ -54,10 +65,9 @@ def test_only_the_wanted_columns_have_to_be_numbers(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("1,2\n3,x\n", r"emg\.csv:2: not a row of numbers: '3,x'; mend or delete"),
-        ("a,b\n1,2\n\n3,\n", r"emg\.csv:4: 1 fields, the lines before have 2: '3,'"),
-        ("1,2\n3,4,5\n", r"emg\.csv:2: 3 fields, the lines before have 2: '3,4,5'"),
-        ("1,2\n3\n", r"emg\.csv:2: 1 fields, the lines before have 2: '3'"),
+        ("1,2\n3,x\n", r"emg\.csv:2: not a row of numbers: '3,x'; fix or delete"),
+        ("1,2\n3,4,5\n", r"emg\.csv:2: 3 cells, the lines before have 2: '3,4,5'"),
+        ("1,2\n3\n", r"emg\.csv:2: 1 cells, the lines before have 2: '3'"),
         ("1,2\n1_0,3\n", r"emg\.csv:2: not a row of numbers: '1_0,3'"),
         ("1,x\n2,3\n", r"emg\.csv:1: not a row of numbers: '1,x'"),
         ("a,b\nc,d\n", r"emg\.csv:2: not a row of numbers: 'c,d'"),
@@ -102,8 +112,8 @@ def test_what_arrays_cannot_be_is_said(tmp_path: Path) -> None:
         RecordingError, match=r"an array of shape \(2, 3, 4\), expected \(samples, channels\)"
     ):
         read_emg_file(path)
-    np.save(path, np.zeros((3, 1000)))
-    with pytest.raises(RecordingError, match=r"3 samples of 1000 channels; .*transposed"):
+    np.save(path, np.zeros((100, 130)))
+    with pytest.raises(RecordingError, match=r"100 rows and 130 columns: .*set rows to samples"):
         read_emg_file(path)
     np.save(path, np.array(["a"]))
     with pytest.raises(RecordingError, match="expected real numbers"):
@@ -115,9 +125,11 @@ def test_what_arrays_cannot_be_is_said(tmp_path: Path) -> None:
 
 def test_mat_files_name_what_they_have(tmp_path: Path) -> None:
     path = tmp_path / "e.mat"
-    scipy.io.savemat(path, {"data": ROWS})
-    with pytest.raises(RecordingError, match=r"has no variable 'emg'; it has: data"):
+    scipy.io.savemat(path, {"data": ROWS, "raw": ROWS})
+    with pytest.raises(RecordingError, match=r"several arrays can be 'emg'; it has: data, raw"):
         read_emg_file(path)
+    with pytest.raises(RecordingError, match=r"has no variable 'emgs'; it has: data, raw"):
+        read_emg_file(path, variable="emgs")
     assert read_emg_file(path, variable="data")[0].shape == (3, 3)
     path.write_bytes(b"no matlab at all, but long enough to look like a header" * 5)
     with pytest.raises(RecordingError, match=r"not a MATLAB file|MATLAB 7\.3"):
@@ -127,7 +139,7 @@ def test_mat_files_name_what_they_have(tmp_path: Path) -> None:
 def test_a_mat_file_that_inflates_beyond_what_is_read_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("tega.devices.emg.emg_formats._MOST_MIB", 1)
+    monkeypatch.setattr("tega.runtime.files.formats.mat.MOST_MIB", 1)
     path = tmp_path / "e.mat"
     scipy.io.savemat(path, {"emg": ROWS, "big": np.zeros(200_000)}, do_compression=True)
     with pytest.raises(RecordingError, match="more than 1 MiB"):
@@ -137,7 +149,7 @@ def test_a_mat_file_that_inflates_beyond_what_is_read_is_refused(
 def test_a_mat_file_with_an_object_beside_the_samples_is_read(recordings: Path) -> None:
     path = recordings / "emg" / "my_thesis" / "recording_force_v1.mat"
     assert read_emg_file(path)[0].shape == (8803, 8)
-    with pytest.raises(RecordingError, match="has no variable 'other'; it has: none that can be listed"):
+    with pytest.raises(RecordingError, match="has no variable 'other'; it has: Force, "):
         read_emg_file(path, variable="other")
 
 

@@ -7,36 +7,38 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tega.devices.emg.emg_formats import read_emg_file
 from tega.emg import ButterworthLowpass, GraspIntent, grasp_level
 from tega.errors import InvalidValueError, RecordingError
+from tega.runtime.files.signals import read_signals
+from tega.runtime.files.tables.table import Reading
 from tega.ui.cli.main import main
 
 
 @pytest.mark.parametrize(
-    ("names", "column", "rest"),
+    ("names", "said", "rest"),
     [
-        ("Force,ch1,ch2", "1 (Force)", "2,3"),
-        ("time_s,ECR,FCU", "1 (time_s)", "2,3"),
-        ("ECR,FCU,Force (N)", "3 (Force (N))", "1,2"),
-        ("timestamp,ch1,label", "1 (timestamp), 3 (label)", "2"),
+        ("Force,ch1,ch2", '"Force" is another sensor', (2, 3)),
+        ("time_s,ECR,FCU", '"time_s" is time', (2, 3)),
+        ("ECR,FCU,Force (N)", '"Force (N)" is another sensor', (1, 2)),
+        ("timestamp,ch1,label", '"timestamp" is time, "label" is a label', (2,)),
     ],
 )
-def test_a_column_that_is_no_muscle_is_no_channel(names: str, column: str, rest: str, tmp_path: Path) -> None:
+def test_a_column_that_is_no_muscle_is_left_out_and_named(
+    names: str, said: str, rest: tuple[int, ...], tmp_path: Path
+) -> None:
     file = tmp_path / "squeeze.csv"
     file.write_text(f"{names}\n1,2,3\n4,5,6\n")
-    with pytest.raises(RecordingError) as caught:
-        read_emg_file(file)
-    assert f"column {column} is no EMG by its name" in caught.value.message
-    assert caught.value.hint == f"name the channels: {rest}"
-    # Whoever names it means it.
-    assert read_emg_file(file, (1, 2))[0].tolist() == [[1.0, 2.0], [4.0, 5.0]]
+    signals = read_signals(file)
+    assert signals.channels == rest
+    assert said in signals.decision.words
+    # A channel that is named is meant.
+    assert read_signals(file, Reading(channels=(1, 2))).samples.tolist() == [[1.0, 2.0], [4.0, 5.0]]
 
 
 def test_names_of_muscles_are_read_as_ever(tmp_path: Path) -> None:
     file = tmp_path / "squeeze.csv"
     file.write_text("ECR,FCU,FDS\n1,2,3\n")
-    assert read_emg_file(file)[1] == (1, 2, 3)
+    assert read_signals(file).channels == (1, 2, 3)
 
 
 def test_emg_score_asks_which_columns_are_emg(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -52,11 +54,11 @@ def test_hints_name_no_option_of_another_command(tmp_path: Path) -> None:
     import scipy.io
 
     table, mat = tmp_path / "a.csv", tmp_path / "a.mat"
-    table.write_text("1,2,x\n3,4,y\n")
-    scipy.io.savemat(mat, {"EMG1": np.zeros((3, 3))})
+    table.write_text("1,2,3\n3,4\n")
+    scipy.io.savemat(mat, {"a1": np.zeros((3, 3)), "a2": np.zeros((3, 3))})
     for file in (table, mat):
         with pytest.raises(RecordingError) as caught:
-            read_emg_file(file)
+            read_signals(file)
         assert "--" not in caught.value.hint, caught.value.hint
 
 

@@ -9,8 +9,9 @@ import pytest
 from numpy.typing import NDArray
 
 from tega.devices.base import EmgChunk
-from tega.devices.emg.emg_formats import read_emg_file
 from tega.devices.emg.emg_health import EmgHealth, swapped_channels
+from tega.runtime.files.signals import read_signals
+from tega.runtime.files.tables.table import Reading
 
 NAMES = ("ch1", "ch2", "ch3")
 RATE_HZ = 500.0
@@ -120,7 +121,7 @@ def test_without_limits_saturation_is_not_guessed() -> None:
 def test_real_squeezes_show_nothing_but_what_is_in_them(recordings: Path, name: str) -> None:
     # They clip in strong squeezes, and between squeezes a 60 Hz line of about one count is left, at places.
     path = recordings / "emg" / "my_thesis" / f"recording_force_{name}.mat"
-    samples, _ = read_emg_file(path, (3, 6, 8))
+    samples = read_signals(path, Reading(channels=(3, 6, 8))).samples
     said = looked_at(samples, 200.0, limits=(-128.0, 127.0)).words()
     assert not [w for w in said if "clipped" not in w and ": 60 Hz mains" not in w], said
 

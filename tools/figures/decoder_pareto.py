@@ -20,8 +20,9 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from tega.devices.emg.emg_formats import read_emg_file
 from tega.errors import TegaError
+from tega.runtime.files.signals import read_signals
+from tega.runtime.files.tables.table import Reading
 from tega.stages.learned import LearnedDecoder, fit
 from tega.stages.learned.compare import Log, best_channels, compare, shifted_electrode, two_halves
 
@@ -43,8 +44,8 @@ DECODERS = ("rules-paper", "rules", "proportional", "learned", "learned-huber", 
 def recording(folder: Path, name: str, channels: tuple[int, ...] = (3, 6, 8)) -> Log:
     """Return EMG and force of a squeeze."""
     file = folder / "emg" / "my_thesis" / f"recording_force_{name}.mat"
-    emg, _ = read_emg_file(file, channels)
-    force, _ = read_emg_file(file, (1,), variable="Force")
+    emg = read_signals(file, Reading(channels=channels)).samples
+    force = read_signals(file, Reading(channels=(1,), variable="Force")).samples
     n = min(len(emg), len(force))
     return Log(name, emg[:n], force[:n, 0], 200.0)
 
@@ -52,8 +53,8 @@ def recording(folder: Path, name: str, channels: tuple[int, ...] = (3, 6, 8)) ->
 def power_grip(folder: Path, user: int) -> Log:
     """Return a person's rest and power grips, one after the other, from sensors that give an envelope."""
     file = folder / "emg" / "unibo_inail" / f"user_{user}_day_1_posture_1.mat"
-    emg, _ = read_emg_file(file)
-    label, _ = read_emg_file(file, (1,), variable="relabel")
+    emg = read_signals(file).samples
+    label = read_signals(file, Reading(channels=(1,), variable="relabel")).samples
     closed = label[: len(emg), 0] == 2
     grips = np.flatnonzero(closed)
     used = slice(max(0, grips[0] - 2500), grips[-1] + 2500)
@@ -63,7 +64,8 @@ def power_grip(folder: Path, user: int) -> Log:
 
 def grip_force(folder: Path, name: str) -> Log:
     """Return a precision grip as it was polled, 70 % of the rows repeats; a glued force reply is interpolated."""
-    rows, _ = read_emg_file(folder / "emg" / "gripping_force" / f"{name}.csv")
+    file = folder / "emg" / "gripping_force" / f"{name}.csv"
+    rows = read_signals(file, Reading(channels=tuple(range(1, 10)))).samples
     valid = np.flatnonzero(rows[:, 0] <= 5000)
     force = np.interp(np.arange(len(rows)), valid, rows[valid, 0])
     return Log(f"gripping_force {name}", rows[:, 1:], force - np.percentile(force, 2), 243.0)

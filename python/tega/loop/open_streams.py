@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from contextlib import ExitStack
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from tega.devices.base import AnsweringHand, FeedingSource, StampingVest
+from tega.devices.base import AnsweringHand, FeedingSource, StampingVest, optional
 from tega.loop.inbox.frames import FrameMeter, fed_contacts, keeps_up, measured_contacts
 from tega.loop.inbox.reader import Reader
 from tega.loop.inbox.sources import grasp_blocks, picture_of, samples_of
@@ -164,9 +165,13 @@ def level_stream(
         return muscles.stream
     live = muscles.source.info.live
 
+    marked = deque(optional(muscles.source, "marked"))
+
     def see(chunk: EmgChunk) -> None:
         if bus.wants(EmgSamples):
             bus.publish(samples_of(chunk, live=live, start_ns=start_ns))
+        while marked and marked[0].t_ns <= chunk.t_ns:
+            bus.publish(marked.popleft())
 
     produce = partial(
         grasp_blocks,

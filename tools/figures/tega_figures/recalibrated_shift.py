@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import click
 import numpy as np
 
-from tega.devices.emg.emg_formats import read_emg_file
+from tega.runtime.files.signals import read_signals
+from tega.runtime.files.tables.table import Reading
 from tega.stages.learned import LearnedDecoder, fit
 from tega.stages.learned.compare import Log, shifted_electrode, two_halves
 from tega.stages.learned.judge import DecoderFigures, judge
@@ -52,8 +53,8 @@ def squeeze(folder: Path, name: str) -> Log:
         name: One of :data:`NAMES`.
     """
     file = folder / "emg" / "my_thesis" / f"recording_force_{name}.mat"
-    emg, _ = read_emg_file(file, (3, 6, 8))
-    force, _ = read_emg_file(file, (1,), variable="Force")
+    emg = read_signals(file, Reading(channels=(3, 6, 8))).samples
+    force = read_signals(file, Reading(channels=(1,), variable="Force")).samples
     n = min(len(emg), len(force))
     return Log(name, emg[:n], force[:n, 0], 200.0)
 

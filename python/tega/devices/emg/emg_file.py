@@ -3,100 +3,145 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import msgspec
 
 from tega.devices.base import DeviceInfo, EmgChunk, Kind, Options
-from tega.devices.emg.emg_formats import read_emg_file
-from tega.errors import DeviceUnavailableError
+from tega.errors import DeviceUnavailableError, RecordingError
+from tega.records import HeardMarker
 from tega.runtime.lifecycle import Opened
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+    from tega.runtime.files.signals import Signals
 
 
 _CHUNK_S = 0.1
 
 
 class EmgFileOptions(Options, frozen=True):
-    """Settings of :class:`EmgFile`.
+    """Settings of :class:`EmgFile`; all but ``file`` are for files that leave something open.
 
     Attributes:
-        file: A ``.mat``, ``.npy`` or text file, one row per sample.
-        rate_hz: Samples per second it was taken with.
-        channels: Which columns to use, counted from 1; none means all.
-        variable: Name of the array in a ``.mat`` file.
+        file: A text table, an array file, or a recording of a format that ``emg inspect`` lists.
+        rate_hz: Samples per second; ``None`` for the rate that the file states or its times show.
+        channels: Columns to read, counted from 1; empty for those that are EMG.
+        variable: Array or stream of a file that has several.
+        decimal: Decimal sign of a text table.
+        time: Column of the time, counted from 1; ``none`` to ignore the file's times.
+        rows: What each row of a table or an array is.
     """
 
     file: Path
-    rate_hz: Annotated[float, msgspec.Meta(gt=0, le=10_000_000)]
+    rate_hz: Annotated[float, msgspec.Meta(gt=0, le=10_000_000)] | None = None
     channels: tuple[Annotated[int, msgspec.Meta(ge=1)], ...] = ()
     variable: str = "emg"
+    decimal: Literal["auto", "point", "comma"] = "auto"
+    time: Literal["auto", "none"] | Annotated[int, msgspec.Meta(ge=1)] = "auto"
+    rows: Literal["auto", "samples", "channels"] = "auto"
 
 
 class EmgFile(Opened):
-    """The samples of a file; sample number n (from 1) is complete at n/rate."""
+    """The samples of a file; sample number n (from 1) is complete at n/rate, or when the file's times say.
+
+    Lost samples are a gap in the numbers of the samples, as those of a live source are.
+    """
 
     kind: ClassVar[Kind] = "emg"
-    summary: ClassVar[str] = "a text, .npy or .mat file of EMG samples"
+    summary: ClassVar[str] = "a recording: text, .npy, .mat, EDF, XDF and others"
     extra: ClassVar[str] = "lab"
     requires: ClassVar[tuple[str, ...]] = ("scipy",)
     options_type: ClassVar[type[Options]] = EmgFileOptions
 
     def __init__(self, options: EmgFileOptions) -> None:
         self._options = options
-        self._samples: NDArray[np.float64] | None = None
+        self._signals: Signals | None = None
         self._names = tuple(f"ch{c}" for c in options.channels)
-        self._next = 0
+        self._next = self._stretch = 0
 
     @property
     def info(self) -> DeviceInfo:
-        """Name, rate, channels and, once open, the number of samples."""
+        """Name, rate and channels; once open the number of samples, and in the notes what was decided and lost."""
+        signals = self._signals
         return DeviceInfo(
             driver="emg-file",
             kind="emg",
             label=self._options.file.name,
             live=False,
-            rate_hz=self._options.rate_hz,
+            rate_hz=self._options.rate_hz if signals is None else signals.rate_hz,
             channels=self._names,
-            unit="as recorded",
-            n_items=None if self._samples is None else len(self._samples),
+            unit="as recorded" if signals is None else signals.decision.unit or "as recorded",
+            n_items=None if signals is None else len(signals.samples),
+            notes=()
+            if signals is None
+            else tuple(f"{self._options.file.name}: {note}" for note in signals.notes),
         )
 
     def open(self) -> None:
         """Read the file.
 
         Raises:
-            RecordingError: It is missing, cannot be parsed, or lacks a channel.
-            MissingExtraError: A ``.mat`` file needs SciPy.
+            RecordingError: It is missing, cannot be parsed, lacks a channel, can be read in several ways, states no
+                rate, or contradicts the given one.
+            MissingExtraError: Its format needs a package that is not installed.
         """
-        options = self._options
-        self._samples, channels = read_emg_file(options.file, options.channels, variable=options.variable)
-        self._names = tuple(f"ch{c}" for c in channels)
-        self._next = 0
+        from tega.runtime.files.signals import read_signals
+        from tega.runtime.files.tables.table import Reading
+
+        if self._signals is None:
+            options = self._options
+            given = {name: getattr(options, name) for name in Reading.__struct_fields__}
+            signals = read_signals(options.file, Reading(**given))
+            if signals.rate_hz is None:
+                raise RecordingError(
+                    f"{options.file.name}: neither the file nor the settings state its rate",
+                    "set rate_hz, --emg-rate-hz of replay, to the samples per second of one channel",
+                )
+            self._signals = signals
+            self._names = tuple(f"ch{c}" for c in signals.channels)
+        self._next = self._stretch = 0
 
     def close(self) -> None:
         """Forget the samples."""
-        self._samples = None
+        self._signals = None
+
+    @property
+    def marked(self) -> tuple[HeardMarker, ...]:
+        """Events that the file holds beside its samples, by time; those before the first sample come with it."""
+        events = () if self._signals is None else self._signals.decision.events
+        file = self._options.file.name
+        return tuple(
+            HeardMarker(t_ns=max(0, round(one.t_s * 1e9)), text=one.text, source=file, stamp_s=one.t_s)
+            for one in sorted(events, key=lambda one: one.t_s)
+        )
 
     @property
     def ended(self) -> bool:
         """Whether all samples were read."""
-        return self._samples is not None and self._next >= len(self._samples)
+        return self._signals is not None and self._next >= len(self._signals.samples)
 
     def read(self, timeout_s: float) -> EmgChunk | None:  # noqa: ARG002  # a file never keeps one waiting
-        """Return the next tenth of a second.
+        """Return the next tenth of a second, cut where samples were lost.
 
         Raises:
             DeviceUnavailableError: The source is not open.
         """
-        if self._samples is None:
+        signals = self._signals
+        if signals is None or signals.rate_hz is None:
             raise DeviceUnavailableError(f"emg-file {self._options.file.name!r} is not open", "open it first")
         if self.ended:
             return None
+        begins, number = signals.starts[self._stretch]
+        ends = (
+            signals.starts[self._stretch + 1][0]
+            if self._stretch + 1 < len(signals.starts)
+            else len(signals.samples)
+        )
         first = self._next
-        self._next = min(first + max(1, round(_CHUNK_S * self._options.rate_hz)), len(self._samples))
-        t_ns = round(self._next * 1_000_000_000 / self._options.rate_hz)
-        return EmgChunk(t_ns, first, self._samples[first : self._next])
+        self._next = min(first + max(1, round(_CHUNK_S * signals.rate_hz)), ends)
+        self._stretch += self._next == ends
+        first_index = first - begins + number
+        t_ns = round((first_index + self._next - first) * 1_000_000_000 / signals.rate_hz)
+        if signals.timing is not None:
+            t_ns += round(signals.timing.offset_s(self._next - 1) * 1e9)
+        return EmgChunk(t_ns, first_index, signals.samples[first : self._next])

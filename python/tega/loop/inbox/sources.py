@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 MOST_GAP_S = 1.0
 
 # Rates whose samples are a whole number of nanoseconds apart: their times need no rounding.
+_ROUNDING_NS = 1000
 _EVEN_HZ = frozenset({200.0, 250.0, 500.0, 1000.0, 2000.0, 4000.0})
 
 # The level before a fault is looked for among so many blocks; a fault is seen after two thirds of a second at most.
@@ -186,7 +187,7 @@ class BlockMeter:
             n_told = min(n_missing, round(MOST_GAP_S * self._rate_hz))
             samples = np.concatenate([np.full((n_told, *samples.shape[1:]), np.nan), samples])
         end_ns = chunk.t_ns - self._start_ns
-        times_ns = self._times_ns(len(samples), end_ns)
+        times_ns = self._times_ns(len(samples), end_ns, chunk.first_index + len(chunk.samples))
         intents, at = list[Intent](), 0
         while at < len(samples):
             part = slice(at, at + votes.room)
@@ -207,17 +208,27 @@ class BlockMeter:
             report.faults = tuple(f"{name}: {why}" for name, why in self._told.items())
         return intents
 
-    def _times_ns(self, n: int, end_ns: int) -> NDArray[np.int64]:
-        """Return the times of the next samples: of a live source when they came, of a recording when each was whole."""
+    def _times_ns(self, n: int, end_ns: int, n_whole: int) -> NDArray[np.int64]:
+        """Return the times of the next samples: of a live source when they came, of a recording when each was whole.
+
+        Args:
+            n: Samples.
+            end_ns: Time of the last of them, as the source states it.
+            n_whole: Number of the last of them, from 1, with those that were lost.
+        """
         if self._live:
             times_ns = np.empty(n, np.int64)
             times_ns.fill(end_ns)
             return times_ns
-        first = self._n_samples + 1
+        first = n_whole - n + 1
         if self._rate_hz in _EVEN_HZ:
             period_ns = 1_000_000_000 // int(self._rate_hz)
-            return np.arange(first * period_ns, (first + n) * period_ns, period_ns)
-        return np.rint(np.arange(first, first + n) * 1_000_000_000 / self._rate_hz).astype(np.int64)
+            times_ns = np.arange(first * period_ns, (first + n) * period_ns, period_ns)
+        else:
+            times_ns = np.rint(np.arange(first, first + n) * 1_000_000_000 / self._rate_hz).astype(np.int64)
+        # A file with times of its own is not on the even course of its rate; a microsecond is rounding.
+        late_ns = end_ns - int(times_ns[-1]) if n else 0
+        return times_ns + late_ns if abs(late_ns) > _ROUNDING_NS else times_ns
 
     def _believed(self, intent: Intent) -> Intent:
         """Return a decoder's intent without the channels at fault; with none left, as before the fault began."""

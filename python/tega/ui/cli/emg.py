@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.ui.cli.emg_logs import force_log, practised_log, read_log
+from tega.ui.cli.emg_inspect import emg_inspect
+from tega.ui.cli.emg_logs import READ_OPTION, force_log, practised_log, read_log
 from tega.ui.cli.emg_recalibrate import emg_recalibrate
 from tega.ui.cli.emg_score import emg_score
 from tega.ui.cli.guest_group import GuestGroup
@@ -25,6 +26,7 @@ def emg() -> None:
     """Fit a decoder to a person's muscles or to the day, and compare decoders on one log."""
 
 
+emg.add_command(emg_inspect, "inspect")
 emg.add_command(emg_score, "score")
 emg.add_command(emg_recalibrate, "recalibrate")
 
@@ -36,8 +38,12 @@ emg.add_command(emg_recalibrate, "recalibrate")
 @click.option(
     "--out", required=True, type=click.Path(path_type=Path, dir_okay=False), help="The model's file."
 )
-@click.option("--target", help="Closure or force: a variable of a .mat file, else a column from 1.")
-@click.option("--rate-hz", type=click.FloatRange(0, 10_000_000, min_open=True), help="Samples per second.")
+@click.option("--target", help="Closure or force: a variable of a file of arrays, else a column from 1.")
+@click.option(
+    "--rate-hz",
+    type=click.FloatRange(0, 10_000_000, min_open=True),
+    help="Samples per second, else the file's.",
+)
 @click.option(
     "--kind",
     type=_KINDS,
@@ -46,7 +52,10 @@ emg.add_command(emg_recalibrate, "recalibrate")
     help="Whether the samples are raw, rectified or an envelope.",
 )
 @click.option("--channels", type=ChannelList(), help="EMG columns, counted from 1.")
-@click.option("--variable", default="emg", show_default=True, help="Name of the EMG array in a .mat file.")
+@click.option(
+    "--variable", default="emg", show_default=True, help="Name of the EMG array in a file of several."
+)
+@READ_OPTION
 @click.option(
     "--model",
     type=click.Choice(["ridge", "huber", "kernel"]),
@@ -77,6 +86,7 @@ def fit(
     kind: Any,
     channels: list[int] | None,
     variable: str,
+    read: dict[str, Any],
     model: Any,
     features: list[str],
     tau_ms: float,
@@ -101,9 +111,9 @@ def fit(
         given, tracked = practised_log(log)
         full, names, person = 1.0, tracked.channels, person or tracked.person
     else:
-        if target is None or rate_hz is None:
-            raise click.UsageError(f"{log.name} is no practice record: name --target and --rate-hz")
-        given = force_log(log, target, rate_hz, kind, channels, variable)
+        if target is None:
+            raise click.UsageError(f"{log.name} is no practice record: name --target")
+        given = force_log(log, target, rate_hz, kind, channels, variable, read)
         if channels:
             names = tuple(f"ch{c}" for c in channels)
     tau = max(4, round(tau_ms / 1000 * given.rate_hz))
@@ -148,8 +158,12 @@ def fit(
     "--picture compare.png"
 )
 @click.argument("logs", nargs=-1, required=True, metavar="LOG [LOG ...]")
-@click.option("--target", help="Closure or force: a variable of a .mat file, else a column from 1.")
-@click.option("--rate-hz", type=click.FloatRange(0, 10_000_000, min_open=True), help="Samples per second.")
+@click.option("--target", help="Closure or force: a variable of a file of arrays, else a column from 1.")
+@click.option(
+    "--rate-hz",
+    type=click.FloatRange(0, 10_000_000, min_open=True),
+    help="Samples per second, else the file's.",
+)
 @click.option(
     "--kind",
     type=_KINDS,
@@ -163,7 +177,10 @@ def fit(
     type=click.IntRange(1, 64),
     help="Use only so many channels: those that go best with the target in the training part.",
 )
-@click.option("--variable", default="emg", show_default=True, help="Name of the EMG array in a .mat file.")
+@click.option(
+    "--variable", default="emg", show_default=True, help="Name of the EMG array in a file of several."
+)
+@READ_OPTION
 @click.option(
     "--decoders",
     type=NameList(),
@@ -202,6 +219,7 @@ def compare(
     channels: list[int] | None,
     best: int | None,
     variable: str,
+    read: dict[str, Any],
     decoders: list[str],
     train: str | None,
     shift: int,
@@ -226,16 +244,16 @@ def compare(
     from tega.stages.learned.compare import best_channels, shifted_electrode, two_halves
     from tega.stages.learned.compare import compare as compared
 
-    def read(log: str) -> Log:
-        return read_log(log, target, rate_hz, kind, channels, variable)
+    def taken(log: str) -> Log:
+        return read_log(log, target, rate_hz, kind, channels, variable, read)
 
     rows: list[dict[str, Any]] = []
     drawn: list[tuple[str, float, list[DecoderTold]]] = []
     for name in logs:
-        log = read(name)
+        log = taken(name)
         pairs = [("first half", "second half", *two_halves(log))]
         if train is not None:
-            learnt = read(train)
+            learnt = taken(train)
             pairs = [(learnt.name, "whole", learnt, log)]
         else:
             pairs.append(("second half", "first half (swapped)", *two_halves(log, swapped=True)))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from tega.ui.cli.emg_logs import READ_OPTION, emg_beside
 from tega.ui.cli.options import ChannelList, json_option
 
 if TYPE_CHECKING:
@@ -23,13 +24,12 @@ BLOCK_S = 0.1
 @click.option(
     "--force",
     required=True,
-    help="The measured force: a variable's name in a .mat file, else a column from 1.",
+    help="The measured force: a variable's name in a file of arrays, else a column from 1.",
 )
 @click.option(
     "--rate-hz",
-    required=True,
     type=click.FloatRange(0, 10_000_000, min_open=True),
-    help="Samples per second.",
+    help="Samples per second; else as the file states them.",
 )
 @click.option(
     "--kind",
@@ -41,9 +41,12 @@ BLOCK_S = 0.1
 @click.option(
     "--channels",
     type=ChannelList(),
-    help="EMG columns, counted from 1; else all of the array in a .mat file.",
+    help="EMG columns, counted from 1; else all of the array in a file of arrays.",
 )
-@click.option("--variable", default="emg", show_default=True, help="Name of the EMG array in a .mat file.")
+@click.option(
+    "--variable", default="emg", show_default=True, help="Name of the EMG array in a file of several."
+)
+@READ_OPTION
 @json_option
 def emg_score(*, files: tuple[Path, ...], as_json: bool, **flags: Any) -> None:
     """Score both presets on recordings of EMG and force.
@@ -64,24 +67,21 @@ def emg_score(*, files: tuple[Path, ...], as_json: bool, **flags: Any) -> None:
 
 
 def _score(
-    file: Path, *, force: str, rate_hz: float, kind: Any, channels: list[int] | None, variable: str
+    file: Path,
+    *,
+    force: str,
+    rate_hz: float | None,
+    kind: Any,
+    channels: list[int] | None,
+    variable: str,
+    read: dict[str, Any],
 ) -> RecordingScore:
-    from tega.devices.emg.emg_formats import read_emg_file
     from tega.emg.score import score_recording
 
-    if file.suffix.lower() == ".mat":
-        samples, _ = read_emg_file(file, channels or (), variable=variable)
-        measured, _ = read_emg_file(file, (1,), variable=force)
-    elif force.isdecimal() and int(force) > 0:
-        if not channels:
-            raise click.UsageError(
-                f"{file.name} is a table, where --force {force} is a column beside the EMG: name that with --channels"
-            )
-        samples, _ = read_emg_file(file, channels)
-        measured, _ = read_emg_file(file, (int(force),))
-    else:
-        raise click.UsageError(f"--force {force!r}: {file.name} is no .mat file, so name a column from 1")
-    return score_recording(samples, measured[:, 0], rate_hz, tau=max(1, round(BLOCK_S * rate_hz)), kind=kind)
+    samples, measured, rate_hz = emg_beside(
+        file, force, option="--force", rate_hz=rate_hz, channels=channels, variable=variable, read=read
+    )
+    return score_recording(samples, measured, rate_hz, tau=max(1, round(BLOCK_S * rate_hz)), kind=kind)
 
 
 def _print(scores: dict[str, RecordingScore]) -> None:

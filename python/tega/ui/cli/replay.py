@@ -44,17 +44,25 @@ class _Finger(click.ParamType[tuple[str, Path]]):
     "--baseline", type=_Finger(), multiple=True, help="Picture of a finger's untouched gel; else estimated."
 )
 @click.option("--allow-truncated", is_flag=True, help="Use a video that ends before its header says.")
-@click.option("--emg", type=click.Path(path_type=Path), help="EMG samples: text, .npy or .mat.")
 @click.option(
-    "--emg-rate-hz", type=click.FloatRange(0, 10_000_000, min_open=True), help="Samples per second."
+    "--emg", type=click.Path(path_type=Path), help="EMG samples: text, .npy, .mat, EDF, XDF and others."
+)
+@click.option(
+    "--emg-rate-hz",
+    type=click.FloatRange(0, 10_000_000, min_open=True),
+    help="Samples per second; else as the file states them.",
 )
 @click.option(
     "--emg-kind",
     type=click.Choice(["raw", "rectified", "envelope"]),
     help="Whether the samples are raw, rectified or an envelope.",
 )
-@click.option("--emg-channels", type=ChannelList(), help="Columns to use, counted from 1; else all.")
-@click.option("--emg-variable", default="emg", show_default=True, help="Name of the array in a .mat file.")
+@click.option(
+    "--emg-channels", type=ChannelList(), help="Columns to use, counted from 1; else those that are EMG."
+)
+@click.option(
+    "--emg-variable", default="emg", show_default=True, help="Array or stream of a file of several."
+)
 @click.option(
     "--preset", type=click.Choice(["paper", "live"]), default="live", show_default=True,
     help="Readings of the equations: paper (as printed) or live (meant for people).",
@@ -178,12 +186,11 @@ def _tree(flags: dict[str, Any]) -> dict[str, Any]:
     if flags["calibration"] is not None:
         tree["calibration"] = {"file": flags["calibration"].absolute()}
     if flags["emg"] is not None:
-        for name in ("emg_rate_hz", "emg_kind"):
-            if flags[name] is None:
-                raise click.UsageError(f"--emg needs --{name.replace('_', '-')}")
+        if flags["emg_kind"] is None:
+            raise click.UsageError("--emg needs --emg-kind")
         options = {
             "file": flags["emg"].absolute(),
-            "rate_hz": flags["emg_rate_hz"],
+            **({} if flags["emg_rate_hz"] is None else {"rate_hz": flags["emg_rate_hz"]}),
             "channels": flags["emg_channels"] or [],
             "variable": flags["emg_variable"],
         }

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.errors import RecordingError
-from tega.runtime.files.foreign_file import read_words
+from tega.runtime.files.tables.rows import named_rows
 from tega.runtime.opencv import read_image
 
 Image = NDArray[np.uint8]
@@ -229,17 +227,13 @@ def _base_name(path: str) -> str:
 def _read_rows(path: Path, take: Callable[[dict[str, str]], None], *, what: str, wanted: str) -> None:
     """Give every line of a table to a function that raises ValueError, KeyError or TypeError where it cannot be."""
     try:
-        with io.StringIO(read_words(path, most_mib=64), newline="") as file:
-            for number, row in enumerate(csv.DictReader(file), start=2):
-                try:
-                    take(row)
-                except (KeyError, TypeError, ValueError) as error:
-                    raise RecordingError(
-                        f"{path.name}:{number}: not a {what} ({error})", f"wanted: {wanted}"
-                    ) from error
+        _, rows = named_rows(path, most_mib=64)
+        for line, cells in rows:
+            try:
+                take(cells)
+            except (KeyError, TypeError, ValueError) as error:
+                raise RecordingError(
+                    f"{path.name}:{line}: not a {what} ({error})", f"wanted: {wanted}"
+                ) from error
     except OSError as error:
         raise RecordingError(f"{path.name}: cannot be read: {error.strerror}", "check the path") from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise RecordingError(
-            f"{path.name}: is no table of text: {error}", f"export the {what}s as CSV"
-        ) from error

@@ -11,7 +11,7 @@ from pathlib import Path
 from tega.arm.pose import StampedPose
 from tega.errors import RecordingError
 from tega.records import PoseNumbers
-from tega.runtime.files.foreign_file import read_words
+from tega.runtime.files.tables.rows import named_rows
 
 _COLUMNS = ["t_s", *PoseNumbers.table]
 
@@ -19,31 +19,40 @@ _COLUMNS = ["t_s", *PoseNumbers.table]
 def read_poses(path: Path) -> list[StampedPose]:
     """Return the poses of a file; what is wrong with a pose is for the gate to see, not for the reader.
 
+    The columns may stand in any order, separated by commas, semicolons or tabs.
+
     Raises:
-        RecordingError: The file is missing, has other columns, a word that is no number, or a time that is not
+        RecordingError: The file is missing, lacks a column, a word that is no number, or a time that is not
             finite or earlier than the one before; the message names the line.
     """
-    try:
-        rows = list(csv.reader(read_words(path, most_mib=1024).splitlines()))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise RecordingError(f"{path.name} cannot be read: {error}") from error
-    if not rows or rows[0] not in (_COLUMNS, [*_COLUMNS, "valid"]):
-        raise RecordingError(f"{path.name} does not begin with the line {','.join(_COLUMNS)}")
     poses: list[StampedPose] = []
-    for number, row in enumerate(rows[1:], start=2):
-        try:
-            t_s, *numbers = map(float, row)
-        except ValueError as error:
-            raise RecordingError(f"{path.name}, line {number}: {error}") from error
-        if len(row) != len(rows[0]):
-            raise RecordingError(f"{path.name}, line {number}: {len(row)} numbers, not {len(rows[0])}")
-        if not math.isfinite(t_s) or abs(t_s) > 1e9:
-            raise RecordingError(f"{path.name}, line {number}: {t_s} s is no time")
-        t_ns = round(t_s * 1e9)
-        if poses and t_ns < poses[-1].t_ns:
-            raise RecordingError(f"{path.name}, line {number}: {t_s} s is earlier than the line before")
-        poses.append(StampedPose(t_ns, numbers[:3], numbers[3:7], valid=len(row) == 8 or numbers[7] == 1))
+    try:
+        names, rows = named_rows(path, most_mib=1024)
+        if not set(_COLUMNS) <= set(names):
+            raise RecordingError(f"{path.name} does not begin with the line {','.join(_COLUMNS)}")
+        for line, cells in rows:
+            poses.append(_pose(path.name, line, cells, poses))
+    except OSError as error:
+        raise RecordingError(f"{path.name} cannot be read: {error}") from error
     return poses
+
+
+def _pose(name: str, line: int, cells: dict[str, str], before: Sequence[StampedPose]) -> StampedPose:
+    """Return the pose of a line."""
+    try:
+        t_s, *numbers = (float(cells[column]) for column in _COLUMNS)
+        valid = float(cells["valid"]) == 1 if "valid" in cells else True
+    except KeyError as error:
+        n_wanted = len(_COLUMNS) + ("valid" in cells)
+        raise RecordingError(f"{name}, line {line}: {len(cells)} numbers, not {n_wanted}") from error
+    except ValueError as error:
+        raise RecordingError(f"{name}, line {line}: {error}") from error
+    if not math.isfinite(t_s) or abs(t_s) > 1e9:
+        raise RecordingError(f"{name}, line {line}: {t_s} s is no time")
+    t_ns = round(t_s * 1e9)
+    if before and t_ns < before[-1].t_ns:
+        raise RecordingError(f"{name}, line {line}: {t_s} s is earlier than the line before")
+    return StampedPose(t_ns, numbers[:3], numbers[3:], valid=valid)
 
 
 def write_poses(path: Path, poses: Iterable[StampedPose]) -> None:

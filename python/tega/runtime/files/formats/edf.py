@@ -1,0 +1,155 @@
+"""Open EDF, EDF+, BDF and BDF+ with edfio, a few records at a time; interrupted recordings keep their times."""
+
+from __future__ import annotations
+
+import io
+import re
+import warnings
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tega.errors import RecordingError
+from tega.runtime.files.tables.table import MOST_JUDGED, FileEvent, Load, Reading, Table, judged_columns
+from tega.runtime.files.tables.text import Floats
+from tega.runtime.lifecycle import require
+
+_BLOCK_BYTES = 4 * 2**20
+_ONSET = re.compile(rb"([+-]\d+(?:\.\d*)?)(?:\x15[\d.]*)?\x14")
+
+
+class _Layout(NamedTuple):
+    """Header of a file: its bytes, those of a record, records there are, and where the onsets lie in a record."""
+
+    header: bytes
+    record_bytes: int
+    n_records: int
+    record_s: float
+    onset_at: int | None
+    sample_bytes: int
+
+
+def open_edf(path: Path, reading: Reading) -> Table:  # noqa: ARG001  # as all readers
+    """Open the signals of one rate: those of EMG by their labels, else those of the rate that most have.
+
+    Raises:
+        RecordingError: It is damaged.
+        MissingExtraError: edfio is not installed.
+    """
+    edfio: Any = require("edfio", driver="emg-file", extra="formats")
+    layout = _layout(path)
+    first = next(_parts(edfio, path, layout), None)
+    if first is None:
+        raise RecordingError(f"{path.name}: holds no record", "copy or export it again")
+    signals = first.signals
+    names = [signal.label for signal in signals]
+    heads = [signal.data[:MOST_JUDGED] for signal in signals]
+    n_head = min((len(head) for head in heads), default=0)
+    head = np.column_stack([head[:n_head] for head in heads]) if heads else np.empty((0, 0))
+    columns = judged_columns(names, head, units=[signal.physical_dimension for signal in signals])
+    rates = [
+        signal.samples_per_data_record / layout.record_s if layout.record_s else 0.0 for signal in signals
+    ]
+    named = [rate for rate, column in zip(rates, columns, strict=True) if column.holds == "channel"]
+    usable = [rate for rate, column in zip(rates, columns, strict=True) if column.holds == "unknown"]
+    rate_hz = Counter(named or usable or rates or [0.0]).most_common(1)[0][0]
+    for column, rate in zip(columns, rates, strict=True):
+        if rate != rate_hz and column.holds in {"unknown", "channel"}:
+            column.holds, column.why = "sensor", "values"
+    is_bdf = layout.sample_bytes == 3
+    table = Table(path.name, "BDF" if is_bdf else "EDF", columns, _by_records(edfio, path, layout, rates))
+    table.rate_hz, table.rate_from = rate_hz or None, "its header"
+    onsets, table.events = _marks(edfio, path, layout)
+    n_row = round(rate_hz * layout.record_s)
+    even = onsets is None or np.abs(np.diff(onsets) - layout.record_s).max(initial=0.0) < 0.5 / max(
+        rate_hz, 1.0
+    )
+    if onsets is not None and not even:
+        table.times_s = (onsets[:, None] + np.arange(n_row) / rate_hz).ravel()
+    whole = (path.stat().st_size - len(layout.header)) / layout.record_bytes
+    if whole > layout.n_records:
+        table.notes.append("the last record is cut short, and left out")
+    return table
+
+
+def _layout(path: Path) -> _Layout:
+    """Read as much of the header as says how long it and a record are."""
+    with path.open("rb") as file:
+        fixed = file.read(256)
+        try:
+            n_header, n_signals, record_s = int(fixed[184:192]), int(fixed[252:256]), float(fixed[244:252])
+            header = fixed + file.read(n_header - 256)
+            labels = [header[256 + 16 * k : 272 + 16 * k].strip() for k in range(n_signals)]
+            at = 256 + 216 * n_signals
+            counts = [int(header[at + 8 * k : at + 8 * k + 8]) for k in range(n_signals)]
+        except ValueError as error:
+            raise RecordingError(
+                f"{path.name}: a damaged header: {error}", "copy or export it again"
+            ) from error
+    sample = 3 if fixed[:1] == b"\xff" else 2
+    marks = [k for k, label in enumerate(labels) if label in {b"EDF Annotations", b"BDF Annotations"}]
+    n_bytes = sum(counts) * sample
+    n_records = (path.stat().st_size - len(header)) // n_bytes
+    onset_at = sum(counts[: marks[0]]) * sample if marks else None
+    return _Layout(header, n_bytes, n_records, record_s, onset_at, sample)
+
+
+def _parts(edfio: Any, path: Path, layout: _Layout) -> Iterator[Any]:
+    """Yield the file a few records at a time, each part as a file of its own."""
+    n_part = max(1, _BLOCK_BYTES // layout.record_bytes)
+    read = edfio.read_bdf if layout.sample_bytes == 3 else edfio.read_edf
+    with path.open("rb") as file:
+        file.seek(len(layout.header))
+        for at in range(0, layout.n_records, n_part):
+            n = min(n_part, layout.n_records - at)
+            head = layout.header[:236] + str(n).ljust(8).encode() + layout.header[244:]
+            with warnings.catch_warnings():
+                warnings.simplefilter(
+                    "ignore"
+                )  # a signal without a range, for one; its numbers come as they are
+                yield read(io.BytesIO(head + file.read(n * layout.record_bytes)), header_encoding="latin-1")
+
+
+def _by_records(edfio: Any, path: Path, layout: _Layout, rates: list[float]) -> Load:
+    def load(
+        channels: Sequence[int], beside: Sequence[int]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        if len({rates[k] for k in (*channels, *beside)}) > 1:
+            raise RecordingError(
+                f"{path.name}: its channels {', '.join(str(k + 1) for k in channels)} have different rates",
+                "name channels of one rate",
+            )
+        kept, others = Floats(len(channels)), Floats(len(beside))
+        for part in _parts(edfio, path, layout):
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                kept.add(np.column_stack([part.signals[k].data for k in channels]))
+                if beside:
+                    others.add(np.column_stack([part.signals[k].data for k in beside]))
+        samples = kept.array()
+        return samples, others.array() if beside else np.empty((len(samples), 0))
+
+    return load
+
+
+def _marks(edfio: Any, path: Path, layout: _Layout) -> tuple[NDArray[np.float64] | None, list[FileEvent]]:
+    """Return when each record begins, seconds, and the annotations; ``None`` for a file without them."""
+    if layout.onset_at is None:
+        return None, []
+    onsets = list[float]()
+    with path.open("rb") as file:
+        for k in range(layout.n_records):
+            file.seek(len(layout.header) + k * layout.record_bytes + layout.onset_at)
+            found = _ONSET.match(file.read(32))
+            onsets.append(float(found[1]) if found else (onsets[-1] + layout.record_s if onsets else 0.0))
+    first = onsets[0] if onsets else 0.0
+    # Each part counts from where its own first record begins.
+    n_part, events = max(1, _BLOCK_BYTES // layout.record_bytes), list[FileEvent]()
+    for k, part in enumerate(_parts(edfio, path, layout)):
+        offset = onsets[k * n_part]
+        events += [FileEvent(t_s=mark.onset + offset - first, text=mark.text) for mark in part.annotations]
+    return np.array(onsets), events

@@ -1,0 +1,142 @@
+"""Open HDF5 files and MATLAB's of version 7.3 with h5py; nothing outside the file is followed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tega.errors import RecordingError
+from tega.runtime.files.formats.named import add_clock, as_array, pick
+from tega.runtime.files.tables.encoding import MOST_MIB
+from tega.runtime.files.tables.table import MOST_JUDGED, Load, Reading, Table, judged_columns, loads, oriented
+from tega.runtime.files.tables.text import Floats
+from tega.runtime.lifecycle import require
+
+_MOST_DATASETS = 10_000
+_ROWS = 65_536
+
+
+def open_hdf5(path: Path, reading: Reading) -> Table:
+    """Open a dataset: a matrix, or records with named fields.
+
+    Raises:
+        RecordingError: It is damaged, or no dataset, or several, can be the samples.
+        MissingExtraError: h5py is not installed.
+    """
+    return _open(path, reading, transposed=False)
+
+
+def open_mat73(path: Path, reading: Reading) -> Table:
+    """Open a matrix of a MATLAB file of version 7.3, which lies there by columns; errors as of :func:`open_hdf5`."""
+    return _open(path, reading, transposed=True)
+
+
+def _open(path: Path, reading: Reading, *, transposed: bool) -> Table:
+    h5py: Any = require("h5py", driver="emg-file", extra="formats")
+    name = "MAT 7.3" if transposed else "HDF5"
+    with h5py.File(path, "r") as file:
+        datasets = _datasets(h5py, file)
+        records = {key: one for key, one in datasets.items() if one.dtype.names}
+        if len(records) == 1 and not any(_is_matrix(one) for one in datasets.values()):
+            return _records(path, *next(iter(records.items())))
+        picked = pick(datasets, reading.variable, path.name)
+        dataset = picked.array
+        if (
+            dataset.ndim == 2
+            and dataset.dtype.kind in "iuf"
+            and not transposed
+            and _is_upright(dataset, reading)
+        ):
+            head = np.asarray(dataset[:MOST_JUDGED], np.float64)
+            table = Table(path.name, name, judged_columns([], head), _by_rows(h5py, path, picked.name))
+            n_rows = len(dataset)
+            _check_size(path, dataset)
+        else:
+            array = as_array(dataset, path.name)
+            array, sideways = oriented(array.T if transposed else array, path.name, rows=reading.rows)
+            head = array[:MOST_JUDGED].astype(np.float64)
+            table = Table(path.name, name, judged_columns([], head), loads(array), sideways=sideways)
+            n_rows = len(array)
+        table.notes += [picked.note] if picked.note else []
+        attributes: dict[str, Any] = {}
+        for owner in (dataset, dataset.parent, file):
+            attributes |= {key: np.asarray(owner.attrs[key]) for key in owner.attrs if key not in attributes}
+        add_clock(table, datasets | attributes, picked.name, n_rows)
+    return table
+
+
+def _datasets(h5py: Any, file: Any) -> dict[str, Any]:
+    """Return the datasets that lie in the file itself, by their paths."""
+    found: dict[str, Any] = {}
+    waiting: list[tuple[str, Any]] = [("", file)]
+    seen = set()
+    while waiting and len(found) < _MOST_DATASETS:
+        path, group = waiting.pop()
+        if group.id in seen:
+            continue
+        seen.add(group.id)
+        for key in group:
+            if key.startswith("#") or not isinstance(group.get(key, getlink=True), h5py.HardLink):
+                continue
+            item = group[key]
+            if isinstance(item, h5py.Group):
+                waiting.append((f"{path}{key}/", item))
+            elif (
+                isinstance(item, h5py.Dataset)
+                and not item.is_virtual
+                and item.external is None
+                and item.shape is not None
+            ):
+                found[f"{path}{key}"] = item
+    return found
+
+
+def _is_matrix(dataset: Any) -> bool:
+    return dataset.dtype.kind in "iuf" and dataset.ndim in {1, 2} and dataset.size > 1
+
+
+def _is_upright(dataset: Any, reading: Reading) -> bool:
+    n_rows, n_columns = dataset.shape
+    return reading.rows != "channels" and n_rows >= n_columns > 0
+
+
+def _check_size(path: Path, dataset: Any) -> None:
+    if dataset.size * 8 > MOST_MIB * 2**20:
+        raise RecordingError(
+            f"{path.name}: a dataset of shape {dataset.shape}, more than {MOST_MIB} MiB", "cut the recording"
+        )
+
+
+def _by_rows(h5py: Any, path: Path, name: str) -> Load:
+    """Return a function that reads columns of a dataset, a block of rows at a time."""
+
+    def load(
+        channels: Sequence[int], beside: Sequence[int]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        kept, others = Floats(len(channels)), Floats(len(beside))
+        with h5py.File(path, "r") as file:
+            dataset = file[name]
+            for at in range(0, len(dataset), _ROWS):
+                rows = dataset[at : at + _ROWS]
+                kept.add(rows[:, list(channels)])
+                others.add(rows[:, list(beside)])
+        samples = kept.array()
+        return samples, others.array() if beside else np.empty((len(samples), 0))
+
+    return load
+
+
+def _records(path: Path, name: str, dataset: Any) -> Table:
+    """Return a table of a dataset whose records have named fields."""
+    fields = [f for f in dataset.dtype.names if dataset.dtype[f].kind in "iuf" and not dataset.dtype[f].shape]
+    if not fields or dataset.ndim != 1 or len(dataset) * len(fields) * 8 > MOST_MIB * 2**20:
+        raise RecordingError(
+            f"{path.name}: the records of {name!r} hold no plain numbers", "export it as CSV"
+        )
+    rows = dataset[()]
+    array = np.column_stack([rows[f].astype(np.float64) for f in fields])
+    return Table(path.name, "HDF5", judged_columns(fields, array[:MOST_JUDGED]), loads(array))

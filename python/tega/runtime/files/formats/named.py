@@ -1,0 +1,139 @@
+"""Pick the samples, their rate and their time among the arrays of a file that holds several."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tega.errors import RecordingError
+from tega.runtime.files.tables.encoding import MOST_MIB
+from tega.runtime.files.tables.names import judged
+from tega.runtime.files.tables.table import MOST_JUDGED, Reading, Table, judged_columns, loads, oriented
+
+_RATE = re.compile(
+    r"(?:emg)?_?(?:fs|sfreq|s?rate|rate_?hz|fsamp|freq|frequency|sampl\w*_?(?:rate|freq\w*|hz))(?:_?hz|_?emg)?",
+    re.IGNORECASE,
+)
+_TIME = re.compile(r"(?:emg)?_?(?:t|time|times|time_?stamps?)(?:_?m?s)?", re.IGNORECASE)
+_MOST_LISTED = 12
+
+
+class Picked(NamedTuple):
+    """Array that holds the samples.
+
+    Attributes:
+        name: Its name.
+        array: It.
+        note: Why it was picked; ``""`` for the one that was asked for.
+    """
+
+    name: str
+    array: Any
+    note: str
+
+
+def pick(arrays: Mapping[str, Any], variable: str, file: str) -> Picked:
+    """Return the array of samples among named ones.
+
+    Args:
+        arrays: Arrays, or anything with ``shape`` and ``dtype``, by name; fields of a structure behind a dot.
+        variable: Name that is wanted; ``emg`` also stands for the only one that can be it.
+        file: File name for errors.
+
+    Raises:
+        RecordingError: There is no such array, or several can be meant.
+    """
+    if variable in arrays:
+        return Picked(variable, arrays[variable], "")
+    inside = {
+        name: array for name, array in arrays.items() if name.startswith((f"{variable}.", f"{variable}/"))
+    }
+    tables = {name: array for name, array in (inside or arrays).items() if _is_table(array)}
+    if not inside and variable != "emg":
+        tables = {}
+    named = {name: array for name, array in tables.items() if "emg" in _last(name).lower()}
+    usable = {name: array for name, array in tables.items() if judged(_last(name)).role == "unknown"}
+    for some in (named, usable):
+        exact = {name: array for name, array in some.items() if _last(name).lower() == "emg"}
+        found = exact if len(exact) == 1 else some
+        if len(found) == 1:
+            name, array = found.popitem()
+            return Picked(name, array, f'the samples are "{name}"')
+        if found:
+            break
+    listed = ", ".join(sorted(tables or arrays)[:_MOST_LISTED]) or "none that can be listed"
+    raise RecordingError(
+        f"{file}: several arrays can be {variable!r}"
+        if len(tables) > 1
+        else f"{file}: has no variable {variable!r}",
+        f"it has: {listed}; name one of them as the variable",
+    )
+
+
+def open_arrays(arrays: Mapping[str, Any], reading: Reading, file: str, format_name: str) -> Table:
+    """Return a table of one of several arrays, with the rate and the time that stand beside it.
+
+    Raises:
+        RecordingError: None of them, or several, can be the samples.
+    """
+    picked = pick(arrays, reading.variable, file)
+    array, sideways = oriented(as_array(picked.array, file), file, rows=reading.rows)
+    table = Table(file, format_name, judged_columns([], array[:MOST_JUDGED].astype(np.float64)), loads(array))
+    table.sideways = sideways
+    table.notes += [picked.note] if picked.note else []
+    add_clock(table, arrays, picked.name, len(array))
+    return table
+
+
+def as_array(value: Any, file: str) -> Any:
+    """Return the numbers of an array, a sparse matrix or a dataset.
+
+    Raises:
+        RecordingError: It would not fit into memory.
+    """
+    shape = tuple(getattr(value, "shape", ()))
+    if int(np.prod(shape, dtype=np.float64)) * 8 > MOST_MIB * 2**20:
+        raise RecordingError(
+            f"{file}: an array of shape {shape}, more than {MOST_MIB} MiB", "cut the recording"
+        )
+    if hasattr(value, "toarray"):
+        return value.toarray()
+    return value[()] if hasattr(value, "id") else np.asarray(value)
+
+
+def add_clock(table: Table, arrays: Mapping[str, Any], name: str, n_rows: int) -> None:
+    """Add the rate and the times that stand beside an array to its table: those of the same structure first."""
+    for key in sorted(arrays, key=lambda other: (_parent(other) != _parent(name), other)):
+        value, last = arrays[key], _last(key)
+        size = int(np.prod(getattr(value, "shape", ()), dtype=np.float64))
+        if table.rate_hz is None and size == 1 and _RATE.fullmatch(last):
+            number = _number(value)
+            if 1.0 <= number <= 1e7:
+                table.rate_hz, table.rate_from = number, f'"{key}"'
+        elif table.times_s is None and key != name and size == n_rows > 1 and _TIME.fullmatch(last):
+            times = np.asarray(as_array(value, table.file)).ravel()
+            if times.dtype.kind in "iuf" and _parent(key) == _parent(name):
+                table.times_s = times.astype(np.float64) * (1e-3 if last.lower().endswith("ms") else 1.0)
+
+
+def _is_table(array: Any) -> bool:
+    shape, dtype = getattr(array, "shape", ()), getattr(array, "dtype", None)
+    return dtype is not None and dtype.kind in "iuf" and len(shape) <= 2 and max(shape, default=0) > 1
+
+
+def _number(value: Any) -> float:
+    try:
+        return float(np.asarray(value[()] if hasattr(value, "id") else value).ravel()[0])
+    except (TypeError, ValueError):
+        return 0.0
+
+
+def _last(name: str) -> str:
+    return re.split(r"[./]", name)[-1]
+
+
+def _parent(name: str) -> str:
+    return name[: len(name) - len(_last(name))]

@@ -1,0 +1,132 @@
+"""Turn lines of a text table into numbers, quickly where all cells are numbers and cell by cell where not."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from datetime import datetime
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from tega.errors import RecordingError
+from tega.runtime.files.tables.dialect import MISSING, NUMBER, Dialect, uncommented
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+CLOCK: Final = re.compile(r"(?:(\d{4}-\d\d-\d\d)[T ])?(\d{1,2}):(\d\d):(\d\d)([.,:]\d+)?(Z|[+-]\d\d:?\d\d)?")
+"""A time of day, with or without its date, as ``2026-11-28 12:30:01.250`` or ``12:30:01``."""
+
+_MOST_SHOWN = 60
+
+
+def clock_s(cell: str) -> float:
+    """Return the seconds of a date and time since 1970, or of a time of day since midnight.
+
+    Raises:
+        ValueError: It is neither.
+    """
+    found = CLOCK.fullmatch(cell)
+    if found is None:
+        raise ValueError(cell)
+    day, hours, minutes, seconds, part, _zone = found.groups()
+    days = (datetime.fromisoformat(day) - datetime(1970, 1, 1)).days if day else 0  # differences only
+    fraction = float(f"0.{part[1:]}") if part else 0.0
+    return days * 86400.0 + int(hours) * 3600 + int(minutes) * 60 + int(seconds) + fraction
+
+
+def number_of(cell: str, decimal: str) -> float:
+    """Return a cell's number, NaN for one that is missing.
+
+    Raises:
+        ValueError: It is no number.
+    """
+    if NUMBER[decimal].fullmatch(cell):
+        if decimal == ",":
+            return float(cell.replace(".", "").replace(",", "."))
+        return float(cell.replace(",", ""))
+    if cell.lower() in MISSING:
+        return float("nan")
+    return clock_s(cell)
+
+
+def shown(line: str) -> str:
+    """Return a line for an error, cut short."""
+    return repr(line if len(line) <= _MOST_SHOWN else line[: _MOST_SHOWN - 3] + "...")
+
+
+class RowParser:
+    """Parses the wanted columns of rows.
+
+    Args:
+        name: File name for errors.
+        dialect: Signs of the table.
+        width: Cells of a row as it stands in the file.
+        columns: The wanted columns, from 0.
+    """
+
+    def __init__(self, name: str, dialect: Dialect, width: int, columns: Sequence[int]) -> None:
+        self._name, self._dialect, self._width, self._columns = name, dialect, width, tuple(columns)
+        self._may_be_fast = not dialect.joined and dialect.delimiter != ""
+
+    def parse(self, first: int, lines: Sequence[str]) -> NDArray[np.float64]:
+        """Return the numbers of lines, float64 (n, columns); empty lines and comments are left out.
+
+        Args:
+            first: Number of the first line in the file, from 1.
+            lines: The lines.
+
+        Raises:
+            RecordingError: A line has another number of cells, or a wanted cell is no number.
+        """
+        if self._may_be_fast:
+            try:
+                return self._fast(lines)
+            except (ValueError, OverflowError):
+                pass  # a cell is missing, a comment stands in between, or a line is damaged
+        rows = [row for at, line in enumerate(lines, start=first) if (row := self._row(at, line)) is not None]
+        return np.array(rows, np.float64).reshape(-1, len(self._columns))
+
+    def _fast(self, lines: Sequence[str]) -> NDArray[np.float64]:
+        dialect, text = self._dialect, [line for line in lines if line]
+        if not text:
+            return np.empty((0, len(self._columns)))
+        quoted = dialect.quoted and any('"' in line for line in text)
+        if dialect.delimiter is None:
+            if any(len(line.split()) != self._width for line in text):
+                raise ValueError
+        elif not quoted and any(line.count(dialect.delimiter) != self._width - 1 for line in text):
+            raise ValueError
+        if dialect.decimal == ",":
+            if any("." in line for line in text):
+                raise ValueError
+            if dialect.delimiter == ",":
+                raise ValueError
+            text = [line.replace(",", ".") for line in text]
+        return np.loadtxt(
+            text, np.float64, comments=None, delimiter=dialect.delimiter, usecols=self._columns, ndmin=2,
+            quotechar='"' if quoted else None,
+        )  # fmt: skip
+
+    def _row(self, number: int, raw: str) -> list[float] | None:
+        line = (
+            uncommented(raw).strip("\r\n ") if self._dialect.delimiter == "\t" else uncommented(raw).strip()
+        )
+        if not line.strip():
+            return None
+        cells = self._dialect.split(line)
+        if len(cells) == self._width - 1 and self._dialect.delimiter and self._width - 1 not in self._columns:
+            cells.append("")  # nobody wants what is missing
+        if len(cells) != self._width:
+            raise RecordingError(
+                f"{self._name}:{number}: {len(cells)} cells, the lines before have {self._width}: {shown(line)}",
+                "fix or delete that line",
+            )
+        try:
+            return [number_of(cells[c], self._dialect.decimal) for c in self._columns]
+        except ValueError as error:
+            raise RecordingError(
+                f"{self._name}:{number}: not a row of numbers: {shown(line)}",
+                "fix or delete that line, or name the channels to read without its column",
+            ) from error

@@ -1,0 +1,200 @@
+"""Define what every reader gives of a file before its samples are read: columns, rate, clock, events."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import msgspec
+import numpy as np
+
+from tega.errors import RecordingError
+from tega.runtime.files.tables.names import Name, Role, judged
+from tega.runtime.files.tables.values import course_of, is_even, unix_unit
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+Load = Callable[[Sequence[int], Sequence[int]], tuple["NDArray[np.float64]", "NDArray[np.float64]"]]
+
+MOST_JUDGED = 4096
+"""So many rows at the beginning are looked at before a column is judged."""
+
+
+class Reading(msgspec.Struct, frozen=True, kw_only=True):
+    """Choices that decide where a file can be read in several ways.
+
+    Attributes:
+        channels: Columns to read, counted from 1; empty for those that are EMG.
+        variable: Array, group or stream of a file that has several; ``emg`` also finds ``EMG`` and the only array.
+        rate_hz: Samples per second; ``None`` for the file's own.
+        decimal: Decimal sign of a text table.
+        time: Column of the time, counted from 1; ``none`` to ignore the file's times.
+        rows: What the rows of an array or table are.
+    """
+
+    channels: tuple[Annotated[int, msgspec.Meta(ge=1)], ...] = ()
+    variable: str = "emg"
+    rate_hz: Annotated[float, msgspec.Meta(gt=0, le=10_000_000)] | None = None
+    decimal: Literal["auto", "point", "comma"] = "auto"
+    time: Literal["auto", "none"] | Annotated[int, msgspec.Meta(ge=1)] = "auto"
+    rows: Literal["auto", "samples", "channels"] = "auto"
+
+
+class FileEvent(msgspec.Struct, frozen=True, kw_only=True):
+    """An event that a file holds beside its samples.
+
+    Attributes:
+        t_s: Time since the first sample, seconds.
+        text: Its name.
+    """
+
+    t_s: float
+    text: str
+
+
+class Column(msgspec.Struct, kw_only=True):
+    """A column of a table and its content.
+
+    Attributes:
+        number: Its number, from 1.
+        name: Its name, without the unit; ``""`` if it has none.
+        unit: Its unit; ``""`` if the file does not state it.
+        holds: Its content; ``unknown`` may be a channel.
+        why: ``name`` or ``values``; ``""`` if neither decides.
+        constant: Whether the first values are all the same.
+        unix: Unit of its times since 1970; ``""`` if it has none.
+        even: Whether it rises by the same step from row to row.
+    """
+
+    number: int
+    name: str = ""
+    unit: str = ""
+    holds: Role = "unknown"
+    why: str = ""
+    constant: bool = False
+    unix: str = ""
+    even: bool = False
+
+    @property
+    def called(self) -> str:
+        """Its name in quotes, or its number."""
+        return f'"{self.name}"' if self.name else f"column {self.number}"
+
+
+@dataclass
+class Table:
+    """A file of samples, opened and judged; its samples are read by :attr:`load`.
+
+    Attributes:
+        file: Base name of the file.
+        format: Name of its format.
+        columns: Its columns.
+        load: Reads channels, and columns beside them, by numbers from 0, each as float64 (n, columns).
+        facts: Encoding, delimiter and the like, by name.
+        rate_hz: Samples per second as the file states them.
+        rate_from: Place where it states them.
+        times_s: Time of each row in seconds, where the format has a clock of its own.
+        events: Events beside the samples.
+        notes: Facts that a reader of the results must know.
+        sideways: Whether rows were channels.
+    """
+
+    file: str
+    format: str
+    columns: list[Column]
+    load: Load
+    facts: dict[str, str] = field(default_factory=dict)
+    rate_hz: float | None = None
+    rate_from: str = ""
+    times_s: NDArray[np.float64] | None = None
+    events: list[FileEvent] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    sideways: bool = False
+
+
+def judged_columns(
+    names: Sequence[str], head: NDArray[np.float64], *, units: Sequence[str] = (), text: Sequence[bool] = ()
+) -> list[Column]:
+    """Judge columns by their names and first values.
+
+    Args:
+        names: Names as they stand in the file; empty for a table without names.
+        head: First values, float64 (n, columns), NaN for a cell without a number.
+        units: Units that stand apart from the names.
+        text: Whether each column holds words, which are no numbers.
+    """
+    columns = []
+    for at in range(head.shape[1]):
+        values = head[:MOST_JUDGED, at]
+        unit = units[at].strip("[]() ") if at < len(units) else ""
+        name = judged(names[at], unit) if at < len(names) else Name("", "", "unknown")
+        column = Column(number=at + 1, name=name.text, unit=name.unit, holds=name.role)
+        column.why = "" if name.role == "unknown" else "name"
+        course = course_of(values)
+        column.constant, column.even = course == "constant", is_even(values)
+        column.unix = unix_unit(values) if course in {"time", "counter"} else ""
+        if at < len(text) and text[at]:
+            if column.holds != "time":
+                column.holds, column.why = "text", "values"
+        elif course == "label" and name.role == "unknown":
+            column.holds, column.why = "label", "values"
+        elif course in {"time", "counter"} and name.role in {"unknown", "channel"}:
+            column.holds, column.why = "time" if column.unix else course, "values"
+        columns.append(column)
+    return columns
+
+
+def oriented(array: NDArray[np.float64], file: str, *, rows: str) -> tuple[NDArray[np.float64], bool]:
+    """Return an array with a row per sample, and whether it had a row per channel.
+
+    Args:
+        array: Numbers, (n,) or (n, m).
+        file: File name for the error.
+        rows: ``auto``, ``samples`` or ``channels``.
+
+    Raises:
+        RecordingError: It has other than one or two dimensions, or may be either.
+    """
+    array = np.asarray(array)
+    if array.dtype.kind not in "iuf":
+        raise RecordingError(
+            f"{file}: holds {array.dtype}, expected real numbers", "export the samples alone"
+        )
+    if array.ndim == 1:
+        array = array[:, None]
+    if array.ndim != 2:
+        raise RecordingError(
+            f"{file}: an array of shape {array.shape}, expected (samples, channels)", "export it as a table"
+        )
+    n_rows, n_columns = array.shape
+    if rows == "samples" or (rows == "auto" and n_rows >= n_columns):
+        return array, False
+    if rows == "channels":
+        return array.T, True
+    if n_columns <= _MOST_CHANNELS:
+        return array, False
+    if 4 * n_rows <= n_columns:
+        return array.T, True  # more columns than an amplifier has channels, and hardly a sample
+    raise RecordingError(
+        f"{file}: {n_rows} rows and {n_columns} columns: either can be the samples",
+        "set rows to samples, or to channels if each row is a channel",
+    )
+
+
+# Fewer rows than so many columns are still rows of samples: a short recording of an amplifier.
+_MOST_CHANNELS = 64
+
+
+def loads(array: NDArray[np.float64]) -> Load:
+    """Return a function that picks columns of an array, (n, columns), as :attr:`Table.load`."""
+
+    def load(
+        channels: Sequence[int], beside: Sequence[int]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        whole = list(channels) == list(range(array.shape[1]))
+        picked = array if whole else array[:, list(channels)]
+        return np.ascontiguousarray(picked, np.float64), np.asarray(array[:, list(beside)], np.float64)
+
+    return load

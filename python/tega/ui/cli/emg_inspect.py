@@ -1,0 +1,85 @@
+"""Show how a file of EMG is read: ``tega-teleop emg inspect``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from tega.ui.cli.emg_logs import READ_OPTION
+from tega.ui.cli.options import ChannelList, echo_json, json_option
+
+if TYPE_CHECKING:
+    from tega.runtime.files.tables.decide import Decision
+
+
+@click.command(epilog="Example: tega-teleop emg inspect squeeze.csv")
+@click.argument("file", type=click.Path(path_type=Path), required=False)
+@click.option(
+    "--channels", type=ChannelList(), help="Columns to read, counted from 1; else those that are EMG."
+)
+@click.option("--variable", default="emg", show_default=True, help="Array or stream of a file of several.")
+@click.option("--rate-hz", type=click.FloatRange(0, 10_000_000, min_open=True), help="Samples per second.")
+@READ_OPTION
+@json_option
+def emg_inspect(
+    *,
+    file: Path | None,
+    channels: Any,
+    variable: str,
+    rate_hz: float | None,
+    read: dict[str, Any],
+    as_json: bool,
+) -> None:
+    """Show how FILE is read: format, channels, time, rate, losses, events. Without FILE, list the formats.
+
+    \b
+    --json prints an object: file, format, channels, names, unit, time and counter (columns from 1, 0 for none),
+      columns (number, name, unit, holds, why, constant, unix), facts (encoding, delimiter, decimal, first_line, names),
+      sideways, rate_hz, rate_from, n_samples, events (t_s, text), faults, notes, words
+    Without FILE a list: name, suffixes, library, origin.
+    """  # noqa: D301  # click keeps the lines after \b as they are
+    import msgspec
+
+    from tega.runtime.files.formats import FORMATS
+    from tega.runtime.files.signals import inspect_signals
+    from tega.runtime.files.tables.table import Reading
+
+    if file is None:
+        formats = [
+            {"name": f.name, "suffixes": f.suffixes, "library": f.library, "origin": f.origin}
+            for f in FORMATS
+        ]
+        if as_json:
+            echo_json(formats)
+            return
+        for one in FORMATS:
+            endings = " ".join(one.suffixes) or "any other"
+            click.echo(
+                f"{one.name:14} {endings:20} {one.origin}" + (f"  ({one.library})" if one.library else "")
+            )
+        return
+    tree = {"channels": channels or (), "variable": variable, "rate_hz": rate_hz, **read}
+    decision = inspect_signals(file, msgspec.convert(tree, Reading))
+    if as_json:
+        echo_json(msgspec.to_builtins(decision))
+    else:
+        _print(decision)
+
+
+def _print(decision: Decision) -> None:
+    rate = (
+        f"{decision.rate_hz:g} samples/s (by {decision.rate_from})" if decision.rate_hz else "no rate stated"
+    )
+    named = [name or f"column {c}" for c, name in zip(decision.channels, decision.names, strict=True)]
+    unit = f", in {decision.unit}" if decision.unit else ""
+    click.echo(f"{decision.file}: {decision.format}, {decision.n_samples} samples, {rate}")
+    click.echo(f"channels: {', '.join(named)}{unit}")
+    for line in (decision.words, *decision.faults, *decision.notes):
+        if line:
+            click.echo(line)
+    for event in decision.events[:20]:
+        click.echo(f"event at {event.t_s:.3f} s: {event.text}")
+    if len(decision.events) > 20:
+        click.echo(f"{len(decision.events) - 20} more events")

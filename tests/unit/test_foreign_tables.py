@@ -1,0 +1,401 @@
+"""Tables as other programs write them: what is a channel, what is refused, and when each sample was."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from reference.emg_writers import xdf_header
+from reference.xdf_file import Received, write_xdf
+from tega.config import check_tree
+from tega.devices.emg.emg_file import EmgFile, EmgFileOptions
+from tega.errors import RecordingError
+from tega.loop import run_session
+from tega.records import HeardMarker, Intent
+from tega.records.bus import Bus
+from tega.runtime.files.formats import OTHERS
+from tega.runtime.files.signals import Signals, read_signals
+from tega.runtime.files.tables.table import Reading
+from tega.ui.cli.main import main
+
+RATE_HZ = 250.0
+N = 1500
+_RNG = np.random.default_rng(42)
+EMG = (
+    _RNG.normal(size=(N, 3)) * np.interp(np.arange(N), [0, 400, 800, 1500], [5, 300, 20, 250])[:, None]
+).round(2)
+T_S = np.arange(N) / RATE_HZ
+
+Write = Callable[..., Path]
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Write:
+    """Return a function that writes rows of cells as text."""
+
+    def written(
+        rows: Sequence[Sequence[Any]], head: str = "", *, sep: str = ",", comma: bool = False, **how: Any
+    ) -> Path:
+        path = tmp_path / str(how.get("name", "a.csv"))
+        cells = [
+            [f"{c:.{how.get('digits', 4)}f}" if isinstance(c, float) else str(c) for c in row] for row in rows
+        ]
+        lines = [sep.join(c.replace(".", ",") if comma else c for c in row) for row in cells]
+        text = (f"{head}\n" if head else "") + "\n".join(lines) + "\n"
+        path.write_bytes(text.encode(how.get("encoding", "utf-8")))
+        return path
+
+    return written
+
+
+def timed(times_s: Any = T_S, emg: Any = EMG) -> list[list[Any]]:
+    return [[float(t), *map(float, row)] for t, row in zip(times_s, emg, strict=True)]
+
+
+def same(signals: Signals, emg: Any = EMG) -> None:
+    np.testing.assert_allclose(signals.samples, emg[:, : signals.samples.shape[1]], atol=1e-9)
+
+
+@pytest.mark.parametrize("sep", [";", "\t", " ", ","])
+def test_decimal_commas_are_read_whatever_stands_between_them(sep: str, write: Write) -> None:
+    found = read_signals(write(EMG.tolist(), sep=sep, comma=True, digits=2))
+    same(found)
+    assert found.decision.words == "3 channels: decimal comma"
+
+
+def test_one_channel_of_decimal_commas_is_one_channel(write: Write) -> None:
+    same(read_signals(write(EMG[:, :1].tolist(), comma=True, digits=2)))
+    dropped = [[f"{v:g}".replace(".", ",")] for v in EMG[:, 0].tolist()]
+    same(read_signals(write(dropped)))
+
+
+def test_a_comma_that_may_be_either_is_asked_about(write: Write) -> None:
+    path = write([[str(12 + k), str(11 + k * 7 % 80)] for k in range(20)])
+    with pytest.raises(RecordingError, match=r"a decimal comma or 2 columns .*set decimal to comma or point"):
+        read_signals(path)
+    assert read_signals(path, Reading(decimal="comma")).samples[0, 0] == 12.11
+    assert read_signals(path, Reading(decimal="point")).samples[0].tolist() == [12.0, 11.0]
+
+
+def test_whole_numbers_stay_whole(write: Write) -> None:
+    counts = np.random.default_rng(3).integers(-128, 128, (400, 8))
+    np.testing.assert_array_equal(read_signals(write(counts.tolist())).samples, counts)
+    unsigned = np.random.default_rng(3).integers(1900, 2100, (400, 2))
+    np.testing.assert_array_equal(read_signals(write(unsigned.tolist())).samples, unsigned)
+
+
+@pytest.mark.parametrize(
+    "encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-be", "utf-16-le", "latin-1", "cp1252"]
+)
+def test_encodings(encoding: str, write: Write) -> None:
+    found = read_signals(
+        write(timed(), "Zeit [s];a [µV];b [µV];c [µV]", sep=";", comma=True, encoding=encoding)
+    )
+    same(found)
+    assert found.rate_hz == RATE_HZ
+    assert found.decision.unit == "µV"
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *(
+            "X [s]",
+            "Package Num",
+            "unix_time",
+            "SampleIndex",
+            "Zeit [s]",
+            "Fz",
+            "frame",
+            "lsl_timestamp",
+            "restimulus",
+        ),
+        *(
+            "accx",
+            "Timestamp",
+            "Unnamed: 0",
+            "",
+            "t",
+            "index",
+            "gyro_x",
+            "Quaternion W",
+            "repetition",
+            "Trigger",
+        ),
+        *(
+            "Force (N)",
+            "time (ms)",
+            "Sample Number",
+            "Marker",
+            "Temps",
+            "AccX (g)",
+            "battery",
+            "label",
+            "Acceleration",
+        ),
+        *("gesture_id", "Roll", "Date"),
+    ],
+)
+def test_names_of_other_things_are_no_channels(name: str, write: Write) -> None:
+    # A column without a name is judged by its values alone.
+    for first in (T_S * 1000, *([np.random.default_rng(5).normal(size=N)] if name else [])):
+        path = write(
+            [[float(f), *map(float, row)] for f, row in zip(first, EMG, strict=True)], f"{name},ch1,ch2,ch3"
+        )
+        found = read_signals(path)
+        same(found)
+        assert found.channels == (2, 3, 4)
+        assert found.decision.words.startswith("3 channels of 4 columns: ")
+
+
+@pytest.mark.parametrize(
+    "name", ["ECR", "FCU left", "EMG_1 (uV)", "Avanti sensor 1: EMG 1", "RT FLEX", "pronator teres", "CH3"]
+)
+def test_names_of_muscles_are_channels(name: str, write: Write) -> None:
+    assert read_signals(write(EMG[:, :1].tolist(), name)).channels == (1,)
+
+
+def test_columns_that_rise_evenly_or_hold_labels_are_no_channels(write: Write) -> None:
+    rows = [[k % 256, *map(float, row), k // 300] for k, row in enumerate(EMG)]
+    found = read_signals(write(rows))
+    same(found)
+    assert found.decision.words == "3 channels of 5 columns: column 1 counts, column 5 is a label"
+
+
+def test_a_table_of_ramps_alone_is_read_as_it_is(write: Write) -> None:
+    ramps = np.arange(300.0).reshape(100, 3)
+    np.testing.assert_array_equal(read_signals(write(ramps.tolist())).samples, ramps)
+
+
+def test_a_header_of_numbers_is_no_sample(write: Write) -> None:
+    for head in ("0,1,2", "3,6,8"):
+        same(read_signals(write(EMG.tolist(), head, digits=2)))
+
+
+def test_a_mix_of_named_and_unnamed_muscles_is_asked_about(write: Write) -> None:
+    path = write(EMG.tolist(), "EMG1,EMG2,something")
+    with pytest.raises(RecordingError, match=r'"something" may be EMG too; name the channels, such as 1,2'):
+        read_signals(path)
+    assert read_signals(path, Reading(channels=(1, 2, 3))).channels == (1, 2, 3)
+
+
+def test_a_short_column_of_another_sensor_is_left_to_itself(write: Write) -> None:
+    rows = [[*map(float, row), 0.01 * k if k < 300 else ""] for k, row in enumerate(EMG)]
+    same(read_signals(write(rows, "ch1,ch2,ch3,accx")))
+    same(read_signals(write(rows, "ch1,ch2,ch3,other"), Reading(channels=(1, 2, 3))))
+    noise = [[*row[:3], -float(row[0]) if k < 300 else ""] for k, row in enumerate(rows)]
+    with pytest.raises(
+        RecordingError, match=r"column 4 ends at sample 300 of 1500: .*name the channels without it: 1,2,3"
+    ):
+        read_signals(write(noise, "ch1,ch2,ch3,ch4"))
+
+
+def test_cells_without_a_number_are_missing_samples(write: Write) -> None:
+    for word in ("NA", "nan", "", "#N/A", "null"):
+        rows: list[list[Any]] = [list(map(float, row)) for row in EMG]
+        rows[700][1] = word
+        found = read_signals(write(rows, "a,b,c"))
+        assert np.isnan(found.samples[700, 1])
+        assert found.notes == ("1 cells have no number; they count as missing samples",)
+
+
+def test_rows_of_channels_are_turned(write: Write, tmp_path: Path) -> None:
+    same(read_signals(write(EMG.T.tolist(), digits=2)))
+    np.save(tmp_path / "a.npy", EMG[:400].T)
+    found = read_signals(tmp_path / "a.npy")
+    same(found, EMG[:400])
+    assert found.decision.words == "3 channels: each row is a channel"
+    np.save(tmp_path / "b.npy", np.zeros((100, 130)))
+    with pytest.raises(RecordingError, match="either can be the samples; set rows"):
+        read_signals(tmp_path / "b.npy")
+    assert read_signals(tmp_path / "b.npy", Reading(rows="channels")).samples.shape == (130, 100)
+
+
+def test_the_files_time_gives_the_rate_and_contradicts_another(write: Write) -> None:
+    path = write(timed(), "time_s,a,b,c")
+    assert read_signals(path).rate_hz == RATE_HZ
+    with pytest.raises(
+        RecordingError, match=r'"time_s" says 250 samples/s, 1000 were stated; leave the rate out'
+    ):
+        read_signals(path, Reading(rate_hz=1000.0))
+    assert read_signals(path, Reading(rate_hz=1000.0, time="none")).rate_hz == 1000.0
+
+
+@pytest.mark.parametrize(("unit", "scale"), [("s", 1.0), ("ms", 1e3), ("us", 1e6)])
+def test_times_have_units(unit: str, scale: float, write: Write) -> None:
+    for head in (f"time_{unit},a,b,c", f"Time [{unit}],a,b,c", "time,a,b,c"):
+        assert read_signals(write(timed(T_S * scale), head)).rate_hz == RATE_HZ
+
+
+def test_losses_are_gaps_in_the_numbers_of_samples(write: Write) -> None:
+    kept = np.r_[0:700, 950:N]
+    path = write(timed(T_S[kept], EMG[kept]), "time_s,a,b,c")
+    found = read_signals(path)
+    assert found.decision.faults == ["250 samples were lost in 1 gap, the longest 1000 ms"]
+    assert found.starts == [(0, 0), (700, 950)]
+    with EmgFile(EmgFileOptions(file=path)) as source:
+        chunks = [source.read(0.0) for _ in range(60)]
+        assert source.ended
+    numbers = [
+        n for c in chunks if c is not None for n in range(c.first_index, c.first_index + len(c.samples))
+    ]
+    assert numbers == kept.tolist()
+
+
+def test_a_counter_shows_losses_that_times_do_not(write: Write) -> None:
+    kept = np.r_[0:700, 740:N]
+    rows = [[k % 256, *map(float, EMG[k])] for k in kept.tolist()]
+    found = read_signals(write(rows, "Sample Index,a,b,c"), Reading(rate_hz=RATE_HZ))
+    assert found.decision.faults == ["40 samples were lost in 1 gap, the longest 160 ms"]
+
+
+def test_rows_that_came_twice_are_used_once(write: Write) -> None:
+    twice = np.repeat(np.arange(N), 2)
+    found = read_signals(write(timed(T_S[twice], EMG[twice]), "time_s,a,b,c"))
+    same(found)
+    assert found.decision.faults == ["1500 rows came twice, with their times; used once"]
+
+
+def test_a_clock_that_steps_back_is_reported_and_samples_count_on(write: Write) -> None:
+    times_s = T_S - 2.0 * (np.arange(N) >= 900)
+    found = read_signals(write(timed(times_s), "time_s,a,b,c"))
+    same(found)
+    assert found.decision.faults == [
+        '"time_s" steps back 1 time, the furthest by 2 s at sample 901; samples are counted on'
+    ]
+
+
+def test_samples_that_share_a_stamp_are_no_losses(write: Write) -> None:
+    late = np.random.default_rng(2).uniform(0, 0.003, N)
+    for times_s in (np.arange(N) // 10 * 0.04, T_S + late, np.floor(T_S)):
+        found = read_signals(write(timed(times_s), "time_s,a,b,c"))
+        same(found)
+        assert found.rate_hz == pytest.approx(RATE_HZ, rel=1e-3)
+        assert found.decision.faults == []
+
+
+def test_a_jump_of_hours_is_refused(write: Write) -> None:
+    times_s = T_S + 90_000.0 * (np.arange(N) >= 900)
+    with pytest.raises(RecordingError, match=r"jumps by 25 h between samples 900 and 901; cut the file"):
+        read_signals(write(timed(times_s), "time_s,a,b,c"))
+
+
+def levels(emg: dict[str, Any], tmp_path: Path) -> tuple[list[Intent], list[HeardMarker], dict[str, Any]]:
+    """Return the levels, markers and summary of a run."""
+    bus, intents, markers = Bus(), list[Intent](), list[HeardMarker]()
+    bus.subscribe(Intent, intents.append)
+    bus.subscribe(HeardMarker, markers.append)
+    tree = {
+        "session": {"pace": "fast", "out_dir": str(tmp_path / "out")},
+        "emg": {"driver": "emg-file", "kind": "raw", "options": emg},
+    }
+    summary = run_session(check_tree(tree, {}, base=tmp_path).config, bus=bus)
+    return intents, markers, summary
+
+
+def test_levels_fall_at_the_files_times(write: Write, tmp_path: Path) -> None:
+    # A crystal that is 2 % slow: the rate that was given stays, the times are the file's.
+    path = write(timed(T_S * 1.02), "time_s,a,b,c", digits=6)
+    slow, _, _ = levels({"file": str(path), "rate_hz": RATE_HZ}, tmp_path)
+    at_s = np.array([one.t_ns for one in slow]) / 1e9
+    np.testing.assert_allclose(at_s, (np.arange(1, 61) * 0.1) * 1.02, atol=0.012)
+
+
+def test_a_loss_longer_than_a_second_takes_its_time(write: Write, tmp_path: Path) -> None:
+    times_s = T_S + 3.0 * (np.arange(N) >= 750)
+    path = write(timed(times_s), "time_s,a,b,c")
+    found, _, summary = levels({"file": str(path)}, tmp_path)
+    assert found[-1].t_ns == 9_000_000_000
+    assert summary["emg"]["missing"] == 750
+    assert any("750 samples were lost in 1 gap" in note for note in summary["notes"])
+
+
+def test_markers_of_an_xdf_file_are_heard_at_their_times(tmp_path: Path) -> None:
+    times_s = (50.0 + T_S).tolist()
+    marks = Received(xdf_header("buttons", "Markers", 1, rate_hz=0.0), [[7.0], [8.0]], [51.0, 53.5])
+    write_xdf(tmp_path / "a.xdf", [marks, Received(xdf_header("amp", "EMG", 3), EMG.tolist(), times_s)])
+    _, markers, _ = levels({"file": str(tmp_path / "a.xdf")}, tmp_path)
+    assert [(one.t_ns, one.text) for one in markers] == [(1_000_000_000, "7.0"), (3_500_000_000, "8.0")]
+
+
+def test_interrupted_edf_keeps_its_times(tmp_path: Path) -> None:
+    import edfio
+
+    signal = edfio.EdfSignal(EMG[:, 0], RATE_HZ, label="EMG", physical_range=(-2000, 2000))
+    edfio.Edf([signal], annotations=[edfio.EdfAnnotation(4.5, None, "squeeze")]).write(tmp_path / "a.edf")
+    whole = (tmp_path / "a.edf").read_bytes().replace(b"EDF+C", b"EDF+D")
+    for second in (5, 4, 3):
+        whole = whole.replace(f"+{second}\x14\x14".encode(), f"+{second + 2}\x14\x14".encode())
+    (tmp_path / "b.edf").write_bytes(whole)
+    found = read_signals(tmp_path / "b.edf")
+    assert found.decision.faults == ["500 samples were lost in 1 gap, the longest 2000 ms"]
+    assert found.starts == [(0, 0), (750, 1250)]
+
+
+def test_formats_that_are_not_read_are_named_with_the_way_out(tmp_path: Path) -> None:
+    for ending, (name, way) in OTHERS.items():
+        path = tmp_path / f"a{ending}"
+        path.write_bytes(b"\x01\x02\x03")
+        with pytest.raises(RecordingError) as caught:
+            read_signals(path)
+        assert caught.value.message == f"a{ending}: {name} is not read as EMG"
+        assert caught.value.hint == way
+
+
+def test_a_missing_library_is_named_with_its_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import sys
+
+    from tega.errors import MissingExtraError
+
+    monkeypatch.setitem(sys.modules, "h5py", None)
+    (tmp_path / "a.h5").write_bytes(b"\x89HDF\r\n\x1a\n")
+    with pytest.raises(MissingExtraError, match=r"needs the package 'h5py'.*pip install 'tega\[formats\]'"):
+        read_signals(tmp_path / "a.h5")
+
+
+def shown(*words: str) -> None:
+    """Run ``emg inspect``."""
+    with pytest.raises(SystemExit) as left:
+        main(["emg", "inspect", *words])
+    assert left.value.code == 0
+
+
+def test_inspect_prints_the_decision(write: Write, capsys: pytest.CaptureFixture[str]) -> None:
+    path = write(
+        [[t, k, *row] for k, (t, *row) in enumerate(timed())], "time [s];Counter;a;b;c", sep=";", comma=True
+    )
+    shown(str(path))
+    assert (
+        '3 channels of 5 columns: "time [s]" is time, "Counter" counts; decimal comma'
+        in capsys.readouterr().out
+    )
+    shown(str(path), "--json")
+    told = json.loads(capsys.readouterr().out)
+    assert told["channels"] == [3, 4, 5]
+    assert (told["time"], told["counter"], told["rate_hz"], told["facts"]["decimal"]) == (
+        1,
+        2,
+        250.0,
+        "comma",
+    )
+    shown("--json")
+    assert {"EDF", "XDF", "HDF5"} <= {one["name"] for one in json.loads(capsys.readouterr().out)}
+
+
+def test_text_takes_little_more_memory_than_its_numbers(write: Write) -> None:
+    import tracemalloc
+
+    samples = np.random.default_rng(1).normal(0, 100, (100_000, 6))
+    path = write(samples.tolist())
+    read_signals(write(EMG.tolist(), name="b.csv"))  # imports are not of the file
+    tracemalloc.start()
+    found = read_signals(path)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    # Two MiB of text are lines at a time, whatever the file's size: that is the rest.
+    assert peak < 2 * found.samples.nbytes + 16 * 2**20
