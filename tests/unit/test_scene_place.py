@@ -19,9 +19,10 @@ pytest.importorskip("tega_figures")
 pytest.importorskip("mujoco")
 
 from reference.scene import noisy_track
+from tega.outcomes import STABLE_S
 from tega.sim.operator.forearm import AWAY_M
 from tega.sim.plan import TrialPlan, TrialResult
-from tega.sim.score import ON_MARK_M, REST_M_S, STABLE_S
+from tega.sim.score import ON_MARK_M, REST_M_S
 from tega.sim.trial import run_trial
 from tega.sim.world.world import World
 from tega_figures.scene.bench import bench_layout

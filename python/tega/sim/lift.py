@@ -16,6 +16,7 @@ from tega.errors import InvalidValueError
 from tega.hand_poses import ClosureScale
 from tega.inbox.frames import FrameMeter
 from tega.inbox.sources import BlockMeter, SourceReport
+from tega.outcomes import LIFT_WINDOW_S
 from tega.records import BesideContact, BesideIntent, Contact, Intent
 from tega.safety.guard import Guard
 from tega.sim.beside import BesideNotes
@@ -28,7 +29,7 @@ from tega.sim.pacing import SimulatedPacer
 from tega.sim.plan import TrialPlan, TrialResult
 from tega.sim.reflex import trial_reflex
 from tega.sim.rig import TrialRig
-from tega.sim.score import LIFT_WINDOW_S, ON_MARK_M, UPRIGHT, TrialScorer
+from tega.sim.score import ON_MARK_M, UPRIGHT, TrialScorer
 from tega.sim.true_touch import TrueTouch, stages_of, touch_of
 from tega.stages.base import MeasuredPicture
 from tega.stages.choose import chosen_stage
@@ -109,7 +110,7 @@ class Lift:
         maxima = lab.calibrated
         decoder = lab.decoder()
         self._emg_full = np.array(decoder.full_scale or maxima.maxima)
-        self.scorer = TrialScorer(spec.harm_m)
+        self.scorer = TrialScorer(spec.harm_m, window_s=lift_by_s)
         self._arm = ARMS[plan.condition]
         # Before this lift's own rig is made: the gels are the lab's, and forget what touched them when a rig begins.
         recorded = other_vest(lab, plan, number) if self._arm.sham == "replayed" else ()
@@ -144,7 +145,6 @@ class Lift:
             scorer=self.scorer,
             bus=self._bus,
             end_s=lift_by_s + _AFTER_S,
-            lift_by_s=lift_by_s,
             muted=muted,
             skip_untouched=skip_untouched and not _remembers(lab),
             with_cameras=watched or kept or felt or not skip_untouched,
@@ -233,11 +233,10 @@ class Lift:
         """Return the outcome of the plan, this lift being the one that counts."""
         scorer = self.scorer
         lifted_s, drops = scorer.time_of("lifted"), scorer.count("drop")
-        held_up = lifted_s is not None and lifted_s <= LIFT_WINDOW_S and drops == 0
         placed, off_mark_m = self._placed() if self._plan.task == "place" else (None, None)
         return TrialResult(
             **{name: getattr(self._plan, name) for name in TrialPlan.__struct_fields__},
-            success=held_up and placed is not False,
+            success=scorer.success and placed is not False,
             slips=scorer.count("slip"),
             deformations=scorer.count("deformation"),
             drops=drops,

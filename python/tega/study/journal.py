@@ -51,7 +51,7 @@ class JournalEvent(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unkno
         t_ns: When, on the session's clock, nanoseconds.
         kind: What.
         trial: Of which trial; 0 where it belongs to none.
-        attempt: Its attempt, 1 or 2.
+        attempt: Its attempt, from 1.
         status: ``trial_end``: how it ended.
         success: ``trial_end``: as scored by rule. ``override``: as corrected by a person.
         undone: ``undo``: number of the event that does not count.
@@ -67,7 +67,7 @@ class JournalEvent(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unkno
     t_ns: int
     kind: Kind
     trial: Annotated[int, msgspec.Meta(ge=0)] = 0
-    attempt: Annotated[int, msgspec.Meta(ge=1, le=2)] = 1
+    attempt: Annotated[int, msgspec.Meta(ge=1)] = 1
     status: Status | None = None
     success: bool | None = None
     undone: int | None = None

@@ -139,7 +139,8 @@ def trials_of_events(
             undone.add(number)
     attempts: dict[int, list[list[JournalEvent]]] = {}
     for event in events:
-        if event.kind == "trial_start" or (event.kind == "trial_end" and event.trial not in attempts):
+        given_up = event.kind == "trial_end" and event.status == "skipped"
+        if event.kind == "trial_start" or given_up:
             attempts.setdefault(event.trial, []).append([])
         if event.trial in attempts:
             attempts[event.trial][-1].append(event)
@@ -197,7 +198,10 @@ def _trial(
     used = [event for event in events if event.n not in undone or event.kind == "undo"]
     begin = next((event for event in used if event.kind == "trial_start"), None)
     end = next(event for event in used if event.kind == "trial_end")
-    lift = next((event for event in used if event.kind == "lift_off"), None)
+    lift_offs = [event for event in used if event.kind == "lift_off"]
+    # A person corrects what was measured; both stay in the journal.
+    lift = next((event for event in lift_offs if event.source not in {"auto", "arm"}), None)
+    lift = lift or next(iter(lift_offs), None)
     success = end.success or False
     for event in used:
         if event.kind == "override" and event.success is not None:

@@ -132,6 +132,7 @@ def status(*, folder: Path, as_json: bool) -> None:
 
     made, gone = read_plan(folder), withdrawn_ids(folder)
     rows: list[dict[str, Any]] = []
+    said: dict[str, str] = {}
     for person in made.participants:
         mine = made.of(person)
         if person in gone:
@@ -145,12 +146,15 @@ def status(*, folder: Path, as_json: bool) -> None:
             "state": what,
             "over": state.n_over,
             "trials": len(mine),
+            "without_data": list(state.without_data),
+            "broken_off": state.broken_off,
         }
         if state.next is not None and events:
             number, attempt = state.next
             trial = mine[number - 1]
             row |= {"next": number, "attempt": attempt, "object": trial.object, "condition": trial.condition}
         rows.append(row)
+        said[person] = state.said()
     if as_json:
         echo_json({"participants": rows})
         return
@@ -161,4 +165,6 @@ def status(*, folder: Path, as_json: bool) -> None:
         if "next" in row:
             again = ", again" if row["attempt"] > 1 else ""
             text += f"  next: trial {row['next']}, {row['object']}, {row['condition']}{again}"
+        if said.get(row["participant"]):
+            text += f"  ({said[row['participant']]})"
         click.echo(text)

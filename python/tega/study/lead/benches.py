@@ -42,7 +42,8 @@ class TrialBench(Protocol):
     """Place of a trial: the lab's devices, or the simulated bench.
 
     Attributes:
-        sees_height: Whether it says how high the object is; otherwise a person marks it.
+        sees_height: Whether it knows how high the object is; otherwise that is measured, or a person marks it.
+        measures_height: Whether the arm's height is measured, so that lift and drop are measured with the fingertips.
         own_time: Whether it has a time of its own.
         closure: Reads how closed the hand is off its joints; ``None`` where they are not measured.
         where: What the devices are, which the session's events say.
@@ -52,6 +53,7 @@ class TrialBench(Protocol):
 
     where: Where
     sees_height: bool
+    measures_height: bool
     own_time: bool
     closure: ClosureScale | None
     rest_tasks: Sequence[RestTask]
@@ -112,6 +114,7 @@ class LabBench:
         if config.arm is not None and config.arm.start is not None:
             self.rest_tasks = (*self.rest_tasks, start_task(config))
         self.masking = config.masking
+        self.measures_height = config.arm is not None
         self.measurable = any(camera.lens is not None for camera in config.scene)
         self._settings = settings
         self.where: Where = where
@@ -179,6 +182,7 @@ class SimulatedBench:
 
     where: Where = "simulated"
     sees_height = True
+    measures_height = False
     own_time = True
     rest_tasks: Sequence[RestTask] = ()
     measurable = False

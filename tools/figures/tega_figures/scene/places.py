@@ -21,12 +21,13 @@ from typing import TYPE_CHECKING, Final
 import msgspec
 import numpy as np
 
+from tega.outcomes import STABLE_S
 from tega.scene.lens import Lens
 from tega.scene.outcomes import SceneEvent, SceneRule, righted, score_scene
 from tega.scene.resting import LOST_M
 from tega.sim.operator.forearm import AWAY_M
 from tega.sim.plan import TrialPlan
-from tega.sim.score import ON_MARK_M, REST_M_S, STABLE_S, UPRIGHT
+from tega.sim.score import ON_MARK_M, REST_M_S, UPRIGHT
 from tega.sim.trial import run_trial
 from tega.sim.world.world import World
 from tega_figures.scene.accuracy import f1, interval, matched
