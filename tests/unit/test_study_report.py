@@ -217,19 +217,6 @@ def test_a_rehearsal_among_people_is_shown_and_cannot_pass_for_data(tmp_path: Pa
     )
 
 
-@pytest.mark.slow
-def test_p_values_wait_until_the_plan_is_done(tmp_path: Path) -> None:
-    fill(tmp_path / "study", people=2, courses=False)
-    path = events_path(tmp_path / "study", "p02")
-    path.write_bytes(b"".join(path.read_bytes().splitlines(keepends=True)[:-9]))
-    early, _ = analyse_study(tmp_path / "study")
-    asked, _ = analyse_study(tmp_path / "study", interim=True)
-    assert early.interim
-    assert all(test.p is None for test in early.tests)
-    assert any(test.p is not None for test in asked.tests)
-    assert "p-values are withheld" in report_html(early, {})
-
-
 def test_what_a_study_calls_its_parts_is_text_in_the_page(report: Report) -> None:
     named = '<b>"R&D"</b>'
     flow = msgspec.structs.replace(report.analysis.flow, redone={"p01-1": named})
@@ -324,8 +311,6 @@ def test_the_page_opens_with_what_was_compared_and_what_came_out(report: Report)
         f"{PAPER_LABELS[one.metric].lower()} of {one.object} (less with haptic)" in said for one in told
     )
     assert "Nothing here says anything about people" in said
-    early = msgspec.structs.replace(report.analysis, interim=True, p_shown=False)
-    assert "The 95 % interval excludes 0" not in opening(report_html(early, {}))
 
 
 def test_each_further_condition_is_compared_with_the_second_over_people(report: Report) -> None:

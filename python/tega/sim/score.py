@@ -111,7 +111,7 @@ class TrialScorer:
 
     def _rise(self, t_s: float, height_m: float) -> None:
         self.rule.height(t_s, height_m, off_table=True)
-        if self.rule.held_s is not None and self.time_of("lifted") is None:
+        if self.rule.lifted and self.time_of("lifted") is None:
             self.events.append(TrialEvent("lifted", t_s))
 
     def _slide(self, t_s: float, slip_m: float, slip_m_s: float) -> None:

@@ -41,10 +41,11 @@ from tega.study.privacy import (
 from tega.study.silico.assumptions import PARAMETERS, SIMULATION
 from tega.study.state import events_path, rehearsed
 from tega.study.trials import Trial, study_trials
+from tega.study.unblinding import JOURNAL
 from tega.whole_file import new_file
 
 MANIFEST: Final = "manifest.json"
-_OF_THE_STUDY = ("study.toml", "plan.csv", OBJECTS, SIMULATION, PARAMETERS)
+_OF_THE_STUDY = ("study.toml", "plan.csv", JOURNAL, OBJECTS, SIMULATION, PARAMETERS)
 _PACKED = {".mcap", ".avi", ".mp4", ".png", ".jpg", ".jpeg", ".xz"}
 _MOST_MIB: Final = 256 * 1024
 _MOST_MANIFEST_MIB: Final = 64

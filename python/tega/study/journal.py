@@ -38,6 +38,7 @@ Kind = Literal[
     "muscles",
     "squeeze",
     "undo",
+    "unblind",
 ]
 
 Status = Literal["done", "failed_task", "aborted_technical", "aborted_safety", "skipped"]

@@ -70,6 +70,9 @@ def report_html(analysis: Analysis, figures: Mapping[str, str]) -> str:
             cells={(cell.object, cell.condition): cell for cell in analysis.cells},
             trials={trial.id: trial for trial in analysis.trials},
             family=list(_family(analysis)),
+            counted_by=[
+                f"{who} in {n} {'trial' if n == 1 else 'trials'}" for who, n in analysis.counted_by.items()
+            ],
             sizes="; ".join(f"{people} people, {trials} trials" for people, trials in sizes),
             ranges=_ranges(analysis.sensitivity),
             questions={q.item: f"{q.title}: 0 {q.left}, 100 {q.right}" for q in QUESTIONS},

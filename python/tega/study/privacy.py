@@ -21,10 +21,12 @@ import msgspec
 from tega.errors import InvalidValueError, RecordingError
 from tega.foreign_file import parse_json, read_foreign, read_words
 from tega.study.journal import Journal, JournalEvent, read_events
+from tega.study.measured import CAMERA, measured_path, read_measured
 from tega.study.objects import OBJECTS, objects_text, read_objects
 from tega.study.observers import PART, observer_path, read_observers
 from tega.study.plan import StudyPlan, person_id, read_plan, write_plan
 from tega.study.state import events_path
+from tega.study.unblinding import copy_unblindings
 from tega.whole_file import open_to_append, write_whole
 
 _LOG = logging.getLogger(__name__)
@@ -33,7 +35,7 @@ _LIST = "withdrawn.txt"
 ELSEWHERE = "elsewhere.txt"
 REPORTS = ("report", "report.html")
 COURSES = "courses"
-ROLES = ("auto", "experimenter", "participant")
+ROLES = ("auto", "arm", CAMERA, "experimenter", "participant")
 """Sources of events that name nobody."""
 
 
@@ -243,6 +245,7 @@ def export(folder: Path, out: Path, *, key: str) -> dict[str, str]:
         out,
         {path.name: read_foreign(path, most_mib=1) for path in assumed if path.exists()} | registry,
     )
+    copy_unblindings(folder, out)
     signed = read_plan(out).settings.plan_sha256
     observers = {old: read_observers(folder, old) for old in new}
     sessions = {old: read_events(events_path(folder, old)) for old in new}
@@ -250,10 +253,14 @@ def export(folder: Path, out: Path, *, key: str) -> dict[str, str]:
     sources = {event.source for events in everything for event in events} | {
         r for o in observers.values() for r in o
     }
-    raters = {name: f"r{n}" for n, name in enumerate(sorted(sources - {"", *ROLES}, key=rank), start=1)}
+    raters = {
+        name: f"{CAMERA}+" * name.startswith(f"{CAMERA}+") + f"r{n}"
+        for n, name in enumerate(sorted(sources - {"", *ROLES}, key=rank), start=1)
+    }
     for old, person in new.items():
         begin_ns = sessions[old][0].t_ns if sessions[old] else 0
         _copy_events(sessions[old], events_path(out, person), signed, begin_ns, raters)
+        _copy_events(read_measured(folder, old), measured_path(out, person), signed, begin_ns, raters)
         for rater, seen in observers[old].items():
             _copy_events(seen, observer_path(out, person, raters[rater]), signed, begin_ns, raters)
         for course in sorted((folder / COURSES / old).glob("*.csv")):
