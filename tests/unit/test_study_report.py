@@ -276,15 +276,15 @@ def test_the_verbs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         return out.out if code == 0 else out.err
 
     folder = str(tmp_path / "s")
-    made = json.loads(call("plan", "--participants", "3", "--out", folder, "--trials", "2", "--json"))
+    made = json.loads(call("plan", "--participants", "3", "--out", folder, "--trials", "2", "--anyway", "--json"))
     assert made["participants"] == 3
-    assert "never overwritten" in call("plan", "--participants", "3", "--out", folder, code=1)
+    assert "never overwritten" in call("plan", "--participants", "3", "--out", folder, "--anyway", code=1)
     assert "p03  not begun" in call("status", folder)
     assert "no finished trial" in call("report", folder, code=1)
     assert "p01 has withdrawn" in call("withdraw", folder, "p01", "--yes")
     assert "p01  withdrawn" in call("status", folder)
     assert "2 people under new ids" in call("export", folder, "--out", str(tmp_path / "open"))
-    assert json.loads(call("power", "--json"))["rows"][1]["people_for_80"] == 5
+    assert json.loads(call("power", "--json"))["rows"][1]["people_for_80"] == 9
     assert "5.9,2.8" in call("power", "--slips", "many", code=2)
     full = str(tmp_path / "full")
     fill(Path(full), people=2, courses=False)

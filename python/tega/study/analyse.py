@@ -21,7 +21,7 @@ from tega.study.finger_rows import FingerRow, finger_rows
 from tega.study.journal import read_events
 from tega.study.objects import ObjectFacts, read_objects
 from tega.study.plan import default_family
-from tega.study.power import SPREADS, count_power, people_for
+from tega.study.planner import Planner, next_study
 from tega.study.privacy import withdrawn_ids
 from tega.study.probe import ProbeUse, probe_uses
 from tega.study.ratings import RatingUse, ratings
@@ -58,30 +58,6 @@ class Flow(msgspec.Struct, frozen=True, kw_only=True):
     planned_trials: int | None
     status: dict[str, int]
     redone: dict[str, str] = {}
-
-
-class Planner(msgspec.Struct, frozen=True, kw_only=True):
-    """Number of people a next study needs to find an effect on slips or deformations as large as this one's.
-
-    Attributes:
-        metric: ``slips`` or ``deformations``.
-        object: What is lifted.
-        mean: Under the first condition.
-        reference: Under the second.
-        spread: Name in :data:`tega.study.power.SPREADS`.
-        people: For 80 % power of the paired t on log sums at 0.05; ``None`` for more than thirty.
-        power_at_12: Of twelve people, one full set of orders.
-        error: Two standard errors of that, at most.
-    """
-
-    metric: str
-    object: str
-    mean: float
-    reference: float
-    spread: str
-    people: int | None
-    power_at_12: float
-    error: float
 
 
 class Analysis(msgspec.Struct, frozen=True, kw_only=True):
@@ -360,7 +336,7 @@ def analyse(
         arms=tuple(arms),
         contrasts=tuple(contrasts),
         pose_use=tuple(uses),
-        planner=tuple(_planner(cells, family, pair, per_cell)),
+        planner=next_study(cells, family, pair, trials=per_cell, alpha=alpha),
         outcomes=outcomes(trials, objects, pair),
         further=tuple(
             one for other in conditions[2:] for one in outcomes(trials, objects, (other, conditions[1]))
@@ -369,36 +345,6 @@ def analyse(
         if simulated and pair == ("haptic", "non-haptic")
         else (),
     )
-
-
-def _planner(
-    cells: Sequence[Cell], family: Sequence[str], conditions: tuple[str, str], per_cell: int
-) -> list[Planner]:
-    found = []
-    of = {(cell.object, cell.condition): cell for cell in cells}
-    for test in family:
-        metric, _, name = test.partition(":")
-        if metric == "duration_s" or any((name, condition) not in of for condition in conditions):
-            continue
-        mean, reference = (getattr(of[name, condition], metric) for condition in conditions)
-        if not mean or not reference or mean == reference:
-            continue
-        for label, spread in SPREADS.items():
-            at_12 = count_power(mean, reference, people=12, trials=per_cell, spread=spread, runs=1000)
-            needed = people_for(mean, reference, trials=per_cell, spread=spread, runs=1000)
-            found.append(
-                Planner(
-                    metric=metric,
-                    object=name,
-                    mean=mean,
-                    reference=reference,
-                    spread=label,
-                    people=None if needed is None else needed[0],
-                    power_at_12=at_12.paired_t,
-                    error=at_12.error,
-                )
-            )
-    return found
 
 
 def _need_trials(trials: Sequence[Trial]) -> None:

@@ -16,6 +16,7 @@ from tega.study.directions import Direction
 from tega.study.figures import p_text
 from tega.study.lead.questions import QUESTIONS
 from tega.study.paper import PAPER_OBJECTS, PAPER_SETUP, PAPER_TABLE_1
+from tega.study.power import MOST_PEOPLE, too_few
 from tega.study.silico.sensitivity import SensitivityRow
 from tega.study.tables import PAPER_LABELS
 
@@ -66,6 +67,12 @@ def report_html(analysis: Analysis, figures: Mapping[str, str]) -> str:
             paper_values=_paper_values(analysis),
             most_people=max((cell.people for cell in analysis.cells), default=0),
             least_for_p=SMALLEST_FOR_P,
+            most_planned=MOST_PEOPLE,
+            hopeless=too_few(
+                analysis.family,
+                people=max((cell.people for cell in analysis.cells), default=0),
+                alpha=analysis.alpha,
+            ),
             fewest=_FEWEST,
             cells={(cell.object, cell.condition): cell for cell in analysis.cells},
             trials={trial.id: trial for trial in analysis.trials},
