@@ -32,6 +32,7 @@ from tega.lerobot.video import (
 )
 from tega.lifecycle import require
 from tega.plain_name import plain_name
+from tega.recording.copies import note_copy
 from tega.recording.mcap_folder import recorded_task
 from tega.recording.origin import origins, span
 
@@ -91,6 +92,8 @@ def export_lerobot(
         plain_name(name, what="camera", source="--scene")
         shapes[name] = check_scene(video)
     folder.mkdir(parents=True, exist_ok=True)
+    for path in paths:
+        note_copy(path, folder)
     dataset = _Dataset(folder, fps)
     try:
         for path in paths:

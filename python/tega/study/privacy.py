@@ -20,6 +20,7 @@ import msgspec
 
 from tega.errors import InvalidValueError, RecordingError
 from tega.foreign_file import parse_json, read_foreign, read_words
+from tega.recording.copies import NOTES
 from tega.study.journal import Journal, JournalEvent, read_events
 from tega.study.measured import CAMERA, measured_path, read_measured
 from tega.study.objects import OBJECTS, objects_text, read_objects
@@ -32,7 +33,7 @@ from tega.whole_file import open_to_append, write_whole
 _LOG = logging.getLogger(__name__)
 
 _LIST = "withdrawn.txt"
-ELSEWHERE = "elsewhere.txt"
+ELSEWHERE = NOTES
 REPORTS = ("report", "report.html")
 COURSES = "courses"
 ROLES = ("auto", "arm", CAMERA, "experimenter", "participant")
@@ -93,6 +94,26 @@ def note_elsewhere(folder: Path, participant: str, path: Path) -> None:
 
 def _noted(notes: Path) -> list[str]:
     return _lines(notes) if notes.is_file() else []
+
+
+def _copies_below(path: Path) -> list[Path]:
+    """Return the copies that are noted in a person's own folder, beside its recordings."""
+    found: list[Path] = []
+    for where, _folders, files in os.walk(path):  # which follows no links
+        if ELSEWHERE in files and not (Path(where) / ELSEWHERE).is_symlink():
+            found += _copies(Path(where) / ELSEWHERE, set())
+    return found
+
+
+def _copies(notes: Path, seen: set[Path]) -> list[Path]:
+    """Return the copies that a list names and that are there, and the copies of those."""
+    found: list[Path] = []
+    for line in _noted(notes):
+        copy = Path(line)
+        if copy not in seen and os.path.lexists(copy):
+            seen.add(copy)
+            found += [copy, *_copies(copy / ELSEWHERE, seen)]
+    return found
 
 
 def _lines(path: Path) -> list[str]:
@@ -157,15 +178,14 @@ def _delete(folder: Path, participant: str) -> Withdrawal:
     own = own_name(participant)
     mentioned = re.compile(rf"(?<![A-Za-z0-9]){re.escape(participant)}(?![A-Za-z0-9])")
     notes = events_path(folder, participant).parent / ELSEWHERE
-    left = (
-        [] if notes.parent.is_symlink() else [Path(line) for line in _noted(notes) if os.path.lexists(line)]
-    )
+    left = [] if notes.parent.is_symlink() else _copies(notes, set())
     deleted: list[Path] = []
     changed: list[Path] = []
     for where, folders, files in os.walk(folder):  # which follows no links
         for name in sorted([*folders, *files]):
             path = Path(where, name)
             if own.fullmatch(name):
+                left += _copies_below(path)
                 left += [path.resolve()] if path.is_symlink() and path.exists() else []
                 deleted.append(path)
             elif path.is_symlink() and (path / participant).exists():
@@ -182,7 +202,7 @@ def _delete(folder: Path, participant: str) -> Withdrawal:
             shutil.rmtree(path)
         else:
             path.unlink()
-    return Withdrawal(deleted, changed, left)
+    return Withdrawal(deleted, changed, list(dict.fromkeys(left)))
 
 
 def forget_person(path: Path, participant: str) -> bool:
