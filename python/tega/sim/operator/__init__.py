@@ -15,7 +15,7 @@ from tega.sim.operator.person import (
     load_parameters,
     typical_person,
 )
-from tega.sim.operator.rules import Rules, RulesVersion, people_digest, rules_digest
+from tega.sim.operator.rules import Rules, RulesVersion, people_digest
 from tega.sim.operator.scripted import ScriptedOperator
 from tega.sim.operator.shams import SHAMS, Sham, sham_vest
 from tega.sim.operator.vision import VIEWS, ViewName
@@ -44,7 +44,6 @@ __all__ = [
     "draw_person",
     "load_parameters",
     "people_digest",
-    "rules_digest",
     "sham_vest",
     "typical_person",
 ]

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.sim.operator import RulesVersion, rules_digest
+from tega.sim.operator import RulesVersion
 from tega.sim.trials import read_results
 from tega_figures.information.bench import ArmOutcomes, bench_arms, bench_table
 from tega_figures.information.compare import (
@@ -150,7 +150,7 @@ def table_text(file: Path) -> str:
     runs = _read(file)
     lines = [
         " ".join(
-            f"Version {version} of the rules: SHA-256 `{rules_digest(version)}`."
+            f"Version {version} of the rules."
             for who, version in _VERSIONS.items()
             if version > 1 and any(one.who == who for one in runs)
         )
