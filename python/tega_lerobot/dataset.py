@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from tega.errors import ConfigError, RecordingError
+from tega.recording.copies import note_copy
 from tega.recording.mcap_folder import recorded_task
 from tega.recording.origin import origins, span
 from tega.runtime.files.foreign_file import tells_damage
@@ -91,6 +92,8 @@ def export_lerobot(
         plain_name(name, what="camera", source="--scene")
         shapes[name] = check_scene(video)
     folder.mkdir(parents=True, exist_ok=True)
+    for path in paths:
+        note_copy(path, folder)
     dataset = _Dataset(folder, fps)
     try:
         for path in paths:

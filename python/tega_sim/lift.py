@@ -20,6 +20,7 @@ from tega.loop.inbox.frames import FrameMeter
 from tega.loop.inbox.sources import BlockMeter, SourceReport
 from tega.loop.loop import DualLoop
 from tega.loop.moment import LoopView, Moment
+from tega.outcomes import LIFT_WINDOW_S
 from tega.records import BesideContact, BesideIntent, Contact, Intent
 from tega.records.bus import Bus
 from tega.runtime.clock import ManualClock, PausableClock, SystemClock
@@ -36,7 +37,7 @@ from tega_sim.pacing import SimulatedPacer
 from tega_sim.plan import TrialPlan, TrialResult
 from tega_sim.reflex import trial_reflex
 from tega_sim.rig import TrialRig
-from tega_sim.score import LIFT_WINDOW_S, ON_MARK_M, UPRIGHT, TrialScorer
+from tega_sim.score import ON_MARK_M, UPRIGHT, TrialScorer
 from tega_sim.true_touch import TrueTouch, stages_of, touch_of
 
 if TYPE_CHECKING:
@@ -110,7 +111,7 @@ class Lift:
         maxima = lab.calibrated
         decoder = lab.decoder()
         self._emg_full = np.array(decoder.full_scale or maxima.maxima)
-        self.scorer = TrialScorer(spec.harm_m)
+        self.scorer = TrialScorer(spec.harm_m, window_s=lift_by_s)
         self._arm = ARMS[plan.condition]
         # Before this lift's own rig is made: the gels are the lab's, and forget what touched them when a rig begins.
         recorded = other_vest(lab, plan, number) if self._arm.sham == "replayed" else ()
@@ -145,7 +146,6 @@ class Lift:
             scorer=self.scorer,
             bus=self._bus,
             end_s=lift_by_s + _AFTER_S,
-            lift_by_s=lift_by_s,
             muted=muted,
             skip_untouched=skip_untouched and not _remembers(lab),
             with_cameras=watched or kept or felt or not skip_untouched,
@@ -234,11 +234,10 @@ class Lift:
         """Return the outcome of the plan, this lift being the one that counts."""
         scorer = self.scorer
         lifted_s, drops = scorer.time_of("lifted"), scorer.count("drop")
-        held_up = lifted_s is not None and lifted_s <= LIFT_WINDOW_S and drops == 0
         placed, off_mark_m = self._placed() if self._plan.task == "place" else (None, None)
         return TrialResult(
             **{name: getattr(self._plan, name) for name in TrialPlan.__struct_fields__},
-            success=held_up and placed is not False,
+            success=scorer.success and placed is not False,
             slips=scorer.count("slip"),
             deformations=scorer.count("deformation"),
             drops=drops,

@@ -87,7 +87,6 @@ class TrialRig:
         scorer: Counts what happens.
         bus: Told of every picture, before and after it is measured, and of every block of EMG.
         end_s: When the trial is over whatever happens, seconds.
-        lift_by_s: When it is over unless the object was lifted by then, seconds.
         muted: Asked whether somebody has switched the vest off.
         skip_untouched: Whether a fingertip that nothing touches goes without rendering.
         with_cameras: Whether there are pictures; without them the loop feels nothing, and nothing else is different.
@@ -123,7 +122,6 @@ class TrialRig:
         scorer: TrialScorer,
         bus: Bus,
         end_s: float,
-        lift_by_s: float,
         muted: Callable[[], bool] = lambda: False,
         skip_untouched: bool = True,
         with_cameras: bool = True,
@@ -138,7 +136,7 @@ class TrialRig:
         self._meters = [meters[finger] for finger in FINGERS]
         self._person, self._emg, self._worn = person, emg, worn
         self._blocks, self._block_ns, self._scorer = blocks, block_ns, scorer
-        self._end_ns, self._lift_by_ns = round(end_s * 1e9), round(lift_by_s * 1e9)
+        self._end_ns = round(end_s * 1e9)
         self._muted, self._skip_untouched, self._painted = muted, skip_untouched, painted
         self._on_act = on_act
         due_ns = CAMERA_DELAY_NS if with_cameras else NEVER_NS
@@ -262,4 +260,4 @@ class TrialRig:
             return True
         if self._scorer.time_of("drop") is not None:
             return True
-        return t_ns >= self._lift_by_ns and self._scorer.time_of("lifted") is None
+        return self._scorer.rule.verdict(t_ns / 1e9) == "too late"

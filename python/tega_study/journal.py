@@ -39,6 +39,7 @@ Kind = Literal[
     "muscles",
     "squeeze",
     "undo",
+    "unblind",
 ]
 
 Status = Literal["done", "failed_task", "aborted_technical", "aborted_safety", "skipped"]
@@ -52,7 +53,7 @@ class JournalEvent(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unkno
         t_ns: When, on the session's clock, nanoseconds.
         kind: What.
         trial: Of which trial; 0 where it belongs to none.
-        attempt: Its attempt, 1 or 2.
+        attempt: Its attempt, from 1.
         status: ``trial_end``: how it ended.
         success: ``trial_end``: as scored by rule. ``override``: as corrected by a person.
         undone: ``undo``: number of the event that does not count.
@@ -68,7 +69,7 @@ class JournalEvent(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unkno
     t_ns: int
     kind: Kind
     trial: Annotated[int, msgspec.Meta(ge=0)] = 0
-    attempt: Annotated[int, msgspec.Meta(ge=1, le=2)] = 1
+    attempt: Annotated[int, msgspec.Meta(ge=1)] = 1
     status: Status | None = None
     success: bool | None = None
     undone: int | None = None

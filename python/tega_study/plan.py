@@ -13,11 +13,12 @@ import shutil
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import msgspec
 
 from tega.errors import InvalidValueError, RecordingError
+from tega.outcomes import LIFT_WINDOW_S, StableReading
 from tega.runtime.files.foreign_file import parse_toml, read_foreign, read_words
 from tega.runtime.files.plain_name import plain_name
 from tega.runtime.files.toml_text import tree_text
@@ -33,6 +34,8 @@ all of them (reading A36)."""
 
 METRICS = ("duration_s", "slips", "deformations")
 """What can be in the family of tests that Holm's method corrects for."""
+
+ScoredBy = Literal["session", "camera"]
 
 FORMAT, VERSION = "tega-study", 1
 
@@ -53,6 +56,9 @@ class StudySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
         long_rest_s: After every ``long_rest_every`` trials, seconds.
         long_rest_every: Trials between long rests.
         window_s: Time in which the object has to be lifted, seconds.
+        stable: Whether the stable second has to begin in the window, or to be complete in it (:mod:`tega.outcomes`).
+        scored_by: Whose outcome of a trial counts: that of the session and its raters, or the scene camera's where it
+            has measured the trial.
         alpha: Two-sided level of the tests.
         family: The tests that are corrected together, ``metric:object``.
         probe: Whether a beep now and then is to be answered in every trial (dual task).
@@ -74,6 +80,8 @@ class StudySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
     alpha: Annotated[float, msgspec.Meta(gt=0, lt=1)]
     family: tuple[str, ...]
     probe: bool = False
+    stable: StableReading = "begun"
+    scored_by: ScoredBy = "session"
     seed: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] | None = None
     simulated: bool = False
     plan_sha256: str = ""
@@ -171,7 +179,9 @@ def make_plan(
     change_rest_s: float = 180.0,
     long_rest_s: float = 300.0,
     long_rest_every: int = 20,
-    window_s: float = 15.0,
+    window_s: float = LIFT_WINDOW_S,
+    stable: StableReading = "begun",
+    scored_by: ScoredBy = "session",
     alpha: float = 0.05,
     family: Sequence[str] | None = None,
     probe: bool = False,
@@ -191,6 +201,8 @@ def make_plan(
         long_rest_s: After every ``long_rest_every`` trials.
         long_rest_every: Trials.
         window_s: Seconds.
+        stable: As in :class:`StudySettings`, like the next.
+        scored_by: Whose outcome counts.
         alpha: Level of the tests.
         family: ``metric:object``; the paper's seven where ``None``.
         probe: Whether beeps are to be answered in every trial.
@@ -222,6 +234,8 @@ def make_plan(
                 "long_rest_s": long_rest_s,
                 "long_rest_every": long_rest_every,
                 "window_s": window_s,
+                "stable": stable,
+                "scored_by": scored_by,
                 "alpha": alpha,
                 "family": list(tests),
                 "probe": probe,
@@ -279,8 +293,9 @@ def _plain(value: object) -> str:
 
 def _toml(settings: StudySettings) -> str:
     fields = msgspec.to_builtins(settings)
-    if not settings.probe:  # then an earlier version reads the plan too
-        del fields["probe"]
+    for name, default in (("probe", False), ("stable", "begun"), ("scored_by", "session")):
+        if fields[name] == default:  # then an earlier version reads the plan too
+            del fields[name]
     return tree_text({"format": FORMAT, "version": VERSION, **fields})
 
 

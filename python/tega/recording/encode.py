@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from tega.errors import RecordingError
+from tega.recording.copies import note_copy
 from tega.recording.mcap_copy import McapCopy, McapItem, McapRecords
 from tega.recording.mcap_folder import SessionFolder, recorded_task, session_files
 from tega.recording.mcap_reader import Message, open_recording, read_picture
@@ -36,6 +37,7 @@ def encode_session(session: Path, *, out: Path, quality: int) -> list[Path]:
     new_session(out)
     made = []
     for number, path in enumerate(files, start=1):
+        note_copy(path, out)
         target = out / f"trial-{number:03d}.mcap"
         _encode(path, target, quality)
         made.append(target)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from tega.errors import ConfigError
+from tega.recording.copies import note_copy
 from tega.recording.mcap_reader import McapReader, Message
 from tega.recording.origin import LEAD_IN
 from tega.runtime.files.csv_writer import CsvWriter, cell_text
@@ -47,6 +48,7 @@ def export_file(
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise ConfigError(f"{str(folder)!r} is not empty, or is a file", "name a new folder with --out")
     folder.mkdir(parents=True, exist_ok=True)
+    note_copy(path, folder)
     reader = McapReader(path)
     tables: dict[str, list[Row]] = {}
     waiting: dict[str, Message] = {}

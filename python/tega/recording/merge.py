@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from tega.errors import RecordingError
+from tega.recording.copies import note_copy
 from tega.recording.mcap_copy import McapCopy, McapRecords
 from tega.recording.mcap_folder import SessionFolder, session_files
 from tega.recording.mcap_reader import MOST_RECORD, open_recording
@@ -77,6 +78,8 @@ def merge_sessions(sessions: list[Path], *, out: Path) -> list[Path]:
                 "leave one of them out, or trim them apart",
             )
     new_session(out)
+    for part in parts:
+        note_copy(part.path, out)
     return [_copy(part, out / f"trial-{k:03d}.mcap") for k, part in enumerate(parts, 1)]
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from tega.errors import RecordingError
+from tega.recording.copies import note_copy
 from tega.recording.mcap_copy import McapCopy, McapItem, McapRecords
 from tega.recording.mcap_folder import SessionFolder, session_files
 from tega.recording.mcap_reader import open_recording
@@ -75,6 +76,7 @@ def trim_session(
         raise RecordingError(f"the span {part} holds nothing", "--to has to be after --from")
     look = _Look(source, part)
     new_session(out)
+    note_copy(source, out)
     target = out / "trial-001.mcap"
     with new_file(target) as file:
         _copy(source, look, McapCopy(file), lead_in=look.lead_in if lead_in else b"")

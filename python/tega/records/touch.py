@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final
 
 import msgspec
 
@@ -182,6 +182,10 @@ class Contact(Record, frozen=True, kw_only=True):
         return msgspec.structs.replace(self, more=more, **named)
 
 
+CERTAIN: Final[float] = 0.5
+"""Confidence from which an event counts as certain."""
+
+
 class Event(Record, frozen=True, kw_only=True):
     """An event of touch: a finger makes contact, lets go, or the object slips, as :mod:`tega.stages.events` finds it.
 
@@ -189,7 +193,7 @@ class Event(Record, frozen=True, kw_only=True):
         t_ns: Time of the picture, or the tick of the look at the hand, that showed it, since the start of the session.
         finger: Whose it is; ``""`` for the whole hand.
         kind: ``contact``, ``release`` or ``slip``.
-        confidence: 0 to 1; half where it is just an event.
+        confidence: 0 to 1; half where it is just an event. A slip on a rig that cannot observe slips has less.
         began_ns: When it began, as far as can be told.
         taken_ns: The loop's tick at which it was found.
     """
@@ -210,6 +214,12 @@ class Event(Record, frozen=True, kw_only=True):
         return self.taken_ns
 
     @property
+    def certain(self) -> bool:
+        """Whether the event is certain enough to be shown to the wearer."""
+        return self.confidence >= CERTAIN
+
+    @property
     def words(self) -> str:
         """Words for the event: what happened, and to which finger."""
-        return f"{self.kind}: {self.finger}" if self.finger else self.kind
+        kind = self.kind if self.certain else f"{self.kind}?"
+        return f"{kind}: {self.finger}" if self.finger else kind

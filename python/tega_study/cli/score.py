@@ -61,7 +61,20 @@ def score(
         click.echo("nobody to compare: two accounts of the same trials are needed, such as two raters")
         return
     click.echo(f"events within {tolerance_s:g} s are one; delay: second less first")
-    head = ("event", "first", "second", "trials", "n", "n", "F1", "chance", "delay s", "kappa 1 s", "ICC")
+    head = (
+        "event",
+        "first",
+        "second",
+        "trials",
+        "n first",
+        "n second",
+        "F1",
+        "chance",
+        "delay s",
+        "kappa 1 s",
+        "ICC",
+        "",
+    )
     rows = [head] + [
         (
             one.kind,
@@ -75,6 +88,7 @@ def score(
             _number(one.delay_s),
             _number(one.kappa),
             _number(one.icc),
+            one.note,
         )
         for one in found
     ]

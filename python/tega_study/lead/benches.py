@@ -43,7 +43,8 @@ class TrialBench(Protocol):
     """Place of a trial: the lab's devices, or the simulated bench.
 
     Attributes:
-        sees_height: Whether it says how high the object is; otherwise a person marks it.
+        sees_height: Whether it knows how high the object is; otherwise that is measured, or a person marks it.
+        measures_height: Whether the arm's height is measured, so that lift and drop are measured with the fingertips.
         own_time: Whether it has a time of its own.
         closure: Reads how closed the hand is off its joints; ``None`` where they are not measured.
         where: What the devices are, which the session's events say.
@@ -53,6 +54,7 @@ class TrialBench(Protocol):
 
     where: Where
     sees_height: bool
+    measures_height: bool
     own_time: bool
     closure: ClosureScale | None
     rest_tasks: Sequence[RestTask]
@@ -112,8 +114,14 @@ class LabBench:
         self.rest_tasks: Sequence[RestTask] = (squeeze_task(config, settings=settings),)
         if config.arm is not None and config.arm.start is not None:
             self.rest_tasks = (*self.rest_tasks, start_task(config))
+<<<<<<< HEAD
         self.masking: MaskingSection = config.guests.get("masking", MaskingSection())
         self.measurable = any(camera.lens is not None for camera in cameras_of(config))
+=======
+        self.masking = config.masking
+        self.measures_height = config.arm is not None
+        self.measurable = any(camera.lens is not None for camera in config.scene)
+>>>>>>> 8cdc85ece514ce450872f48f841b2d3e6df3e3d8
         self._settings = settings
         self.where: Where = where
         self.closure: ClosureScale | None = None
@@ -180,6 +188,7 @@ class SimulatedBench:
 
     where: Where = "simulated"
     sees_height = True
+    measures_height = False
     own_time = True
     rest_tasks: Sequence[RestTask] = ()
     measurable = False
