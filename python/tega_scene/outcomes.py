@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 
 from tega.errors import RecordingError
-from tega.outcomes import LIFT_WINDOW_S, STABLE_S
+from tega.stages.events.outcomes import LIFT_WINDOW_S, STABLE_S
 from tega_scene.layout import TagBody, TagLayout
 from tega_scene.resting import (
     LOST_M,
@@ -252,7 +252,7 @@ def score_scene(
         begin_s: Start of the trial on the video's clock; the first picture where ``None``.
         end_s: Its end; the last picture where ``None``.
         harm_m: Narrowing from which the object counts as deformed, metres.
-        window_s: Time from the start within which the object has to be lifted (:mod:`tega.outcomes`), seconds.
+        window_s: Time from the start within which the object has to be lifted (:mod:`tega.stages.events.outcomes`), seconds.
         mark_m: Second mark, on which the object is to be put down: x and y from the first one in the table's axes,
             metres. ``None`` where it is not asked for.
 

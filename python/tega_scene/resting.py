@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 
 from tega.errors import InvalidValueError
-from tega.outcomes import STABLE_S
+from tega.stages.events.outcomes import STABLE_S
 from tega_scene.layout import TagLayout
 from tega_scene.smoothing import smoothed
 from tega_scene.track import BodyTrack, SceneTrack

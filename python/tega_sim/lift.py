@@ -20,12 +20,12 @@ from tega.loop.inbox.frames import FrameMeter
 from tega.loop.inbox.sources import BlockMeter, SourceReport
 from tega.loop.loop import DualLoop
 from tega.loop.moment import LoopView, Moment
-from tega.outcomes import LIFT_WINDOW_S
 from tega.records import BesideContact, BesideIntent, Contact, Intent
 from tega.records.bus import Bus
 from tega.runtime.clock import ManualClock, PausableClock, SystemClock
 from tega.safety.guard import Guard
 from tega.stages.base import MeasuredPicture
+from tega.stages.events.outcomes import LIFT_WINDOW_S
 from tega.ui.view.state import EmgTail, ViewState
 from tega_sim.beside import BesideNotes
 from tega_sim.commanded import BlockSource, StraightBlocks, level_of_drive

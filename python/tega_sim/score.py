@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 
 import msgspec
 
-from tega.outcomes import LIFT_WINDOW_S, LiftRule, success
+from tega.stages.events.outcomes import LIFT_WINDOW_S, LiftRule, success
 
 if TYPE_CHECKING:
     from tega_sim.seams import WorldTruth

@@ -21,12 +21,7 @@ from tega_study.finger_rows import FingerRow, finger_rows
 from tega_study.journal import events_path, read_events
 from tega_study.objects import ObjectFacts, read_objects
 from tega_study.plan import default_family
-<<<<<<< HEAD
-from tega_study.power import SPREADS, count_power, people_for
-=======
 from tega_study.planner import Planner, next_study
-from tega_study.privacy import withdrawn_ids
->>>>>>> 8cdc85ece514ce450872f48f841b2d3e6df3e3d8
 from tega_study.probe import ProbeUse, probe_uses
 from tega_study.ratings import RatingUse, ratings
 from tega_study.score.accounts import agreements
@@ -36,11 +31,8 @@ from tega_study.silico.sensitivity import SensitivityRow, read_sensitivity
 from tega_study.state import derive, rehearsed
 from tega_study.touch_picture import FingerPicture, pictures_of
 from tega_study.trials import Trial, bench_trials, course_path, study_trials
-<<<<<<< HEAD
-from tega_study.withdrawn import withdrawn_ids
-=======
 from tega_study.unblinding import note_unblinding, unblindings
->>>>>>> 8cdc85ece514ce450872f48f841b2d3e6df3e3d8
+from tega_study.withdrawn import withdrawn_ids
 
 FORMAT = "tega-study-analysis"
 _STATED = ("assumptions", "parameters", "object_facts", "rehearsed")

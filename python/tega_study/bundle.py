@@ -35,11 +35,8 @@ from tega_study.privacy import ELSEWHERE, REPORTS, check_not_led, note_elsewhere
 from tega_study.silico.assumptions import PARAMETERS, SIMULATION
 from tega_study.state import rehearsed
 from tega_study.trials import Trial, study_trials
-<<<<<<< HEAD
-from tega_study.withdrawn import withdrawn_ids
-=======
 from tega_study.unblinding import JOURNAL
->>>>>>> 8cdc85ece514ce450872f48f841b2d3e6df3e3d8
+from tega_study.withdrawn import withdrawn_ids
 
 MANIFEST: Final = "manifest.json"
 _OF_THE_STUDY = ("study.toml", "plan.csv", JOURNAL, OBJECTS, SIMULATION, PARAMETERS)

@@ -18,10 +18,10 @@ from typing import Annotated, Any, Literal
 import msgspec
 
 from tega.errors import InvalidValueError, RecordingError
-from tega.outcomes import LIFT_WINDOW_S, StableReading
 from tega.runtime.files.foreign_file import parse_toml, read_foreign, read_words
 from tega.runtime.files.plain_name import plain_name
 from tega.runtime.files.toml_text import tree_text
+from tega.stages.events.outcomes import LIFT_WINDOW_S, StableReading
 from tega_study.order import Layout, allocate, lay_out
 
 CONDITIONS = {
@@ -56,7 +56,7 @@ class StudySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
         long_rest_s: After every ``long_rest_every`` trials, seconds.
         long_rest_every: Trials between long rests.
         window_s: Time in which the object has to be lifted, seconds.
-        stable: Whether the stable second has to begin in the window, or to be complete in it (:mod:`tega.outcomes`).
+        stable: Whether the stable second has to begin in the window, or to be complete in it (:mod:`tega.stages.events.outcomes`).
         scored_by: Whose outcome of a trial counts: that of the session and its raters, or the scene camera's where it
             has measured the trial.
         alpha: Two-sided level of the tests.

@@ -16,12 +16,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from tega.errors import InvalidValueError
-<<<<<<< HEAD
-from tega.runtime.scientific import scipy_stats
-=======
 from tega_study.compare import people_p
 from tega_study.rank import holm
->>>>>>> 8cdc85ece514ce450872f48f841b2d3e6df3e3d8
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

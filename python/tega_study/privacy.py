@@ -18,33 +18,18 @@ from typing import Any, NamedTuple
 import msgspec
 
 from tega.errors import InvalidValueError, RecordingError
-<<<<<<< HEAD
+from tega.recording.copies import NOTES
 from tega.runtime.files.foreign_file import parse_json, read_foreign
 from tega.runtime.files.whole_file import open_to_append, write_whole
 from tega_study.journal import Journal, JournalEvent, events_path, read_events
-from tega_study.objects import OBJECTS, objects_text, read_objects
-from tega_study.observers import PART, observer_path, read_observers
-from tega_study.plan import StudyPlan, person_id, read_plan, write_plan
-from tega_study.withdrawn import WITHDRAWN, lines_of, withdrawn_ids
-
-ELSEWHERE = "elsewhere.txt"
-=======
-from tega.recording.copies import NOTES
-from tega.runtime.files.foreign_file import parse_json, read_foreign, read_words
-from tega.runtime.files.whole_file import open_to_append, write_whole
-from tega_study.journal import Journal, JournalEvent, read_events
 from tega_study.measured import CAMERA, measured_path, read_measured
 from tega_study.objects import OBJECTS, objects_text, read_objects
 from tega_study.observers import PART, observer_path, read_observers
 from tega_study.plan import StudyPlan, person_id, read_plan, write_plan
-from tega_study.state import events_path
 from tega_study.unblinding import copy_unblindings
+from tega_study.withdrawn import WITHDRAWN, lines_of, withdrawn_ids
 
-_LOG = logging.getLogger(__name__)
-
-_LIST = "withdrawn.txt"
 ELSEWHERE = NOTES
->>>>>>> 8cdc85ece514ce450872f48f841b2d3e6df3e3d8
 REPORTS = ("report", "report.html")
 COURSES = "courses"
 ROLES = ("auto", "arm", CAMERA, "experimenter", "participant")
@@ -83,10 +68,7 @@ def note_elsewhere(folder: Path, participant: str, path: Path) -> None:
 
 
 def _noted(notes: Path) -> list[str]:
-<<<<<<< HEAD
     return lines_of(notes) if notes.is_file() else []
-=======
-    return _lines(notes) if notes.is_file() else []
 
 
 def _copies_below(path: Path) -> list[Path]:
@@ -107,19 +89,6 @@ def _copies(notes: Path, seen: set[Path]) -> list[Path]:
             seen.add(copy)
             found += [copy, *_copies(copy / ELSEWHERE, seen)]
     return found
-
-
-def _lines(path: Path) -> list[str]:
-    """Return the lines of a list.
-
-    Raises:
-        RecordingError: It is no text.
-    """
-    try:
-        return read_words(path).splitlines()
-    except UnicodeDecodeError as error:
-        raise RecordingError(f"{path}: no list of lines: {error}", "restore it from a copy") from error
->>>>>>> 8cdc85ece514ce450872f48f841b2d3e6df3e3d8
 
 
 def withdraw(folder: Path, participant: str) -> Withdrawal:

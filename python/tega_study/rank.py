@@ -13,11 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from tega.errors import ShapeError
-<<<<<<< HEAD
-from tega.runtime.scientific import scipy_stats, statsmodels
-=======
-from tega_study.packages import scipy_stats
->>>>>>> 8cdc85ece514ce450872f48f841b2d3e6df3e3d8
+from tega.runtime.scientific import scipy_stats
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

@@ -9,12 +9,8 @@ import msgspec
 
 from tega.errors import RecordingError
 from tega_study.beep_score import score_beeps
-<<<<<<< HEAD
 from tega_study.journal import JournalEvent, Status, counting, events_path, read_events
-=======
-from tega_study.journal import JournalEvent, Status, counting, read_events
 from tega_study.measured import CAMERA, camera_success, measured_path, read_measured
->>>>>>> 8cdc85ece514ce450872f48f841b2d3e6df3e3d8
 from tega_study.observers import read_observers, saw_whole
 from tega_study.plan import PlannedTrial, StudyPlan, read_plan
 from tega_study.squeeze_score import squeeze_shares

@@ -9,17 +9,16 @@ import numpy as np
 import pytest
 
 from reference.study_bench import StandingBench
-from tega.outcomes import LiftRule, StableReading, success
 from tega.runtime.clock import SystemClock
+from tega.stages.events.outcomes import LiftRule, StableReading, success
 from tega_scene.outcomes import SceneCourses, SceneRule
 from tega_scene.smoothing import Course
 from tega_sim.score import TrialScorer
 from tega_sim.seams import WorldTruth
-from tega_study import make_plan, read_plan, write_plan
 from tega_study.journal import Journal
 from tega_study.lead.running_trial import Going
 from tega_study.lead.trial import LedTrial
-from tega_study.plan import PlannedTrial
+from tega_study.plan import PlannedTrial, make_plan, read_plan, write_plan
 from tega_study.trials import study_trials
 
 Height = Callable[[float], float]

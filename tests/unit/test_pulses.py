@@ -21,11 +21,8 @@ from tega.config import check_tree, load_config
 from tega.config.calibration import TouchMaxima
 from tega.errors import ConfigError, DeviceUnavailableError
 from tega.haptics import FeltMap, MotorLevels
-<<<<<<< HEAD
-from tega.loop.controls import Controls
-=======
 from tega.haptics.motor_layout import find_layout
->>>>>>> 8cdc85ece514ce450872f48f841b2d3e6df3e3d8
+from tega.loop.controls import Controls
 from tega.loop.hand import ModelledAllegro
 from tega.loop.inbox.stream import PulledStream
 from tega.loop.loop import DualLoop
@@ -34,21 +31,13 @@ from tega.loop.pacing import Pacer
 from tega.loop.session import run_session
 from tega.loop.touch import TouchLoop
 from tega.recording.replay import replay_file
-<<<<<<< HEAD
-from tega.records import Contact
-=======
-from tega.records import Event
->>>>>>> 8cdc85ece514ce450872f48f841b2d3e6df3e3d8
+from tega.records import Contact, Event
 from tega.runtime.clock import ManualClock
 from tega.stages.base import VestSetup
 from tega.stages.changes import ChangesMapping
 from tega.stages.metrics import contact_record
 from tega.stages.pulses import PulsesMapping, PulsesOptions
-<<<<<<< HEAD
-=======
 from tega.stages.slip_row import SlipRowMapping
-from tega.tactile import ContactMetrics
->>>>>>> 8cdc85ece514ce450872f48f841b2d3e6df3e3d8
 from tega_emulators.lab import emulated_lab
 from tega_emulators.vests import seen_by
 

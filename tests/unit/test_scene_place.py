@@ -19,7 +19,7 @@ pytest.importorskip("tega_figures")
 pytest.importorskip("mujoco")
 
 from reference.scene import noisy_track
-from tega.outcomes import STABLE_S
+from tega.stages.events.outcomes import STABLE_S
 from tega_figures.scene.bench import bench_layout
 from tega_figures.scene.trials import TrueTrial, true_trial
 from tega_sim.operator.forearm import AWAY_M

@@ -18,15 +18,10 @@ from tega_study.journal import Journal, events_path, read_events
 from tega_study.measured import CAMERA, measured_path, read_measured
 from tega_study.measuring import MeasuredTrial, between, confirm_trial, measure_session, write_measured
 from tega_study.observers import read_observers, saw_whole
-<<<<<<< HEAD
 from tega_study.plan import make_plan, read_plan, write_plan
-from tega_study.score import agreements
-=======
 from tega_study.privacy import export
 from tega_study.score import agreements
-from tega_study.state import events_path
 from tega_study.trials import study_trials
->>>>>>> 8cdc85ece514ce450872f48f841b2d3e6df3e3d8
 
 BEGIN_NS = 5_000_000_000
 

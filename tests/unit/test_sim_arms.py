@@ -18,13 +18,8 @@ from tega.errors import InvalidValueError
 from tega.haptics import MotorLevels, intensity, vest_frame
 from tega_sim.conditions import CONDITIONS
 from tega_sim.lab import Lab
-<<<<<<< HEAD
 from tega_sim.lift import Lift, other_vest
-from tega_sim.operator import Operator, ScriptedOperator, load_parameters, people_digest, rules_digest
-=======
-from tega_sim.lift import Lift
 from tega_sim.operator import Operator, ScriptedOperator, load_parameters, people_digest
->>>>>>> 8cdc85ece514ce450872f48f841b2d3e6df3e3d8
 from tega_sim.operator.panels import ConfirmedClosure
 from tega_sim.operator.scripted import DEFAULT_COURSE, Step
 from tega_sim.other_trial import other_trial

@@ -13,14 +13,12 @@ from reference.study_bench import StandingBench
 from tega.loop.moment import LoopView
 from tega.runtime.clock import SystemClock
 from tega.tactile import ContactMetrics, contact_metrics
-from tega_study import make_plan, read_plan, write_plan
-from tega_study.journal import Journal, JournalEvent, read_events
+from tega_study.journal import Journal, JournalEvent, events_path, read_events
 from tega_study.lead.arm_lift import ARM, ArmLift
 from tega_study.lead.benches import SimulatedBench
 from tega_study.lead.running_trial import Going
 from tega_study.lead.trial import LedTrial, undo_last
-from tega_study.plan import PlannedTrial
-from tega_study.state import events_path
+from tega_study.plan import PlannedTrial, make_plan, read_plan, write_plan
 from tega_study.trials import study_trials
 
 

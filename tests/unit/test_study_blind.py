@@ -18,10 +18,10 @@ from click.testing import CliRunner
 
 from tega.ui.cli.main import cli
 from tega_study.analyse import Analysis, analyse_study
+from tega_study.journal import events_path
 from tega_study.page import number
 from tega_study.privacy import export
 from tega_study.report import write_report
-from tega_study.state import events_path
 from unit.test_study_report import fill
 
 

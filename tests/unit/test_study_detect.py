@@ -14,26 +14,18 @@ pytest.importorskip("scipy")
 
 from reference.written import boris_project
 from tega.errors import InvalidValueError, RecordingError
-<<<<<<< HEAD
-=======
-from tega_study import make_plan, read_plan, write_plan
 from tega_study.analyse import analyse_study
->>>>>>> 8cdc85ece514ce450872f48f841b2d3e6df3e3d8
 from tega_study.cli import study
 from tega_study.detecting import detect_study, detected_path, events_of, read_detected
 from tega_study.hand_rows import HandRow, hand_path, read_hand, write_hand
-from tega_study.journal import Journal
+from tega_study.journal import Journal, events_path
 from tega_study.lead import lead_session
 from tega_study.lead.benches import SimulatedBench
 from tega_study.lead.experimenter import Screen
 from tega_study.observers import read_observers
-<<<<<<< HEAD
-from tega_study.plan import make_plan, read_plan, write_plan
-=======
 from tega_study.page import report_html
->>>>>>> 8cdc85ece514ce450872f48f841b2d3e6df3e3d8
+from tega_study.plan import make_plan, read_plan, write_plan
 from tega_study.score import agreements, export_boris, import_boris
-from tega_study.state import events_path
 from tega_study.touch_rows import read_touch, touch_path
 from tega_study.trials import study_trials
 

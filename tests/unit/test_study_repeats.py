@@ -11,11 +11,11 @@ from click.testing import CliRunner
 from reference.study_bench import StandingBench
 from tega.errors import DeviceUnavailableError
 from tega.ui.cli.main import cli
-from tega_study import make_plan, read_plan, write_plan
-from tega_study.journal import read_events
+from tega_study.journal import events_path, read_events
 from tega_study.lead import lead_session
 from tega_study.lead.experimenter import ENTER, Screen
-from tega_study.state import derive, events_path
+from tega_study.plan import make_plan, read_plan, write_plan
+from tega_study.state import derive
 from tega_study.trials import study_trials
 
 

@@ -114,14 +114,9 @@ class LabBench:
         self.rest_tasks: Sequence[RestTask] = (squeeze_task(config, settings=settings),)
         if config.arm is not None and config.arm.start is not None:
             self.rest_tasks = (*self.rest_tasks, start_task(config))
-<<<<<<< HEAD
         self.masking: MaskingSection = config.guests.get("masking", MaskingSection())
         self.measurable = any(camera.lens is not None for camera in cameras_of(config))
-=======
-        self.masking = config.masking
         self.measures_height = config.arm is not None
-        self.measurable = any(camera.lens is not None for camera in config.scene)
->>>>>>> 8cdc85ece514ce450872f48f841b2d3e6df3e3d8
         self._settings = settings
         self.where: Where = where
         self.closure: ClosureScale | None = None

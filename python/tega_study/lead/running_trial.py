@@ -10,11 +10,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 
 from tega.hand.tips import tip_heights_mm
-<<<<<<< HEAD
-=======
-from tega.haptics import FINGERS
 from tega.stages.events.settings import SETTINGS
->>>>>>> 8cdc85ece514ce450872f48f841b2d3e6df3e3d8
 from tega_study.coupling import TouchCourse
 from tega_study.hand_rows import HandRow
 from tega_study.lead.arm_lift import ARM, ArmLift
@@ -145,29 +141,16 @@ class Going:
                         *contact.centroid_xy,
                     )
                 )
-<<<<<<< HEAD
-        self._hand.append(self._hand_row(t_s, view))
+        row = self._hand_row(t_s, view)
+        self._hand.append(row)
+        fresh_ns = view.t_ns - round(SETTINGS.stale_s * 1e9)
+        now = [contact.in_contact for contact in view.contacts.values() if contact.t_ns >= fresh_ns]
+        self._measure(row, touching=any(now) if now else None)
         if view.intent is not None:
             touching = [contact for contact in view.felt.values() if contact.in_contact]
             cci = sum(contact.cci_norm for contact in touching) / max(len(touching), 1)
             eda = sum(contact.eda_norm for contact in touching) / max(len(touching), 1)
             self._rows.append((t_s, cci, eda, view.intent.level - 1.0))
-=======
-        row = self._hand_row(t_s, view)
-        self._hand.append(row)
-        fresh_ns = view.t_ns - round(SETTINGS.stale_s * 1e9)
-        now = [contact.in_contact for at_ns, contact in view.contacts.values() if at_ns >= fresh_ns]
-        self._measure(row, touching=any(now) if now else None)
-        if view.block is not None:
-            touching = [
-                felt
-                for felt, finger in zip(view.felt, FINGERS, strict=True)
-                if finger in view.contacts and view.contacts[finger][1].in_contact
-            ]
-            cci = sum(felt.cci_norm for felt in touching) / max(len(touching), 1)
-            eda = sum(felt.eda_norm for felt in touching) / max(len(touching), 1)
-            self._rows.append((t_s, cci, eda, view.block[2] - 1.0))
->>>>>>> 8cdc85ece514ce450872f48f841b2d3e6df3e3d8
 
     def _measure(self, row: HandRow, *, touching: bool | None) -> None:
         """Measure height and drop, if the arm's height is known now."""

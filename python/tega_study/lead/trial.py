@@ -8,18 +8,14 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import msgspec
 
 from tega.errors import TegaError
-from tega.outcomes import LIFT_M, OFF_TABLE_M, LiftRule, StableReading, success
 from tega.runtime.files.whole_file import write_whole
+from tega.stages.events.outcomes import LIFT_M, OFF_TABLE_M, LiftRule, StableReading, success
 from tega_study.coupling import TouchCourse, write_course
 from tega_study.hand_rows import write_hand
 from tega_study.journal import Journal, JournalEvent, Kind, Status, counting
 from tega_study.lead.arm_lift import ARM
 from tega_study.lead.fatigue import trial_medians
-<<<<<<< HEAD
 from tega_study.lead.keys import END
-from tega_study.lead.lift_rule import LIFT_M, OFF_TABLE_M, LiftRule
-=======
->>>>>>> 8cdc85ece514ce450872f48f841b2d3e6df3e3d8
 from tega_study.lead.running_trial import Going, in_thread
 from tega_study.touch_rows import touch_path, write_touch
 from tega_study.trials import course_path
@@ -52,25 +48,6 @@ def recording_folder(folder: Path, trial: PlannedTrial, attempt: int) -> Path:
     return folder / "recordings" / trial.participant / f"{trial.id}-a{attempt}"
 
 
-<<<<<<< HEAD
-=======
-def keys_of(*, sees_height: bool, measures_height: bool = False) -> list[tuple[str, str]]:
-    """Return the keys of a running trial and what they do."""
-    words = ("correct: " if measures_height else "") + "left the table, then at the mark"
-    mark = [] if sees_height else [("space", words)]
-    return [
-        *mark,
-        ("s", "slip"),
-        ("d", "deformation"),
-        ("x", "dropped"),
-        ("u", "undo"),
-        (END, "done"),
-        ("a", "break off, technical"),
-        ("z", "stop for safety"),
-    ]
-
-
->>>>>>> 8cdc85ece514ce450872f48f841b2d3e6df3e3d8
 class _TrialEnd(NamedTuple):
     """End of a trial: when, in seconds from its start, its status, and why."""
 
@@ -91,7 +68,7 @@ class LedTrial:
         clock: The session's.
         task: ``lift`` is over when the object has been held up; ``place`` when it has been put down as well.
         window_s: Time in which it has to be lifted, seconds.
-        stable: Reading of "stably raised" (:data:`tega.outcomes.StableReading`).
+        stable: Reading of "stably raised" (:data:`tega.stages.events.outcomes.StableReading`).
         time_scale: Of the countdown.
         beeps: The second task; ``None`` where there is none.
 

@@ -7,16 +7,11 @@ from itertools import combinations
 from pathlib import Path
 from typing import NamedTuple
 
-<<<<<<< HEAD
-from tega_study.detecting import DETECTOR, read_detected
-from tega_study.journal import JournalEvent, Kind, counting, events_path, read_events
-=======
 import msgspec
 
 from tega_study.detecting import DETECTOR, NOT_OBSERVABLE, read_detected
-from tega_study.journal import JournalEvent, Kind, counting, read_events
+from tega_study.journal import JournalEvent, Kind, counting, events_path, read_events
 from tega_study.lead.arm_lift import ARM
->>>>>>> 8cdc85ece514ce450872f48f841b2d3e6df3e3d8
 from tega_study.measured import CAMERA, read_measured
 from tega_study.observers import read_observers, saw_whole, was_shown_proposals
 from tega_study.plan import read_plan

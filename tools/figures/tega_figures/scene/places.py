@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Final
 import msgspec
 import numpy as np
 
-from tega.outcomes import STABLE_S
+from tega.stages.events.outcomes import STABLE_S
 from tega_figures.scene.accuracy import f1, interval, matched
 from tega_figures.scene.prove import (
     TOLERANCE_S,
