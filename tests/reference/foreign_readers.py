@@ -21,12 +21,14 @@ import scipy.io
 
 from reference.foreign_records import RECORD_READERS
 from reference.recordings import pressed, write_video
+from reference.videos import encode, numbered
 from tega.arm.sources.recorded import read_poses
 from tega.calibration import Calibration, FingerMaxima, load_calibration, save_calibration
 from tega.calibration.folder import CalibrationFolder, Unfinished
 from tega.calibration.records import TouchRecord, read_record
 from tega.config import load_config
 from tega.devices.emg_formats import read_emg_file
+from tega.devices.picture_stack import StackFile, StackFileOptions
 from tega.devices.video import VideoFile, VideoFileOptions
 from tega.episodes.journal import EpisodeLine, read_episodes
 from tega.foreign_file import read_foreign
@@ -67,6 +69,24 @@ def _read_video(path: Path) -> None:
         for _ in range(50):
             if video.read(0.0) is None:
                 return
+
+
+def _encoded_video(path: Path, codec: str) -> bytes:
+    return encode(path, numbered(4), [0, 30, 90, 120], codec=codec).read_bytes()
+
+
+def _read_stack(path: Path) -> None:
+    with StackFile(StackFileOptions(file=path)) as stack:
+        for _ in range(50):
+            if stack.read(0.0) is None:
+                return
+
+
+def _npz() -> bytes:
+    file = io.BytesIO()
+    pictures = np.stack([pressed(0.5, noise=k) for k in range(3)])
+    np.savez_compressed(file, pictures=pictures, t_s=np.array([0.0, 0.5, 0.7]))
+    return file.getvalue()
 
 
 def toml() -> bytes:
@@ -314,6 +334,8 @@ READERS: dict[str, tuple[str, Callable[[Path], bytes], Callable[[Path], object]]
     "JPEG": ("a.jpg", lambda _: _encoded(".jpg"), lambda p: read_image(p, driver="images")),
     "BMP": ("a.bmp", lambda _: _encoded(".bmp"), lambda p: read_image(p, driver="images")),
     "picture npy": ("a.npy", lambda _: npy(pressed(0.5, noise=1)), lambda p: read_image(p, driver="images")),
+    "stack npy": ("a.npy", lambda _: npy(np.stack([pressed(0.5, noise=k) for k in range(3)])), _read_stack),
+    "stack npz": ("a.npz", lambda _: _npz(), _read_stack),
     "journal": ("events.jsonl", _journal, read_events),
     "BORIS project": ("a.boris", lambda _: _boris(), boris_file.read_boris),
     "key of clips": ("r1.json", lambda _: _CLIPS, clips.decode_key),
@@ -366,4 +388,7 @@ READERS: dict[str, tuple[str, Callable[[Path], bytes], Callable[[Path], object]]
         lambda p: export_camera(p, "front", p.parent / "out.mp4"),
     ),
     "video": ("a.avi", lambda folder: write_video(folder / "v.avi", 4).read_bytes(), _read_video),
+    "video AV1": ("a.mp4", lambda folder: _encoded_video(folder / "v.mp4", "av1"), _read_video),
+    "video H.264": ("a.mkv", lambda folder: _encoded_video(folder / "v.mkv", "h264"), _read_video),
+    "video VP9": ("a.webm", lambda folder: _encoded_video(folder / "v.webm", "vp9"), _read_video),
 } | RECORD_READERS

@@ -34,16 +34,19 @@ class _Finger(click.ParamType[tuple[str, Path]]):
 @click.argument("session", type=click.Path(path_type=Path), required=False, metavar="")
 @click.option("--config", type=click.Path(path_type=Path), hidden=True)
 @click.option(
-    "--tactile", type=_Finger(), multiple=True, help="Recording of a finger: a folder of pictures or a video."
+    "--tactile",
+    type=_Finger(),
+    multiple=True,
+    help="Recording of a finger: a folder of pictures, a video, or an .npy or .npz stack.",
 )
 @click.option(
-    "--tactile-rate-hz", type=click.FloatRange(0, 100_000, min_open=True), default=60.0, show_default=True,
-    help="Pictures per second of the folders; a video has its own rate.",
+    "--tactile-rate-hz", type=click.FloatRange(0, 100_000, min_open=True),
+    help="Pictures per second of folders and stacks [default: times in their names or files, else 60].",
 )  # fmt: skip
 @click.option(
     "--baseline", type=_Finger(), multiple=True, help="Picture of a finger's untouched gel; else estimated."
 )
-@click.option("--allow-truncated", is_flag=True, help="Use a video that ends before its header says.")
+@click.option("--allow-truncated", is_flag=True, help="Use a video of another length than its header says.")
 @click.option("--emg", type=click.Path(path_type=Path), help="EMG samples: text, .npy or .mat.")
 @click.option(
     "--emg-rate-hz", type=click.FloatRange(0, 10_000_000, min_open=True), help="Samples per second."
@@ -157,17 +160,7 @@ def _tree(flags: dict[str, Any]) -> dict[str, Any]:
         raise click.UsageError("nothing to replay: give --tactile, --emg or both")
     tactile: dict[str, Any] = {}
     for finger, path in recordings.items():
-        options: dict[str, Any]
-        if path.is_dir() or not path.suffix:
-            options = {
-                "folder": path,
-                "rate_hz": flags["tactile_rate_hz"],
-                "exclude": list(baselines.values()),
-            }
-            tactile[finger] = {"driver": "images", "options": options}
-        else:
-            options = {"file": path, "allow_truncated": flags["allow_truncated"]}
-            tactile[finger] = {"driver": "video", "options": options}
+        tactile[finger] = _finger_table(path, flags, exclude=list(baselines.values()))
         if finger in baselines:
             tactile[finger]["baseline"] = baselines[finger]
     tree: dict[str, Any] = {
@@ -180,7 +173,7 @@ def _tree(flags: dict[str, Any]) -> dict[str, Any]:
         for name in ("emg_rate_hz", "emg_kind"):
             if flags[name] is None:
                 raise click.UsageError(f"--emg needs --{name.replace('_', '-')}")
-        options = {
+        options: dict[str, Any] = {
             "file": flags["emg"].absolute(),
             "rate_hz": flags["emg_rate_hz"],
             "channels": flags["emg_channels"] or [],
@@ -188,6 +181,21 @@ def _tree(flags: dict[str, Any]) -> dict[str, Any]:
         }
         tree["emg"] = {"driver": "emg-file", "kind": flags["emg_kind"], "options": options}
     return tree
+
+
+def _finger_table(path: Path, flags: dict[str, Any], *, exclude: list[Path]) -> dict[str, Any]:
+    """Return the settings of a finger's source, by the kind of file."""
+    options: dict[str, Any] = {"file": path}
+    driver, rate_hz = "video", flags["tactile_rate_hz"]
+    if path.is_dir() or not path.suffix:
+        driver, options = "images", {"folder": path, "exclude": exclude}
+    elif path.suffix.lower() in {".npy", ".npz"}:
+        driver = "picture-stack"
+    else:
+        options["allow_truncated"] = flags["allow_truncated"]
+    if driver != "video" and rate_hz is not None:
+        options["rate_hz"] = rate_hz
+    return {"driver": driver, "options": options}
 
 
 def _by_finger(flag: str, pairs: tuple[tuple[str, Path], ...]) -> dict[str, Path]:

@@ -186,7 +186,8 @@ class VideoFrames:
         if t_s <= self._last_s:
             self._damage = f"frame {self.n_decoded} is at {t_s:.3f} s, the one before at {self._last_s:.3f} s"
             return None
-        self._last_s, self._end_s = t_s, t_s + 1 / self.facts.rate_hz
+        length_s = float(frame.duration * frame.time_base) if frame.duration and frame.time_base else 0.0
+        self._last_s, self._end_s = t_s, t_s + max(length_s, 1 / self.facts.rate_hz)
         self.n_decoded += 1
         self._convert = lambda: self._image(frame)
         return t_s

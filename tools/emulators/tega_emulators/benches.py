@@ -70,6 +70,12 @@ def _images(folder: Path) -> _Options:
 
 
 @contextmanager
+def _stack(folder: Path) -> _Options:
+    np.save(folder / "s.npy", np.random.default_rng(1).integers(0, 256, (5, 24, 32, 3), dtype=np.uint8))
+    yield {"file": folder / "s.npy"}
+
+
+@contextmanager
 def _video(folder: Path) -> _Options:
     import cv2
 
@@ -231,6 +237,7 @@ BENCHES: dict[str, EmulatedDriver] = {
         partial(_input, "pedal-keyboard", (0x0C45, 0x7403)),
         unix=True,
     ),
+    "picture-stack": EmulatedDriver("a file", _stack),
     "poses-file": EmulatedDriver("a file", _poses),
     "python-can": EmulatedDriver(
         "python-can's virtual bus", partial(_with, {"interface": "virtual", "channel": "contract"})
