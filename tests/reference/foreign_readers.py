@@ -54,7 +54,8 @@ from tega.study.coupling import TouchCourse, read_course, write_course
 from tega.study.hand_rows import read_hand
 from tega.study.journal import Journal, read_events
 from tega.study.objects import read_objects
-from tega.study.score import boris, boris_file, clips, recorded, trial_pictures
+from tega.files.boris import read_boris
+from tega.study.score import clips, recorded, trial_pictures
 from tega.study.silico.assumptions import read_assumptions, read_parameters
 from tega.study.state import events_path
 from tega.study.touch_picture import read_touch_picture
@@ -337,9 +338,9 @@ READERS: dict[str, tuple[str, Callable[[Path], bytes], Callable[[Path], object]]
     "stack npy": ("a.npy", lambda _: npy(np.stack([pressed(0.5, noise=k) for k in range(3)])), _read_stack),
     "stack npz": ("a.npz", lambda _: _npz(), _read_stack),
     "journal": ("events.jsonl", _journal, read_events),
-    "BORIS project": ("a.boris", lambda _: _boris(), boris_file.read_boris),
+    "BORIS project": ("a.boris", lambda _: _boris(), read_boris),
     "key of clips": ("r1.json", lambda _: _CLIPS, clips.decode_key),
-    "BORIS table": ("a.csv", lambda _: _EVENTS, boris._table),
+    "BORIS table": ("a.csv", lambda _: _EVENTS, read_boris),
     "study": ("study.toml", _plan("study.toml"), _read_plan),
     "plan": ("plan.csv", _plan("plan.csv"), _read_plan),
     "session in one file": ("p01.zip", _bundle, _open_bundle),

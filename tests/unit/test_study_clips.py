@@ -30,7 +30,7 @@ from tega.study.observers import observer_path, read_observers, saw_whole
 from tega.study.plan import StudyPlan
 from tega.study.privacy import withdraw
 from tega.study.score.accounts import agreements
-from tega.study.score.boris_file import read_boris
+from tega.files.boris import read_boris
 from tega.study.score.clips import ClipKey, key_path, make_clips, read_key
 from tega.study.score.clips_coded import take_clips
 from tega.study.score.recorded import RecordedTrial, recorded_trials
@@ -393,7 +393,7 @@ BAD = {
     ),
     "no number": (
         lambda t: t["observations"]["clip-001"]["events"].append(["NaN", "", "slip", "", ""]),
-        "is no BORIS project",
+        "clip-001: 'slip' has the time 'NaN'",
     ),
     "short event": (lambda t: t["observations"]["clip-001"]["events"].append([0.1]), "is no BORIS project"),
 }

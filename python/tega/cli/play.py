@@ -55,6 +55,11 @@ class _Speed(click.ParamType[float | None]):
     "--scene", "scenes", type=click.Path(path_type=Path, dir_okay=False), multiple=True, metavar="SCENE.mcap",
     help="Scene cameras that scene record kept beside it, shown with --view; repeatable.",
 )  # fmt: skip
+@click.option(
+    "--rater", metavar="ID",
+    help="Code of the rater who annotates the recording by keys of the page (--view): s slip, d deformation begins or "
+    "ends, x drop, l lift-off, u undo.",
+)  # fmt: skip
 @view_options
 @json_option
 def play(
@@ -67,6 +72,7 @@ def play(
     because: str,
     from_s: float,
     scenes: tuple[Path, ...],
+    rater: str | None,
     view: bool,
     view_port: int,
     as_json: bool,
@@ -80,6 +86,7 @@ def play(
     """
     import sys
     import time
+    from contextlib import nullcontext
     from functools import partial
 
     from tega.bus import Bus
@@ -88,6 +95,7 @@ def play(
     from tega.cli.report import print_summary
     from tega.cli.run_view import stage
     from tega.errors import ConfigError
+    from tega.recording.annotation_keys import AnnotationKeys
     from tega.recording.mcap_folder import session_files
     from tega.replay.play import play_file, playing_to
     from tega.replay.playhead import Playhead
@@ -95,6 +103,8 @@ def play(
 
     if scenes and not view:
         raise click.UsageError("--scene is shown on the page, so it needs --view")
+    if rater is not None and not view:
+        raise click.UsageError("--rater annotates by keys of the page, so it needs --view")
     files = session_files(session)
     if len(files) > 1:
         raise ConfigError(
@@ -107,7 +117,9 @@ def play(
     played = partial(play_file, files[0], speed=speed, because=because, playhead=playhead, scenes=scenes)
     drawn_here = config.vest.driver == "on-screen-vest" and config.vest.options.terminal is None
     started = time.perf_counter()
+    annotating = nullcontext() if rater is None else AnnotationKeys(files[0], rater, playhead)
     with (
+        annotating as annotate,
         CtrlC() as stop,
         stop_keys(stop, enabled=not as_json),
         stage(heading, enabled=not (as_json or drawn_here)) as (progress, display),
@@ -118,7 +130,7 @@ def play(
         if view:
             summary = run_viewed(
                 config, title=f"TEGA · {files[0].name}", port=view_port, run=played, progress=progress, stop=stop,
-                bus=bus, playhead=playhead,
+                bus=bus, playhead=playhead, annotate=annotate,
             )  # fmt: skip
         else:
             summary = played(config, progress=progress, stop=stop, bus=bus)

@@ -31,6 +31,9 @@ CONDITIONS = {
 """What the vest does in each condition. It is worn in all of them, and ``masking.level_dbfs`` plays the same sound in
 all of them (reading A36)."""
 
+CODED = ("slip", "deformation", "drop", "lift_off")
+"""Behaviours that raters code in every study."""
+
 METRICS = ("duration_s", "slips", "deformations")
 """What can be in the family of tests that Holm's method corrects for."""
 
@@ -59,6 +62,7 @@ class StudySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
         seed: Of all orders; absent in an anonymised copy.
         simulated: Whether the people are simulated.
         plan_sha256: Of ``plan.csv``.
+        behaviours: Behaviours that raters code besides lift-off, slip, deformation and drop.
     """
 
     participants: Annotated[int, msgspec.Meta(ge=1, le=999)]
@@ -77,6 +81,7 @@ class StudySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
     seed: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] | None = None
     simulated: bool = False
     plan_sha256: str = ""
+    behaviours: Annotated[tuple[_Name, ...], msgspec.Meta(max_length=30)] = ()
 
 
 class PlannedTrial(msgspec.Struct, frozen=True):
@@ -176,6 +181,7 @@ def make_plan(
     family: Sequence[str] | None = None,
     probe: bool = False,
     simulated: bool = False,
+    behaviours: Sequence[str] = (),
 ) -> StudyPlan:
     """Make a counterbalanced plan; equal arguments give equal plans.
 
@@ -195,11 +201,13 @@ def make_plan(
         family: ``metric:object``; the paper's seven where ``None``.
         probe: Whether beeps are to be answered in every trial.
         simulated: Whether the people are simulated.
+        behaviours: Behaviours that raters code besides lift-off, slip, deformation and drop.
 
     Raises:
         InvalidValueError: A value is out of range, or a name comes twice or cannot be used.
     """
-    for what, names in (("objects", objects), ("conditions", conditions)):
+    own = (*CODED, *behaviours)
+    for what, names in (("objects", objects), ("conditions", conditions), ("behaviours", own)):
         if len(set(names)) != len(names):
             raise InvalidValueError(f"{what} = {', '.join(names)}: a name comes twice", "name each once")
     tests = default_family(objects) if family is None and objects else tuple(family or ())
@@ -227,6 +235,7 @@ def make_plan(
                 "probe": probe,
                 "seed": seed,
                 "simulated": simulated,
+                "behaviours": list(behaviours),
             },
             StudySettings,
         )
@@ -279,8 +288,9 @@ def _plain(value: object) -> str:
 
 def _toml(settings: StudySettings) -> str:
     fields = msgspec.to_builtins(settings)
-    if not settings.probe:  # then an earlier version reads the plan too
-        del fields["probe"]
+    for name in ("probe", "behaviours"):
+        if not fields[name]:  # then an earlier version reads the plan too
+            del fields[name]
     return tree_text({"format": FORMAT, "version": VERSION, **fields})
 
 

@@ -67,6 +67,11 @@ _FOLDER = click.Path(path_type=Path, file_okay=False)
     "--probe", is_flag=True, help="A second task in every trial: beeps to be answered with a pedal."
 )
 @click.option(
+    "--behaviours",
+    type=NameList(),
+    help="Behaviours that raters code besides lift-off, slip, deformation and drop, such as regrasp,contact.",
+)
+@click.option(
     "--simulated", is_flag=True, help="For rehearsals on simulated and emulated devices, not for people."
 )
 @json_option
@@ -81,6 +86,7 @@ def plan(
     layout: Layout,
     rest_s: float,
     probe: bool,
+    behaviours: list[str] | None,
     simulated: bool,
     as_json: bool,
 ) -> None:
@@ -102,6 +108,7 @@ def plan(
         layout=layout,
         rest_s=rest_s,
         probe=probe,
+        behaviours=behaviours or (),
     )
     write_plan(made, out)
     first = made.of(made.participants[0])

@@ -16,6 +16,8 @@ import msgspec
 
 from tega.config import FINGERS
 from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError
+from tega.files.annotations import CodedEvent
+from tega.files.boris import BorisBehaviour, boris_observation, boris_project
 from tega.foreign_file import parse_json, read_foreign
 from tega.plain_name import plain_name
 from tega.recording.mcap_reader import McapReader
@@ -27,12 +29,6 @@ from tega.study.order import shuffled
 from tega.study.plan import read_plan
 from tega.study.privacy import note_elsewhere, withdrawn_ids
 from tega.study.score.boris import CODES
-from tega.study.score.boris_file import (
-    BorisBehaviour,
-    CodedEvent,
-    boris_observation,
-    boris_project,
-)
 from tega.study.score.clip_video import RATE_HZ, write_clip
 from tega.study.score.recorded import RecordedTrial, recorded_trials
 from tega.study.score.scene_reel import SceneReel
