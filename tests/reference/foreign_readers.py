@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import gzip
 import hashlib
 import io
 import json
@@ -31,10 +32,14 @@ from tega.devices.emg_formats import read_emg_file
 from tega.devices.picture_stack import StackFile, StackFileOptions
 from tega.devices.video import VideoFile, VideoFileOptions
 from tega.episodes.journal import EpisodeLine, read_episodes
+from tega.files.annotations import CodedEvent
+from tega.files.boris import read_boris
+from tega.files.eaf import read_eaf, write_eaf
 from tega.foreign_file import read_foreign
 from tega.hand_poses import load_poses
 from tega.net.keys import _authority, expiry, make_keys
 from tega.opencv import read_image
+from tega.recording.annotations import AnnotationFile, annotations_path, read_annotations
 from tega.recording.folder import prepare_folder
 from tega.recording.mcap_folder import SessionFolder
 from tega.safety import dose_file
@@ -54,7 +59,6 @@ from tega.study.coupling import TouchCourse, read_course, write_course
 from tega.study.hand_rows import read_hand
 from tega.study.journal import Journal, read_events
 from tega.study.objects import read_objects
-from tega.files.boris import read_boris
 from tega.study.score import clips, recorded, trial_pictures
 from tega.study.silico.assumptions import read_assumptions, read_parameters
 from tega.study.state import events_path
@@ -122,6 +126,20 @@ def _journal(folder: Path) -> bytes:
             journal.add("trial_start", t_ns=trial * 10, trial=trial + 1)
             journal.add("trial_end", t_ns=trial * 10 + 5, trial=trial + 1, status="done", success=True)
     return (folder / "events.jsonl").read_bytes()
+
+
+def _elan(folder: Path) -> bytes:
+    events = [CodedEvent(1.0, "thumb", "slip", ("long",), "x", 0.5), CodedEvent(2.0, "", "drop")]
+    write_eaf(folder / "a.eaf", {"r1": events}, codes=["slip"], media="a.mp4")
+    return (folder / "a.eaf").read_bytes()
+
+
+def _annotations(folder: Path) -> bytes:
+    with AnnotationFile(folder / "a.mcap", "r1") as file:
+        for t_s in (1.0, 2.0, 3.0):
+            file.press("deformation", t_s, is_state=True)
+        file.undo()
+    return annotations_path(folder / "a.mcap").read_bytes()
 
 
 def _boris() -> bytes:
@@ -314,6 +332,10 @@ _COURSE_OF_FORCE = b"t_s,force_n\n0.1,1.5\n0.2,2.5\n"
 
 _POSES = b"t_s,x_m,y_m,z_m,qw,qx,qy,qz\n0.0,0.1,0.2,0.3,1,0,0,0\n0.1,0.1,0.2,0.3,1,0,0,0\n"
 _EVENTS = b"Observation id,Behavior,Time\np01-t01,slip,1.5\np01-t01,drop,2.5\n"
+_AGGREGATED = (
+    b"Observation id;Behavior;Behavior type;Start (s);Stop (s);Modifier #1;Comment start\n"
+    b"p01;slip;STATE;1,5;2,5;long;x\np01;drop;POINT;3,5;NA;;\n"
+)
 _MARKS = b"img_name,center_x,center_y,radius\nframe_0.png,10,20,5\nframe_1.png,11,21,6\n"
 
 # Of each kind: the file's name, what makes a valid one, what reads it.
@@ -339,6 +361,10 @@ READERS: dict[str, tuple[str, Callable[[Path], bytes], Callable[[Path], object]]
     "stack npz": ("a.npz", lambda _: _npz(), _read_stack),
     "journal": ("events.jsonl", _journal, read_events),
     "BORIS project": ("a.boris", lambda _: _boris(), read_boris),
+    "BORIS project packed": ("a.boris.gz", lambda _: gzip.compress(_boris()), read_boris),
+    "BORIS aggregated": ("a.tsv", lambda _: _AGGREGATED, read_boris),
+    "ELAN": ("a.eaf", _elan, lambda p: read_eaf(p, ["slip"])),
+    "annotations": ("a.annotations.jsonl", _annotations, lambda p: read_annotations(p.with_name("a.mcap"))),
     "key of clips": ("r1.json", lambda _: _CLIPS, clips.decode_key),
     "BORIS table": ("a.csv", lambda _: _EVENTS, read_boris),
     "study": ("study.toml", _plan("study.toml"), _read_plan),

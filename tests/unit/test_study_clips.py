@@ -20,6 +20,7 @@ from reference.filmed import EPOCH_NS, number_of, packets, write_scene
 from reference.sessions import record, rewritten
 from reference.written import boris_project
 from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError
+from tega.files.boris import read_boris
 from tega.recording.mcap_reader import McapReader
 from tega.replay.recorded import read_recorded
 from tega.study import make_plan, read_plan, write_plan
@@ -30,7 +31,6 @@ from tega.study.observers import observer_path, read_observers, saw_whole
 from tega.study.plan import StudyPlan
 from tega.study.privacy import withdraw
 from tega.study.score.accounts import agreements
-from tega.files.boris import read_boris
 from tega.study.score.clips import ClipKey, key_path, make_clips, read_key
 from tega.study.score.clips_coded import take_clips
 from tega.study.score.recorded import RecordedTrial, recorded_trials

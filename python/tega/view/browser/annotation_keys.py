@@ -39,7 +39,9 @@ def add_annotation_keys(gui: viser.GuiApi, annotate: Callable[[str], str]) -> An
     def _(event: Any) -> None:
         press(str(event.target.value)[:1])
 
+    def pressed(key: str) -> Callable[[Any], None]:
+        return lambda _event: press(key)
+
     for key, label in _LABELS.items():
-        command = gui.add_command(f"annotate: {label}", hotkey=key)
-        command.on_trigger(lambda _event, key=key: press(key))
+        gui.add_command(f"annotate: {label}", hotkey=key).on_trigger(pressed(key))
     return buttons
