@@ -11,6 +11,24 @@ from tega.cli.options import ChannelList, json_option
 from tega.cli.page import view_options
 
 
+class _Topic(click.ParamType[tuple[str, str]]):
+    """FINGER=/TOPIC or emg=/TOPIC."""
+
+    name = "finger=/topic"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[str, str]:
+        from tega.config import FINGERS
+
+        name, equals, topic = str(value).partition("=")
+        if not equals or not topic or name not in {*FINGERS, "emg"}:
+            self.fail(
+                f"{value!r} is not FINGER=/TOPIC with FINGER one of {', '.join(FINGERS)} or emg", param, ctx
+            )
+        return name, topic
+
+
 class _Finger(click.ParamType[tuple[str, Path]]):
     """FINGER=PATH."""
 
@@ -37,17 +55,23 @@ class _Finger(click.ParamType[tuple[str, Path]]):
     "--tactile",
     type=_Finger(),
     multiple=True,
-    help="Recording of a finger: a folder of pictures, a video, or an .npy or .npz stack.",
+    help="Recording of a finger: a folder of pictures, a video, an .npy or .npz stack, or a ROS 2 bag.",
 )
 @click.option(
     "--tactile-rate-hz", type=click.FloatRange(0, 100_000, min_open=True),
     help="Pictures per second of folders and stacks [default: times in their names or files, else 60].",
 )  # fmt: skip
 @click.option(
+    "--topic", "topics", type=_Topic(), multiple=True,
+    help="Topic of a finger's pictures, or of EMG (emg=/TOPIC), in a ROS 2 bag; by default the only one that fits.",
+)  # fmt: skip
+@click.option(
     "--baseline", type=_Finger(), multiple=True, help="Picture of a finger's untouched gel; else estimated."
 )
 @click.option("--allow-truncated", is_flag=True, help="Use a video of another length than its header says.")
-@click.option("--emg", type=click.Path(path_type=Path), help="EMG samples: text, .npy or .mat.")
+@click.option(
+    "--emg", type=click.Path(path_type=Path), help="EMG samples: text, .npy or .mat, or a ROS 2 bag."
+)
 @click.option(
     "--emg-rate-hz", type=click.FloatRange(0, 10_000_000, min_open=True), help="Samples per second."
 )
@@ -158,9 +182,12 @@ def _tree(flags: dict[str, Any]) -> dict[str, Any]:
             raise click.UsageError(f"--baseline {finger}: there is no --tactile {finger}")
     if not recordings and flags["emg"] is None:
         raise click.UsageError("nothing to replay: give --tactile, --emg or both")
+    topics = dict(flags["topics"])
+    if unused := topics.keys() - recordings.keys() - ({"emg"} if flags["emg"] is not None else set()):
+        raise click.UsageError(f"--topic {min(unused)}: there is no recording of that")
     tactile: dict[str, Any] = {}
     for finger, path in recordings.items():
-        tactile[finger] = _finger_table(path, flags, exclude=list(baselines.values()))
+        tactile[finger] = _finger_table(path, flags, topics.get(finger, ""), list(baselines.values()))
         if finger in baselines:
             tactile[finger]["baseline"] = baselines[finger]
     tree: dict[str, Any] = {
@@ -170,22 +197,33 @@ def _tree(flags: dict[str, Any]) -> dict[str, Any]:
     if flags["calibration"] is not None:
         tree["calibration"] = {"file": flags["calibration"].absolute()}
     if flags["emg"] is not None:
-        for name in ("emg_rate_hz", "emg_kind"):
-            if flags[name] is None:
-                raise click.UsageError(f"--emg needs --{name.replace('_', '-')}")
-        options: dict[str, Any] = {
-            "file": flags["emg"].absolute(),
-            "rate_hz": flags["emg_rate_hz"],
-            "channels": flags["emg_channels"] or [],
-            "variable": flags["emg_variable"],
-        }
-        tree["emg"] = {"driver": "emg-file", "kind": flags["emg_kind"], "options": options}
+        tree["emg"] = _emg_table(flags["emg"].absolute(), flags, topics.get("emg", ""))
     return tree
 
 
-def _finger_table(path: Path, flags: dict[str, Any], *, exclude: list[Path]) -> dict[str, Any]:
+def _is_bag(path: Path) -> bool:
+    """Return whether a path is a ROS 2 bag: an MCAP file, or a folder with some or with a bag's metadata."""
+    return path.suffix == ".mcap" or (path / "metadata.yaml").exists() or any(path.glob("*.mcap"))
+
+
+def _emg_table(path: Path, flags: dict[str, Any], topic: str) -> dict[str, Any]:
+    """Return the settings of EMG, by the kind of file."""
+    bag = _is_bag(path)
+    for name in ("emg_kind",) if bag else ("emg_rate_hz", "emg_kind"):
+        if flags[name] is None:
+            raise click.UsageError(f"--emg needs --{name.replace('_', '-')}")
+    options = {"file": path, "rate_hz": flags["emg_rate_hz"], "channels": flags["emg_channels"] or []}
+    if bag and options["rate_hz"] is None:
+        del options["rate_hz"]
+    options |= {"topic": topic} if bag else {"variable": flags["emg_variable"]}
+    return {"driver": "ros2-emg" if bag else "emg-file", "kind": flags["emg_kind"], "options": options}
+
+
+def _finger_table(path: Path, flags: dict[str, Any], topic: str, exclude: list[Path]) -> dict[str, Any]:
     """Return the settings of a finger's source, by the kind of file."""
     options: dict[str, Any] = {"file": path}
+    if _is_bag(path):
+        return {"driver": "ros2-pictures", "options": options | {"topic": topic}}
     driver, rate_hz = "video", flags["tactile_rate_hz"]
     if path.is_dir() or not path.suffix:
         driver, options = "images", {"folder": path, "exclude": exclude}

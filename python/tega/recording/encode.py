@@ -9,6 +9,7 @@ from tega.errors import RecordingError
 from tega.foreign_file import tells_damage
 from tega.lifecycle import require
 from tega.opencv import load_cv2
+from tega.recording.foreign import no_session
 from tega.recording.mcap_copy import McapCopy, McapItem, McapRecords
 from tega.recording.mcap_folder import SessionFolder, recorded_task, session_files
 from tega.recording.mcap_reader import Message, open_recording, read_picture
@@ -46,7 +47,7 @@ def encode_session(session: Path, *, out: Path, quality: int) -> list[Path]:
 def _encode(source: Path, target: Path, quality: int) -> None:
     tables = _tables(source)
     if "epoch_ns" not in tables.get("tega", {}):
-        raise RecordingError(f"{source.name}: no recording of a session", "name a file made with --record")
+        raise no_session(source, tables)
     name, step = origin(tables, source, made_by=f"encode --quality {quality}", part=span(tables))
     pictures = _SmallerPictures(quality)
     with open_recording(source) as old, new_file(target) as file:

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 from tega.errors import RecordingError
 from tega.foreign_file import tells_damage
 from tega.lifecycle import require
+from tega.recording.foreign import no_session
 from tega.recording.mcap_copy import McapCopy, McapRecords
 from tega.recording.mcap_folder import SessionFolder, session_files
 from tega.recording.mcap_reader import MOST_RECORD, open_recording
@@ -101,7 +102,7 @@ def _part(path: Path) -> _Part:
             f"{name}: cannot be read: {type(error).__name__}", "name its session's folder to have it finished"
         ) from error
     if "epoch_ns" not in tables.get("tega", {}):
-        raise RecordingError(f"{name}: no recording of a session", "name a file made with --record")
+        raise no_session(path, tables)
     if summary is None or summary.statistics is None:
         raise RecordingError(f"{name}: has no index", "name its session's folder to have it finished")
     there, times = span(tables), summary.statistics

@@ -14,6 +14,7 @@ from typing import Any
 
 from tega.errors import RecordingError
 from tega.foreign_file import tells_damage
+from tega.recording.foreign import no_session
 from tega.recording.mcap_copy import McapCopy, McapItem, McapRecords
 from tega.recording.mcap_folder import SessionFolder, session_files
 from tega.recording.mcap_reader import open_recording
@@ -142,9 +143,7 @@ class _Look:
 
     def _begun(self, source: Path) -> None:
         if "epoch_ns" not in self.tables.get("tega", {}):
-            raise RecordingError(
-                f"{source.name}: no recording of a session", "name a file made with --record, or its folder"
-            )
+            raise no_session(source, self.tables)
 
     def _message(self, source: Path, item: McapItem, copy: McapCopy) -> None:
         self._begun(source)
