@@ -20,8 +20,12 @@ import msgspec
 import numpy as np
 import scipy.io
 
+from reference.can_logs import conversation, write_log
 from reference.foreign_records import RECORD_READERS
 from reference.recordings import pressed, write_video
+from reference.ros2 import BEGIN_NS, write_bag
+from reference.ros2 import array as ros2_array
+from reference.ros2 import raw as ros2_raw
 from reference.videos import encode, numbered
 from tega.arm.sources.recorded import read_poses
 from tega.calibration import Calibration, FingerMaxima, load_calibration, save_calibration
@@ -30,11 +34,15 @@ from tega.calibration.records import TouchRecord, read_record
 from tega.config import load_config
 from tega.devices.emg_formats import read_emg_file
 from tega.devices.picture_stack import StackFile, StackFileOptions
+from tega.devices.ros2_emg import Ros2Emg, Ros2EmgOptions
+from tega.devices.ros2_pictures import Ros2Pictures, Ros2PicturesOptions
 from tega.devices.video import VideoFile, VideoFileOptions
 from tega.episodes.journal import EpisodeLine, read_episodes
 from tega.files.annotations import CodedEvent
 from tega.files.boris import read_boris
+from tega.files.can_log import read_can_log
 from tega.files.eaf import read_eaf, write_eaf
+from tega.files.hand_log import HandLog, find_hand
 from tega.foreign_file import read_foreign
 from tega.hand_poses import load_poses
 from tega.net.keys import _authority, expiry, make_keys
@@ -78,6 +86,34 @@ def _read_video(path: Path) -> None:
 
 def _encoded_video(path: Path, codec: str) -> bytes:
     return encode(path, numbered(4), [0, 30, 90, 120], codec=codec).read_bytes()
+
+
+def _bag(folder: Path) -> bytes:
+    messages: list[Any] = []
+    for k in range(4):
+        t_ns = BEGIN_NS + k * 30_000_000
+        picture = pressed(0.5, noise=k)
+        messages.append(("/gel", "image", t_ns, ros2_raw(picture, "rgb8", t_ns)))
+        messages.append(
+            ("/emg", "array", t_ns, ros2_array(np.ones((2, 3), np.float32), ("samples", "channels")))
+        )
+    return write_bag(folder / "a.mcap", messages).read_bytes()
+
+
+def _read_all(source: Any) -> None:
+    with source:
+        while source.read(0.0) is not None:
+            pass
+
+
+def _log(path: Path) -> bytes:
+    return write_log(path, conversation([[k] * 16 for k in range(3)])).read_bytes()
+
+
+def _decode_log(path: Path) -> None:
+    log = HandLog(*find_hand(read_can_log(path), device_id=None, channel=None))
+    for _ in log.states(read_can_log(path)):
+        pass
 
 
 def _read_stack(path: Path) -> None:
@@ -415,6 +451,12 @@ READERS: dict[str, tuple[str, Callable[[Path], bytes], Callable[[Path], object]]
         lambda p: export_camera(p, "front", p.parent / "out.mp4"),
     ),
     "video": ("a.avi", lambda folder: write_video(folder / "v.avi", 4).read_bytes(), _read_video),
+    "ROS 2 pictures": ("a.mcap", _bag, lambda p: _read_all(Ros2Pictures(Ros2PicturesOptions(file=p)))),
+    "ROS 2 arrays": ("a.mcap", _bag, lambda p: _read_all(Ros2Emg(Ros2EmgOptions(file=p)))),
+    "log .asc": ("a.asc", lambda folder: _log(folder / "a.asc"), _decode_log),
+    "log .blf": ("a.blf", lambda folder: _log(folder / "a.blf"), _decode_log),
+    "log .log": ("a.log", lambda folder: _log(folder / "a.log"), _decode_log),
+    "log .trc": ("a.trc", lambda folder: _log(folder / "a.trc"), _decode_log),
     "video AV1": ("a.mp4", lambda folder: _encoded_video(folder / "v.mp4", "av1"), _read_video),
     "video H.264": ("a.mkv", lambda folder: _encoded_video(folder / "v.mkv", "h264"), _read_video),
     "video VP9": ("a.webm", lambda folder: _encoded_video(folder / "v.webm", "vp9"), _read_video),

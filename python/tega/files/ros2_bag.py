@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator
+from contextlib import redirect_stdout
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -113,8 +115,12 @@ class Ros2Bag:
                 reader = self._reader(
                     file, record_size_limit=_MOST_RECORD, decoder_factories=[self._factory()]
                 )
-                for _, _, message, value in reader.iter_decoded_messages(topics=[self.topic]):
-                    yield message.log_time, value
+                messages = reader.iter_decoded_messages(topics=[self.topic])
+                with redirect_stdout(io.StringIO()):  # the parser of definitions prints what it cannot read
+                    found = next(messages, None)
+                while found is not None:
+                    yield found.message.log_time, found.decoded_message
+                    found = next(messages, None)
         except RecordingError:
             raise
         except Exception as error:  # of a damaged bag the readers raise what they like
