@@ -351,3 +351,22 @@ def test_any_recording_is_annotated_by_boris_and_elan(
     assert rows[1]["modifiers"] == ["hard"]
     _, said = call(capsys, "recording", "annotate", recorded, "--import", elan, "--rater", "r1", code=1)
     assert "has annotated" in said
+
+
+def test_keys_and_buttons_of_the_page_code_events() -> None:
+    viser = pytest.importorskip("viser")
+    from tega.view.browser.annotation_keys import add_annotation_keys
+
+    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    try:
+        pressed: list[str] = []
+        buttons = add_annotation_keys(server.gui, lambda key: pressed.append(key) or "kept")
+        commands = server.gui._command_handle_from_uuid.values()
+        assert [command.hotkey for command in commands] == ["S", "D", "X", "L", "U"]
+        for command in commands:
+            for call_back in command._impl.trigger_cb:
+                call_back(None)
+        assert pressed == ["s", "d", "x", "l", "u"]
+        assert buttons.options[0] == "S: slip"
+    finally:
+        server.stop()

@@ -92,6 +92,20 @@ def test_a_file_cut_short_is_refused_or_used_as_far_as_it_goes(
     assert 5 < len(frames_of(path, allow_truncated=True)) < 40
 
 
+@pytest.mark.parametrize("n_bytes", [1500, 3000, 6000])
+def test_an_avi_that_lost_its_last_frames_is_refused(n_bytes: int, tmp_path: Path) -> None:
+    path = write_video(tmp_path / "v.avi", 30)
+    path.write_bytes(path.read_bytes()[:-n_bytes])
+    with pytest.raises(RecordingError, match=r"(header says 30: |the last of them in part: ).*--allow-truncated"):
+        frames_of(path)
+
+
+def test_frames_left_out_of_an_avi_are_none_that_are_missing(tmp_path: Path) -> None:
+    times_ms = [0, 40, 200, 240, 600, 640]
+    frames = frames_of(encode(tmp_path / "v.avi", numbered(6), times_ms, codec="mjpeg"))
+    assert [f.t_ns / 1e6 for f in frames] == pytest.approx(times_ms, abs=0.5)
+
+
 def test_a_file_of_which_nothing_decodes_is_refused(tmp_path: Path) -> None:
     path = encode(tmp_path / "v.mp4", numbered(30), [33 * k for k in range(30)], codec="av1")
     with av.open(str(path)) as container:

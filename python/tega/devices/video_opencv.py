@@ -39,7 +39,9 @@ class OpenCvFrames:
         if not (0 < rate_hz <= 100_000 and 1 <= n_stated < 2**40):
             self._refuse(f"its header states {rate_hz:g} frames per second and {n_stated:g} frames")
         n = int(n_stated)
-        self.facts = VideoFacts("", n, n, rate_hz, 1 / rate_hz, variable=False, end_s=None, times_s=None)
+        self.facts = VideoFacts(
+            "", n, n, rate_hz, 1 / rate_hz, variable=False, cut=False, end_s=None, times_s=None
+        )
         self.notes = [
             f"{path.name}: read by OpenCV, since PyAV is not installed: frame k is taken at k/rate; a variable frame "
             "rate or a rotation tag is ignored; pip install 'tega[lab]'"

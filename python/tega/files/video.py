@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from tega.errors import RecordingError
+from tega.files.video_orientation import display_matrix, oriented
 from tega.foreign_file import check_file
 from tega.lifecycle import require
 
@@ -49,6 +50,7 @@ class VideoFacts(NamedTuple):
         rate_hz: Frames per second; the mean where the rate is variable.
         longest_s: Longest distance between two frames, seconds.
         variable: Whether the rate is variable.
+        cut: Whether the last packet ends with the file, before its end.
         end_s: Length by the header, seconds; ``None`` if it states none.
         times_s: Times of all frames in order, where those of the frames themselves are not used: AVI states times of
             decoding, which are another order with B-frames; ``None`` otherwise.
@@ -60,6 +62,7 @@ class VideoFacts(NamedTuple):
     rate_hz: float
     longest_s: float
     variable: bool
+    cut: bool
     end_s: float | None
     times_s: list[float] | None
 
@@ -155,9 +158,12 @@ class VideoFrames:
         if facts.n_stated is not None and self.n_decoded > facts.n_stated:
             return f"{said}, its header says {facts.n_stated}: the header is wrong"
         # A container of constant rate counts a frame that was left out, too; then the times reach the stated end.
-        whole = not short and facts.end_s is not None and self.n_decoded == facts.n_frames
+        reached = facts.end_s is not None and self._end_s + 0.5 / facts.rate_hz >= facts.end_s
+        whole = reached and self.n_decoded == facts.n_frames
         if facts.n_stated is not None and self.n_decoded < facts.n_stated and not whole:
             return f"{said}, its header says {facts.n_stated}: the video was cut short"
+        if facts.cut:
+            return f"{said}, the last of them in part: the video was cut short"
         if facts.n_stated is None and short:
             lengths = f"{self._end_s:.2f} s, its header says {facts.end_s:.2f} s"
             return f"{said}, {lengths}: the video was cut short"
@@ -194,7 +200,7 @@ class VideoFrames:
 
     def _image(self, frame: Any) -> NDArray[np.uint8]:
         image = np.asarray(frame.to_ndarray(format="bgr24"), np.uint8)
-        matrix = _display_matrix(frame)
+        matrix = display_matrix(frame)
         if matrix is None or matrix == (1, 0, 0, 1):
             return image
         note = f"{self._path.name}: turned or mirrored as its rotation tag says"
@@ -230,7 +236,7 @@ class VideoFrames:
                     f"{path.name}: a raw stream, which states no frame times",
                     f"put it into a file with its rate: ffmpeg -framerate RATE -i {path.name} -c copy {path.stem}.mp4",
                 )
-            times_s, n_frames, n_hidden = _packets(container, stream)
+            times_s, n_frames, n_hidden, cut = _packets(container, stream)
             steps = np.diff(times_s)
             rate_hz, variable = float(stream.average_rate or stream.base_rate or 0), False
             if len(steps) and times_s[-1] > times_s[0]:
@@ -250,6 +256,7 @@ class VideoFrames:
                 rate_hz=rate_hz,
                 longest_s=float(steps.max()) if len(steps) else 0.0,
                 variable=variable,
+                cut=cut,
                 end_s=_stated_end_s(container, stream),
                 times_s=times_s if container.format.name == "avi" else None,
             )
@@ -269,34 +276,9 @@ def check_video(path: Path) -> None:
         raise RecordingError(f"{path.name}: no such video file", f"{path} is a folder")
 
 
-def oriented(image: NDArray[np.uint8], matrix: tuple[int, int, int, int]) -> NDArray[np.uint8]:
-    """Return a picture as players show it.
-
-    Args:
-        image: uint8 (H, W, 3).
-        matrix: Signs of (a, b, c, d) of the display matrix: a pixel at (x, y) is shown at (ax + cy, bx + dy).
-    """
-    a, b, c, d = matrix
-    if a and d:
-        return np.ascontiguousarray(image[:: 1 if d > 0 else -1, :: 1 if a > 0 else -1])
-    turned = image.transpose(1, 0, 2)
-    return np.ascontiguousarray(turned[:: 1 if b > 0 else -1, :: 1 if c > 0 else -1])
-
-
-def _display_matrix(frame: Any) -> tuple[int, int, int, int] | None:
-    """Return the signs of a frame's display matrix; ``None`` for none, and for an angle that is no multiple of 90°."""
-    data = next((bytes(one) for one in frame.side_data if one.type.name == "DISPLAYMATRIX"), b"")
-    if len(data) != 36:
-        return None
-    a, b, _, c, d = np.frombuffer(data, np.int32, 5).astype(np.int64)
-    signs = tuple(int(np.sign(v)) for v in (a, b, c, d))
-    square = (signs[0] and signs[3] and not b and not c) or (signs[1] and signs[2] and not a and not d)
-    return (signs[0], signs[1], signs[2], signs[3]) if square else None
-
-
-def _packets(container: Any, stream: Any) -> tuple[list[float], int, int]:
-    """Return the times of the packets that show a frame, in order, their number, and the number of hidden ones."""
-    begin_s, n_shown, n_hidden = _begin_s(container), 0, 0
+def _packets(container: Any, stream: Any) -> tuple[list[float], int, int, bool]:
+    """Return the times of packets that show a frame, in order, their number, that of hidden ones, and if one is cut."""
+    begin_s, n_shown, n_hidden, cut = _begin_s(container), 0, 0, False
     times_s: list[float] = []
     with contextlib.suppress(Exception):  # damage is reported where decoding reaches it
         for packet in container.demux(stream):
@@ -305,11 +287,12 @@ def _packets(container: Any, stream: Any) -> tuple[list[float], int, int]:
             if packet.is_discard:
                 n_hidden += 1
                 continue
+            cut |= packet.is_corrupt
             n_shown += 1
             stamp = packet.dts if packet.pts is None or container.format.name == "avi" else packet.pts
             if stamp is not None:
                 times_s.append(float(stamp * packet.time_base) - begin_s)
-    return sorted(times_s), n_shown, n_hidden
+    return sorted(times_s), n_shown, n_hidden, cut
 
 
 def _begin_s(container: Any) -> float:
