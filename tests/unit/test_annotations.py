@@ -360,7 +360,12 @@ def test_keys_and_buttons_of_the_page_code_events() -> None:
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     try:
         pressed: list[str] = []
-        buttons = add_annotation_keys(server.gui, lambda key: pressed.append(key) or "kept")
+
+        def annotate(key: str) -> str:
+            pressed.append(key)
+            return "kept"
+
+        buttons = add_annotation_keys(server.gui, annotate)
         commands = server.gui._command_handle_from_uuid.values()
         assert [command.hotkey for command in commands] == ["S", "D", "X", "L", "U"]
         for command in commands:

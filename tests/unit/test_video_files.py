@@ -96,7 +96,9 @@ def test_a_file_cut_short_is_refused_or_used_as_far_as_it_goes(
 def test_an_avi_that_lost_its_last_frames_is_refused(n_bytes: int, tmp_path: Path) -> None:
     path = write_video(tmp_path / "v.avi", 30)
     path.write_bytes(path.read_bytes()[:-n_bytes])
-    with pytest.raises(RecordingError, match=r"(header says 30: |the last of them in part: ).*--allow-truncated"):
+    with pytest.raises(
+        RecordingError, match=r"(header says 30: |the last of them in part: ).*--allow-truncated"
+    ):
         frames_of(path)
 
 
