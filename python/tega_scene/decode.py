@@ -43,7 +43,7 @@ class SceneDecoder:
             raise RecordingError(
                 f"a scene camera's video has the format {video[:20]!r}", "h264 and av1 can be decoded"
             )
-        self._av: Any = require("av", driver="scene", extra="lerobot")
+        self._av: Any = require("av", driver="scene", extra="lab")
         self._context = self._av.CodecContext.create(_DECODERS[video], "r")
         self._context.thread_count = 1
         at_once = {"max_frame_delay": "1"} if video == "av1" else {"flags": "low_delay"}

@@ -11,6 +11,7 @@ import numpy as np
 
 from tega.devices.fingertip.video_nodes import camera_place
 from tega.errors import DeviceUnavailableError, RecordingError
+from tega.files.picture_names import sorted_names
 from tega.runtime.opencv import IMAGE_SUFFIXES, load_cv2, read_image
 from tega_scene.calibrate import LensCalibration
 from tega_scene.lens import Lens
@@ -86,7 +87,7 @@ def open_pictures(source: str, size: tuple[int, int], rate_hz: float = 30.0) -> 
     path = Path(source)
     if not path.is_dir():
         return (image for _, image in read_pictures(path))
-    files = sorted(file for file in path.iterdir() if file.suffix.lower() in IMAGE_SUFFIXES)
+    files = sorted_names([file for file in path.iterdir() if file.suffix.lower() in IMAGE_SUFFIXES])
     if not files:
         raise RecordingError(f"{path.name}: holds no pictures", "name a folder of PNG or JPEG files")
     return (read_image(file, driver="scene") for file in files[:_MOST_PICTURES])

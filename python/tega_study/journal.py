@@ -39,7 +39,11 @@ Kind = Literal[
     "muscles",
     "squeeze",
     "undo",
+<<<<<<< HEAD
     "unblind",
+=======
+    "behaviour",
+>>>>>>> deddcd91ed4f6d42ddeb6544aef45d72c3565edb
 ]
 
 Status = Literal["done", "failed_task", "aborted_technical", "aborted_safety", "skipped"]
@@ -60,6 +64,7 @@ class JournalEvent(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unkno
         source: Who says so: ``auto``, or a rater's id.
         text: A note, or the reason of an end, a correction or a repetition (``redo``). Left out of anonymised copies.
         item: ``rating``: what was asked, such as ``tlx.effort``. ``muscles``: the channel, such as ``ch1``.
+            ``behaviour``: its name in the plan.
         value: ``rating``: the answer, 0 to 100; ``None`` where it was passed over. ``muscles``: the channel's median
             frequency in the trial, Hz. ``squeeze``: its amplitude, as a share of the calibrated maximum. Both are left
             out of anonymised copies.
@@ -77,6 +82,8 @@ class JournalEvent(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unkno
     text: str = ""
     item: str = ""
     value: float | None = None
+    duration_s: float | None = None
+    modifiers: tuple[str, ...] = ()
 
 
 def _parse(content: bytes, path: Path) -> tuple[list[JournalEvent], int]:
@@ -179,6 +186,8 @@ class Journal:
         text: str = "",
         item: str = "",
         value: float | None = None,
+        duration_s: float | None = None,
+        modifiers: tuple[str, ...] = (),
     ) -> JournalEvent:
         """Add an event; when this returns it is on the disk. Arguments as in :class:`JournalEvent`."""
         event = JournalEvent(
@@ -194,6 +203,8 @@ class Journal:
             text=text,
             item=item,
             value=value,
+            duration_s=duration_s,
+            modifiers=modifiers,
         )
         self._put(msgspec.json.encode(event) + b"\n")
         self.events.append(event)

@@ -32,6 +32,9 @@ CONDITIONS = {
 """What the vest does in each condition. It is worn in all of them, and ``masking.level_dbfs`` plays the same sound in
 all of them (reading A36)."""
 
+CODED = ("slip", "deformation", "drop", "lift_off")
+"""Behaviours that raters code in every study."""
+
 METRICS = ("duration_s", "slips", "deformations")
 """What can be in the family of tests that Holm's method corrects for."""
 
@@ -65,6 +68,7 @@ class StudySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
         seed: Of all orders; absent in an anonymised copy.
         simulated: Whether the people are simulated.
         plan_sha256: Of ``plan.csv``.
+        behaviours: Behaviours that raters code besides lift-off, slip, deformation and drop.
     """
 
     participants: Annotated[int, msgspec.Meta(ge=1, le=999)]
@@ -85,6 +89,7 @@ class StudySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
     seed: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] | None = None
     simulated: bool = False
     plan_sha256: str = ""
+    behaviours: Annotated[tuple[_Name, ...], msgspec.Meta(max_length=30)] = ()
 
 
 class PlannedTrial(msgspec.Struct, frozen=True):
@@ -186,6 +191,7 @@ def make_plan(
     family: Sequence[str] | None = None,
     probe: bool = False,
     simulated: bool = False,
+    behaviours: Sequence[str] = (),
 ) -> StudyPlan:
     """Make a counterbalanced plan; equal arguments give equal plans.
 
@@ -207,11 +213,13 @@ def make_plan(
         family: ``metric:object``; the paper's seven where ``None``.
         probe: Whether beeps are to be answered in every trial.
         simulated: Whether the people are simulated.
+        behaviours: Behaviours that raters code besides lift-off, slip, deformation and drop.
 
     Raises:
         InvalidValueError: A value is out of range, or a name comes twice or cannot be used.
     """
-    for what, names in (("objects", objects), ("conditions", conditions)):
+    own = (*CODED, *behaviours)
+    for what, names in (("objects", objects), ("conditions", conditions), ("behaviours", own)):
         if len(set(names)) != len(names):
             raise InvalidValueError(f"{what} = {', '.join(names)}: a name comes twice", "name each once")
     tests = default_family(objects) if family is None and objects else tuple(family or ())
@@ -241,6 +249,7 @@ def make_plan(
                 "probe": probe,
                 "seed": seed,
                 "simulated": simulated,
+                "behaviours": list(behaviours),
             },
             StudySettings,
         )
@@ -293,8 +302,13 @@ def _plain(value: object) -> str:
 
 def _toml(settings: StudySettings) -> str:
     fields = msgspec.to_builtins(settings)
+<<<<<<< HEAD
     for name, default in (("probe", False), ("stable", "begun"), ("scored_by", "session")):
         if fields[name] == default:  # then an earlier version reads the plan too
+=======
+    for name in ("probe", "behaviours"):
+        if not fields[name]:  # then an earlier version reads the plan too
+>>>>>>> deddcd91ed4f6d42ddeb6544aef45d72c3565edb
             del fields[name]
     return tree_text({"format": FORMAT, "version": VERSION, **fields})
 

@@ -376,7 +376,7 @@ def test_bad_input_is_named(replay: Replay, press: list[object], tmp_path: Path)
     cv2.imwrite(str(tmp_path / "small.png"), np.zeros((9, 9, 3), np.uint8))
     words = ["--tactile", f"thumb={tmp_path / 'thumb'}", "--baseline", f"thumb={tmp_path / 'small.png'}"]
     said = replay(*words, *out, code=1)["stderr"]
-    assert "error: frame_0.png: 80×60×3 pixels, its baseline has 9×9×3" in said
+    assert "the baseline small.png has 9×9 pixels, the pictures of thumb have 80×60" in said
     video = tmp_path / "ring.avi"
     video.write_bytes(video.read_bytes()[:-3000])
     assert "its header says 30: the video was cut short" in replay(*press, *out, code=1)["stderr"]

@@ -20,6 +20,7 @@ from reference.filmed import EPOCH_NS, number_of, packets, write_scene
 from reference.sessions import record, rewritten
 from reference.written import boris_project
 from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError
+from tega.files.boris import read_boris
 from tega.recording.mcap_reader import McapReader
 from tega.recording.replay.recorded import read_recorded
 from tega_study.detecting import DETECTOR, detected_path
@@ -29,7 +30,6 @@ from tega_study.observers import observer_path, read_observers, saw_whole
 from tega_study.plan import StudyPlan, make_plan, read_plan, write_plan
 from tega_study.privacy import withdraw
 from tega_study.score.accounts import agreements
-from tega_study.score.boris_file import read_boris
 from tega_study.score.clips import ClipKey, key_path, make_clips, read_key
 from tega_study.score.clips_coded import take_clips
 from tega_study.score.recorded import RecordedTrial, recorded_trials
@@ -392,7 +392,7 @@ BAD = {
     ),
     "no number": (
         lambda t: t["observations"]["clip-001"]["events"].append(["NaN", "", "slip", "", ""]),
-        "is no BORIS project",
+        "clip-001: 'slip' has the time 'NaN'",
     ),
     "short event": (lambda t: t["observations"]["clip-001"]["events"].append([0.1]), "is no BORIS project"),
 }

@@ -179,11 +179,11 @@ def test_a_tabular_export_is_read_by_the_names_of_its_columns(
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("a,b\n1,2\n", "no column Behavior, Observation id, Time"),
+        ("a,b\n1,2\n", "no column Behavior, Time"),
         ("Observation id,Behavior,Time\nmine,slip,1\n", "names no trial"),
         ("Observation id,Behavior,Time\np01_t01_a1,jump,1\n", "'jump' is not known"),
         ("Observation id,Behavior,Time\np01_t01_a2,slip,1\n", "was not run"),
-        ("Observation id,Behavior,Time\np01_t01_a1,slip,soon\n", "line 2"),
+        ("Observation id,Behavior,Time\np01_t01_a1,slip,soon\n", "row 2: 'soon' is no time"),
     ],
 )
 def test_a_bad_file_changes_nothing(folder: Path, tmp_path: Path, text: str, message: str) -> None:

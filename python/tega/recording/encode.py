@@ -6,7 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from tega.errors import RecordingError
+<<<<<<< HEAD
 from tega.recording.copies import note_copy
+=======
+from tega.recording.foreign import no_session
+>>>>>>> deddcd91ed4f6d42ddeb6544aef45d72c3565edb
 from tega.recording.mcap_copy import McapCopy, McapItem, McapRecords
 from tega.recording.mcap_folder import SessionFolder, recorded_task, session_files
 from tega.recording.mcap_reader import Message, open_recording, read_picture
@@ -48,7 +52,7 @@ def encode_session(session: Path, *, out: Path, quality: int) -> list[Path]:
 def _encode(source: Path, target: Path, quality: int) -> None:
     tables = _tables(source)
     if "epoch_ns" not in tables.get("tega", {}):
-        raise RecordingError(f"{source.name}: no recording of a session", "name a file made with --record")
+        raise no_session(source, tables)
     name, step = origin(tables, source, made_by=f"encode --quality {quality}", part=span(tables))
     pictures = _SmallerPictures(quality)
     with open_recording(source) as old, new_file(target) as file:

@@ -7,7 +7,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from tega.errors import RecordingError
+<<<<<<< HEAD
 from tega.recording.copies import note_copy
+=======
+from tega.recording.foreign import no_session
+>>>>>>> deddcd91ed4f6d42ddeb6544aef45d72c3565edb
 from tega.recording.mcap_copy import McapCopy, McapRecords
 from tega.recording.mcap_folder import SessionFolder, session_files
 from tega.recording.mcap_reader import MOST_RECORD, open_recording
@@ -104,7 +108,7 @@ def _part(path: Path) -> _Part:
             f"{name}: cannot be read: {type(error).__name__}", "name its session's folder to have it finished"
         ) from error
     if "epoch_ns" not in tables.get("tega", {}):
-        raise RecordingError(f"{name}: no recording of a session", "name a file made with --record")
+        raise no_session(path, tables)
     if summary is None or summary.statistics is None:
         raise RecordingError(f"{name}: has no index", "name its session's folder to have it finished")
     there, times = span(tables), summary.statistics

@@ -13,7 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from tega.errors import RecordingError
+<<<<<<< HEAD
 from tega.recording.copies import note_copy
+=======
+from tega.recording.foreign import no_session
+>>>>>>> deddcd91ed4f6d42ddeb6544aef45d72c3565edb
 from tega.recording.mcap_copy import McapCopy, McapItem, McapRecords
 from tega.recording.mcap_folder import SessionFolder, session_files
 from tega.recording.mcap_reader import open_recording
@@ -144,9 +148,7 @@ class _Look:
 
     def _begun(self, source: Path) -> None:
         if "epoch_ns" not in self.tables.get("tega", {}):
-            raise RecordingError(
-                f"{source.name}: no recording of a session", "name a file made with --record, or its folder"
-            )
+            raise no_session(source, self.tables)
 
     def _message(self, source: Path, item: McapItem, copy: McapCopy) -> None:
         self._begun(source)

@@ -37,14 +37,23 @@ class Scored(NamedTuple):
     Attributes:
         key: Person, trial, attempt.
         length_s: From its start to its end, seconds.
+<<<<<<< HEAD
         times_s: Times of its events by kind, rising, seconds from its start; none before the start or after the end.
         unobservable: Kinds that the account cannot have in this trial.
+=======
+        times_s: Times of its events by kind or by the name in the plan, rising, seconds from its start; none before the
+            start or after the end.
+>>>>>>> deddcd91ed4f6d42ddeb6544aef45d72c3565edb
     """
 
     key: tuple[str, int, int]
     length_s: float
+<<<<<<< HEAD
     times_s: dict[Kind, list[float]]
     unobservable: frozenset[str] = frozenset()
+=======
+    times_s: dict[str, list[float]]
+>>>>>>> deddcd91ed4f6d42ddeb6544aef45d72c3565edb
 
 
 def scored_trials(folder: Path) -> dict[str, list[Scored]]:
@@ -87,21 +96,32 @@ def scored_trials(folder: Path) -> dict[str, list[Scored]]:
                 said[EXPERIMENTER] = [event for event in own if event.source == EXPERIMENTER]
             for name, seen in said.items():
                 key = person, start.trial, start.attempt
-                accounts.setdefault(name, []).append(_scored(key, start, end, seen))
+                kinds = (*KINDS, *plan.settings.behaviours)
+                accounts.setdefault(name, []).append(_scored(key, start, end, seen, kinds))
     return accounts
 
 
 def _scored(
-    key: tuple[str, int, int], start: JournalEvent, end: JournalEvent, events: Sequence[JournalEvent]
+    key: tuple[str, int, int],
+    start: JournalEvent,
+    end: JournalEvent,
+    events: Sequence[JournalEvent],
+    kinds: Sequence[str],
 ) -> Scored:
     length_s = (end.t_ns - start.t_ns) / 1e9
-    times: dict[Kind, list[float]] = {kind: [] for kind in KINDS}
+    times: dict[str, list[float]] = {kind: [] for kind in kinds}
     for event in events:
-        if event.kind in times:
+        kind = event.item if event.kind == "behaviour" else event.kind
+        if kind in times:
             # A late press belongs to the trial, and within it.
+<<<<<<< HEAD
             times[event.kind].append(min(max((event.t_ns - start.t_ns) / 1e9, 0.0), length_s))
     blind = frozenset(event.item for event in events if event.text == NOT_OBSERVABLE)
     return Scored(key, length_s, {kind: sorted(found) for kind, found in times.items()}, blind)
+=======
+            times[kind].append(min(max((event.t_ns - start.t_ns) / 1e9, 0.0), length_s))
+    return Scored(key, length_s, {kind: sorted(found) for kind, found in times.items()})
+>>>>>>> deddcd91ed4f6d42ddeb6544aef45d72c3565edb
 
 
 def _shown_proposals(folder: Path) -> set[str]:
@@ -129,7 +149,7 @@ def agreements(folder: Path, *, tolerance_s: float = TOLERANCE_S) -> list[Agreem
         RecordingError: The study is damaged.
     """
     accounts = scored_trials(folder)
-    shown = _shown_proposals(folder)
+    shown, own = _shown_proposals(folder), read_plan(folder).settings.behaviours
     names = sorted(accounts, key=lambda name: (_PLACES.get(name, 1), name))
     found = []
     for a, b in combinations(names, 2):
@@ -138,9 +158,17 @@ def agreements(folder: Path, *, tolerance_s: float = TOLERANCE_S) -> list[Agreem
         first = {one.key: one for one in accounts[a]}
         second = {one.key: one for one in accounts[b]}
         both = [key for key in first if key in second]
+<<<<<<< HEAD
         for kind in KINDS:
             if any(kind in _NEVER.get(name, ()) for name in (a, b)):
                 continue
+=======
+        for kind in (*KINDS, *own):
+            if kind in own and not {a, b}.isdisjoint(_PLACES):
+                continue  # only raters look for what the plan names
+            if kind == "drop" and DETECTOR in {a, b}:
+                continue  # it does not look for drops
+>>>>>>> deddcd91ed4f6d42ddeb6544aef45d72c3565edb
             if kind == "placed" and {name.partition("+")[0] for name in (a, b)} != {CAMERA}:
                 continue  # who does not go by the camera does not look for it
             able = [key for key in both if kind not in first[key].unobservable | second[key].unobservable]

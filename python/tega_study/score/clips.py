@@ -16,6 +16,8 @@ import msgspec
 
 from tega.config import FINGERS
 from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError
+from tega.files.annotations import CodedEvent
+from tega.files.boris import BorisBehaviour, boris_observation, boris_project
 from tega.recording.mcap_reader import McapReader
 from tega.runtime.files.foreign_file import parse_json, read_foreign
 from tega.runtime.files.plain_name import plain_name
@@ -28,12 +30,6 @@ from tega_study.order import shuffled
 from tega_study.plan import read_plan
 from tega_study.privacy import note_elsewhere
 from tega_study.score.boris import CODES
-from tega_study.score.boris_file import (
-    BorisBehaviour,
-    CodedEvent,
-    boris_observation,
-    boris_project,
-)
 from tega_study.score.clip_video import RATE_HZ, write_clip
 from tega_study.score.recorded import RecordedTrial, recorded_trials
 from tega_study.score.scene_reel import SceneReel

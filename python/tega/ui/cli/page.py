@@ -108,6 +108,7 @@ def run_viewed(
     bus: Bus | None = None,
     run: Callable[..., dict[str, Any]] | None = None,
     playhead: Playhead | None = None,
+    annotate: Callable[[str], str] | None = None,
     opened: Callable[[str], object] = open_page,
     **options: Any,
 ) -> dict[str, Any]:
@@ -123,6 +124,7 @@ def run_viewed(
         bus: The run's, where others listen as well.
         run: Runs it, called like ``run_session``; that itself when ``None``.
         playhead: Of a recording that is played: the page's slider goes anywhere in it.
+        annotate: Codes an event by a key of the page, and returns what it did in words.
         opened: Given the page's address before the run begins.
         options: Further arguments of it.
 
@@ -146,6 +148,7 @@ def run_viewed(
         can_mute=True,
         can_go=wait,
         playhead=playhead,
+        annotate=annotate,
         reflex=None if reflex is None or reflex.name is None else reflex.authority,
     )
     tests = MotorTests()

@@ -55,6 +55,11 @@ class _Speed(click.ParamType[float | None]):
     "--beside", "--scene", "others", type=click.Path(path_type=Path, dir_okay=False), multiple=True, metavar="FILE",
     help="File of the same time, such as a scene recording, shown with --view; repeatable.",
 )  # fmt: skip
+@click.option(
+    "--rater", metavar="ID",
+    help="Code of the rater who annotates the recording by keys of the page (--view): s slip, d deformation begins or "
+    "ends, x drop, l lift-off, u undo.",
+)  # fmt: skip
 @view_options
 @json_option
 def play(
@@ -66,7 +71,12 @@ def play(
     speed: float | None,
     because: str,
     from_s: float,
+<<<<<<< HEAD
     others: tuple[Path, ...],
+=======
+    scenes: tuple[Path, ...],
+    rater: str | None,
+>>>>>>> deddcd91ed4f6d42ddeb6544aef45d72c3565edb
     view: bool,
     view_port: int,
     as_json: bool,
@@ -80,10 +90,15 @@ def play(
     """
     import sys
     import time
+    from contextlib import nullcontext
     from functools import partial
 
     from tega.errors import ConfigError
+<<<<<<< HEAD
     from tega.loop.controls import Controls
+=======
+    from tega.recording.annotation_keys import AnnotationKeys
+>>>>>>> deddcd91ed4f6d42ddeb6544aef45d72c3565edb
     from tega.recording.mcap_folder import session_files
     from tega.recording.replay.play import play_file, playing_to
     from tega.recording.replay.playhead import Playhead
@@ -94,8 +109,15 @@ def play(
     from tega.ui.cli.report import print_summary
     from tega.ui.cli.run_view import stage
 
+<<<<<<< HEAD
     if others and not view:
         raise click.UsageError("--beside is shown on the page, so it needs --view")
+=======
+    if scenes and not view:
+        raise click.UsageError("--scene is shown on the page, so it needs --view")
+    if rater is not None and not view:
+        raise click.UsageError("--rater annotates by keys of the page, so it needs --view")
+>>>>>>> deddcd91ed4f6d42ddeb6544aef45d72c3565edb
     files = session_files(session)
     if len(files) > 1:
         raise ConfigError(
@@ -108,7 +130,9 @@ def play(
     played = partial(play_file, files[0], speed=speed, because=because, playhead=playhead, others=others)
     drawn_here = config.vest.driver == "on-screen-vest" and config.vest.options.terminal is None
     started = time.perf_counter()
+    annotating = nullcontext() if rater is None else AnnotationKeys(files[0], rater, playhead)
     with (
+        annotating as annotate,
         CtrlC() as stop,
         stop_keys(stop, enabled=not as_json),
         stage(heading, enabled=not (as_json or drawn_here)) as (progress, display),
@@ -119,7 +143,7 @@ def play(
         if view:
             summary = run_viewed(
                 config, title=f"TEGA · {files[0].name}", port=view_port, run=played, progress=progress, stop=stop,
-                bus=bus, playhead=playhead,
+                bus=bus, playhead=playhead, annotate=annotate,
             )  # fmt: skip
         else:
             summary = played(config, progress=progress, controls=Controls(stop=stop), bus=bus)

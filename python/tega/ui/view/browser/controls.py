@@ -28,6 +28,8 @@ class Controls:
         undo: Undoes the online adaptation of EMG, or has it begin anew; ``None`` where there is none.
         playhead: Of a recording that is played; ``None`` where nobody can seek.
         reflex: Authority of the reflex at the start; ``None`` where there is none.
+        annotate: Codes an event by a key at the moment that is played, and returns what it did in words; ``None``
+            where events cannot be coded.
     """
 
     def __init__(
@@ -41,12 +43,13 @@ class Controls:
         undo: Callable[[], None] | None = None,
         playhead: Playhead | None = None,
         reflex: float | None = None,
+        annotate: Callable[[str], str] | None = None,
     ) -> None:
         self.can_pause = can_pause
         self.can_mute = can_mute
         self.objects = tuple(objects)
         self.try_motor, self.can_go, self.undo = try_motor, can_go, undo
-        self.playhead = playhead
+        self.playhead, self.annotate = playhead, annotate
         self._go = threading.Event()
         self._lock = threading.Lock()
         self._stop = threading.Event()
