@@ -252,7 +252,8 @@ def score_scene(
         begin_s: Start of the trial on the video's clock; the first picture where ``None``.
         end_s: Its end; the last picture where ``None``.
         harm_m: Narrowing from which the object counts as deformed, metres.
-        window_s: Time from the start within which the object has to be lifted (:mod:`tega.stages.events.outcomes`), seconds.
+        window_s: Time from the start within which the object has to be lifted, seconds;
+            see :mod:`tega.stages.events.outcomes`.
         mark_m: Second mark, on which the object is to be put down: x and y from the first one in the table's axes,
             metres. ``None`` where it is not asked for.
 

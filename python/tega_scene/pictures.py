@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tega.errors import RecordingError
-from tega.files.video import VideoFrames
 from tega.runtime.files.foreign_file import read_words
+from tega.runtime.files.video import VideoFrames
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

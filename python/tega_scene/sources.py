@@ -11,7 +11,7 @@ import numpy as np
 
 from tega.devices.fingertip.video_nodes import camera_place
 from tega.errors import DeviceUnavailableError, RecordingError
-from tega.files.picture_names import sorted_names
+from tega.runtime.files.picture_names import sorted_names
 from tega.runtime.opencv import IMAGE_SUFFIXES, load_cv2, read_image
 from tega_scene.calibrate import LensCalibration
 from tega_scene.lens import Lens

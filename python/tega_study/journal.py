@@ -39,11 +39,8 @@ Kind = Literal[
     "muscles",
     "squeeze",
     "undo",
-<<<<<<< HEAD
     "unblind",
-=======
     "behaviour",
->>>>>>> deddcd91ed4f6d42ddeb6544aef45d72c3565edb
 ]
 
 Status = Literal["done", "failed_task", "aborted_technical", "aborted_safety", "skipped"]

@@ -59,7 +59,8 @@ class StudySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
         long_rest_s: After every ``long_rest_every`` trials, seconds.
         long_rest_every: Trials between long rests.
         window_s: Time in which the object has to be lifted, seconds.
-        stable: Whether the stable second has to begin in the window, or to be complete in it (:mod:`tega.stages.events.outcomes`).
+        stable: Whether the stable second has to begin in the window, or to be complete in it; see
+            :mod:`tega.stages.events.outcomes`.
         scored_by: Whose outcome of a trial counts: that of the session and its raters, or the scene camera's where it
             has measured the trial.
         alpha: Two-sided level of the tests.
@@ -302,13 +303,13 @@ def _plain(value: object) -> str:
 
 def _toml(settings: StudySettings) -> str:
     fields = msgspec.to_builtins(settings)
-<<<<<<< HEAD
-    for name, default in (("probe", False), ("stable", "begun"), ("scored_by", "session")):
+    for name, default in (
+        ("probe", False),
+        ("behaviours", ()),
+        ("stable", "begun"),
+        ("scored_by", "session"),
+    ):
         if fields[name] == default:  # then an earlier version reads the plan too
-=======
-    for name in ("probe", "behaviours"):
-        if not fields[name]:  # then an earlier version reads the plan too
->>>>>>> deddcd91ed4f6d42ddeb6544aef45d72c3565edb
             del fields[name]
     return tree_text({"format": FORMAT, "version": VERSION, **fields})
 

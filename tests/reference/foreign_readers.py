@@ -31,20 +31,20 @@ from tega.config import load_config
 from tega.config.calibration import Calibration, FingerMaxima, load_calibration, save_calibration
 from tega.config.calibration.folder import CalibrationFolder, Unfinished
 from tega.config.calibration.records import TouchRecord, read_record
+from tega.devices.emg.ros2_emg import Ros2Emg, Ros2EmgOptions
+from tega.devices.fingertip.picture_stack import StackFile, StackFileOptions
+from tega.devices.fingertip.ros2_pictures import Ros2Pictures, Ros2PicturesOptions
 from tega.devices.fingertip.video import VideoFile, VideoFileOptions
-from tega.devices.picture_stack import StackFile, StackFileOptions
-from tega.devices.ros2_emg import Ros2Emg, Ros2EmgOptions
-from tega.devices.ros2_pictures import Ros2Pictures, Ros2PicturesOptions
+from tega.devices.hand.can_log import read_can_log
+from tega.devices.hand.hand_log import HandLog, find_hand
 from tega.devices.tracker.sources.recorded import read_poses
-from tega.files.annotations import CodedEvent
-from tega.files.boris import read_boris
-from tega.files.can_log import read_can_log
-from tega.files.eaf import read_eaf, write_eaf
-from tega.files.hand_log import HandLog, find_hand
 from tega.hand.poses import load_poses
 from tega.recording.annotations import AnnotationFile, annotations_path, read_annotations
 from tega.recording.folder import prepare_folder
 from tega.recording.mcap_folder import SessionFolder
+from tega.runtime.files.annotations import CodedEvent
+from tega.runtime.files.boris import read_boris
+from tega.runtime.files.eaf import read_eaf, write_eaf
 from tega.runtime.files.foreign_file import read_foreign
 from tega.runtime.files.signals import read_signals
 from tega.runtime.opencv import read_image
@@ -69,12 +69,8 @@ from tega_study.episodes.journal import EpisodeLine, read_episodes
 from tega_study.hand_rows import read_hand
 from tega_study.journal import Journal, events_path, read_events
 from tega_study.objects import read_objects
-<<<<<<< HEAD
 from tega_study.plan import make_plan, read_plan, write_plan
-from tega_study.score import boris, boris_file, clips, recorded, trial_pictures
-=======
 from tega_study.score import clips, recorded, trial_pictures
->>>>>>> deddcd91ed4f6d42ddeb6544aef45d72c3565edb
 from tega_study.silico.assumptions import read_assumptions, read_parameters
 from tega_study.touch_picture import read_touch_picture
 from tega_study.touch_rows import read_touch

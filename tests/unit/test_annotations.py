@@ -18,16 +18,15 @@ from reference.command import call
 from reference.sessions import record
 from reference.written import boris_project as load_boris
 from tega.errors import DeviceUnavailableError, RecordingError, TegaError
-from tega.files.annotations import CodedEvent, known_code
-from tega.files.boris import BorisBehaviour, boris_observation, boris_project, read_boris
-from tega.files.eaf import read_eaf, write_eaf
 from tega.recording.annotation_keys import AnnotationKeys
 from tega.recording.annotations import AnnotationFile, annotations_path, read_annotations
-from tega_study import make_plan, write_plan
-from tega_study.journal import Journal, JournalEvent
+from tega.runtime.files.annotations import CodedEvent, known_code
+from tega.runtime.files.boris import BorisBehaviour, boris_observation, boris_project, read_boris
+from tega.runtime.files.eaf import read_eaf, write_eaf
+from tega_study.journal import Journal, JournalEvent, events_path
 from tega_study.observers import read_observers
+from tega_study.plan import make_plan, write_plan
 from tega_study.score import agreements, export_boris, export_elan, import_boris
-from tega_study.state import events_path
 
 CODES = ["slip", "deformation", "drop", "lift_off"]
 HEAD = (

@@ -19,9 +19,9 @@ from property.mutations import changes
 from property.test_foreign_files import mutated
 from reference.can_logs import conversation, write_log
 from reference.command import call
+from tega.devices.hand.can_log import LOG_SUFFIXES, read_can_log
+from tega.devices.hand.hand_log import HandLog, find_hand
 from tega.errors import RecordingError, TegaError
-from tega.files.can_log import LOG_SUFFIXES, read_can_log
-from tega.files.hand_log import HandLog, find_hand
 from tega.hand import JOINT_NAMES
 from tega.wire import (
     CanFrame,

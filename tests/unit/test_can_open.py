@@ -11,8 +11,9 @@ import can
 import pytest
 
 from reference.command import call
-from tega.devices.can_open import open_can_bus
-from tega.devices.hand.allegro import Allegro, AllegroOptions
+from tega.devices.hand.allegro import Allegro
+from tega.devices.hand.allegro_options import AllegroOptions
+from tega.devices.hand.can_open import open_can_bus
 from tega.devices.hand.hand_bus import HandBus
 from tega.devices.hand.python_can import PythonCan, PythonCanOptions
 from tega.errors import DeviceUnavailableError

@@ -20,9 +20,9 @@ from reference.filmed import EPOCH_NS, number_of, packets, write_scene
 from reference.sessions import record, rewritten
 from reference.written import boris_project
 from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError
-from tega.files.boris import read_boris
 from tega.recording.mcap_reader import McapReader
 from tega.recording.replay.recorded import read_recorded
+from tega.runtime.files.boris import read_boris
 from tega_study.detecting import DETECTOR, detected_path
 from tega_study.journal import Journal, events_path, read_events
 from tega_study.observe import Observing

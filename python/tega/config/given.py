@@ -11,8 +11,8 @@ from tega.config.errors import Overridden
 from tega.config.lines import value_lines
 from tega.config.sections import STAGE_GROUPS
 from tega.errors import ConfigError
-from tega.files.toml_hint import ESCAPES, swallowed_escape, toml_hint
 from tega.runtime.files.foreign_file import parse_toml, read_words
+from tega.runtime.files.toml_hint import ESCAPES, swallowed_escape, toml_hint
 
 
 def override_tree(tree: dict[str, Any], sets: Sequence[str]) -> dict[str, str]:

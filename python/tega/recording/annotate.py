@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from tega.errors import InvalidValueError, RecordingError
-from tega.files.annotations import check_times, known_code
-from tega.files.boris import BorisBehaviour, boris_observation, boris_project, read_boris
-from tega.files.eaf import read_eaf, write_eaf
 from tega.recording.annotations import KEYS, STATES, AnnotationFile, read_annotations
 from tega.recording.inspection import inspect_file
+from tega.runtime.files.annotations import check_times, known_code
+from tega.runtime.files.boris import BorisBehaviour, boris_observation, boris_project, read_boris
+from tega.runtime.files.eaf import read_eaf, write_eaf
 from tega.runtime.files.whole_file import write_whole
 
 

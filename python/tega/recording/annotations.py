@@ -13,7 +13,7 @@ from typing import IO, Annotated, Final, Self
 import msgspec
 
 from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError
-from tega.files.annotations import CodedEvent
+from tega.runtime.files.annotations import CodedEvent
 from tega.runtime.files.foreign_file import check_file, parse_json, read_foreign
 from tega.runtime.files.lock import lock_file
 from tega.runtime.files.whole_file import open_to_append

@@ -7,11 +7,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from tega.errors import RecordingError
-<<<<<<< HEAD
 from tega.recording.copies import note_copy
-=======
 from tega.recording.foreign import no_session
->>>>>>> deddcd91ed4f6d42ddeb6544aef45d72c3565edb
 from tega.recording.mcap_copy import McapCopy, McapRecords
 from tega.recording.mcap_folder import SessionFolder, session_files
 from tega.recording.mcap_reader import MOST_RECORD, open_recording

@@ -69,7 +69,6 @@ _FOLDER = click.Path(path_type=Path, file_okay=False)
     "--probe", is_flag=True, help="A second task in every trial: beeps to be answered with a pedal."
 )
 @click.option(
-<<<<<<< HEAD
     "--scored-by",
     type=click.Choice(["session", "camera"]),
     default="session",
@@ -77,12 +76,11 @@ _FOLDER = click.Path(path_type=Path, file_okay=False)
     help="Outcome of a trial that counts: the session's and its raters', or the scene camera's if it measured it.",
 )
 @click.option("--anyway", is_flag=True, help="Write a plan with too few people for a significant result.")
-=======
+@click.option(
     "--behaviours",
     type=NameList(),
     help="Behaviours that raters code besides lift-off, slip, deformation and drop, such as regrasp,contact.",
 )
->>>>>>> deddcd91ed4f6d42ddeb6544aef45d72c3565edb
 @click.option(
     "--simulated", is_flag=True, help="For rehearsals on simulated and emulated devices, not for people."
 )
@@ -98,12 +96,9 @@ def plan(
     layout: Layout,
     rest_s: float,
     probe: bool,
-<<<<<<< HEAD
     scored_by: ScoredBy,
     anyway: bool,
-=======
     behaviours: list[str] | None,
->>>>>>> deddcd91ed4f6d42ddeb6544aef45d72c3565edb
     simulated: bool,
     as_json: bool,
 ) -> None:
@@ -125,11 +120,8 @@ def plan(
         layout=layout,
         rest_s=rest_s,
         probe=probe,
-<<<<<<< HEAD
         scored_by=scored_by,
-=======
         behaviours=behaviours or (),
->>>>>>> deddcd91ed4f6d42ddeb6544aef45d72c3565edb
     )
     warning = _too_few(made)
     if warning and not (anyway or simulated):

@@ -48,13 +48,8 @@ def score(
     """
     import msgspec
 
-<<<<<<< HEAD
     from tega_study.plan import read_plan
-    from tega_study.score import agreements, export_boris, import_boris
-=======
-    from tega_study import read_plan
     from tega_study.score import agreements, export_boris, export_elan, import_boris
->>>>>>> deddcd91ed4f6d42ddeb6544aef45d72c3565edb
 
     if (taken is None) != (rater is None):
         raise click.UsageError("--import FILE and --rater ID belong together")

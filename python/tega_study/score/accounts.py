@@ -37,23 +37,15 @@ class Scored(NamedTuple):
     Attributes:
         key: Person, trial, attempt.
         length_s: From its start to its end, seconds.
-<<<<<<< HEAD
-        times_s: Times of its events by kind, rising, seconds from its start; none before the start or after the end.
-        unobservable: Kinds that the account cannot have in this trial.
-=======
         times_s: Times of its events by kind or by the name in the plan, rising, seconds from its start; none before the
             start or after the end.
->>>>>>> deddcd91ed4f6d42ddeb6544aef45d72c3565edb
+        unobservable: Kinds that the account cannot have in this trial.
     """
 
     key: tuple[str, int, int]
     length_s: float
-<<<<<<< HEAD
-    times_s: dict[Kind, list[float]]
-    unobservable: frozenset[str] = frozenset()
-=======
     times_s: dict[str, list[float]]
->>>>>>> deddcd91ed4f6d42ddeb6544aef45d72c3565edb
+    unobservable: frozenset[str] = frozenset()
 
 
 def scored_trials(folder: Path) -> dict[str, list[Scored]]:
@@ -114,14 +106,9 @@ def _scored(
         kind = event.item if event.kind == "behaviour" else event.kind
         if kind in times:
             # A late press belongs to the trial, and within it.
-<<<<<<< HEAD
-            times[event.kind].append(min(max((event.t_ns - start.t_ns) / 1e9, 0.0), length_s))
+            times[kind].append(min(max((event.t_ns - start.t_ns) / 1e9, 0.0), length_s))
     blind = frozenset(event.item for event in events if event.text == NOT_OBSERVABLE)
     return Scored(key, length_s, {kind: sorted(found) for kind, found in times.items()}, blind)
-=======
-            times[kind].append(min(max((event.t_ns - start.t_ns) / 1e9, 0.0), length_s))
-    return Scored(key, length_s, {kind: sorted(found) for kind, found in times.items()})
->>>>>>> deddcd91ed4f6d42ddeb6544aef45d72c3565edb
 
 
 def _shown_proposals(folder: Path) -> set[str]:
@@ -158,17 +145,11 @@ def agreements(folder: Path, *, tolerance_s: float = TOLERANCE_S) -> list[Agreem
         first = {one.key: one for one in accounts[a]}
         second = {one.key: one for one in accounts[b]}
         both = [key for key in first if key in second]
-<<<<<<< HEAD
-        for kind in KINDS:
-            if any(kind in _NEVER.get(name, ()) for name in (a, b)):
-                continue
-=======
         for kind in (*KINDS, *own):
             if kind in own and not {a, b}.isdisjoint(_PLACES):
-                continue  # only raters look for what the plan names
-            if kind == "drop" and DETECTOR in {a, b}:
-                continue  # it does not look for drops
->>>>>>> deddcd91ed4f6d42ddeb6544aef45d72c3565edb
+                continue  # only raters look for the behaviours that the plan names
+            if any(kind in _NEVER.get(name, ()) for name in (a, b)):
+                continue
             if kind == "placed" and {name.partition("+")[0] for name in (a, b)} != {CAMERA}:
                 continue  # who does not go by the camera does not look for it
             able = [key for key in both if kind not in first[key].unobservable | second[key].unobservable]

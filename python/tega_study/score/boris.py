@@ -11,25 +11,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tega.errors import InvalidValueError, RecordingError
-from tega.files.annotations import CodedEvent, check_times, known_code
-from tega.files.boris import BorisBehaviour, boris_observation, boris_project, read_boris
-from tega.files.eaf import read_eaf, write_eaf
+from tega.runtime.files.annotations import CodedEvent, check_times, known_code
+from tega.runtime.files.boris import BorisBehaviour, boris_observation, boris_project, read_boris
+from tega.runtime.files.eaf import read_eaf, write_eaf
 from tega_study.detecting import DETECTOR, read_detected
 from tega_study.journal import Journal, JournalEvent, Kind, counting, events_path, read_events
 from tega_study.observers import PART, WHOLE, observer_path, read_observers
 from tega_study.plan import StudyPlan, read_plan
 from tega_study.privacy import note_elsewhere
-<<<<<<< HEAD
-from tega_study.score.boris_file import (
-    BorisBehaviour,
-    CodedEvent,
-    boris_observation,
-    boris_project,
-    read_boris,
-)
-=======
-from tega_study.state import events_path
->>>>>>> deddcd91ed4f6d42ddeb6544aef45d72c3565edb
 
 CODES: dict[str, tuple[Kind, str]] = {
     "slip": ("slip", "s"),

@@ -16,9 +16,9 @@ import msgspec
 
 from tega.config import FINGERS
 from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError
-from tega.files.annotations import CodedEvent
-from tega.files.boris import BorisBehaviour, boris_observation, boris_project
 from tega.recording.mcap_reader import McapReader
+from tega.runtime.files.annotations import CodedEvent
+from tega.runtime.files.boris import BorisBehaviour, boris_observation, boris_project
 from tega.runtime.files.foreign_file import parse_json, read_foreign
 from tega.runtime.files.plain_name import plain_name
 from tega.runtime.files.whole_file import write_whole

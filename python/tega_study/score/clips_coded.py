@@ -9,13 +9,9 @@ from typing import Final
 import msgspec
 
 from tega.errors import InvalidValueError, RecordingError
-<<<<<<< HEAD
+from tega.runtime.files.annotations import CodedEvent
+from tega.runtime.files.boris import read_boris
 from tega_study.journal import events_path, read_events
-=======
-from tega.files.annotations import CodedEvent
-from tega.files.boris import read_boris
-from tega_study.journal import read_events
->>>>>>> deddcd91ed4f6d42ddeb6544aef45d72c3565edb
 from tega_study.observers import PROPOSED, RECORDED, observer_path
 from tega_study.score.boris import CODES, CodedTrial, attempts, write_coded
 from tega_study.score.clips import OPEN, VERDICTS, RaterClip, key_path, read_key

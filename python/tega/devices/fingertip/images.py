@@ -10,7 +10,7 @@ import numpy as np
 
 from tega.devices.base import DeviceInfo, Kind, Options, TactileFrame
 from tega.errors import DeviceUnavailableError, RecordingError
-from tega.files.picture_names import name_times_s, sorted_names, without_strays
+from tega.runtime.files.picture_names import name_times_s, sorted_names, without_strays
 from tega.runtime.lifecycle import Opened
 from tega.runtime.opencv import IMAGE_SUFFIXES, load_cv2, read_image
 

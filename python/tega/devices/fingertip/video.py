@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import ClassVar
 
 from tega.devices.base import DeviceInfo, Kind, Options, TactileFrame
-from tega.devices.video_opencv import OpenCvFrames
+from tega.devices.fingertip.video_opencv import OpenCvFrames
 from tega.errors import DeviceUnavailableError, RecordingError
-from tega.files.video import VideoFrames
+from tega.runtime.files.video import VideoFrames
 from tega.runtime.lifecycle import Opened
 from tega.runtime.opencv import IMAGE_SUFFIXES
 

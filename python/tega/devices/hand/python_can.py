@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import msgspec
 
 from tega.devices.base import DeviceInfo, Kind, Options
-from tega.devices.can_open import open_can_bus
+from tega.devices.hand.can_open import open_can_bus
 from tega.devices.hand.hand_bus import can_message
 from tega.errors import ConfigError, DeviceUnavailableError
 from tega.runtime.lifecycle import Opened, require

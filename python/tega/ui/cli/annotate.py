@@ -10,7 +10,7 @@ import click
 from tega.ui.cli.options import echo_json, json_option
 
 if TYPE_CHECKING:
-    from tega.files.annotations import CodedEvent
+    from tega.runtime.files.annotations import CodedEvent
 
 _FILE = click.Path(path_type=Path, dir_okay=False)
 

@@ -29,8 +29,8 @@ def decode(*, log: Path, out: Path | None, device_id: int | None, bus: str | Non
     """
     import msgspec
 
-    from tega.files.can_log import read_can_log
-    from tega.files.hand_log import HandLog, LoggedHand, find_hand
+    from tega.devices.hand.can_log import read_can_log
+    from tega.devices.hand.hand_log import HandLog, LoggedHand, find_hand
     from tega.hand import JOINT_NAMES
     from tega.runtime.files.csv_writer import CsvWriter
 

@@ -71,12 +71,8 @@ def play(
     speed: float | None,
     because: str,
     from_s: float,
-<<<<<<< HEAD
     others: tuple[Path, ...],
-=======
-    scenes: tuple[Path, ...],
     rater: str | None,
->>>>>>> deddcd91ed4f6d42ddeb6544aef45d72c3565edb
     view: bool,
     view_port: int,
     as_json: bool,
@@ -94,11 +90,8 @@ def play(
     from functools import partial
 
     from tega.errors import ConfigError
-<<<<<<< HEAD
     from tega.loop.controls import Controls
-=======
     from tega.recording.annotation_keys import AnnotationKeys
->>>>>>> deddcd91ed4f6d42ddeb6544aef45d72c3565edb
     from tega.recording.mcap_folder import session_files
     from tega.recording.replay.play import play_file, playing_to
     from tega.recording.replay.playhead import Playhead
@@ -109,15 +102,10 @@ def play(
     from tega.ui.cli.report import print_summary
     from tega.ui.cli.run_view import stage
 
-<<<<<<< HEAD
     if others and not view:
         raise click.UsageError("--beside is shown on the page, so it needs --view")
-=======
-    if scenes and not view:
-        raise click.UsageError("--scene is shown on the page, so it needs --view")
     if rater is not None and not view:
         raise click.UsageError("--rater annotates by keys of the page, so it needs --view")
->>>>>>> deddcd91ed4f6d42ddeb6544aef45d72c3565edb
     files = session_files(session)
     if len(files) > 1:
         raise ConfigError(

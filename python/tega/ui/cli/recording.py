@@ -13,15 +13,8 @@ from tega.ui.cli.trim import merge, trim
 
 @click.group(cls=GuestGroup, epilog="Example: tega-teleop recording inspect sessions/monday")
 def recording() -> None:
-<<<<<<< HEAD
-    """Inspect, export, trim and merge recordings; take, relabel and re-encode episodes."""
+    """Inspect, export, trim, merge and annotate recordings; take, relabel and re-encode episodes."""
 
 
-for _verb in (inspect, export, trim, merge):
-=======
-    """Take episodes; inspect, export, trim, merge, relabel, re-encode and annotate recordings."""
-
-
-for _verb in (take, inspect, export, trim, merge, relabel, encode, annotate):
->>>>>>> deddcd91ed4f6d42ddeb6544aef45d72c3565edb
+for _verb in (inspect, export, trim, merge, annotate):
     recording.add_command(_verb)

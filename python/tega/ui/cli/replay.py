@@ -68,14 +68,10 @@ class _Finger(click.ParamType[tuple[str, Path]]):
 @click.option(
     "--baseline", type=_Finger(), multiple=True, help="Picture of a finger's untouched gel; else estimated."
 )
-<<<<<<< HEAD
-@click.option("--allow-truncated", is_flag=True, help="Use a video that ends before its header says.")
-=======
 @click.option("--allow-truncated", is_flag=True, help="Use a video of another length than its header says.")
 @click.option(
     "--emg", type=click.Path(path_type=Path), help="EMG samples: text, .npy or .mat, or a ROS 2 bag."
 )
->>>>>>> deddcd91ed4f6d42ddeb6544aef45d72c3565edb
 @click.option(
     "--emg", type=click.Path(path_type=Path), help="EMG samples: text, .npy, .mat, EDF, XDF and others."
 )
@@ -211,19 +207,7 @@ def _tree(flags: dict[str, Any]) -> dict[str, Any]:
     if flags["calibration"] is not None:
         tree["calibration"] = {"file": flags["calibration"].absolute()}
     if flags["emg"] is not None:
-<<<<<<< HEAD
-        if flags["emg_kind"] is None:
-            raise click.UsageError("--emg needs --emg-kind")
-        options = {
-            "file": flags["emg"].absolute(),
-            **({} if flags["emg_rate_hz"] is None else {"rate_hz": flags["emg_rate_hz"]}),
-            "channels": flags["emg_channels"] or [],
-            "variable": flags["emg_variable"],
-        }
-        tree["emg"] = {"driver": "emg-file", "kind": flags["emg_kind"], "options": options}
-=======
         tree["emg"] = _emg_table(flags["emg"].absolute(), flags, topics.get("emg", ""))
->>>>>>> deddcd91ed4f6d42ddeb6544aef45d72c3565edb
     return tree
 
 

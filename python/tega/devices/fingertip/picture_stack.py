@@ -10,7 +10,7 @@ import numpy as np
 
 from tega.devices.base import DeviceInfo, Kind, Options, TactileFrame
 from tega.errors import DeviceUnavailableError
-from tega.files.picture_stack import PictureStack
+from tega.runtime.files.picture_stack import PictureStack
 from tega.runtime.lifecycle import Opened
 
 

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from tega.errors import RecordingError
-from tega.files.picture_names import sorted_names
 from tega.runtime.files.foreign_file import MIB, check_file
+from tega.runtime.files.picture_names import sorted_names
 from tega.runtime.lifecycle import require
 
 if TYPE_CHECKING:

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from tega.errors import RecordingError
-from tega.files.video_orientation import display_matrix, oriented
 from tega.runtime.files.foreign_file import check_file
+from tega.runtime.files.video_orientation import display_matrix, oriented
 from tega.runtime.lifecycle import require
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from typing import Any, Final, NamedTuple
 from xml.parsers import expat
 
 from tega.errors import RecordingError
-from tega.files.annotations import CodedEvent, edges_of, known_code
+from tega.runtime.files.annotations import CodedEvent, edges_of, known_code
 from tega.runtime.files.foreign_file import read_foreign
 from tega.runtime.files.whole_file import write_whole
 

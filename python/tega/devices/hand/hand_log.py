@@ -27,7 +27,7 @@ from tega.wire import (
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tega.files.can_log import LoggedFrame
+    from tega.devices.hand.can_log import LoggedFrame
 
 _HANDS: Final = range(4)
 

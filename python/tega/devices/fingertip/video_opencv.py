@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from tega.errors import RecordingError
-from tega.files.video import VideoFacts, check_video
+from tega.runtime.files.video import VideoFacts, check_video
 from tega.runtime.opencv import load_cv2
 
 if TYPE_CHECKING:
@@ -19,7 +19,9 @@ _INFERRED_COUNT_SUFFIXES: Final = frozenset({".mkv", ".webm", ".ts", ".mpg", ".m
 
 
 class OpenCvFrames:
-    """The frames of a video file, frame k at k/rate, not turned; as :class:`tega.files.video.VideoFrames` otherwise.
+    """The frames of a video file, frame k at k/rate, not turned.
+
+    Otherwise as :class:`tega.runtime.files.video.VideoFrames`.
 
     Raises:
         RecordingError: The file is no video, states no rate or length, or nothing of it decodes.

@@ -10,7 +10,7 @@ import numpy as np
 
 from tega.devices.base import DeviceInfo, EmgChunk, Kind, Options
 from tega.errors import DeviceUnavailableError, RecordingError
-from tega.files.ros2_bag import Ros2Bag, rows_of
+from tega.runtime.files.ros2_bag import Ros2Bag, rows_of
 from tega.runtime.lifecycle import Opened
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import numpy as np
 
 from tega.devices.base import DeviceInfo, Kind, Options, TactileFrame
 from tega.errors import DeviceUnavailableError, RecordingError
-from tega.files.ros2_bag import Ros2Bag, picture_of
+from tega.runtime.files.ros2_bag import Ros2Bag, picture_of
 from tega.runtime.lifecycle import Opened
 from tega.runtime.opencv import decode_image
 
