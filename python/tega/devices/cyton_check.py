@@ -52,9 +52,9 @@ class AlternationCheck:
     def __init__(self, used: Collection[int], *, step_uv: float) -> None:
         self._least_uv = _LEAST_STEPS * step_uv
         self._off = [k for k in range(8) if k + 1 not in used]
-        self._counters: list[NDArray[np.uint8]] = []
-        self._volts: list[NDArray[np.float64]] = []
-        self._n = self._n_alternate = self._n_moving = 0
+        self._counters: NDArray[np.uint8] = np.empty(0, np.uint8)
+        self._volts: NDArray[np.float64] = np.empty((0, 8))
+        self._n_alternate = self._n_moving = 0
         self.found, self.is_decided = "", False
 
     def take(self, counters: NDArray[np.uint8], microvolts: NDArray[np.float64]) -> None:
@@ -64,13 +64,13 @@ class AlternationCheck:
             counters: (n,), the number of each packet.
             microvolts: (n, 8), all channels, those that are switched off included.
         """
-        self._counters.append(counters)
-        self._volts.append(microvolts)
-        self._n += len(counters)
-        if self._n < _WINDOW:
-            return
-        is_even, volts = np.concatenate(self._counters) % 2 == 0, np.concatenate(self._volts)
-        self._counters, self._volts, self._n = [], [], 0
+        self._counters = np.concatenate([self._counters, counters])
+        self._volts = np.concatenate([self._volts, microvolts])
+        while len(self._counters) >= _WINDOW:
+            self._compare(self._counters[:_WINDOW] % 2 == 0, self._volts[:_WINDOW])
+            self._counters, self._volts = self._counters[_WINDOW:], self._volts[_WINDOW:]
+
+    def _compare(self, is_even: NDArray[np.bool_], volts: NDArray[np.float64]) -> None:
         differ = _differ(volts[is_even], volts[~is_even], self._least_uv)
         self._n_alternate = self._n_alternate + 1 if differ else 0
         self._n_moving = self._n_moving + 1 if self._off_channels_move(volts) else 0

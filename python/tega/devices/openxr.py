@@ -6,12 +6,15 @@ import os
 import queue
 import threading
 import time
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Final, Literal
 
 import msgspec
 
 from tega.arm.pose import StampedPose
 from tega.devices.base import DeviceInfo, Options
+from tega.devices.evidence import Evidence
 from tega.devices.openxr_session import Located, XrSession
 from tega.devices.tracker_thread import ThreadedTracker
 from tega.errors import DeviceUnavailableError
@@ -97,6 +100,13 @@ class OpenXr(ThreadedTracker):
     extra: ClassVar[str] = "openxr"
     requires: ClassVar[tuple[str, ...]] = ("xr",)
     options_type: ClassVar[type[Options]] = OpenXrOptions
+    compared: ClassVar[Mapping[Evidence, str]] = MappingProxyType(
+        {
+            "banner": "the runtime has the controller, tracker or hand that is set",
+            "stamp": "the runtime converts its times to this machine's clock",
+            "values": "a pose is valid and tracked; one that repeats to the last bit is not used",
+        }
+    )
     frame: ClassVar[str] = "openxr"
 
     def __init__(self, options: OpenXrOptions) -> None:

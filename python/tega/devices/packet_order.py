@@ -27,8 +27,9 @@ _NEXT, _LOSS, _REPEATED, _STANDS, _JUMPS = range(5)
 class PacketOrder:
     """Passes on the packets whose number follows that of the packet before.
 
-    A packet that came twice is used once. A packet whose number shows a loss that there was no time for is damaged: its
-    bytes are not believed, and it is left out as if it were lost.
+    A packet that came twice is used once. A packet whose number shows a loss waits for the next packet, whose number
+    has to lie behind it. Otherwise, or where there was no time for such a loss, it is damaged: its bytes are not
+    believed, and it is left out as if it were lost.
 
     Args:
         turn: After how many packets the counter repeats.
@@ -43,6 +44,7 @@ class PacketOrder:
         self._turn, self._hint = turn, hint
         self._last: NDArray[np.float64] | None = None
         self._ahead = 0  # the newest number received, less that of the newest packet passed on
+        self._doubtful: tuple[NDArray[np.float64], int] | None = None
         self._n_in_a_row = 0
         self._kinds: deque[int] = deque(maxlen=_WINDOW)
         self.n_repeated = self.n_damaged = 0
@@ -59,42 +61,67 @@ class PacketOrder:
 
         Example:
             >>> order, rows = PacketOrder(256), np.arange(3.0)[:, np.newaxis]
-            >>> order.once(rows, np.array([0, 100, 155]), room=12)[1]
+            >>> order.once(rows, np.array([0, 100, 156]), room=12)[1]
             array([0, 1])
             >>> order.n_damaged
             1
         """
-        if self._ahead == 0 and not missing.any():
+        if self._ahead == 0 and self._doubtful is None and not missing.any():
             self._kinds.extend([_NEXT] * len(missing))
             self._last, self._n_in_a_row = samples[-1], 0
             return samples, missing
-        kept, losses = list[int](), list[int]()
-        for k, n_missing in enumerate(missing.tolist()):
+        passed: list[NDArray[np.float64]] = []
+        losses: list[int] = []
+        for packet, n_missing in zip(samples, missing.tolist(), strict=True):
             self._ahead = (self._ahead + n_missing + 1) % self._turn
-            kind, n_lost = self._judge(samples[k], room)
-            self._kinds.append(kind)
-            if kind in {_NEXT, _LOSS}:
-                room -= n_lost
-                kept.append(k)
+            for row, n_lost in self._judge(packet, room - sum(losses)):
+                passed.append(row)
                 losses.append(n_lost)
-                self._last, self._ahead, self._n_in_a_row = samples[k], 0, 0
-        return samples[kept], np.asarray(losses, np.int64)
+        rows = np.array(passed) if passed else samples[:0]
+        return rows, np.asarray(losses, np.int64)
 
-    def _judge(self, packet: NDArray[np.float64], room: int) -> tuple[int, int]:
-        """Return the kind of a packet and, for one to pass on, the number of packets missing before it."""
+    def _judge(self, packet: NDArray[np.float64], room: int) -> list[tuple[NDArray[np.float64], int]]:
+        """Return the packets that can be passed on now, each with the number of packets missing before it."""
+        before: list[tuple[NDArray[np.float64], int]] = []
+        if self._doubtful is not None:
+            row, ahead = self._doubtful
+            further = (self._ahead - ahead) % self._turn
+            if further == 0 and bool((packet == row).all()):
+                return self._repeat()
+            self._doubtful = None
+            if 0 < further <= room + 1:
+                before, self._ahead, self._last = [(row, ahead - 1)], further, row
+                self._n_in_a_row = 0
+                self._kinds.append(_LOSS)
+            else:
+                self._leave_out(_JUMPS)
         if self._ahead == 0 and self._last is not None and bool((packet == self._last).all()):
-            self.n_repeated += 1
-            return _REPEATED, 0
+            return before + self._repeat()
         n_lost = (self._ahead - 1) % self._turn
-        if n_lost == 0:
-            return _NEXT, 0
+        follows = n_lost <= self._n_in_a_row
+        if follows or self._last is None or self._n_in_a_row >= _RESYNC:
+            # It comes after those left out, or the device has begun to count from elsewhere.
+            n_lost = min(n_lost, self._n_in_a_row)
+            self._kinds.append(_NEXT if follows else _LOSS)
+            self._last, self._ahead, self._n_in_a_row = packet, 0, 0
+            return [*before, (packet, n_lost)]
         if n_lost <= room and self._ahead:
-            return _LOSS, n_lost
-        self._n_in_a_row += 1
-        if self._n_in_a_row > _RESYNC:
-            return _LOSS, min(room, _RESYNC)  # those left out took their time
+            self._doubtful = packet, self._ahead
+        else:
+            self._leave_out(_JUMPS if self._ahead else _STANDS)
+        return before
+
+    def _repeat(self) -> list[tuple[NDArray[np.float64], int]]:
+        """Count a packet that came twice."""
+        self.n_repeated += 1
+        self._kinds.append(_REPEATED)
+        return []
+
+    def _leave_out(self, kind: int) -> None:
+        """Count a damaged packet."""
         self.n_damaged += 1
-        return (_JUMPS if self._ahead else _STANDS), 0
+        self._n_in_a_row += 1
+        self._kinds.append(kind)
 
     @property
     def contradiction(self) -> Contradiction | None:
