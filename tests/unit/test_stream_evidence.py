@@ -59,6 +59,11 @@ def test_a_packet_whose_number_cannot_be_true_is_left_out_and_its_place_kept() -
     assert (order.n_damaged, order.contradiction) == (1, None)
 
 
+def test_two_packets_whose_numbers_follow_one_another_and_cannot_be_true_are_left_out() -> None:
+    _, passed = fed([*range(20), 100, 101, *range(22, 60)])
+    assert passed == [*range(20), *range(22, 60)]
+
+
 def test_a_device_that_begins_to_count_from_elsewhere_is_followed_again() -> None:
     _, passed = fed([*range(40), *range(150, 200)])
     assert passed[-1] == 199
@@ -108,6 +113,17 @@ def test_two_electrodes_are_told_apart_and_one_never(seed: int) -> None:
     offset[:, 0] = 11_000
     assert "different electrodes" in alternating((rest + offset)[::2], rest[1::2], used=tuple(range(1, 9)))
     assert alternating(np.zeros((200, 8)), np.zeros((200, 8))) == ""
+
+
+def test_one_comparison_that_differs_decides_nothing() -> None:
+    rng, check = np.random.default_rng(1), AlternationCheck((1, 2, 3), step_uv=0.0224)
+    volts, counters = rng.normal(0, 5, (100, 8)), np.arange(100, dtype=np.uint8)
+    volts[::2, 0] += 11_000
+    check.take(counters, volts)
+    assert (check.is_decided, check.found) == (False, "")
+    volts[::2, 0] -= 11_000
+    check.take(counters, volts)
+    assert (check.is_decided, check.found) == (True, "")
 
 
 def test_switched_off_channels_that_move_show_shifted_bytes() -> None:
