@@ -19,7 +19,7 @@ from tega.teleop.condition import open_condition
 from tega.teleop.opening import Opening, reached
 from tega.teleop.pacing import refuse_live
 from tega.teleop.prepare import Progress, prepare, to_be_read
-from tega.teleop.sinks import Sinks, open_inputs, open_sinks
+from tega.teleop.sinks import Sinks, open_inputs, open_sinks, with_tables
 from tega.teleop.watch import watch_over
 from tega.threads import run_realtime
 
@@ -125,7 +125,7 @@ def open_rig(
     condition = open_condition(stack, config, prepared, bus)
     cameras = _cameras(stack, config, bus, stop)  # before what moves: an address may take its time
     reached("prepared")
-    sinks = open_sinks(stack, config, prepared, bus, hand)
+    sinks = open_sinks(stack, config, bus, hand)
     reached("vest and hand open")
     inputs = open_inputs(stack, config)
     if station is not None:
@@ -133,6 +133,7 @@ def open_rig(
     steering = None
     if config.arm is not None:
         steering = open_arm(stack, config, inputs, tracker=None if station is None else station.tracker)
+    sinks = with_tables(stack, config, prepared, bus, sinks, tell=tell)
     progress("running", 0, 0)
     guard = watch_over(
         config,

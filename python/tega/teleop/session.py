@@ -82,11 +82,9 @@ def run_session(
     if clock is None:
         clock = SystemClock() if session.pace == "real" else ManualClock()
     if session.out_dir is not None:
-        from tega.recording import prepare_folder
+        from tega.recording.folder import check_folder
 
-        kept = prepare_folder(session.out_dir)
-        if kept is not None:
-            tell(f"the earlier results in {session.out_dir} are kept in {kept}")
+        check_folder(session.out_dir)
     with ExitStack() as stack:
         stack.enter_context(realtime(allowed=session.realtime))
         if isinstance(clock, SystemClock):

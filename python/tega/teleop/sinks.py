@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -11,6 +11,7 @@ from tega.devices.registry import driver_class
 from tega.errors import ConfigError
 from tega.hand import split_level
 from tega.inbox.inputs import Inputs, Seat
+from tega.recording import prepare_folder
 from tega.records import HandExchange, bus_frames
 from tega.teleop.pacing import refuse_live
 from tega.teleop.tables import open_tables
@@ -67,13 +68,9 @@ def _open_vest(stack: ExitStack, config: SessionConfig) -> VestSink | None:
 
 
 def open_sinks(
-    stack: ExitStack,
-    config: SessionConfig,
-    prepared: Prepared,
-    bus: Bus,
-    hand: HandDriver | SteeredHand | None,
+    stack: ExitStack, config: SessionConfig, bus: Bus, hand: HandDriver | SteeredHand | None
 ) -> Sinks:
-    """Open the outputs of a run: vest and hand, then the tables of the output folder."""
+    """Open vest and hand."""
     live_vests: list[VestSink] = []
     vests: list[VestSink] = []
     hands: list[HandDriver] = []
@@ -94,8 +91,29 @@ def open_sinks(
             steered = hand
         else:
             hands.append(hand)
-    tables = open_tables(stack, config, prepared, bus)
-    return Sinks(live_vests, vests, hands, steered, tables)
+    return Sinks(live_vests, vests, hands, steered)
+
+
+def with_tables(
+    stack: ExitStack,
+    config: SessionConfig,
+    prepared: Prepared,
+    bus: Bus,
+    sinks: Sinks,
+    *,
+    tell: Callable[[str], None],
+) -> Sinks:
+    """Return the outputs with the tables of the output folder, once every device is open.
+
+    Before that a run may be refused, and the results of an earlier one, which may still go on, stay where they are.
+    """
+    folder = config.session.out_dir
+    if folder is None:
+        return sinks
+    kept = prepare_folder(folder)
+    if kept is not None:
+        tell(f"the earlier results in {folder} are kept in {kept}")
+    return sinks._replace(tables=open_tables(stack, config, prepared, bus))
 
 
 def _listen(hand: Any, bus: Bus) -> None:
