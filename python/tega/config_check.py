@@ -9,6 +9,7 @@ from typing import Any
 import msgspec
 
 from tega.config_errors import Overridden, explain
+from tega.config_magnitude import check_magnitudes
 from tega.config_origins import LoadedConfig, SettingValue, fields_of, origin_of, where
 from tega.config_sections import (
     DEFAULT_LAYOUT,
@@ -75,7 +76,7 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
         options = convert(section.options, wanted, f"{key}.options")
         return msgspec.structs.replace(section, options=options)
 
-    _check_moved(tree, origins)
+    _check_raw(tree, origins)
     config: SessionConfig = convert(tree, SessionConfig, "")
     tactile = TactileSection(
         **{f: with_options(c, "tactile", f"tactile.{f}") for f, c in config.tactile.in_use().items()}
@@ -222,6 +223,12 @@ _MOVED = {
     "vest.feedback": "stages.mapping.name: columns for continuous, pulses for events",
     "vest.pulses": "stages.mapping.options, with stages.mapping.name = pulses",
 }
+
+
+def _check_raw(tree: Mapping[str, Any], origins: Mapping[str, str]) -> None:
+    """Refuse settings that no schema has to judge: names of earlier versions, and numbers of no size."""
+    _check_moved(tree, origins)
+    check_magnitudes(tree, origins)
 
 
 def _check_moved(tree: Mapping[str, Any], origins: Mapping[str, str]) -> None:
