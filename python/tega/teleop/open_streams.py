@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from tega.emg_adaptation import ChannelAdaptation
     from tega.inbox.prepared import Finger, Muscles, Prepared
     from tega.inbox.wake import Bell
+    from tega.safety.settings import SafetySection
     from tega.stages.base import Metric
     from tega.teleop.pacing import Pacer
     from tega.teleop.sinks import Sinks
@@ -38,7 +39,7 @@ def latency_trace(
     pacer: Pacer,
     *,
     start_ns: int,
-    budget_ms: float,
+    safety: SafetySection,
     steady: bool,
     motor: MotorOnset | None,
     bus: Bus,
@@ -51,7 +52,8 @@ def latency_trace(
     return LatencyTrace(
         now_ns=pacer.elapsed_ns,
         start_ns=start_ns,
-        budget_ms=budget_ms,
+        budget_ms=safety.latency_budget_ms,
+        joint_budget_ms=safety.joint_budget_ms,
         steady=steady,
         vests=[vest for vest in sinks.live_vests if isinstance(vest, StampingVest)],
         answered_ns=None if answering is None else answering.answered_ns,

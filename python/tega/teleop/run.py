@@ -111,7 +111,7 @@ def run_loop(
             sinks,
             pacer,
             start_ns=start_ns,
-            budget_ms=config.safety.latency_budget_ms,
+            safety=config.safety,
             steady=pace == "steady",
             motor=motor_onset(config),
             bus=rig.bus,
