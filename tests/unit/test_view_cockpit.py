@@ -94,7 +94,7 @@ def test_delays_have_their_percentile_and_the_budget() -> None:
     assert few.words("picture to vest") == "40 ms · worst 40 (n 1)"
     svg = delays.svg()
     assert f"p99 99 (n 100) · budget {BUDGET_MS:.0f}" in svg
-    assert "p99 500</text>" in svg
+    assert "p99 500 (n 100)</text>" in svg
     assert svg.count("<line ") == 1
     ET.fromstring(svg)
 
