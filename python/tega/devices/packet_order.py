@@ -1,4 +1,4 @@
-"""Compare the numbers of a device's packets with a counter: drop repeated and damaged packets, believe true losses."""
+"""Drop repeated and damaged packets by comparing their numbers with a counter, and believe true losses."""
 
 from __future__ import annotations
 
