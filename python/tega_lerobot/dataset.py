@@ -70,7 +70,7 @@ def export_lerobot(
         paths: The recordings; all with the same inputs.
         folder: Where to; new or empty.
         fps: Frames per second.
-        task: What was done, in words; ``None`` for what each session's index says of a recording, else ``grasp``.
+        task: Task in words, for recordings of which their session's index says none; ``None`` for ``grasp``.
         scenes: Videos of scene cameras with their time codes, by the cameras' names; none for what the recordings'
             own cameras filmed.
 
@@ -100,7 +100,7 @@ def export_lerobot(
             with tempfile.TemporaryDirectory() as beside:
                 mine = scenes or own_scenes(path, Path(beside))
                 sizes = shapes or {name: check_scene(video) for name, video in mine.items()}
-                _add(path, dataset.filmed(mine, sizes), fps, task or recorded_task(path) or UNLABELLED)
+                _add(path, dataset.filmed(mine, sizes), fps, recorded_task(path) or task or UNLABELLED)
     finally:
         dataset.close()
     return folder

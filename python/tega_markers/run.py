@@ -103,6 +103,7 @@ class RunMarkers:
             said["in"] = {
                 "stream": self._settings.lsl_in,
                 "heard": self._in.n_heard,
+                "of_another_clock": self._in.n_unstamped,
                 "clock_correction_s": correction_s,
                 "problem": self._in.problem,
             }

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from tega.devices.fingertip.video_nodes import camera_place
+from tega.devices.jpeg_stream import at_own_size
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.runtime.files.picture_names import sorted_names
 from tega.runtime.opencv import IMAGE_SUFFIXES, load_cv2, read_image
@@ -67,7 +68,7 @@ def open_camera(source: str, size: tuple[int, int], rate_hz: float = 30.0) -> An
                 f"scene camera {source}: asked for {size[0]}×{size[1]}, it gives {given[0]}×{given[1]}",
                 f"write --size {given[0]}x{given[1]}, or one that it has",
             )
-    return capture
+    return at_own_size(cv2, capture) if source.startswith(ADDRESSES) else capture
 
 
 def open_pictures(source: str, size: tuple[int, int], rate_hz: float = 30.0) -> Generator[NDArray[np.uint8]]:
@@ -99,7 +100,8 @@ def _filmed(capture: Any, source: str) -> Generator[NDArray[np.uint8]]:
             ok, image = capture.read()
             if not ok:
                 raise DeviceUnavailableError(f"scene camera {source} stopped", "plug it in again")
-            yield np.asarray(image, np.uint8)
+            if image.size:  # one spoiled packet of a stream is no picture
+                yield np.asarray(image, np.uint8)
     finally:
         capture.release()
 

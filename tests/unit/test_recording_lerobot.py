@@ -90,22 +90,25 @@ def test_the_layout_is_the_published_one(dataset: Path) -> None:
 
 
 @pytest.mark.slow
-def test_episodes_have_their_own_tasks_where_nobody_names_one_for_all(lossless: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("task", [None, "grasp something"])
+def test_a_task_fills_only_what_an_episode_does_not_say(
+    lossless: Path, tmp_path: Path, task: str | None
+) -> None:
     folder = tmp_path / "session"
     folder.mkdir()
     for number in (1, 2, 3):
         (folder / f"trial-00{number}.mcap").write_bytes(lossless.read_bytes())
     session = SessionFolder(folder)
     session.label("lift the bag", ["trial-001.mcap", "trial-003.mcap"])
-    dataset = export_lerobot(session_files(folder), tmp_path / "dataset", fps=FPS)
+    dataset = export_lerobot(session_files(folder), tmp_path / "dataset", fps=FPS, task=task)
     assert [episode["tasks"] for episode in episodes(dataset)] == [
         ["lift the bag"],
-        ["grasp"],
+        [task or "grasp"],
         ["lift the bag"],
     ]
     assert parquet.read_table(dataset / "meta" / "tasks.parquet").to_pydict() == {
         "task_index": [0, 1],
-        "task": ["lift the bag", "grasp"],
+        "task": ["lift the bag", task or "grasp"],
     }
     by_episode = {row["episode_index"]: row["task_index"] for row in rows(dataset)}
     assert by_episode == {0: 0, 1: 1, 2: 0}

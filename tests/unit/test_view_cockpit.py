@@ -90,9 +90,12 @@ def test_delays_have_their_percentile_and_the_budget() -> None:
     for k in range(1, 101):
         delays.note({"picture to vest": float(k), "to the page": 500.0})
     assert delays.p99_ms("picture to vest") == 99.0
+    few = Delays()
+    few.note({"picture to vest": 40.0})
+    assert few.words("picture to vest") == "40 ms · worst 40 (n 1)"
     svg = delays.svg()
-    assert f"p99 99 · budget {BUDGET_MS:.0f}" in svg
-    assert "p99 500</text>" in svg
+    assert f"p99 99 (n 100) · budget {BUDGET_MS:.0f}" in svg
+    assert "p99 500 (n 100)</text>" in svg
     assert svg.count("<line ") == 1
     ET.fromstring(svg)
 

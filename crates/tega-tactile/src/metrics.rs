@@ -70,6 +70,22 @@ pub struct Options {
     pub gate: Option<Gate>,
 }
 
+/// With a larger factor, a threshold is beyond all grey values by so much that it is no number any more.
+const MOST_FACTOR: f64 = 1e6;
+
+impl Options {
+    /// The factor of Eq 4 as the decimal that `value` prints as.
+    ///
+    /// # Errors
+    /// [`TactileError::OutOfRange`] when `value` is not from -1e6 to 1e6.
+    pub fn printed_factor(value: f64) -> Result<Decimal, TactileError> {
+        if value.is_finite() && value.abs() > MOST_FACTOR {
+            return Err(OutOfRange::new("factor", value, "", "-1e6 to 1e6").into());
+        }
+        Decimal::printed("factor", value)
+    }
+}
+
 impl Default for Options {
     fn default() -> Self {
         Self {

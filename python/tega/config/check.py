@@ -24,6 +24,7 @@ from tega.config.sections import (
     StagesSection,
     TactileSection,
 )
+from tega.config_magnitude import check_magnitudes
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError, InvalidValueError
 from tega.haptics.motor_layout import find_layout
@@ -73,11 +74,15 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
         options = convert(section.options, wanted, f"{key}.options")
         return msgspec.structs.replace(section, options=options)
 
+<<<<<<< HEAD
     _check_moved(tree, origins)
     tree = dict(tree)
     given = {key: tree.pop(key) for key in guest_tables() if key in tree}
     if "guests" in tree:
         raise ConfigError(f"{where(origins, 'guests')}: guests: unknown key", "use the feature's own table")
+=======
+    _check_raw(tree, origins)
+>>>>>>> f6f9c3094e5ad17b32f06ed9dca7931837a4ef5e
     config: SessionConfig = convert(tree, SessionConfig, "")
     tactile = TactileSection(
         **{f: with_options(c, "tactile", f"tactile.{f}") for f, c in config.tactile.in_use().items()}
@@ -225,6 +230,12 @@ _MOVED = {
     "vest.feedback": "stages.mapping.name: columns for continuous, pulses for events",
     "vest.pulses": "stages.mapping.options, with stages.mapping.name = pulses",
 }
+
+
+def _check_raw(tree: Mapping[str, Any], origins: Mapping[str, str]) -> None:
+    """Refuse settings that no schema has to judge: names of earlier versions, and numbers of no size."""
+    _check_moved(tree, origins)
+    check_magnitudes(tree, origins)
 
 
 def _check_moved(tree: Mapping[str, Any], origins: Mapping[str, str]) -> None:

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from tega.loop.touching import RecordedFingers, Touching
     from tega.records.bus import Bus
     from tega.runtime.wake import Bell
+    from tega.safety.settings import SafetySection
     from tega.stages.base import Metric
 
 __all__ = ["contact_stream", "is_fed", "latency_trace", "level_stream"]
@@ -39,7 +40,7 @@ def latency_trace(
     pacer: Pacer,
     *,
     start_ns: int,
-    budget_ms: float,
+    safety: SafetySection,
     steady: bool,
     motor: MotorOnset | None,
     bus: Bus,
@@ -52,7 +53,8 @@ def latency_trace(
     return LatencyTrace(
         now_ns=pacer.elapsed_ns,
         start_ns=start_ns,
-        budget_ms=budget_ms,
+        budget_ms=safety.latency_budget_ms,
+        joint_budget_ms=safety.joint_budget_ms,
         steady=steady,
         vests=[vest for vest in sinks.live_vests if isinstance(vest, StampingVest)],
         answered_ns=None if answering is None else answering.answered_ns,

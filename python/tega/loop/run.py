@@ -103,7 +103,7 @@ def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) ->
             sinks,
             pacer,
             start_ns=start_ns,
-            budget_ms=config.safety.latency_budget_ms,
+            safety=config.safety,
             steady=pace == "steady",
             motor=motor_onset(config),
             bus=rig.bus,

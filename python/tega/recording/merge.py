@@ -61,7 +61,7 @@ def merge_sessions(sessions: list[Path], *, out: Path) -> list[Path]:
         The new recordings.
 
     Raises:
-        RecordingError: One cannot be read, two overlap in time, or they differ in versions, calibration, vest
+        RecordingError: One cannot be read, two hold the same time, or they differ in versions, calibration, vest
             or inputs.
         ConfigError: ``out`` holds something.
         MissingExtraError: A package of the extra ``record`` is not installed.
@@ -72,7 +72,7 @@ def merge_sessions(sessions: list[Path], *, out: Path) -> list[Path]:
     first = parts[0]
     for before, part in pairwise(parts):
         _fit(first, part)
-        if part.from_ns < before.to_ns:
+        if _share_time(before, part):
             over_s = (min(before.to_ns, part.to_ns) - part.from_ns) / 1e9
             raise RecordingError(
                 f"{before.name} and {part.name} overlap by {over_s:.3f} s of the same time",
@@ -86,6 +86,15 @@ def merge_sessions(sessions: list[Path], *, out: Path) -> list[Path]:
 
 def _begin(part: _Part) -> int:
     return part.from_ns
+
+
+def _share_time(before: _Part, part: _Part) -> bool:
+    """Whether two parts hold the same time; a run that did not wait for the clock counts a time of its own, from 0."""
+    if part.from_ns >= before.to_ns:
+        return False
+    heads = [one.tables["tega"] for one in (before, part)]
+    waited = all(head.get("start_ns", "") != "0" for head in heads)
+    return waited or heads[0]["epoch_ns"] == heads[1]["epoch_ns"]
 
 
 def _part(path: Path) -> _Part:

@@ -6,6 +6,7 @@ import os
 import threading
 import time
 from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import msgspec
@@ -13,10 +14,12 @@ import numpy as np
 
 from tega.devices.at_exit import closes_on_exit, release
 from tega.devices.base import DeviceInfo, Found, Kind, Options, TactileFrame
+from tega.devices.evidence import Evidence
 from tega.devices.fingertip.digit_search import find_digits
 from tega.devices.fingertip.picture_check import WORDS, PictureCheck
 from tega.devices.fingertip.picture_origin import PictureOrigin
 from tega.devices.fingertip.video_nodes import camera_place, find_node
+from tega.devices.jpeg_stream import at_own_size
 from tega.errors import ConfigError, DeviceUnavailableError
 from tega.runtime.device_items import CameraCounts
 from tega.runtime.lifecycle import Opened
@@ -86,6 +89,14 @@ class Digit(Opened):
     extra: ClassVar[str] = "lab"
     requires: ClassVar[tuple[str, ...]] = ("cv2",)
     options_type: ClassVar[type[Options]] = DigitOptions
+    compared: ClassVar[Mapping[Evidence, str]] = MappingProxyType(
+        {
+            "banner": "the serial number; size and rate that the camera agrees to",
+            "stamp": "the kernel's time of a picture lies in the second before it arrives; else the arrival counts",
+            "rate": "pictures a second are at least 80 % of those agreed",
+            "values": "each picture has the size that was set, is new, whole, lit and this sensor's own",
+        }
+    )
 
     def __init__(self, options: DigitOptions) -> None:
         self._options = options
@@ -243,7 +254,7 @@ class Digit(Opened):
             except DeviceUnavailableError:
                 capture.release()
                 raise
-        return capture
+        return capture if local else at_own_size(cv2, capture)
 
     def _set_up(self, capture: Any, *, revision: int, lights: bool) -> None:
         o, cv2 = self._options, self._cv2
@@ -356,9 +367,7 @@ class Digit(Opened):
             last_ns = t_ns
             image: NDArray[np.uint8] = np.asarray(sent, np.uint8)
             if image.ndim != 3 or image.shape[:2] != (self._options.height, self._options.width):
-                self.counts.received += 1
-                self.counts.odd_size += 1
-                check.newest = "odd_size"
+                check.refuse("odd_size" if image.size else "torn")
                 continue
             verdict = check.judge(image)
             self._count_rate(t_ns)

@@ -66,6 +66,13 @@ class PictureCheck:
         self.newest = self._judged(image)
         return self.newest
 
+    def refuse(self, verdict: Literal["odd_size", "torn"]) -> None:
+        """Count a picture that cannot be judged, since it has another size or could not be decoded."""
+        self._counts.received += 1
+        self._counts.odd_size += verdict == "odd_size"
+        self._counts.torn += verdict == "torn"
+        self.newest = verdict
+
     def _judged(self, image: NDArray[np.uint8]) -> Verdict:
         counts, last = self._counts, self._last
         counts.received += 1

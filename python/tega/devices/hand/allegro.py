@@ -5,15 +5,26 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
+<<<<<<< HEAD
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, ClassVar
+=======
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+>>>>>>> f6f9c3094e5ad17b32f06ed9dca7931837a4ef5e
 
 import msgspec
 import numpy as np
 
 from tega.devices.at_exit import closes_on_exit, last_words, release
 from tega.devices.base import DeviceInfo, Found, Kind, Options
+<<<<<<< HEAD
 from tega.devices.hand.allegro_options import BITRATE, AllegroOptions
+=======
+from tega.devices.evidence import Evidence
+>>>>>>> f6f9c3094e5ad17b32f06ed9dca7931837a4ef5e
 from tega.devices.hand.can_links import can_links, link_trouble
 from tega.devices.hand.hand_alert import HandAlert
 from tega.devices.hand.hand_bus import bus_label
@@ -57,6 +68,13 @@ class Allegro(Opened):
     options_type: ClassVar[type[Options]] = AllegroOptions
 
     label = "Allegro Hand v4: torques from the angles it reported"
+    compared: ClassVar[Mapping[Evidence, str]] = MappingProxyType(
+        {
+            "banner": "version 4 and the side that is set; after a silence, the same serial number",
+            "rate": "at least 250 sets of joint angles a second",
+            "values": "four frames make a set; no joint jumps, none stands still to the last bit, temperatures hold",
+        }
+    )
 
     def __init__(self, options: AllegroOptions) -> None:
         self._options = options

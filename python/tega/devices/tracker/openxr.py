@@ -6,13 +6,23 @@ import os
 import queue
 import threading
 import time
+<<<<<<< HEAD
 from typing import Any, ClassVar, Final
+=======
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Annotated, Any, ClassVar, Final, Literal
+>>>>>>> f6f9c3094e5ad17b32f06ed9dca7931837a4ef5e
 
 import msgspec
 
 from tega.arm.pose import StampedPose
 from tega.devices.base import DeviceInfo, Options
+<<<<<<< HEAD
 from tega.devices.tracker.openxr_options import OpenXrOptions
+=======
+from tega.devices.evidence import Evidence
+>>>>>>> f6f9c3094e5ad17b32f06ed9dca7931837a4ef5e
 from tega.devices.tracker.openxr_session import Located, XrSession
 from tega.devices.tracker.tracker_thread import ThreadedTracker
 from tega.errors import DeviceUnavailableError
@@ -76,6 +86,13 @@ class OpenXr(ThreadedTracker):
     extra: ClassVar[str] = "openxr"
     requires: ClassVar[tuple[str, ...]] = ("xr",)
     options_type: ClassVar[type[Options]] = OpenXrOptions
+    compared: ClassVar[Mapping[Evidence, str]] = MappingProxyType(
+        {
+            "banner": "the runtime has the controller, tracker or hand that is set",
+            "stamp": "the runtime converts its times to this machine's clock",
+            "values": "a pose is valid and tracked; one that repeats to the last bit is not used",
+        }
+    )
     frame: ClassVar[str] = "openxr"
 
     def __init__(self, options: OpenXrOptions) -> None:
