@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tega.config import check_tree
-from tega.config_magnitude import LEAST, MOST, check_magnitudes
+from tega.config.magnitude import LEAST, MOST, check_magnitudes
 from tega.emg import ButterworthLowpass
 from tega.errors import ConfigError, InvalidValueError
 from tega.tactile import contact_metrics

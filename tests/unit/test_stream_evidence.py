@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from tega.devices import driver_class, driver_names
 from tega.devices.base import optional
 from tega.devices.cyton_check import AlternationCheck
-from tega.devices.evidence import EVIDENCE, Contradictions
-from tega.devices.lsl_clock import ClockCorrection
 from tega.devices.packet_order import PacketOrder
-from tega.devices.stamp_check import StampCheck
 from tega.devices.value_check import ValueCheck
+from tega.runtime.evidence import EVIDENCE, Contradictions
+from tega.runtime.lsl_clock import ClockCorrection
+from tega.runtime.stamp_check import StampCheck
 
 LIVE = ("tactile", "emg", "hand", "tracker")
 PAGE = Path(__file__).parents[2] / "docs" / "faults-streams.md"

@@ -10,6 +10,7 @@ import msgspec
 
 from tega.config.errors import Overridden, explain
 from tega.config.guests import TableContext, guest_tables, read_guest_tables
+from tega.config.magnitude import check_magnitudes
 from tega.config.origins import LoadedConfig, SettingValue, fields_of, origin_of, where
 from tega.config.sections import (
     DEFAULT_LAYOUT,
@@ -24,7 +25,6 @@ from tega.config.sections import (
     StagesSection,
     TactileSection,
 )
-from tega.config_magnitude import check_magnitudes
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError, InvalidValueError
 from tega.haptics.motor_layout import find_layout
@@ -74,15 +74,11 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
         options = convert(section.options, wanted, f"{key}.options")
         return msgspec.structs.replace(section, options=options)
 
-<<<<<<< HEAD
-    _check_moved(tree, origins)
+    _check_raw(tree, origins)
     tree = dict(tree)
     given = {key: tree.pop(key) for key in guest_tables() if key in tree}
     if "guests" in tree:
         raise ConfigError(f"{where(origins, 'guests')}: guests: unknown key", "use the feature's own table")
-=======
-    _check_raw(tree, origins)
->>>>>>> f6f9c3094e5ad17b32f06ed9dca7931837a4ef5e
     config: SessionConfig = convert(tree, SessionConfig, "")
     tactile = TactileSection(
         **{f: with_options(c, "tactile", f"tactile.{f}") for f, c in config.tactile.in_use().items()}

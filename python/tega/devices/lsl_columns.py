@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from typing import Any, Final
 
-from tega.devices.evidence import Contradiction
+from tega.runtime.evidence import Contradiction
 
 # Types of streams and channels, as senders declare them, that are no muscles.
 _OTHER_TYPE: Final = re.compile(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from tega.devices.evidence import Contradiction, Contradictions
+from tega.runtime.evidence import Contradiction, Contradictions
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -18,7 +18,7 @@ from tega.loop.opening import Opening, reached
 from tega.loop.pacing import refuse_live
 from tega.loop.parts import Part, PartContext, open_parts
 from tega.loop.prepare import Progress, prepare, to_be_read
-from tega.loop.sinks import Sinks, open_inputs, open_sinks, with_tables
+from tega.loop.sinks import Sinks, open_inputs, open_sinks
 from tega.loop.watch import watch_over
 from tega.records import BesideContact, BesideIntent, Record
 from tega.records.bus import Bus
@@ -108,13 +108,8 @@ def open_rig(
         sinks, inputs = part.sinks(sinks), part.inputs(stack, inputs)
     steering = None
     if config.arm is not None:
-<<<<<<< HEAD
         tracker = next((part.tracker for part in joined if part.tracker is not None), None)
         steering = open_arm(stack, config, inputs, tracker=tracker)
-=======
-        steering = open_arm(stack, config, inputs, tracker=None if station is None else station.tracker)
-    sinks = with_tables(stack, config, prepared, bus, sinks, tell=tell)
->>>>>>> f6f9c3094e5ad17b32f06ed9dca7931837a4ef5e
     progress("running", 0, 0)
     guard = watch_over(
         config, prepared, sinks, bus, joined, go=controls.go, steering=steering, condition=condition

@@ -55,14 +55,7 @@ def run_session(
     session = config.session
     if clock is None:
         clock = SystemClock() if session.pace == "real" else ManualClock()
-<<<<<<< HEAD
     controls = Controls() if controls is None else controls
-=======
-    if session.out_dir is not None:
-        from tega.recording.folder import check_folder
-
-        check_folder(session.out_dir)
->>>>>>> f6f9c3094e5ad17b32f06ed9dca7931837a4ef5e
     with ExitStack() as stack:
         stack.enter_context(realtime(allowed=session.realtime))
         if isinstance(clock, SystemClock):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -13,7 +13,6 @@ from tega.hand import split_level
 from tega.loop.inbox.inputs import Inputs, Seat
 from tega.loop.pacing import refuse_live
 from tega.loop.worn_vest import dose_file, worn_vest
-from tega.recording import prepare_folder
 from tega.records import HandExchange, bus_frames
 
 if TYPE_CHECKING:
@@ -66,18 +65,12 @@ def _open_vest(stack: ExitStack, config: SessionConfig) -> VestSink | None:
 
 
 def open_sinks(
-<<<<<<< HEAD
     stack: ExitStack,
     config: SessionConfig,
     bus: Bus,
     hand: HandDriver | SteeredHand | None,
 ) -> Sinks:
     """Open the outputs of a run: vest and hand."""
-=======
-    stack: ExitStack, config: SessionConfig, bus: Bus, hand: HandDriver | SteeredHand | None
-) -> Sinks:
-    """Open vest and hand."""
->>>>>>> f6f9c3094e5ad17b32f06ed9dca7931837a4ef5e
     live_vests: list[VestSink] = []
     vests: list[VestSink] = []
     hands: list[HandDriver] = []
@@ -99,31 +92,6 @@ def open_sinks(
         else:
             hands.append(hand)
     return Sinks(live_vests, vests, hands, steered)
-<<<<<<< HEAD
-=======
-
-
-def with_tables(
-    stack: ExitStack,
-    config: SessionConfig,
-    prepared: Prepared,
-    bus: Bus,
-    sinks: Sinks,
-    *,
-    tell: Callable[[str], None],
-) -> Sinks:
-    """Return the outputs with the tables of the output folder, once every device is open.
-
-    Before that a run may be refused, and the results of an earlier one, which may still go on, stay where they are.
-    """
-    folder = config.session.out_dir
-    if folder is None:
-        return sinks
-    kept = prepare_folder(folder)
-    if kept is not None:
-        tell(f"the earlier results in {folder} are kept in {kept}")
-    return sinks._replace(tables=open_tables(stack, config, prepared, bus))
->>>>>>> f6f9c3094e5ad17b32f06ed9dca7931837a4ef5e
 
 
 def _listen(hand: Any, bus: Bus) -> None:

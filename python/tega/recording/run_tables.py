@@ -16,7 +16,7 @@ from tega.devices.hand.can_recorder import CanRecorder, CanRecorderOptions
 from tega.devices.vest.vest_recorder import VestRecorder, VestRecorderOptions
 from tega.haptics import vest as haptics
 from tega.loop.parts import Part, PartContext
-from tega.recording.folder import prepare_folder
+from tega.recording.folder import check_folder, prepare_folder
 from tega.recording.tables import RecordTable
 from tega.records import ArmTurn, Contact, Event, HandCommand, Intent, Record, VestFrame
 from tega.records.bus import Backlog
@@ -82,7 +82,10 @@ class RunTables(Part):
 def open_part(context: PartContext) -> RunTables | None:
     """Return the output folder's part; ``None`` where the settings name no folder."""
     folder = context.config.session.out_dir
-    return None if folder is None else RunTables(context, folder)
+    if folder is None:
+        return None
+    check_folder(folder)  # refused before any device is opened
+    return RunTables(context, folder)
 
 
 def write_summary(summary: dict[str, Any], path: Path) -> None:

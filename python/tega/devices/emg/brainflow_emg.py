@@ -15,10 +15,10 @@ import numpy as np
 from tega.devices.base import Options
 from tega.devices.cyton_check import AlternationCheck
 from tega.devices.emg.live_emg import Arrived, LiveEmg, LiveEmgOptions
-from tega.devices.evidence import Contradiction, Evidence, refuse
-from tega.devices.stamp_check import LATE_S, StampCheck
 from tega.errors import DeviceUnavailableError
+from tega.runtime.evidence import Contradiction, Evidence, refuse
 from tega.runtime.lifecycle import require
+from tega.runtime.stamp_check import LATE_S, StampCheck
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

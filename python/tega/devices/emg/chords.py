@@ -20,9 +20,9 @@ import numpy as np
 from tega.devices.base import Options
 from tega.devices.emg.live_emg import Arrived
 from tega.devices.emg.live_serial import BaudRate, LiveSerialEmg, LiveSerialOptions
-from tega.devices.evidence import Evidence
 from tega.devices.serial_port import POLL_S, SerialPort
 from tega.errors import DeviceUnavailableError
+from tega.runtime.evidence import Evidence
 
 # Bytes that show how many channels a packet has: at least three packets of the largest board.
 _LOOK_BYTES = 256

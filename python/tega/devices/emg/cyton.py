@@ -12,10 +12,10 @@ from tega.devices.base import Found, Options
 from tega.devices.cyton_check import AlternationCheck
 from tega.devices.emg.live_emg import Arrived
 from tega.devices.emg.live_serial import LiveSerialEmg, LiveSerialOptions
-from tega.devices.evidence import Contradiction, Evidence, refuse
 from tega.devices.serial_boards import find_boards
 from tega.devices.serial_port import SerialPort
 from tega.errors import DeviceUnavailableError
+from tega.runtime.evidence import Contradiction, Evidence, refuse
 
 if TYPE_CHECKING:
     from tega.wire import CytonBatch

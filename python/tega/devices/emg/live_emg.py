@@ -12,13 +12,13 @@ import msgspec
 from tega.devices.at_exit import closes_on_exit, release
 from tega.devices.base import DeviceInfo, EmgChunk, Kind, Options
 from tega.devices.emg.emg_health import EmgHealth
-from tega.devices.evidence import Contradiction, Contradictions, Evidence, refuse
 from tega.devices.packet_order import PacketOrder
 from tega.devices.sample_clock import SampleClock
 from tega.devices.sample_rate import LEAST_RATE_HZ, LOST_TOLERANCE, RATE_TOLERANCE, too_slow, wrong_rate
 from tega.devices.serial_port import POLL_S
 from tega.devices.value_check import ValueCheck
 from tega.errors import DeviceUnavailableError
+from tega.runtime.evidence import Contradiction, Contradictions, Evidence, refuse
 from tega.runtime.lifecycle import Opened
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ class LiveEmg(Opened):
         counter_turn: After how many samples the device's own counter repeats; ``None`` for a device that has none.
         counter_hint: The next step where the device's numbers are no counter.
         free_columns: Whether the settings alone say which columns are muscles.
-        compared: The evidence that the stream carries, and what each is compared with (:mod:`tega.devices.evidence`).
+        compared: The evidence that the stream carries, and what each is compared with (:mod:`tega.runtime.evidence`).
     """
 
     kind: ClassVar[Kind] = "emg"

@@ -12,12 +12,12 @@ import numpy as np
 
 from tega.devices.base import Found, Options
 from tega.devices.emg.live_emg import Arrived, LiveEmg, LiveEmgOptions
-from tega.devices.evidence import Contradiction, Evidence, refuse
-from tega.devices.lsl_clock import ClockCorrection
 from tega.devices.lsl_columns import undeclared
-from tega.devices.stamp_check import LATE_S, StampCheck
 from tega.errors import DeviceUnavailableError
+from tega.runtime.evidence import Contradiction, Evidence, refuse
 from tega.runtime.lsl import EXTRA, find_streams, hosts_of, load_lsl, to_monotonic_s
+from tega.runtime.lsl_clock import ClockCorrection
+from tega.runtime.stamp_check import LATE_S, StampCheck
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -11,8 +11,8 @@ import msgspec
 from tega.devices.base import Found, Options
 from tega.devices.emg.live_emg import Arrived
 from tega.devices.emg.live_serial import BaudRate, LiveSerialEmg, LiveSerialOptions
-from tega.devices.evidence import Evidence
 from tega.devices.serial_boards import find_boards
+from tega.runtime.evidence import Evidence
 
 
 class SerialEmgOptions(LiveSerialOptions, frozen=True, kw_only=True):

@@ -18,9 +18,9 @@ import numpy as np
 from tega.devices.base import Options
 from tega.devices.emg.live_emg import Arrived
 from tega.devices.emg.live_serial import BaudRate, LiveSerialEmg, LiveSerialOptions
-from tega.devices.evidence import Evidence
 from tega.devices.serial_port import POLL_S, SerialPort
 from tega.errors import DeviceUnavailableError
+from tega.runtime.evidence import Evidence
 
 _STEPS_HZ: Final = 2_000_000.0
 _STEPS_A_CHANNEL: Final = 199

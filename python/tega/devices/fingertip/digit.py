@@ -14,7 +14,6 @@ import numpy as np
 
 from tega.devices.at_exit import closes_on_exit, release
 from tega.devices.base import DeviceInfo, Found, Kind, Options, TactileFrame
-from tega.devices.evidence import Evidence
 from tega.devices.fingertip.digit_search import find_digits
 from tega.devices.fingertip.picture_check import WORDS, PictureCheck
 from tega.devices.fingertip.picture_origin import PictureOrigin
@@ -22,6 +21,7 @@ from tega.devices.fingertip.video_nodes import camera_place, find_node
 from tega.devices.jpeg_stream import at_own_size
 from tega.errors import ConfigError, DeviceUnavailableError
 from tega.runtime.device_items import CameraCounts
+from tega.runtime.evidence import Evidence
 from tega.runtime.lifecycle import Opened
 from tega.runtime.opencv import load_cv2
 from tega.runtime.reopening import Reopening

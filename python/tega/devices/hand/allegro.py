@@ -5,32 +5,23 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-<<<<<<< HEAD
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, ClassVar
-=======
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
->>>>>>> f6f9c3094e5ad17b32f06ed9dca7931837a4ef5e
+from typing import TYPE_CHECKING, ClassVar
 
 import msgspec
 import numpy as np
 
 from tega.devices.at_exit import closes_on_exit, last_words, release
 from tega.devices.base import DeviceInfo, Found, Kind, Options
-<<<<<<< HEAD
 from tega.devices.hand.allegro_options import BITRATE, AllegroOptions
-=======
-from tega.devices.evidence import Evidence
->>>>>>> f6f9c3094e5ad17b32f06ed9dca7931837a4ef5e
 from tega.devices.hand.can_links import can_links, link_trouble
 from tega.devices.hand.hand_alert import HandAlert
 from tega.devices.hand.hand_bus import bus_label
 from tega.devices.hand.hand_told import LET_GO
 from tega.errors import DeviceUnavailableError, InvalidValueError, WrongDeviceError
 from tega.hand import MOST_ADDED_LEVELS
+from tega.runtime.evidence import Evidence
 from tega.runtime.lifecycle import Opened
 
 if TYPE_CHECKING:

@@ -16,9 +16,9 @@ import msgspec
 from tega.arm.pose import StampedPose
 from tega.devices.base import DeviceInfo, Options
 from tega.devices.device_clock import DeviceClock
-from tega.devices.evidence import Evidence
 from tega.devices.tracker.tracker_thread import ThreadedTracker
 from tega.errors import DeviceUnavailableError, WrongDeviceError
+from tega.runtime.evidence import Evidence
 from tega.runtime.reopening import Reopening
 
 # One packet of the spatial input: time, size and validity, head and eyes, 26 joints of each hand.

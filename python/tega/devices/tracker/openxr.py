@@ -6,26 +6,19 @@ import os
 import queue
 import threading
 import time
-<<<<<<< HEAD
-from typing import Any, ClassVar, Final
-=======
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Annotated, Any, ClassVar, Final, Literal
->>>>>>> f6f9c3094e5ad17b32f06ed9dca7931837a4ef5e
+from typing import Any, ClassVar, Final
 
 import msgspec
 
 from tega.arm.pose import StampedPose
 from tega.devices.base import DeviceInfo, Options
-<<<<<<< HEAD
 from tega.devices.tracker.openxr_options import OpenXrOptions
-=======
-from tega.devices.evidence import Evidence
->>>>>>> f6f9c3094e5ad17b32f06ed9dca7931837a4ef5e
 from tega.devices.tracker.openxr_session import Located, XrSession
 from tega.devices.tracker.tracker_thread import ThreadedTracker
 from tega.errors import DeviceUnavailableError
+from tega.runtime.evidence import Evidence
 from tega.runtime.lifecycle import require
 from tega.runtime.reopening import Reopening
 

@@ -7,8 +7,8 @@ from typing import Any
 
 from tega.devices import driver_class
 from tega.devices.base import optional
-from tega.devices.evidence import Contradiction
 from tega.errors import SampleRateError, TegaError
+from tega.runtime.evidence import Contradiction
 from tega.setup.doctor.case import DriverCase, failed, holders
 from tega.setup.doctor.findings import Finding
 

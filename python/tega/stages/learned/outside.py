@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import msgspec
 import numpy as np
 
-from tega.devices.evidence import Contradiction, refuse
-from tega.devices.lsl_clock import ClockCorrection
-from tega.devices.stamp_check import is_other_clock
 from tega.errors import DeviceUnavailableError
 from tega.records import Intent
+from tega.runtime.evidence import Contradiction, refuse
 from tega.runtime.lsl import EXTRA, find_streams, hosts_of, load_lsl
+from tega.runtime.lsl_clock import ClockCorrection
+from tega.runtime.stamp_check import is_other_clock
 from tega.stages.base import Decoder, MuscleSetup, StageOptions
 
 if TYPE_CHECKING:

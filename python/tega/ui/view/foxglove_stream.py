@@ -32,14 +32,9 @@ _MOST = 2048
 class FoxgloveStream:
     """Serves a run's records on a websocket of this machine; use as a context manager.
 
-<<<<<<< HEAD
-    Whoever is on this machine can read the stream, and a page in its browser too: the app is one. Nobody can change
-    anything by it. ``python/tega/ui/view/foxglove-layout.json`` is a layout for the app.
-=======
     Programs of this machine and the app can read the stream. Pages of other sites that are open in the same browser,
     and other names of this machine, are refused. Nothing can be changed by it.
-    ``python/tega/data/foxglove-layout.json`` is a layout for the app.
->>>>>>> f6f9c3094e5ad17b32f06ed9dca7931837a4ef5e
+    ``python/tega/ui/view/foxglove-layout.json`` is a layout for the app.
 
     Args:
         bus: The run's.
@@ -79,13 +74,8 @@ class FoxgloveStream:
             raise DeviceUnavailableError(
                 f"foxglove: port {self._port} cannot be served: {error}", "end the program that has it"
             ) from error
-<<<<<<< HEAD
-        self.url = f"ws://127.0.0.1:{self._server.port}"
-        for kind in record_types():
-=======
         self.url = f"ws://127.0.0.1:{self._front.port}"
-        for kind in RECORDS:
->>>>>>> f6f9c3094e5ad17b32f06ed9dca7931837a4ef5e
+        for kind in record_types():
             # A hand's exchanges are stamped by another clock until the session has started; unless somebody else wants
             # them they are not even made.
             if kind.topic and kind is not HandExchange:

@@ -6,7 +6,7 @@ import math
 from collections import deque
 from typing import Final
 
-from tega.devices.evidence import Contradiction
+from tega.runtime.evidence import Contradiction
 
 AHEAD_S: Final = 0.05
 """An item cannot arrive before it was taken; clocks that are compared over a network agree much better than this."""
