@@ -93,6 +93,24 @@ impl Cells {
         self.colour.judge(&mut self.white, gel, &self.grid)
     }
 
+    /// S of the last change as it is now, after more was taken out than [`Self::judge`] takes.
+    #[inline(always)]
+    pub fn plain(&mut self) -> f32 {
+        self.colour.plain(&self.white, &self.grid)
+    }
+
+    /// Change from one untouched gel in counts to another in noise units, a change of light taken out.
+    pub fn change_between(&mut self, now: &Field, gel: &Field) {
+        let noise = self.noise.arranged(self.order);
+        for (((white, now), gel), noise) in self.white.iter_mut().zip(now).zip(gel).zip(noise) {
+            white.iter_mut().zip(now).zip(gel).for_each(|((w, now), gel)| *w = (now - gel) / noise);
+        }
+        if self.colour.tells() {
+            self.colour.glance(&self.white, &self.grid);
+            judge(self, gel);
+        }
+    }
+
     /// The dent of the last image; call [`Self::judge`] before.
     pub fn dent(&mut self, outline: Outline) -> Dent {
         self.reader.read(&self.white, &self.grid, outline)
@@ -138,6 +156,11 @@ tega_simd::dispatched! {
 tega_simd::dispatched! {
     /// See [`Cells::judge`].
     judge = Cells::judge, (cells: &mut Cells, gel: &Field) -> f32
+}
+
+tega_simd::dispatched! {
+    /// See [`Cells::plain`].
+    plain = Cells::plain, (cells: &mut Cells) -> f32
 }
 
 /// Change of cell means to the untouched gel, in noise units.

@@ -13,13 +13,12 @@ use tega_error::OutOfRange;
 
 use super::cells::Grid;
 use super::colour::Field;
-use super::dent::{Dent, Outline};
+use super::dent::Dent;
+use super::fading::Fading;
 use super::law::Sums;
-use super::light::GelLight;
-use super::noise::SensorNoise;
-use super::still::{Cells, follow, glance, judge};
+use super::still::{Cells, follow, glance, judge, plain};
+use super::touch::{Touch, TrackerOptions};
 use crate::error::TactileError;
-use crate::frame::Order;
 
 /// S of a gel at rest before its own is known.
 const REST_PRIOR: f64 = 1.4;
@@ -83,67 +82,6 @@ const OVER_LEFTOVER_SHARE: f64 = 0.03;
 const STRENGTH_FROM: f64 = 0.6;
 const STRENGTH_FULL: f64 = 2.0;
 
-/// How the tracker of a fingertip is made.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TrackerOptions {
-    /// Frames a second when no time is given with a frame.
-    pub rate_hz: f64,
-    /// Order of the colour bytes.
-    pub order: Order,
-    /// Noise of the sensor; that of a DIGIT where it is not known.
-    pub noise: SensorNoise,
-    /// Light, scale and stiffness of the gel.
-    pub light: GelLight,
-    /// What the outline means.
-    pub outline: Outline,
-    /// Whether the rest is taken anew after a release.
-    pub rezero: bool,
-}
-
-impl Default for TrackerOptions {
-    fn default() -> Self {
-        Self {
-            rate_hz: 60.0,
-            order: Order::default(),
-            noise: SensorNoise::default(),
-            light: GelLight::default(),
-            outline: Outline::default(),
-            rezero: true,
-        }
-    }
-}
-
-/// What one frame says of a fingertip's contact.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Touch {
-    /// Whether something touches.
-    pub in_contact: bool,
-    /// Effective deformation area, pixels; 0 without contact.
-    pub eda: u32,
-    /// Contact concentration: `peak` over the root of `eda`; focal contacts have more of it than broad ones.
-    pub cci: f64,
-    /// Height of the dent in counts: change of colour times width; rises with the press.
-    pub peak: f64,
-    /// Depth of the dent, millimetres, as far as light and scale are those of the sensor.
-    pub depth_mm: f64,
-    /// Normal force, newtons, by the gel's stiffness and the volume pressed in; likewise.
-    pub force_n: f64,
-    /// Sum of the change of colour over the dent, counts times pixels.
-    pub mass: f64,
-    /// Middle of the dent (column, row): of its outline in an even light; NaN without contact.
-    pub centroid_xy: (f64, f64),
-    /// Root mean square distance of the outlined pixels from their mean place, pixels; NaN without contact.
-    pub spread: f64,
-    /// How sure the contact is: 0 to 1, graded around the threshold.
-    pub strength: f64,
-    /// Share of the picture that is dented, 0 to 1.
-    pub broad: f64,
-    /// S: how much of the picture differs from the untouched gel, noise units.
-    pub difference: f64,
-    /// S from which a contact begins.
-    pub threshold: f64,
-}
-
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum State {
     Quiet,
@@ -183,6 +121,8 @@ pub struct TouchTracker {
     rest: f64,
     smooth: Option<f64>,
     leftover: f64,
+    /// What fades in the rest since the last release.
+    fading: Fading,
     quiet_frames: f64,
     dent: Option<Dent>,
     /// The last frame's depth over that by shading alone.
@@ -215,6 +155,7 @@ impl TouchTracker {
             rest: REST_PRIOR,
             smooth: None,
             leftover: 0.0,
+            fading: Fading::default(),
             quiet_frames: FIRST_FRAMES,
             dent: None,
             deeper: 1.0,
@@ -272,22 +213,32 @@ impl TouchTracker {
         let threshold = began + self.leftover;
         let mut now = f64::from(glance(&mut self.cells, &self.gel));
         let before = self.smooth.unwrap_or(now);
+        if self.fading.lasts() {
+            self.fading.measure(&self.cells);
+        }
         let quiet = self.state == State::Quiet && now < GLANCE * threshold && before < GLANCE * threshold;
         if !quiet && self.cells.colour.tells() {
             now = f64::from(judge(&mut self.cells, &self.gel));
+            if self.fading.lasts() {
+                self.fading.measure(&self.cells);
+                self.fading.explain(&mut self.cells.white);
+                now = f64::from(plain(&mut self.cells));
+            }
         }
         let s = before + step(dt_s, SMOOTH_S) * (now - before);
         self.smooth = Some(s);
-        self.advance([before, s], now, dt_s, threshold, loaded);
+        // What a fading leftover explains says nothing of how much rest varies.
+        let rest = if quiet || !self.fading.lasts() { Some(now) } else { None };
+        self.advance([before, s], rest, dt_s, threshold, loaded);
         self.touch(s, threshold)
     }
 
-    fn advance(&mut self, [before, s]: [f64; 2], now: f64, dt_s: f64, threshold: f64, loaded: bool) {
+    fn advance(&mut self, [before, s]: [f64; 2], rest: Option<f64>, dt_s: f64, threshold: f64, loaded: bool) {
         match &mut self.state {
             State::Quiet if s > threshold && self.cells.colour.tells() => {
                 self.state = State::Contact { peak: s, since_half_s: 0.0, fallen: None, faint_s: 0.0 };
             }
-            State::Quiet => self.rest_on(now, dt_s),
+            State::Quiet => self.rest_on(rest, dt_s),
             State::Contact { peak, since_half_s, fallen, faint_s } => {
                 *peak = peak.max(s);
                 *since_half_s = if s >= HALF * *peak { 0.0 } else { *since_half_s + dt_s };
@@ -344,6 +295,7 @@ impl TouchTracker {
                 if over || stays || rises {
                     self.state = State::Contact { peak: s, since_half_s: 0.0, fallen: None, faint_s: 0.0 };
                 } else if due && self.options.rezero && !loaded {
+                    self.fading.begin(&mut self.cells, &mut self.gel, &self.pending);
                     self.gel.clone_from(&self.pending);
                     self.leftover = self.leftover.max(LEFTOVER * peak);
                     self.smooth = None;
@@ -355,10 +307,16 @@ impl TouchTracker {
     }
 
     /// Learns from a frame without contact: how much rest varies, and what it looks like now.
-    fn rest_on(&mut self, now: f64, dt_s: f64) {
-        let lag =
-            if now < self.rest { step(dt_s, REST_DOWN_S).min(REST_DOWN_MOST) } else { step(dt_s, REST_UP_S) };
-        self.rest += lag * (now - self.rest);
+    fn rest_on(&mut self, rest: Option<f64>, dt_s: f64) {
+        if let Some(now) = rest {
+            let down = now < self.rest;
+            let lag = if down { step(dt_s, REST_DOWN_S).min(REST_DOWN_MOST) } else { step(dt_s, REST_UP_S) };
+            self.rest += lag * (now - self.rest);
+        }
+        if self.fading.lasts() {
+            self.fading.follow(&self.cells, &mut self.gel, dt_s);
+            self.fading.pass(dt_s);
+        }
         self.quiet_frames += 1.0;
         let follow_s = if self.leftover > SOON_SHARE * self.rest { FOLLOW_SOON_S } else { FOLLOW_S };
         let share = step(dt_s, follow_s).max(1.0 / self.quiet_frames);
