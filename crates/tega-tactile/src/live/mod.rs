@@ -12,12 +12,15 @@
 
 mod cells;
 mod colour;
+mod course;
 mod dent;
 mod depth;
 mod fading;
+mod filter;
 mod grain;
 mod law;
 mod light;
+mod mains;
 mod middle;
 mod noise;
 mod peak;

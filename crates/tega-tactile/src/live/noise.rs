@@ -14,6 +14,11 @@ const PRIOR: [f32; 3] = [1.32, 0.65, 1.17];
 const LEAST: f32 = 0.25;
 const MOST: f32 = 4.0;
 
+/// A few cells, stuck or touched, are left out of the mean over the cells; it counts where it is so much more than the median: most cells of a
+/// strongly compressed picture repeat exactly, and the others change by whole steps.
+const LEFT_OUT: usize = 10;
+const UNEVEN: f64 = 1.35;
+
 /// Noise of a camera's cells: the standard deviation of a cell's mean from frame to frame, per colour.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SensorNoise {
@@ -74,13 +79,17 @@ impl SensorNoise {
         let n = frames.len() as i64;
         // n (n - 1) times the variance, whole numbers; the median of a sum of squares lies under its mean (Wilson and Hilferty).
         let under = (1.0 - 2.0 / (9.0 * (n - 1) as f64)).powi(3);
-        let scale = f64::from(UNITS_PER_COUNT) * f64::from(UNITS_PER_COUNT) * (n * (n - 1)) as f64 * under;
+        let scale = f64::from(UNITS_PER_COUNT) * f64::from(UNITS_PER_COUNT) * (n * (n - 1)) as f64;
         let stored = order.arrange([2, 1, 0]); // which of blue, green, red a byte is
         let mut bgr = [0.0; 3];
         for (sums, colour) in sums.iter().zip(stored) {
             let mut spreads: Vec<i64> = sums.iter().map(|[sum, square]| n * square - sum * sum).collect();
-            let middle = *spreads.select_nth_unstable(grid.cells() / 2).1;
-            bgr[colour] = within((middle as f64 / scale).sqrt() as f32, colour);
+            spreads.sort_unstable();
+            let middle = spreads.get(spreads.len() / 2).map_or(0.0, |spread| *spread as f64 / under);
+            let kept = spreads.get(..spreads.len() - spreads.len() / LEFT_OUT).unwrap_or_default();
+            let mean = kept.iter().map(|spread| *spread as f64).sum::<f64>() / kept.len().max(1) as f64;
+            let variance = if mean > UNEVEN * UNEVEN * middle { mean } else { middle } / scale;
+            bgr[colour] = within(variance.sqrt() as f32, colour);
         }
         Ok(Self { bgr })
     }

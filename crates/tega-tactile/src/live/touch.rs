@@ -65,3 +65,24 @@ pub struct Touch {
     /// S from which a contact begins.
     pub threshold: f64,
 }
+
+impl Default for Touch {
+    /// No contact.
+    fn default() -> Self {
+        Self {
+            in_contact: false,
+            eda: 0,
+            cci: 0.0,
+            peak: 0.0,
+            depth_mm: 0.0,
+            force_n: 0.0,
+            mass: 0.0,
+            centroid_xy: (f64::NAN, f64::NAN),
+            spread: f64::NAN,
+            strength: 0.0,
+            broad: 0.0,
+            difference: 0.0,
+            threshold: 0.0,
+        }
+    }
+}
