@@ -104,6 +104,7 @@ def run_settings(
     from tega.config import load_config
     from tega.safety.ctrl_c import CtrlC
     from tega.teleop import run_session
+    from tega.teleop.rezeroing import REZERO_KEY, RezeroKey
 
     if wait_for_go and not view:
         raise click.UsageError("--wait-for-go is for --view, whose page has the button")
@@ -116,11 +117,14 @@ def run_settings(
     settings = load_config(config, sets=sets).config
     _check_station(settings, config, station)
     name = shlex.quote(str(config))
-    heading = f"TEGA · {config.name}" + (" · space or q: stop" if sys.stdin.isatty() else "")
-    started = time.perf_counter()
+    heading = f"TEGA · {config.name}" + (
+        f" · space or q: stop · {REZERO_KEY}: new baseline" if sys.stdin.isatty() else ""
+    )
+    started, bus = time.perf_counter(), Bus()
+    others = {REZERO_KEY: RezeroKey(bus).press}
     with (
         CtrlC() as stop,
-        stop_keys(stop, enabled=not as_json),
+        stop_keys(stop, enabled=not as_json, others=others),
         stage(heading, enabled=not as_json) as (progress, display),
         ExitStack() as shown,
     ):
@@ -129,7 +133,6 @@ def run_settings(
             if display is None:  # the live view shows it
                 click.echo(said, err=True)
 
-        bus = Bus()
         shown.enter_context(streamed(bus, streams))
         if display is not None:
             display.watch(bus)

@@ -39,8 +39,10 @@ TROUBLES: Final[tuple[Trouble, ...]] = ("none", "mains", "jpeg", "drift", "cast"
 REST_S, HOLD_S, EDGE_S, WATCH_S, LIGHT_S = 3.0, 4.0, 0.1, 60.0, 1.0
 SETTLED_S: Final = 0.5
 LIGHT_SHARE: Final = 0.33
-# Shares of the dent at which its colours are worked out; between them they are a straight line.
-_LEVELS: Final = (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.33, 0.5, 0.75, 1.0)
+# Shares of the depth at which a press's colours are worked out, and shares of the dent that may be left; between
+# them they are a straight line.
+_PRESSED: Final = (0.0, LIGHT_SHARE, 0.5, 0.75, 1.0)
+_LEFT: Final = (0.0, 0.05, 0.1, 0.2)
 # A leftover as it was measured on a clean camera: seconds after the release, share of the dent.
 RECIPE_S: Final = ((0.0, 0.16), (0.13, 0.13), (1.0, 0.08), (2.7, 0.06), (10.0, 0.0))
 
@@ -178,23 +180,26 @@ class _Camera:
         still = backgrounds()[case.background]
         self.still = still.astype(np.float32)
         place = (float(self.rng.uniform(0.35, 0.65)), float(self.rng.uniform(0.35, 0.65)))
-        dents = (
-            change_of_colour(case.light, still, dent_mm(case.shape, share * case.depth_mm, still.shape[:2], place))
-            for share in _LEVELS[1:]
-        )
-        self.changes = [np.zeros_like(self.still), *dents]
-        if not case.leftover:
-            by = 130.0 / float(np.abs(self.changes[-1]).max())
-            self.changes = [by * change for change in self.changes]
+
+        def change(depth_mm: float, by: float = 1.0) -> NDArray[np.float32]:
+            dent = dent_mm(case.shape, depth_mm, (still.shape[0], still.shape[1]), place)
+            return change_of_colour(case.light, still, np.float32(by) * dent)
+
+        by = 1.0 if case.leftover else 130.0 / float(np.abs(change(case.depth_mm)).max())
+        nothing = [np.zeros_like(self.still)]
+        self.pressed = [*nothing, *(by * change(share * case.depth_mm) for share in _PRESSED[1:])]
+        # A gel keeps a fainter copy of the dent, not the narrower dent of a lighter press.
+        self.left = [*nothing, *(by * change(case.depth_mm, share) for share in _LEFT[1:])]
         shape = (8, *still.shape)
         self.noises = (case.noise * self.rng.standard_normal(shape, dtype=np.float32)).astype(np.float32)
         down = np.linspace(0.0, 1.0, still.shape[1 if case.sideways else 0], dtype=np.float32)
         self.down = down[None, :, None] if case.sideways else down[:, None, None]
         self.tilt = np.linspace(-1.0, 1.0, still.shape[1], dtype=np.float32)[None, :, None]
 
-    def picture(self, t_s: float, share: float) -> Image:
-        """Take a picture at a time while a share of the dent is there."""
-        picture = self.still + self._change(share)
+    def picture(self, t_s: float, pressed: float = 0.0, left: float = 0.0) -> Image:
+        """Take a picture at a time while a share of the depth is pressed, or a share of the dent is left."""
+        change = _between(_PRESSED, self.pressed, pressed) if pressed else _between(_LEFT, self.left, left)
+        picture = self.still + change
         case = self.case
         if case.trouble == "mains":
             # Rows are read one after the other over nine tenths of the time from picture to picture.
@@ -215,23 +220,31 @@ class _Camera:
             taken = cv2.imdecode(packed, cv2.IMREAD_COLOR).astype(np.uint8)
         return taken
 
-    def _change(self, share: float) -> NDArray[np.float32]:
-        k = min(max(int(np.searchsorted(_LEVELS, share)), 1), len(_LEVELS) - 1)
-        low, high = _LEVELS[k - 1], _LEVELS[k]
-        part = np.float32((share - low) / (high - low))
-        return self.changes[k - 1] + part * (self.changes[k] - self.changes[k - 1])
+
+def _between(
+    shares: tuple[float, ...], changes: list[NDArray[np.float32]], share: float
+) -> NDArray[np.float32]:
+    k = min(max(int(np.searchsorted(shares, share)), 1), len(shares) - 1)
+    part = np.float32((share - shares[k - 1]) / (shares[k] - shares[k - 1]))
+    return changes[k - 1] + part * (changes[k] - changes[k - 1])
 
 
-def _course(case: Case, t_s: float) -> float:
-    """Return the share of the dent at a time of the case, seconds since its first frame."""
-    pressed = np.interp(t_s, (REST_S, REST_S + EDGE_S), (0.0, 1.0))
+def _course(case: Case, t_s: float) -> tuple[float, float]:
+    """Return the share of the depth that is pressed at a time since the first frame, and the share of the dent left."""
     released_s = t_s - (REST_S + HOLD_S)
-    if released_s < 0:
-        return float(pressed)
-    share = max(case.left(released_s), 1.0 - released_s / EDGE_S)
+    if released_s < EDGE_S:
+        pressed = (
+            np.interp(t_s, (REST_S, REST_S + EDGE_S), (0.0, 1.0))
+            if released_s < 0
+            else 1.0 - released_s / EDGE_S
+        )
+        if pressed > case.left(0.0) or released_s < 0:
+            return float(pressed), 0.0
     if case.again_s is not None and case.again_s <= released_s < case.again_s + 1.5:
-        share = max(share, 0.5)
-    return LIGHT_SHARE if released_s >= WATCH_S else share
+        return 0.5, 0.0
+    if released_s >= WATCH_S:
+        return LIGHT_SHARE, 0.0
+    return 0.0, case.left(released_s)
 
 
 def _times(case: Case) -> NDArray[np.float64]:
@@ -245,15 +258,13 @@ def _times(case: Case) -> NDArray[np.float64]:
 def judge_case(case: Case) -> Outcome:
     """Run a case and judge what was reported."""
     camera, rate_hz = _Camera(case), case.rate_hz
-    still = [camera.picture(-2.0 + k / rate_hz, 0.0) for k in range(round(rate_hz))]
+    still = [camera.picture(-2.0 + k / rate_hz) for k in range(round(rate_hz))]
     noise = sensor_noise(still) if case.measured else None
-    tracker = TouchTracker(
-        np.rint(np.mean(still, axis=0)).astype(np.uint8), rate_hz=rate_hz, noise=noise
-    )
+    tracker = TouchTracker(np.rint(np.mean(still, axis=0)).astype(np.uint8), rate_hz=rate_hz, noise=noise)
     times = _times(case)
     steps = np.diff(times, prepend=-1.0 / rate_hz)
     contacts = [
-        tracker.update(camera.picture(t, _course(case, t)), dt_s=float(step))
+        tracker.update(camera.picture(t, *_course(case, t)), dt_s=float(step))
         for t, step in zip(times, steps, strict=True)
     ]
     return _judged(case, noise, times - (REST_S + HOLD_S), contacts)
@@ -331,9 +342,13 @@ def _percent(shares: list[float]) -> str:
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
 @click.option("--cases", type=click.IntRange(1, 100_000), default=240, show_default=True)
-@click.option("--seed-text", default="a minute after", show_default=True, help="What the seed is the hash of.")
+@click.option(
+    "--seed-text", default="a minute after", show_default=True, help="What the seed is the hash of."
+)
 @click.option("--processes", type=click.IntRange(1, 64), default=2, show_default=True)
-@click.option("--recipe", "only_recipe", is_flag=True, help="Only the clean camera's leftover of ten seconds.")
+@click.option(
+    "--recipe", "only_recipe", is_flag=True, help="Only the clean camera's leftover of ten seconds."
+)
 @click.option("--each", is_flag=True, help="Print every case that failed.")
 def main(cases: int, seed_text: str, processes: int, only_recipe: bool, each: bool) -> None:  # noqa: FBT001
     """Print how many cases had a contact that was not there, and what was felt."""

@@ -247,3 +247,102 @@ impl Left {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DT_S: f64 = 1.0 / 60.0;
+
+    fn now(before: f64, s: f64) -> Now {
+        Now { before, s, threshold: 2.0, leftover: 0.0, rest: 1.0, dt_s: DT_S, loaded: false, centre: Some((9.0, 9.0)) }
+    }
+
+    /// Seconds until a contact that goes on at this S ends, and how; at most a minute.
+    fn ends(held: &mut Held, s: f64, of: impl Fn(Now) -> Now) -> Option<(f64, Ends)> {
+        (1..3600).find_map(|k| held.pass(&of(now(s, s))).map(|ends| (f64::from(k) * DT_S, ends)))
+    }
+
+    #[test]
+    fn a_faint_contact_ends_after_two_seconds_and_is_not_felt_again_where_it_stays() {
+        let (after_s, Ends::Released(mut left)) = ends(&mut Held::new(2.2), 2.2, |now| now).unwrap() else {
+            panic!("not released");
+        };
+        assert!((2.0..2.1).contains(&after_s), "{after_s}");
+        let mut frames = (0..90).map(|_| left.pass(&now(2.2, 2.2)));
+        assert_eq!(frames.find_map(|then| then), Some(Then::Over));
+        // A contact that is over the threshold again has its time back.
+        let mut held = Held::new(2.2);
+        for k in 0..600 {
+            let s = if k % 60 < 30 { 2.2 } else { 2.6 };
+            assert_eq!(held.pass(&now(s, s)), None, "frame {k}");
+        }
+    }
+
+    #[test]
+    fn under_the_threshold_a_contact_is_over_within_a_tenth_of_a_second() {
+        let (after_s, _) = ends(&mut Held::new(2.2), 1.6, |now| now).unwrap();
+        assert!((0.06..0.1).contains(&after_s), "{after_s}");
+        assert_eq!(Held::new(2.2).pass(&now(2.2, 1.39)), Some(Ends::Quiet));
+    }
+
+    /// A contact of S = 41 that falls within two frames to a share of that, rest taken off; its release.
+    fn fallen(share: f64) -> Left {
+        let mut held = Held::new(41.0);
+        held.pass(&now(41.0, 41.0));
+        let (mut before, low) = (41.0, 1.0 + 40.0 * share);
+        for s in [15.0_f64.max(low), low, low, low, low] {
+            if let Some(Ends::Released(left)) = held.pass(&now(before, s)) {
+                return left;
+            }
+            before = s;
+        }
+        panic!("not released");
+    }
+
+    #[test]
+    fn what_fell_and_stays_is_felt_again_where_it_is_more_than_a_leftover() {
+        for (share, then) in [(0.25, Then::Again), (0.2, Then::Over), (0.1, Then::Over)] {
+            let (mut left, s) = (fallen(share), 1.0 + 40.0 * share);
+            let found = (0..90).find_map(|_| left.pass(&now(s, s)));
+            assert_eq!(found, Some(then), "{share}");
+        }
+        // And what rises over its lowest, at once.
+        let mut left = fallen(0.2);
+        let found = (0..30).map(|k| left.pass(&now(9.0, if k < 10 { 9.0 } else { 11.0 }))).position(|then| then.is_some());
+        assert!(found.is_some_and(|at| (11..30).contains(&at)), "{found:?}");
+    }
+
+    #[test]
+    fn what_was_felt_again_and_only_sinks_is_a_leftover_after_all() {
+        for (loaded, rises, released) in [(false, false, true), (true, false, false), (false, true, false)] {
+            let mut held = Held::again(11.0);
+            let found = (0..360).find_map(|k| {
+                let up = if rises && k == 60 { 6.0 } else { 0.0 };
+                let s = 1.0 + 10.0 * (-f64::from(k) * DT_S / 10.0).exp() + up;
+                held.pass(&Now { loaded, ..now(s, s) })
+            });
+            assert_eq!(matches!(found, Some(Ends::Released(_))), released, "{loaded} {rises}");
+        }
+        // One that began by itself may sink as it likes.
+        assert!((0..360).all(|k| Held::new(11.0).pass(&now(11.0, 11.0 - f64::from(k) / 60.0)).is_none()));
+    }
+
+    #[test]
+    fn a_faint_contact_that_does_not_change_for_long_becomes_rest_unless_something_speaks_for_a_grip() {
+        let faint = 3.0;
+        let (after_s, ends_as) = ends(&mut Held::new(faint), faint, |now| now).unwrap();
+        assert!((STEADY_S..STEADY_S + 1.0).contains(&after_s), "{after_s}");
+        assert!(matches!(ends_as, Ends::Released(_)));
+        assert_eq!(ends(&mut Held::new(faint), faint, |now| Now { loaded: true, ..now }), None);
+        assert_eq!(ends(&mut Held::new(20.0), 20.0, |now| now), None);
+        let (mut moves, mut grows) = (Held::new(faint), Held::new(faint));
+        for k in 0..3600 {
+            let turn = f64::from(k / 600 % 2);
+            let centre = Some((9.0 + 20.0 * turn, 9.0));
+            assert_eq!(moves.pass(&Now { centre, ..now(faint, faint) }), None, "frame {k}");
+            let s = faint + 0.5 * turn;
+            assert_eq!(grows.pass(&now(s, s)), None, "frame {k}");
+        }
+    }
+}

@@ -14,10 +14,11 @@ const PRIOR: [f32; 3] = [1.32, 0.65, 1.17];
 const LEAST: f32 = 0.25;
 const MOST: f32 = 4.0;
 
-/// A few cells, stuck or touched, are left out of the mean over the cells; it counts where it is so much more than the median: most cells of a
-/// strongly compressed picture repeat exactly, and the others change by whole steps.
-const LEFT_OUT: usize = 10;
-const UNEVEN: f64 = 1.35;
+/// A few cells, stuck or touched, are left out: one of so many.
+const LEFT_OUT: usize = 50;
+/// The others' variances, each weighed by itself as the reading weighs energies, count where they are so much more than the median: most cells
+/// of a strongly compressed picture repeat exactly, and the rest change by whole steps.
+const UNEVEN: f64 = 4.0;
 
 /// Noise of a camera's cells: the standard deviation of a cell's mean from frame to frame, per colour.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -87,8 +88,12 @@ impl SensorNoise {
             spreads.sort_unstable();
             let middle = spreads.get(spreads.len() / 2).map_or(0.0, |spread| *spread as f64 / under);
             let kept = spreads.get(..spreads.len() - spreads.len() / LEFT_OUT).unwrap_or_default();
-            let mean = kept.iter().map(|spread| *spread as f64).sum::<f64>() / kept.len().max(1) as f64;
-            let variance = if mean > UNEVEN * UNEVEN * middle { mean } else { middle } / scale;
+            let [sum, squares] = kept.iter().fold([0.0; 2], |[sum, squares], spread| {
+                let spread = *spread as f64;
+                [sum + spread, squares + spread * spread]
+            });
+            let weighed = if sum > 0.0 { squares / sum } else { 0.0 };
+            let variance = if weighed > UNEVEN * middle { weighed } else { middle } / scale;
             bgr[colour] = within(variance.sqrt() as f32, colour);
         }
         Ok(Self { bgr })

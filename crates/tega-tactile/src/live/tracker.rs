@@ -168,6 +168,26 @@ impl TouchTracker {
         Ok(dt_s)
     }
 
+    /// Takes the last picture for that of the untouched gel, however it differs; whether it did: a dark picture is none.
+    ///
+    /// What touches now is not felt until it moves. Before the first frame the baseline stays.
+    pub fn rezero(&mut self) -> bool {
+        if self.dark_s > 0.0 {
+            return false;
+        }
+        for (gel, means) in self.gel.iter_mut().zip(&self.cells.means) {
+            follow(gel, means, 1.0 / super::cells::UNITS_PER_COUNT, 1.0);
+        }
+        self.fading.clear();
+        self.filter.clear();
+        (self.smooth, self.leftover, self.dent) = (None, 0.0, None);
+        // One picture has all of a picture's noise: the next ones are averaged with it.
+        (self.quiet_frames, self.rest) = (1.0, self.rest.max(REST_PRIOR));
+        self.state = State::Quiet;
+        self.last = Touch { threshold: self.last.threshold, ..Touch::default() };
+        true
+    }
+
     /// Reads the cells that were taken last.
     fn read(&mut self, dt_s: f64, loaded: bool) -> Touch {
         if self.dark_s < DARK_S && self.cells.dark(&self.gel) {
@@ -180,9 +200,8 @@ impl TouchTracker {
         let began = (OVER_REST * self.rest).max(LEAST_GATE);
         let threshold = began + self.leftover;
         let mut now = f64::from(glance(&mut self.cells, &self.gel));
-        let before = self.smooth.unwrap_or(now);
         let still = self.state == State::Quiet;
-        let quiet = still && now < GLANCE * threshold && before < GLANCE * threshold;
+        let quiet = still && now.max(self.smooth.unwrap_or(0.0)) < GLANCE * threshold;
         let fades = self.fading.lasts();
         if quiet || !self.cells.colour.tells() {
             if fades {
@@ -192,6 +211,7 @@ impl TouchTracker {
         } else {
             now = self.judged(still.then_some(threshold), dt_s);
         }
+        let before = self.smooth.unwrap_or(now);
         let s = before + step(dt_s, SMOOTH_S) * (now - before);
         self.smooth = Some(s);
         // What a fading leftover explains says nothing of how much rest varies.

@@ -16,6 +16,7 @@ from tega.records import Button, EmgSamples, Marker, Picture
 from tega.scene.decode import ScenePicture
 from tega.stages.base import MeasuredPicture
 from tega.teleop.adapting import UNDO_SEAT
+from tega.teleop.rezeroing import REZERO_SEAT
 from tega.view.browser.hand_figure import STANDING, HandFigure
 from tega.view.browser.muscle_rows import MuscleRows
 from tega.view.state import EmgTail, TouchImage, ViewState
@@ -109,6 +110,10 @@ class SessionFeed:
     def undo(self) -> None:
         """Undo the adaptation of EMG as its key does; once more has it begin anew."""
         self._bus.publish(Button(seat=UNDO_SEAT, t_ns=self._t_ns, seq=0, button="page", pressed=True))
+
+    def rezero(self) -> None:
+        """Have every finger take a new baseline, as the input ``rezero`` does."""
+        self._bus.publish(Button(seat=REZERO_SEAT, t_ns=self._t_ns, seq=0, button="page", pressed=True))
 
     def _see(self, picture: Picture) -> None:
         shown = self._pictures.get(picture.finger)
