@@ -1,4 +1,4 @@
-"""Watch a minute after each release of a touch, over what gels, lights and cameras do: no contact may be reported in it.
+"""Watch a minute after each release of a touch, over what gels, lights and cameras do: no contact may be reported.
 
 ::
 
@@ -39,10 +39,8 @@ TROUBLES: Final[tuple[Trouble, ...]] = ("none", "mains", "jpeg", "drift", "cast"
 REST_S, HOLD_S, EDGE_S, WATCH_S, LIGHT_S = 3.0, 4.0, 0.1, 60.0, 1.0
 SETTLED_S: Final = 0.5
 LIGHT_SHARE: Final = 0.33
-# Shares of the depth at which a press's colours are worked out, and shares of the dent that may be left; between
-# them they are a straight line.
+# Shares of the depth at which a press's colours are worked out; between them they are a straight line.
 _PRESSED: Final = (0.0, LIGHT_SHARE, 0.5, 0.75, 1.0)
-_LEFT: Final = (0.0, 0.05, 0.1, 0.2)
 # A leftover as it was measured on a clean camera: seconds after the release, share of the dent.
 RECIPE_S: Final = ((0.0, 0.16), (0.13, 0.13), (1.0, 0.08), (2.7, 0.06), (10.0, 0.0))
 
@@ -74,7 +72,8 @@ class Case(NamedTuple):
     def left(self, t_s: float) -> float:
         """Return the share of the dent that is left so long after the release."""
         if not self.leftover:
-            return float(np.interp(t_s, *zip(*RECIPE_S, strict=True)))
+            times_s, shares = zip(*RECIPE_S, strict=True)
+            return float(np.interp(t_s, times_s, shares))
         return sum(share * float(np.exp(-t_s / tau_s)) for share, tau_s in self.leftover)
 
 
@@ -168,7 +167,9 @@ def draw_cases(n: int, text: str) -> Iterator[Case]:
 
 def recipe(noise: float = 0.3, background: str = "D20641", *, shape: OtherShape = "large ball") -> Case:
     """Return the touch of a clean camera whose leftover fades over ten seconds, at 60 Hz."""
-    return Case(0, background, "slopes", shape, 1.2, noise, (), "none", 0.0, True, None, rate_hz=60.0)
+    return Case(
+        0, background, "slopes", shape, 1.2, noise, (), "none", 0.0, measured=True, again_s=None, rate_hz=60.0
+    )
 
 
 class _Camera:
@@ -181,15 +182,14 @@ class _Camera:
         self.still = still.astype(np.float32)
         place = (float(self.rng.uniform(0.35, 0.65)), float(self.rng.uniform(0.35, 0.65)))
 
-        def change(depth_mm: float, by: float = 1.0) -> NDArray[np.float32]:
-            dent = dent_mm(case.shape, depth_mm, (still.shape[0], still.shape[1]), place)
-            return change_of_colour(case.light, still, np.float32(by) * dent)
-
-        by = 1.0 if case.leftover else 130.0 / float(np.abs(change(case.depth_mm)).max())
-        nothing = [np.zeros_like(self.still)]
-        self.pressed = [*nothing, *(by * change(share * case.depth_mm) for share in _PRESSED[1:])]
-        # A gel keeps a fainter copy of the dent, not the narrower dent of a lighter press.
-        self.left = [*nothing, *(by * change(case.depth_mm, share) for share in _LEFT[1:])]
+        changes = [
+            change_of_colour(
+                case.light, still, dent_mm(case.shape, share * case.depth_mm, still.shape[:2], place)
+            )
+            for share in _PRESSED
+        ]
+        by = 1.0 if case.leftover else 130.0 / float(np.abs(changes[-1]).max())
+        self.pressed = [by * change for change in changes]
         shape = (8, *still.shape)
         self.noises = (case.noise * self.rng.standard_normal(shape, dtype=np.float32)).astype(np.float32)
         down = np.linspace(0.0, 1.0, still.shape[1 if case.sideways else 0], dtype=np.float32)
@@ -197,8 +197,9 @@ class _Camera:
         self.tilt = np.linspace(-1.0, 1.0, still.shape[1], dtype=np.float32)[None, :, None]
 
     def picture(self, t_s: float, pressed: float = 0.0, left: float = 0.0) -> Image:
-        """Take a picture at a time while a share of the depth is pressed, or a share of the dent is left."""
-        change = _between(_PRESSED, self.pressed, pressed) if pressed else _between(_LEFT, self.left, left)
+        """Take a picture at a time while a share of the depth is pressed, or a share of the dent's colours is left."""
+        # A gel keeps a fainter copy of the dent, not the narrower dent of a lighter press.
+        change = self._at(pressed) if pressed else np.float32(left) * self.pressed[-1]
         picture = self.still + change
         case = self.case
         if case.trouble == "mains":
@@ -217,16 +218,15 @@ class _Camera:
         taken = np.clip(np.rint(picture + rolled), 0, 255).astype(np.uint8)
         if case.trouble == "jpeg":
             _, packed = cv2.imencode(".jpg", taken, [cv2.IMWRITE_JPEG_QUALITY, int(case.amount)])
-            taken = cv2.imdecode(packed, cv2.IMREAD_COLOR).astype(np.uint8)
-        return taken
+            taken = np.asarray(cv2.imdecode(packed, cv2.IMREAD_COLOR), np.uint8)
+        picture_taken: Image = taken
+        return picture_taken
 
-
-def _between(
-    shares: tuple[float, ...], changes: list[NDArray[np.float32]], share: float
-) -> NDArray[np.float32]:
-    k = min(max(int(np.searchsorted(shares, share)), 1), len(shares) - 1)
-    part = np.float32((share - shares[k - 1]) / (shares[k] - shares[k - 1]))
-    return changes[k - 1] + part * (changes[k] - changes[k - 1])
+    def _at(self, share: float) -> NDArray[np.float32]:
+        k = min(max(int(np.searchsorted(_PRESSED, share)), 1), len(_PRESSED) - 1)
+        part = float((share - _PRESSED[k - 1]) / (_PRESSED[k] - _PRESSED[k - 1]))
+        between: NDArray[np.float32] = self.pressed[k - 1] + part * (self.pressed[k] - self.pressed[k - 1])
+        return between
 
 
 def _course(case: Case, t_s: float) -> tuple[float, float]:
@@ -252,7 +252,8 @@ def _times(case: Case) -> NDArray[np.float64]:
     times = np.arange(round((REST_S + HOLD_S + WATCH_S + LIGHT_S) * case.rate_hz)) / case.rate_hz
     since_s = times - (REST_S + HOLD_S)
     slow = (since_s > 20.0) & (since_s < WATCH_S - 2.0) & (case.trouble != "mains")
-    return times[~slow | (np.arange(len(times)) % 3 == 0)]
+    taken: NDArray[np.float64] = times[~slow | (np.arange(len(times)) % 3 == 0)]
+    return taken
 
 
 def judge_case(case: Case) -> Outcome:
@@ -318,7 +319,9 @@ def _table(outcomes: list[Outcome]) -> list[str]:
         "light press | scatter of EDA, median and worst | largest jump |",
         "|---" * 10 + "|",
     ]
-    groups = [(t, [o for o in outcomes if o.case.trouble == t]) for t in TROUBLES]
+    groups: list[tuple[str, list[Outcome]]] = [
+        (t, [o for o in outcomes if o.case.trouble == t]) for t in TROUBLES
+    ]
     noises = sorted({o.case.noise for o in outcomes})
     groups += [(f"noise {n:g}", [o for o in outcomes if o.case.noise == n]) for n in noises]
     groups += [("all", outcomes)]

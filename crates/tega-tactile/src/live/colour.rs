@@ -83,11 +83,12 @@ impl Colour {
         &self.left
     }
 
-    /// S of a change as it is, without a fit.
+    /// S of a change as it is, without a fit; [`Self::judge`] may follow.
     #[inline(always)]
     pub fn plain(&mut self, white: &Field, grid: &Grid) -> f32 {
-        for (white, left) in white.iter().zip(&mut self.left) {
-            pool(white, grid, self.cols, left);
+        for c in 0..3 {
+            pool(&white[c], grid, self.cols, &mut self.pooled[c]);
+            self.left[c].clone_from(&self.pooled[c]);
         }
         self.statistic()
     }

@@ -67,6 +67,18 @@ impl Lines {
         }
     }
 
+    /// Adds to each line half of what its neighbours have.
+    fn spread(&mut self) {
+        for values in [&mut self.products, &mut self.squares] {
+            let mut before = 0.0;
+            for k in 0..values.len() {
+                let (own, after) = (values[k], values.get(k + 1).copied().unwrap_or_default());
+                values[k] = own + 0.5 * (before + after);
+                before = own;
+            }
+        }
+    }
+
     /// Takes the straight line out of the gains: that is a change of light.
     fn level(&mut self) {
         let n = self.gain.len() as f32;
@@ -161,6 +173,8 @@ impl Mains {
                 self.lines.products[at] += self.trust[k] * product;
                 self.lines.squares[at] += self.trust[k] * square;
             }
+            // Bands are wider than a line: one that a contact covers has its neighbours' gain.
+            self.lines.spread();
             self.lines.solve(held);
         }
         for ((white, gel), noise) in white.iter_mut().zip(gel).zip(noise) {

@@ -18,7 +18,9 @@ const MOST: f32 = 4.0;
 const LEFT_OUT: usize = 50;
 /// The others' variances, each weighed by itself as the reading weighs energies, count where they are so much more than the median: most cells
 /// of a strongly compressed picture repeat exactly, and the rest change by whole steps.
-const UNEVEN: f64 = 4.0;
+const UNEVEN: f64 = 8.0;
+/// Fewer frames do not show how uneven the cells are.
+const FEWEST: usize = 10;
 
 /// Noise of a camera's cells: the standard deviation of a cell's mean from frame to frame, per colour.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -93,7 +95,7 @@ impl SensorNoise {
                 [sum + spread, squares + spread * spread]
             });
             let weighed = if sum > 0.0 { squares / sum } else { 0.0 };
-            let variance = if weighed > UNEVEN * middle { weighed } else { middle } / scale;
+            let variance = if frames.len() >= FEWEST && weighed > UNEVEN * middle { weighed } else { middle } / scale;
             bgr[colour] = within(variance.sqrt() as f32, colour);
         }
         Ok(Self { bgr })

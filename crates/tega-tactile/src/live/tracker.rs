@@ -214,8 +214,8 @@ impl TouchTracker {
         let before = self.smooth.unwrap_or(now);
         let s = before + step(dt_s, SMOOTH_S) * (now - before);
         self.smooth = Some(s);
-        // What a fading leftover explains says nothing of how much rest varies.
-        let rest = (quiet || !fades).then_some(now);
+        // What a fading leftover explains does not show that rest varies less.
+        let rest = if quiet || !fades { now } else { now.max(self.rest) };
         self.advance([before, s], rest, dt_s, threshold, loaded);
         self.last = self.touch(s, threshold, dt_s);
         self.last
@@ -228,7 +228,9 @@ impl TouchTracker {
         let noise = cells.noise.arranged(cells.order);
         let bands = threshold.map(|_| self.mains.measure(&cells.white, gel, noise, &cells.grid));
         if self.mains.correct(&mut cells.white, gel, noise, &cells.grid) {
-            now = f64::from(plain(cells));
+            // The fit of the light took a share of the bands for light.
+            plain(cells);
+            now = f64::from(judge(cells, gel));
         }
         if self.fading.lasts() {
             self.fading.measure(cells);
@@ -268,7 +270,7 @@ impl TouchTracker {
         }
     }
 
-    fn advance(&mut self, [before, s]: [f64; 2], rest: Option<f64>, dt_s: f64, threshold: f64, loaded: bool) {
+    fn advance(&mut self, [before, s]: [f64; 2], rest: f64, dt_s: f64, threshold: f64, loaded: bool) {
         let centre = self.dent.map(|dent| dent.middle).filter(|(x, _)| x.is_finite());
         let Self { leftover, .. } = *self;
         let now = Now { before, s, threshold, leftover, rest: self.rest, dt_s, loaded, centre };
@@ -313,12 +315,10 @@ impl TouchTracker {
     }
 
     /// Learns from a frame without contact: how much rest varies, and what it looks like now.
-    fn rest_on(&mut self, rest: Option<f64>, dt_s: f64) {
-        if let Some(now) = rest {
-            let down = now < self.rest;
-            let lag = if down { step(dt_s, REST_DOWN_S).min(REST_DOWN_MOST) } else { step(dt_s, REST_UP_S) };
-            self.rest += lag * (now - self.rest);
-        }
+    fn rest_on(&mut self, now: f64, dt_s: f64) {
+        let down = now < self.rest;
+        let lag = if down { step(dt_s, REST_DOWN_S).min(REST_DOWN_MOST) } else { step(dt_s, REST_UP_S) };
+        self.rest += lag * (now - self.rest);
         if self.fading.lasts() {
             self.fading.follow(&self.cells, &mut self.gel, dt_s);
             self.fading.pass(dt_s);
