@@ -4,14 +4,29 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+<<<<<<< HEAD
 from typing import Any
+=======
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Final, TypeVar
+>>>>>>> 3c79e31cc02c18f01c42df717a02b4f80d12c71a
 
 import click
 
 from tega.safety.stop import Stop as AnyStop
 
+<<<<<<< HEAD
+=======
+if TYPE_CHECKING:
+    from tega_sim.world import ObjectSpec
+
+_NO_KEYS: Final = MappingProxyType[str, Callable[[], None]]({})
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+>>>>>>> 3c79e31cc02c18f01c42df717a02b4f80d12c71a
 
 class ChannelList(click.ParamType[list[int]]):
     """Channel numbers, comma separated."""
@@ -75,8 +90,16 @@ def worn_by(person: str | None, sets: tuple[str, ...]) -> tuple[str, ...]:
 
 
 @contextmanager
-def stop_keys(stop: AnyStop, *, enabled: bool = True) -> Iterator[None]:
-    """Let the space bar and q ask for the end, where there is a terminal to press them on."""
+def stop_keys(
+    stop: AnyStop, *, enabled: bool = True, others: Mapping[str, Callable[[], None]] = _NO_KEYS
+) -> Iterator[None]:
+    """Let the space bar and q ask for the end, where there is a terminal to press them on.
+
+    Args:
+        stop: Is asked for the end.
+        enabled: Whether keys are read at all.
+        others: Called when its key is pressed.
+    """
     if not enabled or not (sys.stdin.isatty() and sys.stderr.isatty()):
         yield
         return
@@ -86,6 +109,8 @@ def stop_keys(stop: AnyStop, *, enabled: bool = True) -> Iterator[None]:
         for key in keys.read():
             if key in {" ", "q", "Q"}:
                 return "the space bar" if key == " " else "the key q"
+            if (action := others.get(key)) is not None:
+                action()
         return ""
 
     with Keys() as keys:
