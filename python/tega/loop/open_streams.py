@@ -15,12 +15,8 @@ from tega.loop.inbox.sources import grasp_blocks, picture_of, samples_of
 from tega.loop.inbox.stream import LiveStream, PulledStream, Stream
 from tega.loop.joint_motion import JointMotion
 from tega.loop.latency import LatencyTrace
-<<<<<<< HEAD
-from tega.records import Contact, EmgSamples, Intent, Picture
-=======
 from tega.loop.rezeroing import FingerRezero
-from tega.records import EmgSamples, Picture
->>>>>>> 3c79e31cc02c18f01c42df717a02b4f80d12c71a
+from tega.records import Contact, EmgSamples, Intent, Picture
 from tega.stages.base import MeasuredPicture
 
 if TYPE_CHECKING:

@@ -6,27 +6,15 @@ import json
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-<<<<<<< HEAD
-from typing import Any
-=======
-from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Final, TypeVar
->>>>>>> 3c79e31cc02c18f01c42df717a02b4f80d12c71a
+from typing import Any, Final
 
 import click
 
 from tega.safety.stop import Stop as AnyStop
 
-<<<<<<< HEAD
-=======
-if TYPE_CHECKING:
-    from tega_sim.world import ObjectSpec
-
 _NO_KEYS: Final = MappingProxyType[str, Callable[[], None]]({})
-_Function = TypeVar("_Function", bound=Callable[..., Any])
 
->>>>>>> 3c79e31cc02c18f01c42df717a02b4f80d12c71a
 
 class ChannelList(click.ParamType[list[int]]):
     """Channel numbers, comma separated."""

@@ -99,11 +99,8 @@ def run_settings(
     spare_threads()
     from tega.config import load_config
     from tega.loop import run_session
-<<<<<<< HEAD
     from tega.loop.controls import Controls
-=======
     from tega.loop.rezeroing import REZERO_KEY, RezeroKey
->>>>>>> 3c79e31cc02c18f01c42df717a02b4f80d12c71a
     from tega.records.bus import Bus
     from tega.records.display import Notice
     from tega.safety.ctrl_c import CtrlC
@@ -140,11 +137,7 @@ def run_settings(
             if display is None:  # the live view shows it
                 click.echo(said, err=True)
 
-<<<<<<< HEAD
-        bus = Bus()
         bus.subscribe(Notice, lambda notice: tell(notice.text), name="notices")
-=======
->>>>>>> 3c79e31cc02c18f01c42df717a02b4f80d12c71a
         shown.enter_context(streamed(bus, streams))
         if display is not None:
             display.watch(bus)

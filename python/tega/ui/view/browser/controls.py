@@ -50,13 +50,8 @@ class Controls:
         self.can_pause = can_pause
         self.can_mute = can_mute
         self.objects = tuple(objects)
-<<<<<<< HEAD
-        self.try_motor, self.can_go, self.undo = try_motor, can_go, undo
-        self.playhead, self.annotate = playhead, annotate
-=======
         self.try_motor, self.can_go, self.undo, self.rezero = try_motor, can_go, undo, rezero
-        self.playhead = playhead
->>>>>>> 3c79e31cc02c18f01c42df717a02b4f80d12c71a
+        self.playhead, self.annotate = playhead, annotate
         self._go = threading.Event()
         self._lock = threading.Lock()
         self._stop = threading.Event()

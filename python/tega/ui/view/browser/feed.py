@@ -13,11 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tega.loop.adapting import UNDO_SEAT
-<<<<<<< HEAD
 from tega.loop.parts import Part
-=======
 from tega.loop.rezeroing import REZERO_SEAT
->>>>>>> 3c79e31cc02c18f01c42df717a02b4f80d12c71a
 from tega.records import Button, EmgSamples, Marker, Picture
 from tega.records.display import DisplayPicture, DisplayRows
 from tega.stages.base import MeasuredPicture
