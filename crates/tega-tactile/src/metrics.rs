@@ -172,7 +172,7 @@ pub fn contact_metrics(pair: &Pair<'_>, options: &Options, scratch: &mut Scratch
                 peak: i128::from(greys.peak),
                 peak_xy: greys.peak_xy,
             };
-            let count = |first: i32| greys.count_from(pair, &kernel, first);
+            let count = |first: i32| greys.count_from(&kernel, first);
             // A grey value outside `i32` is beyond every pixel's.
             let outside = |negative: bool| if negative { i32::MIN } else { i32::MAX };
             map.resolve(&|first| count(i32::try_from(*first).unwrap_or(outside(first.is_negative()))))
