@@ -18,16 +18,15 @@ from msgspec.structs import replace
 
 from reference.recordings import baseline, pressed, write_folder
 from reference.scripted import MS, STARTED_NS, ScriptedCamera, Sink, live_frame, touching
+from reference.wired import wired_loop
 from tega.config.calibration import TouchMaxima
 from tega.config.choose import preset_metric
 from tega.devices.base import TactileFrame
 from tega.errors import RecordingError
-from tega.loop.hand import ModelledAllegro
 from tega.loop.inbox.frames import measured_contacts
 from tega.loop.inbox.sources import SourceReport
 from tega.loop.inbox.stream import PulledStream
 from tega.loop.inbox.stuck_frames import STUCK_FRAMES, LastFrame
-from tega.loop.loop import DualLoop
 from tega.loop.pacing import Pacer
 from tega.loop.touch import STALE_NS, TouchLoop
 from tega.records import Contact
@@ -149,12 +148,11 @@ def test_a_stuck_sensor_falls_silent_and_comes_back() -> None:
     last_used_ns, back_ns = 3 * 16 * MS, 32 * 16 * MS
     assert [one for one in contacts if last_used_ns < one.t_ns < back_ns] == []
     vest = Sink()
-    loop = DualLoop(
-        pacer=Pacer(ManualClock()),
-        touch=TouchLoop({"thumb": TouchMaxima(cci_max=1.0, eda_max=100.0)}, layout="paper32"),
+    loop = wired_loop(
+        Pacer(ManualClock()),
+        TouchLoop({"thumb": TouchMaxima(cci_max=1.0, eda_max=100.0)}, layout="paper32"),
         contacts={"thumb": PulledStream(contacts)},
         levels=None,
-        hand=ModelledAllegro(),
         vests=[vest],
         hands=[],
     )

@@ -26,12 +26,15 @@ from numpy.typing import NDArray
 from tega.config.calibration import TouchMaxima
 from tega.haptics import FINGERS
 from tega.loop.hand import ModelledAllegro
+from tega.loop.hand_output import HandOutput
 from tega.loop.inbox.stream import PulledStream
 from tega.loop.inbox.stuck_frames import LastFrame
 from tega.loop.loop import DualLoop
 from tega.loop.pacing import Pacer
 from tega.loop.touch import TouchLoop
+from tega.loop.vest_output import VestOutput
 from tega.records import Contact, Intent
+from tega.records.bus import Bus
 from tega.runtime.clock import ManualClock
 from tega.tactile.tracker import TouchTracker
 from tega.wire import x40_ble_frame
@@ -208,15 +211,16 @@ def _read_picture(gel: Gel, pressing: list[Indenter], tracker: TouchTracker) -> 
 def _minute(*, emg: bool) -> object:
     contacts = [replace(TOUCH, t_ns=k * 16_666_667) for k in range(3600)]
     blocks = [Intent(t_ns=k * 100_000_000, channels=(2,), level=2) for k in range(1, 600)]
+    pacer, bus = Pacer(ManualClock()), Bus()
+    touch = TouchLoop({"thumb": TouchMaxima(cci_max=1.0, eda_max=100.0)}, layout="x40")
     loop = DualLoop(
-        pacer=Pacer(ManualClock()),
-        touch=TouchLoop({"thumb": TouchMaxima(cci_max=1.0, eda_max=100.0)}, layout="x40"),
+        pacer=pacer,
+        touch=touch,
         contacts={"thumb": PulledStream(contacts, end_ns=MINUTE_NS)},
         levels=PulledStream(blocks, end_ns=MINUTE_NS) if emg else None,
-        hand=ModelledAllegro(),
-        vests=[Nowhere()],
-        hands=[Nowhere()],
-        live_vests=[],
+        hand=HandOutput(ModelledAllegro(), [Nowhere()], bus=bus),
+        vest=VestOutput(touch, [Nowhere()], bus=bus, now_ns=pacer.elapsed_ns),
+        bus=bus,
     )
     loop.run()
     return loop

@@ -8,20 +8,23 @@ JPEG pictures from the contacts as recorded, and the pictures are measured besid
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Callable, Sequence, Set
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import msgspec
-import numpy as np
 
+from tega.hand import joined_level
 from tega.loop.hand import ModelledAllegro
+from tega.loop.hand_output import HandOutput
 from tega.loop.inbox.stream import NEVER_NS, Item, PulledStream
 from tega.loop.loop import DualLoop
-from tega.loop.moment import Moment
+from tega.loop.moment import Moment, Moments
 from tega.loop.motor_tests import lit_frame
 from tega.loop.pacing import Pacer
 from tega.loop.touch_loop import touch_loop
+from tega.loop.vest_output import VestOutput
 from tega.recording.replay.arm import compare_arm
 from tega.recording.replay.beside import compare_beside
 from tega.recording.replay.compare import Comparison, compare
@@ -35,7 +38,7 @@ from tega.recording.replay.measured import (
     picture_errors,
 )
 from tega.recording.replay.recorded import Recorded, read_recorded
-from tega.recording.replay.reflex import recorded_arc
+from tega.recording.replay.reflex import RecordedGuard, recorded_arc
 from tega.records import (
     Adaptation,
     BusFrame,
@@ -54,7 +57,6 @@ from tega.runtime.files.foreign_file import tells_damage
 
 if TYPE_CHECKING:
     from tega.haptics import MotorLevels
-    from tega.loop.loop_report import LoopReport
     from tega.wire import CanFrame
 
 
@@ -151,76 +153,86 @@ class _Again(msgspec.Struct):
     def contact(self, contact: Contact) -> None:
         self.contacts[contact.finger].append(contact)
 
-    def event(self, event: Event) -> None:
-        self.events.append(event)
-
-    def intent(self, intent: Intent) -> None:
-        self.levels.append(intent)
-
     def vest_frame(self, frame: VestFrame) -> None:
         self.vest.append((frame.t_ns, frame.layout, bytes(frame.intensities)))
 
-    def command(self, asked: HandCommand, level: float) -> None:
-        self.hand.append((asked.t_ns, level, asked.frames))
+    def command(self, command: HandCommand) -> None:
+        self.hand.append((command.t_ns, joined_level(command.level, command.closure), command.frames))
 
 
 def _run(recorded: Recorded, measured: Measured, bus: Bus) -> _Again:
     head, config = recorded.head, measured.config
     again = _Again({finger: [] for finger in recorded.contacts})
     pacer = _RecordedPacer(recorded)
-    reflex = recorded_arc(recorded, config, tick_ns=lambda: pacer.tick_ns, tell=again.reflex.append)
-    imposed = {} if reflex is not None else dict(recorded.imposed)
-    hand = _ModelledHand(recorded, pacer, config.hand.device_id, imposed)
+    reflex = recorded_arc(recorded, config, tell=again.reflex.append)
+    steered = head.facts["steered"] == "true"
+    hand = (_UnseenHand if steered else ModelledAllegro)(device_id=config.hand.device_id)
     with_emg = "emg" in head.sources
-    asked = 0
-    on = {n_asked: on for n_asked, on, _ in recorded.haptics}
-    state = True
-
-    def haptics() -> bool:
-        nonlocal asked, state
-        state = on.get(asked, state)
-        asked += 1
-        return state
-
-    def tried(t_ns: int, frame: MotorLevels) -> MotorLevels:
-        before = [row for row in recorded.tried if row[0] <= t_ns][-1:]
-        return lit_frame(frame, *before[0][1:]) if before and before[0][2] else frame
-
     bus.subscribe(Contact, again.contact, vital=True)
-    bus.subscribe(Intent, again.intent, vital=True)
-    if "Event" in head.versions:  # earlier recordings do not tell events
-        bus.subscribe(Event, again.event, vital=True)
+    bus.subscribe(Intent, again.levels.append, vital=True)
+    if "Event" in head.versions:  # earlier recordings have no events
+        bus.subscribe(Event, again.events.append, vital=True)
     bus.subscribe(VestFrame, again.vest_frame, vital=True)
     if head.facts["observed"] == "true":
         bus.subscribe(Moment, lambda _moment: None)
-    bus.subscribe(HandCommand, lambda asked: again.command(asked, hand.level), vital=True)
+    bus.subscribe(HandCommand, again.command, vital=True)
     contacts = {
         finger: _as_taken(contact_items(recorded, measured, finger), pacer, recorded)
         for finger in recorded.contacts
     }
-    levels = _as_taken(level_items(recorded, measured), pacer, recorded) if with_emg else None
+    touch = touch_loop(config, measured.calibration, recorded.contacts)
     loop = DualLoop(
         pacer=pacer,
-        touch=touch_loop(config, measured.calibration, recorded.contacts),
+        touch=touch,
         contacts=contacts,
-        levels=levels,
-        hand=hand,
-        vests=[],
-        hands=[],
+        levels=_as_taken(level_items(recorded, measured), pacer, recorded) if with_emg else None,
+        hand=HandOutput(hand, bus=bus, reflex=reflex),
+        vest=VestOutput(
+            touch,
+            bus=bus,
+            now_ns=pacer.elapsed_ns,
+            rate_hz=config.vest.rate_hz,
+            by_frame=(config.vest.pace or head.facts.get("pace", "steady")) == "by-frame",
+            haptics=_recorded_haptics(recorded),
+            tests=_RecordedTrials(recorded) if recorded.tried else None,
+        ),
         bus=bus,
-        vest_rate_hz=config.vest.rate_hz,
-        by_frame=(config.vest.pace or head.facts.get("pace", "steady")) == "by-frame",
-        haptics=haptics,
-        endless=bool(recorded.turns),
-        tried=tried if recorded.tried else lambda _t_ns, frame: frame,
-        reflex=reflex,
+        guard=RecordedGuard(recorded, lambda: pacer.tick_ns),
+        moments=Moments(bus, hand if with_emg else None),
         look=(lambda t_ns, _level: recorded.looks.get(t_ns)) if recorded.looks else None,
     )
     ended = "" if recorded.end is None else recorded.end[1]
     duration_ns = recorded.end[0] if recorded.end is not None and ended == "duration" else None
-    report: LoopReport = loop.run(duration_ns=duration_ns, stop=pacer.over)
+    report = loop.run(duration_ns=duration_ns, stop=pacer.over, endless=bool(recorded.turns))
     again.end_ns = report.end_ns
     return again
+
+
+def _recorded_haptics(recorded: Recorded) -> Callable[[], bool]:
+    """Return whether motors could turn, one call after the other."""
+    changes = {n_asked: on for n_asked, on, _ in recorded.haptics}
+    numbers, on = count(), True
+
+    def haptics() -> bool:
+        nonlocal on
+        on = changes.get(next(numbers), on)
+        return on
+
+    return haptics
+
+
+class _RecordedTrials:
+    """Motors that were tried in the run."""
+
+    def __init__(self, recorded: Recorded) -> None:
+        self._rows = recorded.tried
+
+    def frame(self, t_ns: int, frame: MotorLevels) -> MotorLevels:
+        before = [row for row in self._rows if row[0] <= t_ns][-1:]
+        return lit_frame(frame, *before[0][1:]) if before and before[0][2] else frame
+
+    def sent(self, t_ns: int, sent: MotorLevels | None) -> None:
+        """Do nothing: the answer was given in the run."""
 
 
 def _as_taken(items: list[tuple[int, Item]], pacer: _RecordedPacer, recorded: Recorded) -> PulledStream[Item]:
@@ -274,32 +286,14 @@ class _RecordedPacer(Pacer):
         return self.n_waits >= self._n_most and not self._turns_ns
 
 
-class _ModelledHand:
-    """The modelled hand; where a real one closed its own loop, only the levels it was asked for."""
+class _UnseenHand(ModelledAllegro):
+    """A real hand that closed its own loop: its frames are not the loop's."""
 
-    def __init__(
-        self, recorded: Recorded, pacer: _RecordedPacer, device_id: int, imposed: Mapping[int, float]
-    ) -> None:
-        self._model = ModelledAllegro(device_id=device_id)
-        self._steered = recorded.head.facts["steered"] == "true"
-        self._pacer = pacer
-        self._imposed = imposed
-        self._level: float = 0
-        self.level: float = 0
+    def step(self, level: float, added: float = 0.0) -> list[CanFrame]:  # noqa: ARG002
+        return []
 
-    @property
-    def angles_rad(self) -> np.ndarray[Any, np.dtype[np.float64]]:
-        return self._model.angles_rad
-
-    def step(self, level: float, added: float = 0.0) -> Sequence[CanFrame]:
-        self._level = self._imposed.get(self._pacer.tick_ns, self._level)
-        own = self._level or level
-        self.level = own + added
-        return [] if self._steered else self._model.step(own, added)
-
-    def limp(self) -> Sequence[CanFrame]:
-        self.level = 0
-        return [] if self._steered else self._model.limp()
+    def limp(self) -> list[CanFrame]:
+        return []
 
 
 def _compare_pixels(measured: Measured) -> list[Comparison]:
