@@ -26,7 +26,7 @@ from tega.errors import RecordingError
 from tega.loop.inbox.frames import measured_contacts
 from tega.loop.inbox.sources import SourceReport
 from tega.loop.inbox.stream import PulledStream
-from tega.loop.inbox.stuck_frames import STUCK_FRAMES, LastFrame
+from tega.loop.inbox.stuck_frames import STUCK_FRAMES, is_repeat, kept_picture
 from tega.loop.pacing import Pacer
 from tega.loop.touch import STALE_NS, TouchLoop
 from tega.records import Contact
@@ -179,13 +179,10 @@ def test_pictures_are_equal_exactly_when_every_pixel_is(data: st.DataObject) -> 
         other[at] = data.draw(st.integers(0, 255))
     if data.draw(st.booleans()):
         one, other = one[:, ::-1], other[:, ::-1]
-    last, metrics = LastFrame(), touching(7)
-    assert last.repeat(one) is None
-    last.keep(one, metrics)
+    last = kept_picture(one, touching(7))
     equal = not np.count_nonzero(one.astype(int) - other.astype(int))
-    assert (last.repeat(other) is metrics) == equal
-    assert last.n_equal == 1 + equal
-    assert last.repeat(one[:-1]) is None
+    assert is_repeat(other, last) == equal
+    assert not is_repeat(one[:-1], last)
 
 
 def test_a_recording_whose_pixels_stand_still_says_so(

@@ -88,6 +88,11 @@ class MotorTests:
         finally:
             self._one.release()
 
+    @property
+    def active(self) -> bool:
+        """Whether a motor vibrates or is asked for."""
+        return self._running is not None or self._wanted is not None
+
     def frame(self, t_ns: int, frame: MotorLevels) -> MotorLevels:
         """Return the frame of a tick, with the motor that is tried in it; called by the loop.
 
@@ -95,8 +100,6 @@ class MotorTests:
             t_ns: The tick.
             frame: The frame as it is without.
         """
-        if self._running is None and self._wanted is None:
-            return frame
         why = self._refused()
         wanted, self._wanted = self._wanted, None
         if self._running is not None and (why or t_ns >= self._running[1]):

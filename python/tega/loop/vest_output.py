@@ -18,7 +18,14 @@ if TYPE_CHECKING:
 
 
 class MotorTrials(Protocol):
-    """Trials of single motors, which change frames on their way to the vest."""
+    """Trials of single motors, which change frames on their way to the vest.
+
+    Attributes:
+        active: Whether a motor is tried now, or a trial is asked for.
+    """
+
+    @property
+    def active(self) -> bool: ...  # noqa: D102  # above
 
     def frame(self, t_ns: int, frame: MotorLevels) -> MotorLevels:
         """Return the frame of a tick, with the motor that is tried now."""
@@ -133,8 +140,9 @@ class VestOutput:
         trace = self._trace
         began_ns = 0 if trace is None else trace.now_ns()
         frame = self._touch.frame(t_ns) if self._allowed(t_ns) else self._touch.silence()
-        if self._tests is not None:
-            frame = self._tests.frame(t_ns, frame)
+        trial = self._tests if self._tests is not None and self._tests.active else None
+        if trial is not None:
+            frame = trial.frame(t_ns, frame)
         made_ns = 0 if trace is None else trace.now_ns()
         before = self.frame
         if news := before is None or not only_news or frame != before:
@@ -143,8 +151,8 @@ class VestOutput:
             for vest in self._live_vests:
                 sent = vest.write(t_ns, frame)
                 self._publish(records.SentFrame, t_ns, sent)
-            if self._tests is not None:
-                self._tests.sent(t_ns, sent)
+            if trial is not None:
+                trial.sent(t_ns, sent)
         if trace is not None:
             trace.vest(t_ns, began_ns, made_ns, changed=self._changes(before, frame))
         if news:

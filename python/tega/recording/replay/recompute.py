@@ -194,7 +194,7 @@ def _run(recorded: Recorded, measured: Measured, bus: Bus) -> _Again:
             rate_hz=config.vest.rate_hz,
             by_frame=(config.vest.pace or head.facts.get("pace", "steady")) == "by-frame",
             haptics=_recorded_haptics(recorded),
-            tests=_RecordedTrials(recorded) if recorded.tried else None,
+            tests=_RecordedTrials(recorded),
         ),
         bus=bus,
         guard=RecordedGuard(recorded, lambda: pacer.tick_ns),
@@ -226,6 +226,7 @@ class _RecordedTrials:
 
     def __init__(self, recorded: Recorded) -> None:
         self._rows = recorded.tried
+        self.active = bool(recorded.tried)
 
     def frame(self, t_ns: int, frame: MotorLevels) -> MotorLevels:
         before = [row for row in self._rows if row[0] <= t_ns][-1:]
