@@ -29,7 +29,7 @@ from tega.loop.touch import TouchLoop
 from tega.loop.worn_vest import worn_vest
 from tega.recording.replay import replay_file
 from tega.recording.replay.recorded import read_recorded
-from tega.records import Contact, Intent, Latency
+from tega.records import Contact, Intent, Latency, VestFrame
 from tega.records.bus import Bus
 from tega.runtime.clock import ManualClock, SystemClock
 from tega.runtime.wake import Bell
@@ -156,7 +156,7 @@ def test_a_run_by_frame_is_recorded_and_computed_again_bit_for_bit(tmp_path: Pat
     replay = replay_file(file)
     assert replay.same, [stream for stream in replay.streams if stream.differ]
     ticks = {round(k * 1e9 / 30) for k in range(91)}
-    between = [t_ns for t_ns, _, _ in read_recorded(file).vest if t_ns not in ticks]
+    between = [one.t_ns for one in read_recorded(file).of(VestFrame) if one.t_ns not in ticks]
     if pace == "steady":
         assert between == []
         return

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from tega.arm.messages import Health
 from tega.loop.arm_view import ArmView
-from tega.records import Marker
+from tega.records import ArmTurn, Marker
 
 if TYPE_CHECKING:
     from tega.loop.moment import LoopView
@@ -30,7 +30,8 @@ class PlayedBeside:
     """
 
     def __init__(self, recorded: Recorded, playhead: Playhead, bus: Bus) -> None:
-        self._turns, self._markers = recorded.turns, sorted(recorded.markers)
+        self._turns = recorded.of(ArmTurn)
+        self._markers = sorted((marker.t_ns, marker.text) for marker in recorded.of(Marker))
         self._turns_ns = [turn.t_ns for turn in self._turns]
         self._playhead, self._bus = playhead, bus
         self._n_jumps, self._passed_ns = playhead.n_jumps, playhead.from_ns - 1

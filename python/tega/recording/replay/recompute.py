@@ -9,9 +9,10 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Callable, Sequence, Set
+from functools import partial
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import msgspec
 
@@ -37,17 +38,23 @@ from tega.recording.replay.measured import (
     measured_again,
     picture_errors,
 )
-from tega.recording.replay.recorded import Recorded, read_recorded
+from tega.recording.replay.recorded import Kind, Recorded, read_recorded
 from tega.recording.replay.reflex import RecordedGuard, recorded_arc
 from tega.records import (
     Adaptation,
+    ArmTurn,
     BusFrame,
     Contact,
+    End,
     Event,
     HandCommand,
+    Haptics,
     Intent,
     Record,
     ReflexGrip,
+    SentFrame,
+    Skip,
+    TriedMotor,
     VestFrame,
 )
 from tega.records.bus import Bus
@@ -62,6 +69,7 @@ if TYPE_CHECKING:
 
 # When things were done is no result.
 _WHEN = frozenset({"t_ns", "taken_ns", "known_ns"})
+_COMPARED: Final[tuple[type[Record], ...]] = (Contact, Intent, Event, VestFrame, HandCommand, ReflexGrip)
 
 
 class Replay(msgspec.Struct, frozen=True):
@@ -139,43 +147,32 @@ def replay_file(
     )
 
 
-class _Again(msgspec.Struct):
-    """Outputs of the second run."""
+class _Again:
+    """Records of the second run, by type."""
 
-    contacts: dict[str, list[Contact]] = {}
-    levels: list[Intent] = []
-    events: list[Event] = []
-    vest: list[tuple[int, str, bytes]] = []
-    hand: list[tuple[int, float, Sequence[BusFrame]]] = []
-    reflex: list[ReflexGrip] = []
-    end_ns: int = 0
+    def __init__(self, bus: Bus, kinds: Sequence[type[Record]]) -> None:
+        self.end_ns = 0
+        self._records: dict[type[Record], list[Any]] = {kind: [] for kind in kinds}
+        for kind, records in self._records.items():
+            bus.subscribe(kind, records.append, name="replay", vital=True)
 
-    def contact(self, contact: Contact) -> None:
-        self.contacts[contact.finger].append(contact)
-
-    def vest_frame(self, frame: VestFrame) -> None:
-        self.vest.append((frame.t_ns, frame.layout, bytes(frame.intensities)))
-
-    def command(self, command: HandCommand) -> None:
-        self.hand.append((command.t_ns, joined_level(command.level, command.closure), command.frames))
+    def of(self, kind: type[Kind]) -> list[Kind]:
+        """Return the records of a type, in order."""
+        return self._records.get(kind, [])
 
 
 def _run(recorded: Recorded, measured: Measured, bus: Bus) -> _Again:
     head, config = recorded.head, measured.config
-    again = _Again({finger: [] for finger in recorded.contacts})
+    # Earlier recordings have no events.
+    again = _Again(bus, [kind for kind in _COMPARED if kind is not Event or "Event" in head.versions])
     pacer = _RecordedPacer(recorded)
-    reflex = recorded_arc(recorded, config, tell=again.reflex.append)
+    reflex = recorded_arc(recorded, config, tell=bus.publish)
+    looks = recorded.looks
     steered = head.facts["steered"] == "true"
     hand = (_UnseenHand if steered else ModelledAllegro)(device_id=config.hand.device_id)
     with_emg = "emg" in head.sources
-    bus.subscribe(Contact, again.contact, vital=True)
-    bus.subscribe(Intent, again.levels.append, vital=True)
-    if "Event" in head.versions:  # earlier recordings have no events
-        bus.subscribe(Event, again.events.append, vital=True)
-    bus.subscribe(VestFrame, again.vest_frame, vital=True)
     if head.facts["observed"] == "true":
         bus.subscribe(Moment, lambda _moment: None)
-    bus.subscribe(HandCommand, again.command, vital=True)
     contacts = {
         finger: _as_taken(contact_items(recorded, measured, finger), pacer, recorded)
         for finger in recorded.contacts
@@ -199,18 +196,18 @@ def _run(recorded: Recorded, measured: Measured, bus: Bus) -> _Again:
         bus=bus,
         guard=RecordedGuard(recorded, lambda: pacer.tick_ns),
         moments=Moments(bus, hand if with_emg else None),
-        look=(lambda t_ns, _level: recorded.looks.get(t_ns)) if recorded.looks else None,
+        look=(lambda t_ns, _level: looks.get(t_ns)) if looks else None,
     )
-    ended = "" if recorded.end is None else recorded.end[1]
-    duration_ns = recorded.end[0] if recorded.end is not None and ended == "duration" else None
-    report = loop.run(duration_ns=duration_ns, stop=pacer.over, endless=bool(recorded.turns))
+    end = recorded.end
+    duration_ns = end.end_ns if end is not None and end.ended == "duration" else None
+    report = loop.run(duration_ns=duration_ns, stop=pacer.over, endless=bool(recorded.of(ArmTurn)))
     again.end_ns = report.end_ns
     return again
 
 
 def _recorded_haptics(recorded: Recorded) -> Callable[[], bool]:
     """Return whether motors could turn, one call after the other."""
-    changes = {n_asked: on for n_asked, on, _ in recorded.haptics}
+    changes = {one.n_asked: one.on for one in recorded.of(Haptics)}
     numbers, on = count(), True
 
     def haptics() -> bool:
@@ -225,12 +222,14 @@ class _RecordedTrials:
     """Motors that were tried in the run."""
 
     def __init__(self, recorded: Recorded) -> None:
-        self._rows = recorded.tried
-        self.active = bool(recorded.tried)
+        self._tried = recorded.of(TriedMotor)
+        self.active = bool(self._tried)
 
     def frame(self, t_ns: int, frame: MotorLevels) -> MotorLevels:
-        before = [row for row in self._rows if row[0] <= t_ns][-1:]
-        return lit_frame(frame, *before[0][1:]) if before and before[0][2] else frame
+        newest = next((one for one in reversed(self._tried) if one.t_ns <= t_ns), None)
+        return (
+            frame if newest is None or not newest.percent else lit_frame(frame, newest.motor, newest.percent)
+        )
 
     def sent(self, t_ns: int, sent: MotorLevels | None) -> None:
         """Do nothing: the answer was given in the run."""
@@ -241,14 +240,14 @@ def _as_taken(items: list[tuple[int, Item]], pacer: _RecordedPacer, recorded: Re
 
     Where every source had ended, it ends with the last tick of the run.
     """
-    end_ns, ended, _ = recorded.end or (0, "", 0)
+    end = recorded.end or End(end_ns=0, ended="", n_waits=0)
     # The last look of a set time is before its end.
-    latest_ns = end_ns - 1 if ended == "duration" else NEVER_NS
+    latest_ns = end.end_ns - 1 if end.ended == "duration" else NEVER_NS
     return PulledStream(
         [item for _, item in items],
-        end_ns=end_ns,
+        end_ns=end.end_ns,
         known=[min(taken_ns, latest_ns) for taken_ns, _ in items],
-        over=pacer.over if ended == "complete" else lambda: False,
+        over=pacer.over if end.ended == "complete" else lambda: False,
     )
 
 
@@ -257,12 +256,12 @@ class _RecordedPacer(Pacer):
 
     def __init__(self, recorded: Recorded) -> None:
         super().__init__(ManualClock())
-        self._skipped = recorded.skipped
+        self._skipped = {skip.t_ns for skip in recorded.of(Skip)}
         taken = {contact.taken_ns for contacts in recorded.contacts.values() for contact in contacts}
-        taken |= {intent.taken_ns for intent in recorded.levels}
+        taken |= {intent.taken_ns for intent in recorded.of(Intent)}
         self._turns_ns = deque(sorted(taken))
         self._last_ns = recorded.last_tick_ns
-        self._n_most = None if recorded.end is None else recorded.end[2]
+        self._n_most = None if recorded.end is None else recorded.end.n_waits
         self.tick_ns = -1
 
     def doze(self, t_ns: int) -> int:
@@ -306,57 +305,54 @@ def _compare_pixels(measured: Measured) -> list[Comparison]:
 
 
 def _compare(recorded: Recorded, again: _Again, cut_ns: int | None) -> list[Comparison]:
-    streams = []
+    head, streams = recorded.head, []
     for finger, contacts in recorded.contacts.items():
         n = recorded.n_early.get(finger, 0)
-        ours = [(c.t_ns, _row(c)) for c in contacts[n:]]
-        theirs = [(c.t_ns, _row(c)) for c in again.contacts[finger][n:]]
+        computed = [contact for contact in again.of(Contact) if contact.finger == finger]
+        ours, theirs = ([(c.t_ns, _row(c)) for c in rows[n:]] for rows in (contacts, computed))
         streams.append(compare(f"/tactile/{finger}/contact", ours, theirs, until_ns=cut_ns))
-    if "emg" in recorded.head.sources:
-        n = recorded.n_early.get("emg", 0)
+    with_emg, steered = "emg" in head.sources, head.facts["steered"] == "true"
+    if with_emg:
+        n = recorded.n_early.get(Intent, 0)
         # Before version 3 it was lost on the way to the file.
-        unkept = {"activity"} if int(recorded.head.versions.get("Levels", "1")) < 3 else set()
+        without = _WHEN | {"activity"} if int(head.versions.get("Levels", "1")) < 3 else _WHEN
         ours, theirs = (
-            [(row.t_ns, _row(row, _WHEN | unkept)) for row in rows[n:]]
-            for rows in (recorded.levels, again.levels)
+            [(row.t_ns, _row(row, without)) for row in rows[n:]]
+            for rows in (recorded.of(Intent), again.of(Intent))
         )
         streams.append(compare("/emg/levels", ours, theirs, until_ns=cut_ns))
-    from_ns = recorded.from_ns
-    if events := [event for event in again.events if event.taken_ns >= from_ns] + recorded.events:
-        found = events[: len(events) - len(recorded.events)]
-        ours, theirs = ([(e.t_ns, values(e)) for e in rows] for rows in (recorded.events, found))
-        streams.append(compare(events[0].where, ours, theirs, until_ns=cut_ns))
-    vest = [row for row in again.vest if row[0] >= from_ns]
-    streams.append(compare("/vest/frame", _vest_rows(recorded.vest), _vest_rows(vest), until_ns=cut_ns))
-    if recorded.head.live_vest:
-        ours = [(t, {"sent": True}) for t in recorded.vest_sent]
-        made = Counter(t for t, _, _ in vest)
-        if recorded.head.facts.get("sent") != "every":
-            # The loop once left frames out that the vest showed already: what was sent then was made at that time.
-            made &= Counter(recorded.vest_sent)
-        theirs = [(t, {"sent": True}) for t in made.elements()]
-        streams.append(compare("/vest/sent", ours, theirs, until_ns=cut_ns))
-    if "emg" in recorded.head.sources:
-        steered = recorded.head.facts["steered"] == "true"
+    rows_of: tuple[tuple[type[Record], Callable[[Any], dict[str, Any]], bool], ...] = (
+        (Event, values, "Event" in head.versions),
+        (VestFrame, _vest_row, True),
+        (SentFrame, lambda _frame: {"sent": True}, head.live_vest),
+        (HandCommand, partial(_command_row, steered=steered), with_emg),
+        (ReflexGrip, values, True),
+    )
+    for kind, row, wanted in rows_of:
         ours, theirs = (
-            [
-                (t, {"level": level} | ({} if steered else {"frames": _hex(frames)}))
-                for t, level, frames in rows
-            ]
-            for rows in (recorded.hand, [row for row in again.hand if row[0] >= from_ns])
+            [(one.t_ns, row(one)) for one in records if _known_ns(one) >= recorded.from_ns]
+            for records in (recorded.of(kind), _made(kind, recorded, again))
         )
-        streams.append(compare("/hand/frames", ours, theirs, until_ns=cut_ns))
-    added = [row for row in again.reflex if row.t_ns >= from_ns]
-    told = [row for row in recorded.reflex if row.t_ns >= from_ns]
-    if added or told:
-        ours, theirs = ([(row.t_ns, values(row)) for row in rows] for rows in (told, added))
-        streams.append(compare(ReflexGrip.topic, ours, theirs, until_ns=cut_ns))
+        if wanted and (ours or theirs or kind in {VestFrame, SentFrame, HandCommand}):
+            streams.append(compare(kind.topic, ours, theirs, until_ns=cut_ns))
     return streams
+
+
+def _made(kind: type[Any], recorded: Recorded, again: _Again) -> Sequence[Any]:
+    """Return the records of a type that the second run made; it has no real vest, whose frames are the loop's."""
+    if kind is not SentFrame:
+        return again.of(kind)
+    frames = {frame.t_ns: frame for frame in again.of(VestFrame)}
+    made = Counter(frame.t_ns for frame in again.of(VestFrame))
+    if recorded.head.facts.get("sent") != "every":
+        # The loop once left frames out that the vest showed already: a frame sent then was made at that time.
+        made &= Counter(frame.t_ns for frame in recorded.of(SentFrame))
+    return [frames[t_ns] for t_ns in made.elements()]
 
 
 def _compare_adaptations(recorded: Recorded, measured: Measured) -> list[Comparison]:
     """Compare every change of gains and offsets of EMG."""
-    ours = recorded.adaptations
+    ours = recorded.of(Adaptation)
     theirs = [one for one in measured.adaptations if one.t_ns >= recorded.from_ns]
     if recorded.end is None:  # samples may have been recorded later than what was made of them
         theirs = theirs[: len(ours)]
@@ -366,12 +362,24 @@ def _compare_adaptations(recorded: Recorded, measured: Measured) -> list[Compari
     return [compare(Adaptation.topic, rows, again)]
 
 
+def _known_ns(record: Any) -> int:
+    """Return the tick at which a record was taken in or made."""
+    known_ns: int = getattr(record, "taken_ns", record.t_ns)
+    return known_ns
+
+
 def _row(record: Record, without: Set[str] = _WHEN) -> dict[str, Any]:
     return {name: value for name, value in values(record).items() if name not in without}
 
 
-def _vest_rows(rows: Sequence[tuple[int, str, bytes]]) -> list[tuple[int, dict[str, Any]]]:
-    return [(t, {"layout": layout, "intensities": list(levels)}) for t, layout, levels in rows]
+def _vest_row(frame: VestFrame) -> dict[str, Any]:
+    return {"layout": frame.layout, "intensities": list(frame.intensities)}
+
+
+def _command_row(command: HandCommand, *, steered: bool) -> dict[str, Any]:
+    level = {"level": joined_level(command.level, command.closure)}
+    # The frames of a hand that closes its own loop are compared by its exchanges.
+    return level if steered else level | {"frames": _hex(command.frames)}
 
 
 def _hex(frames: Sequence[BusFrame]) -> str:

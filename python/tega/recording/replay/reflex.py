@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 from tega.config.choose import grip_reflex
 from tega.loop.reflex import ReflexArc, ReflexMoment
+from tega.records import ReflexGrip
 from tega.safety.guard import Guard
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.recording.replay.recorded import Recorded
-    from tega.records import ReflexGrip
 
 
 class RecordedGuard(Guard):
@@ -53,7 +53,7 @@ def recorded_arc(
     reflex = grip_reflex(config.stages, config.session.preset, recorded.contacts)
     if reflex is None:
         return None
-    rows = {row.t_ns: row for row in recorded.reflex}
+    rows = {row.t_ns: row for row in recorded.of(ReflexGrip)}
 
     def moment(t_ns: int) -> ReflexMoment:
         row = rows.get(t_ns)
