@@ -321,7 +321,7 @@ def _compare(recorded: Recorded, again: _Again, cut_ns: int | None) -> list[Comp
             for rows in (recorded.of(Intent), again.of(Intent))
         )
         streams.append(compare("/emg/levels", ours, theirs, until_ns=cut_ns))
-    rows_of: tuple[tuple[type[Record], Callable[[Any], dict[str, Any]], bool], ...] = (
+    rows_of: tuple[tuple[type[Any], Callable[[Any], dict[str, Any]], bool], ...] = (
         (Event, values, "Event" in head.versions),
         (VestFrame, _vest_row, True),
         (SentFrame, lambda _frame: {"sent": True}, head.live_vest),
