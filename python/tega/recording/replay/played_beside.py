@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from tega.arm.messages import Health
 from tega.loop.arm_view import ArmView
+from tega.loop.parts import Part
 from tega.records import ArmTurn, Marker
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ PLAYED = "recording"
 """Source of a marker that is told again."""
 
 
-class PlayedBeside:
+class PlayedBeside(Part):
     """Follows the playhead through an arm's turns and through the markers; nothing of it moves an arm.
 
     Args:
