@@ -16,10 +16,12 @@ from tega.hand.poses import ClosureScale
 from tega.haptics import MotorLevels
 from tega.loop.beside import look_on
 from tega.loop.hand_look import HandLooks
+from tega.loop.hand_output import HandOutput
 from tega.loop.inbox.frames import FrameMeter
 from tega.loop.inbox.sources import BlockMeter, SourceReport
 from tega.loop.loop import DualLoop
-from tega.loop.moment import LoopView, Moment
+from tega.loop.moment import LoopView, Moment, Moments
+from tega.loop.vest_output import VestOutput
 from tega.records import BesideContact, BesideIntent, Contact, Intent
 from tega.records.bus import Bus
 from tega.runtime.clock import ManualClock, PausableClock, SystemClock
@@ -42,6 +44,7 @@ from tega_sim.true_touch import TrueTouch, stages_of, touch_of
 
 if TYPE_CHECKING:
     from tega.haptics import Layout
+    from tega.loop.sink import Sink
     from tega.ui.view.state import Shape
     from tega_sim.lab import Lab
     from tega_sim.recorded import LiftRecorder
@@ -212,17 +215,25 @@ class Lift:
         if self._recorder is not None:
             stages = stages_of(self._lab, self._plan)
             self._recorder.begin(self._lab, self._bus, stages=stages, layout=self.layout)
+        hand = SimulatedAllegro(self._controller, lambda: world.angles_rad)
+        bus = SimulatedBus(world.set_torques, full_duty=self._full_duty_nm)
+        vests: list[Sink[MotorLevels]] = [rig] if self._streams is None else [rig, self._streams]
+        guard = None if observer is None else Guard()  # nothing here gets lost; its state is shown
         loop = DualLoop(
             pacer=pacer,
             touch=self._touch,
             contacts=rig.contacts,
             levels=rig.levels,
-            hand=SimulatedAllegro(self._controller, lambda: world.angles_rad),
-            vests=[rig] if self._streams is None else [rig, self._streams],
-            hands=[SimulatedBus(world.set_torques, full_duty=self._full_duty_nm)],
+            hand=HandOutput(hand, [bus], bus=self._bus, reflex=self._reflex),
+            vest=VestOutput(self._touch, vests, bus=self._bus, now_ns=pacer.elapsed_ns),
             bus=self._bus,
-            guard=None if observer is None else Guard(),  # nothing here gets lost; its state is shown
-            reflex=self._reflex,
+            guard=guard,
+            moments=Moments(
+                self._bus,
+                hand,
+                guard=guard,
+                complete=[] if self._reflex is None else [self._reflex.shown],
+            ),
             look=self._looks() if self._lab.config.stages.slips == "hand" else None,
         )
         loop.run(stop=stop)

@@ -153,7 +153,7 @@ def test_what_a_reflex_added_is_taken_back_within_200_ms_of_a_hold() -> None:
 
     def ticked(contacts: dict[str, Contact]) -> float:
         run.t_ms += TICK_MS
-        return sum(arc.step(round(run.t_ms * MS), 3.0, lambda: contacts))
+        return 3.0 + arc.step(round(run.t_ms * MS), 3.0, lambda: contacts)
 
     while arc.added < 1.0:
         ticked({"thumb": slips})

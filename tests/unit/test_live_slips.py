@@ -13,15 +13,14 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from reference.scripted import MS, Sink
+from reference.wired import wired_loop
 from tega.config import ReflexSection, load_config
 from tega.config.calibration import TouchMaxima
 from tega.errors import ConfigError
 from tega.hand import CLOSURE_POSES_RAD
 from tega.hand.poses import ClosureScale
-from tega.loop.hand import ModelledAllegro
 from tega.loop.hand_look import HandLooks, fresh_angles_rad, open_looks
 from tega.loop.inbox.stream import PulledStream
-from tega.loop.loop import DualLoop
 from tega.loop.moment import LoopView
 from tega.loop.pacing import Pacer
 from tega.loop.reflex import ReflexArc, ReflexMoment, open_reflex
@@ -115,16 +114,15 @@ class Ran:
                 moment=lambda _t_ns: ReflexMoment(1.0, allowed=True, measured=None),
                 tell=self.grips.append,
             )
-        DualLoop(
-            pacer=pacer,
-            touch=TouchLoop(
+        wired_loop(
+            pacer,
+            TouchLoop(
                 dict.fromkeys(fingers, TouchMaxima(cci_max=1.0, eda_max=3000.0)),
                 layout="x40",
                 mapping=(lambda setup: PulsesMapping(setup, PulsesOptions())) if pulses else None,
             ),
             contacts={finger: PulledStream(list(frames)) for finger in fingers},
             levels=PulledStream([Intent(t_ns=0, channels=(3,), level=3)], end_ns=round(_END_S * 1e9)),
-            hand=ModelledAllegro(),
             vests=[self.vest],
             hands=[],
             bus=bus,

@@ -20,7 +20,7 @@ from tega.recording.replay import replay_file
 from tega.recording.replay.play import play_file
 from tega.recording.replay.recorded import read_recorded
 from tega.recording.trim import trim_session
-from tega.records import Event, HandLook
+from tega.records import Event, HandLook, VestFrame
 from tega.records.bus import Bus
 from tega.records.schema import read
 from tega_emulators.lab import emulated_lab
@@ -139,7 +139,7 @@ def test_a_recording_that_is_played_tells_the_same_slips_and_pulses(
     file = lift["hand"][1]
     play_file(file, config, speed=None, bus=bus)
     assert [event.taken_ns / 1e9 for event in events if event.kind == "slip"] == _slips_s(file)
-    then = {round(t_ns / 1e9, 6): list(levels) for t_ns, _, levels in read_recorded(file).vest}
+    then = {round(one.t_ns / 1e9, 6): list(one.intensities) for one in read_recorded(file).of(VestFrame)}
     with (tmp_path / "out" / "vest.csv").open(newline="") as text:
         now = {float(row[0]): [int(v) for v in row[1:]] for row in list(csv.reader(text))[1:]}
     assert now == then

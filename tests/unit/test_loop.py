@@ -12,12 +12,12 @@ import pytest
 
 from reference.recordings import baseline
 from reference.scripted import MS, STARTED_NS, ScriptedCamera, Sink, live_frame, touching
+from reference.wired import wired_loop
 from tega.config.calibration import TouchMaxima
 from tega.config.choose import preset_metric
 from tega.devices.base import DeviceInfo, EmgChunk
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.haptics import MotorLevels, intensity
-from tega.loop.hand import ModelledAllegro
 from tega.loop.inbox.frames import measured_contacts
 from tega.loop.inbox.reader import ReadAhead, Reader
 from tega.loop.inbox.sources import SourceReport
@@ -47,12 +47,11 @@ def run_loop(
     contacts, bus = contacts or {}, Bus()
     if observer is not None:
         bus.subscribe(Moment, lambda moment: observer(moment.view), vital=True)
-    loop = DualLoop(
-        pacer=Pacer(clock or ManualClock()),
-        touch=TouchLoop(dict.fromkeys(contacts, TouchMaxima(cci_max=1.0, eda_max=100.0)), layout="paper32"),
+    loop = wired_loop(
+        Pacer(clock or ManualClock()),
+        TouchLoop(dict.fromkeys(contacts, TouchMaxima(cci_max=1.0, eda_max=100.0)), layout="paper32"),
         contacts=contacts,
         levels=levels,
-        hand=ModelledAllegro(),
         vests=[vest],
         hands=[hand],
         bus=bus,
@@ -127,12 +126,11 @@ def test_frames_of_fingers_are_taken_in_by_time_then_thumb_first() -> None:
         "thumb": PulledStream([touching(1, t_ns=t * MS) for t in (0, 20, 21, 40)]),
         "ring": PulledStream([touching(1, t_ns=t * MS) for t in (0, 10, 21, 39)]),
     }
-    loop = DualLoop(
-        pacer=Pacer(ManualClock()),
-        touch=TouchLoop(dict.fromkeys(streams, TouchMaxima()), layout="paper32"),
+    loop = wired_loop(
+        Pacer(ManualClock()),
+        TouchLoop(dict.fromkeys(streams, TouchMaxima()), layout="paper32"),
         contacts=streams,
         levels=None,
-        hand=ModelledAllegro(),
         vests=[],
         hands=[],
         bus=bus,

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from reference.parts import observed
-from tega.records import Intent
+from tega.records import Intent, VestFrame
 
 pytest.importorskip("foxglove", reason="needs the extra record")
 
@@ -68,7 +68,9 @@ def test_a_run_can_begin_anywhere(recorded: Path, tmp_path: Path) -> None:
     assert summary["ended"] == "complete"
     assert summary["duration_s"] == pytest.approx(SECONDS - 1.0, abs=0.05)
     assert summary["played"]["from_s"] == 1.0
-    then = {round(t_ns * 30 / 1e9): list(levels) for t_ns, _, levels in read_recorded(recorded).vest}
+    then = {
+        round(one.t_ns * 30 / 1e9): list(one.intensities) for one in read_recorded(recorded).of(VestFrame)
+    }
     now = frames(tmp_path)
     # The smoothing of what is felt needs a few frames to be as it was.
     same = [now[k] == then[k + 30] for k in range(10, max(now) - 1)]

@@ -17,15 +17,14 @@ from msgspec.structs import replace
 
 from reference.parts import observed
 from reference.scripted import MS, Sink
+from reference.wired import wired_loop
 from tega.config import check_tree, load_config
 from tega.config.calibration import TouchMaxima
 from tega.errors import ConfigError, DeviceUnavailableError
 from tega.haptics import FeltMap, MotorLevels
 from tega.haptics.motor_layout import find_layout
 from tega.loop.controls import Controls
-from tega.loop.hand import ModelledAllegro
 from tega.loop.inbox.stream import PulledStream
-from tega.loop.loop import DualLoop
 from tega.loop.moment import LoopView
 from tega.loop.pacing import Pacer
 from tega.loop.session import run_session
@@ -81,12 +80,11 @@ def told(
     vest = Sink(fail_at_ns)
     loop = pulsing(TouchMaxima(cci_max=1.0, eda_max=3000.0), felt=felt, **pulses)
     items = [replace(contact, t_ns=n * FRAME_MS * MS) for n, contact in enumerate(script)]
-    run = DualLoop(
-        pacer=Pacer(ManualClock()),
-        touch=loop,
+    run = wired_loop(
+        Pacer(ManualClock()),
+        loop,
         contacts={"index": PulledStream(items, end_ns=len(script) * FRAME_MS * MS)},
         levels=None,
-        hand=ModelledAllegro(),
         vests=[vest],
         hands=[],
         by_frame=True,

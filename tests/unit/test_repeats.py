@@ -18,16 +18,15 @@ from msgspec.structs import replace
 
 from reference.recordings import baseline, pressed, write_folder
 from reference.scripted import MS, STARTED_NS, ScriptedCamera, Sink, live_frame, touching
+from reference.wired import wired_loop
 from tega.config.calibration import TouchMaxima
 from tega.config.choose import preset_metric
 from tega.devices.base import TactileFrame
 from tega.errors import RecordingError
-from tega.loop.hand import ModelledAllegro
 from tega.loop.inbox.frames import measured_contacts
 from tega.loop.inbox.sources import SourceReport
 from tega.loop.inbox.stream import PulledStream
-from tega.loop.inbox.stuck_frames import STUCK_FRAMES, LastFrame
-from tega.loop.loop import DualLoop
+from tega.loop.inbox.stuck_frames import STUCK_FRAMES, is_repeat, kept_picture
 from tega.loop.pacing import Pacer
 from tega.loop.touch import STALE_NS, TouchLoop
 from tega.records import Contact
@@ -149,12 +148,11 @@ def test_a_stuck_sensor_falls_silent_and_comes_back() -> None:
     last_used_ns, back_ns = 3 * 16 * MS, 32 * 16 * MS
     assert [one for one in contacts if last_used_ns < one.t_ns < back_ns] == []
     vest = Sink()
-    loop = DualLoop(
-        pacer=Pacer(ManualClock()),
-        touch=TouchLoop({"thumb": TouchMaxima(cci_max=1.0, eda_max=100.0)}, layout="paper32"),
+    loop = wired_loop(
+        Pacer(ManualClock()),
+        TouchLoop({"thumb": TouchMaxima(cci_max=1.0, eda_max=100.0)}, layout="paper32"),
         contacts={"thumb": PulledStream(contacts)},
         levels=None,
-        hand=ModelledAllegro(),
         vests=[vest],
         hands=[],
     )
@@ -181,13 +179,10 @@ def test_pictures_are_equal_exactly_when_every_pixel_is(data: st.DataObject) -> 
         other[at] = data.draw(st.integers(0, 255))
     if data.draw(st.booleans()):
         one, other = one[:, ::-1], other[:, ::-1]
-    last, metrics = LastFrame(), touching(7)
-    assert last.repeat(one) is None
-    last.keep(one, metrics)
+    last = kept_picture(one, touching(7))
     equal = not np.count_nonzero(one.astype(int) - other.astype(int))
-    assert (last.repeat(other) is metrics) == equal
-    assert last.n_equal == 1 + equal
-    assert last.repeat(one[:-1]) is None
+    assert is_repeat(other, last) == equal
+    assert not is_repeat(one[:-1], last)
 
 
 def test_a_recording_whose_pixels_stand_still_says_so(

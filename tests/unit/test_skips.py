@@ -14,11 +14,11 @@ import pytest
 
 from reference.parts import observed
 from reference.scripted import MS, Sink, touching
+from reference.wired import wired_loop
 from tega.config import check_tree
 from tega.config.calibration import TouchMaxima
 from tega.errors import DeviceUnavailableError
 from tega.loop import run_session
-from tega.loop.hand import ModelledAllegro
 from tega.loop.inbox.stream import PulledStream
 from tega.loop.loop import DualLoop
 from tega.loop.moment import LoopView
@@ -37,12 +37,11 @@ def table(path: Path) -> list[dict[str, str]]:
 
 
 def run_kept(vest: Sink, recorder: Sink, contacts: list[Contact], *, end_ns: int) -> DualLoop:
-    loop = DualLoop(
-        pacer=Pacer(ManualClock()),
-        touch=TouchLoop({"thumb": TouchMaxima(cci_max=1.0, eda_max=100.0)}, layout="paper32"),
+    loop = wired_loop(
+        Pacer(ManualClock()),
+        TouchLoop({"thumb": TouchMaxima(cci_max=1.0, eda_max=100.0)}, layout="paper32"),
         contacts={"thumb": PulledStream(contacts, end_ns=end_ns)},
         levels=None,
-        hand=ModelledAllegro(),
         vests=[recorder],
         hands=[],
         live_vests=[vest],  # type: ignore[list-item]
@@ -89,12 +88,11 @@ def run_parts(*, touch: bool, emg: bool, **how: Any) -> tuple[DualLoop, Waits, S
     contacts = [touching(50, t_ns=k * 16 * MS) for k in range(61)] if touch else []
     levels = [Intent(t_ns=k * 100 * MS, channels=(2,), level=2) for k in range(1, 10)]
     streams = {"thumb": PulledStream(contacts, end_ns=1000 * MS)} if touch else {}
-    loop = DualLoop(
-        pacer=Pacer(clock),
-        touch=TouchLoop(dict.fromkeys(streams, TouchMaxima(cci_max=1.0, eda_max=100.0)), layout="x40"),
+    loop = wired_loop(
+        Pacer(clock),
+        TouchLoop(dict.fromkeys(streams, TouchMaxima(cci_max=1.0, eda_max=100.0)), layout="x40"),
         contacts=streams,
         levels=PulledStream(levels, end_ns=1000 * MS) if emg else None,
-        hand=ModelledAllegro(),
         vests=[vest],
         hands=[hand],
         live_vests=[vest],  # type: ignore[list-item]

@@ -32,6 +32,7 @@ class Loop:
 
     def __init__(self, why: str = "", *, limit: int = 100, vest: bool = True, spent: bool = False) -> None:
         self.why, self.vest, self.bus, self.tests = why, vest, Bus(), MotorTests()
+        self.tests.begin(lambda: self.why, self.bus)
         self.budget = MotorBudget(limit=limit)
         if spent:
             self.budget.carry(dose_s=np.full(40, 10_000.0), heat=np.zeros(40))
@@ -48,10 +49,10 @@ class Loop:
             t_ns += 33_000_000
 
     def tick(self, t_ns: int) -> None:
-        frame = self.tests.frame(t_ns, SILENCE, refused=lambda: self.why, bus=self.bus)
+        frame = self.tests.frame(t_ns, SILENCE)
         self.frames.append(frame)
         allowed = self.budget.allow(t_ns, frame.x40())
-        self.tests.sent(t_ns, MotorLevels("x40", allowed) if self.vest else None, self.bus)
+        self.tests.sent(t_ns, MotorLevels("x40", allowed) if self.vest else None)
 
     def __enter__(self) -> Loop:
         self._thread.start()
@@ -134,7 +135,7 @@ def test_a_run_hears_it_while_armed_and_its_recording_is_computed_again_with_it(
         return len(going) > 5
 
     # A run on recordings has no vest that could be sent anything.
-    tests.sent = lambda _t_ns, _sent, _bus: None  # type: ignore[method-assign, assignment]
+    tests.sent = lambda _t_ns, _sent: None  # type: ignore[method-assign, assignment]
     summary = run_session(settings, bus=bus, controls=Controls(go=go, motor_tests=tests))
     armed = [frame for state, frame in lit if state == "armed" and any(frame)]
     assert armed

@@ -1,4 +1,4 @@
-"""Show the newest moment of a loop: put together once per vest tick for whoever has subscribed to it."""
+"""Show the newest moment of a loop, once per vest tick, to displays that have subscribed to it."""
 
 from __future__ import annotations
 
@@ -103,47 +103,49 @@ class Moment(Record, frozen=True, kw_only=True):
 
 
 class Moments:
-    """Puts together the view of a loop for displays, and publishes it.
+    """Makes the view of a loop for displays, and publishes it.
 
     Args:
-        bus: Where to.
-        hand: Knows its joints' angles; ``None`` without EMG.
-        report: Counted up by the loop.
-        inputs: The operator's input devices.
-        guard: Knows the run's state.
-        trace: Knows how old what is felt and done is.
+        bus: Bus on which views are published, and events of touch received.
+        hand: Has the joints' angles; ``None`` without EMG.
+        inputs: The operator's input devices; ``None`` for none.
+        guard: Has the run's state; ``None`` for none.
+        trace: Has the ages of what is felt and done; ``None`` where that is not traced.
         complete: Add what the loop does not know, one after the other.
-
-    Attributes:
-        event: The newest event of touch.
     """
 
     def __init__(
         self,
         bus: Bus,
-        hand: Hand | None,
-        report: LoopReport,
+        hand: Hand | None = None,
         *,
-        inputs: Inputs,
-        guard: Guard | None,
-        trace: LatencyTrace | None,
-        complete: Sequence[Callable[[LoopView], LoopView]],
+        inputs: Inputs | None = None,
+        guard: Guard | None = None,
+        trace: LatencyTrace | None = None,
+        complete: Sequence[Callable[[LoopView], LoopView]] = (),
     ) -> None:
-        self._bus, self._hand, self._report = bus, hand, report
+        self._bus, self._hand = bus, hand
         self._inputs, self._guard, self._trace, self._complete = inputs, guard, trace, complete
         self._commanded = hand if isinstance(hand, CommandedHand) else None
         self._shown: Moment | None = None
-        self.event: Event | None = None
+        self._event: Event | None = None
+        if self.wanted:
+            bus.subscribe(Event, self._note_event, name="display", vital=True)
 
     @property
     def wanted(self) -> bool:
-        """Whether anybody looks."""
+        """Whether a display has subscribed."""
         return self._bus.wants(Moment)
 
     def show(
-        self, t_ns: int, newest: Mapping[str, Contact], vest: MotorLevels | None, intent: Intent | None
+        self,
+        t_ns: int,
+        newest: Mapping[str, Contact],
+        vest: MotorLevels | None,
+        intent: Intent | None,
+        report: LoopReport,
     ) -> None:
-        """Publish the moment of a tick."""
+        """Publish the view at a tick."""
         guard, trace = self._guard, self._trace
         target_rad = None if self._commanded is None else self._commanded.target_rad
         view = LoopView(
@@ -152,9 +154,9 @@ class Moments:
             vest,
             intent,
             None if self._hand is None else self._hand.angles_rad.tolist(),
-            self._counts(),
-            inputs=self._inputs.seen,
-            event=self.event,
+            _counts(report),
+            inputs={} if self._inputs is None else self._inputs.seen,
+            event=self._event,
             target_rad=None if target_rad is None else target_rad.tolist(),
         )
         if guard is not None:
@@ -170,17 +172,19 @@ class Moments:
         self._bus.publish(self._shown)
 
     def stopped(self) -> None:
-        """Show the last moment as stopped: a display must not go on saying that things move."""
+        """Publish the last view as stopped: a display must not go on saying that things move."""
         if self._shown is not None and self._guard is not None:
             view = self._shown.view._replace(state="stopped", reason=self._guard.reason)
             self._bus.publish(Moment(t_ns=self._shown.t_ns, view=view))
 
-    def _counts(self) -> dict[str, int]:
-        report = self._report
-        frames = sum(report.n_contacts.values()) // max(len(report.n_contacts), 1)
-        return {
-            "touch": frames,
-            "levels": report.n_blocks,
-            "hand": report.n_hand_ticks,
-            "vest": report.n_vest_ticks + report.n_vest_between,
-        }
+    def _note_event(self, event: Event) -> None:
+        self._event = event
+
+
+def _counts(report: LoopReport) -> dict[str, int]:
+    return {
+        "touch": sum(report.n_contacts.values()) // max(len(report.n_contacts), 1),
+        "levels": report.n_blocks,
+        "hand": report.n_hand_ticks,
+        "vest": report.n_vest_ticks + report.n_vest_between,
+    }

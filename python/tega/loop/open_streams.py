@@ -51,7 +51,7 @@ def latency_trace(
         return None
     hand = sinks.steered
     answering = hand if isinstance(hand, AnsweringHand) else None
-    return LatencyTrace(
+    trace = LatencyTrace(
         now_ns=pacer.elapsed_ns,
         start_ns=start_ns,
         budget_ms=safety.latency_budget_ms,
@@ -63,6 +63,9 @@ def latency_trace(
         motor=motor,
         bus=bus,
     )
+    bus.subscribe(Contact, lambda contact: trace.taken(contact.finger, contact.t_ns), vital=True)
+    bus.subscribe(Intent, lambda intent: trace.taken("emg", intent.t_ns), vital=True)
+    return trace
 
 
 def is_fed(finger: Finger, metric: Callable[[], Metric]) -> bool:

@@ -15,16 +15,18 @@ from tega.loop.controls import Controls
 from tega.loop.gc_pause import settle
 from tega.loop.hand import Hand, ModelledAllegro
 from tega.loop.hand_look import open_looks
+from tega.loop.hand_output import HandOutput
 from tega.loop.loop import DualLoop
-from tega.loop.moment import Moment
+from tega.loop.moment import LoopView, Moment, Moments
 from tega.loop.open_streams import contact_stream, is_fed, latency_trace, level_stream
 from tega.loop.pacing import Pacer
 from tega.loop.parts import RunStart
-from tega.loop.reflex import open_reflex
+from tega.loop.reflex import ReflexArc, open_reflex
 from tega.loop.rig import Rig
 from tega.loop.summary import RunFacts, summarise
 from tega.loop.touch_loop import touch_loop
 from tega.loop.touching import RecordedFingers, Touching
+from tega.loop.vest_output import VestOutput
 from tega.records import Alert, Event, RunState, Value
 from tega.runtime.clock import Clock, SystemClock
 from tega.runtime.threads import all_along, run_realtime
@@ -54,11 +56,8 @@ def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) ->
         TegaError: The error that ended the loop; the summary is written first.
     """
     config, prepared, sinks, guard = rig.config, rig.prepared, rig.sinks, rig.guard
-    session, muscles, tests = config.session, prepared.muscles, controls.motor_tests
+    session, muscles = config.session, prepared.muscles
     layout = config.vest.layout or DEFAULT_LAYOUT[session.preset]
-
-    def may_feel() -> bool:
-        return controls.haptics() and guard.felt
 
     pace, bell = _pace(rig, clock)
     flows = stack.enter_context(ExitStack())
@@ -68,7 +67,7 @@ def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) ->
         if any(source.info.live for source in prepared.sources):
             real_time = flows.enter_context(run_realtime("act"))
             flows.enter_context(all_along())
-    hand: Hand = sinks.steered or ModelledAllegro(device_id=config.hand.device_id)
+    model: Hand = sinks.steered or ModelledAllegro(device_id=config.hand.device_id)
     pacer = Pacer(clock, bell=bell)
     run = RunStart(
         config,
@@ -108,13 +107,22 @@ def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) ->
             motor=motor_onset(config),
             bus=rig.bus,
         )
-    _tell(rig.bus, pacer, guard, trace)
+    _publish_states(rig.bus, pacer, guard, trace)
     run = run._replace(start_ns=start_ns, now_ns=clock.now_ns(), trace=trace)
     for part in rig.parts:
         part.begin(run)
         flows.callback(part.end)
     _steer(flows, rig, start_ns)
     touching, recorded = Touching(), flows.enter_context(closing(RecordedFingers()))
+    reflex = open_reflex(
+        config,
+        rig.bus,
+        prepared.fingers,
+        active=lambda: guard.state == "active",
+        hand=sinks.steered,
+        authority=controls.authority,
+    )
+    controls.motor_tests.begin(partial(_untried, guard, controls.haptics), rig.bus)
     loop = DualLoop(
         pacer=pacer,
         touch=touch,
@@ -144,34 +152,29 @@ def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) ->
             bus=rig.bus,
             adaptation=open_adaptation(config, muscles, rig.bus),
         ),
-        hand=hand,
-        vests=sinks.vests,
-        hands=sinks.hands,
-        bus=rig.bus,
-        live_vests=sinks.live_vests,
-        vest_rate_hz=config.vest.rate_hz,
-        by_frame=pace == "by-frame",
-        haptics=may_feel,
-        inputs=rig.inputs,
-        guard=guard,
-        trace=trace,
-        complete=[
-            sinks.shown,
-            *([] if rig.steering is None else [rig.steering.shown]),
-            *(part.shown for part in rig.parts),
-        ],
-        endless=rig.steering is not None or any(part.endless for part in rig.parts),
-        tried=lambda t_ns, frame: tests.frame(
-            t_ns, frame, refused=partial(_untried, guard, controls.haptics), bus=rig.bus
+        hand=HandOutput(model, sinks.hands, bus=rig.bus, reflex=reflex, trace=trace),
+        vest=VestOutput(
+            touch,
+            sinks.vests,
+            live_vests=sinks.live_vests,
+            bus=rig.bus,
+            now_ns=pacer.elapsed_ns,
+            rate_hz=config.vest.rate_hz,
+            by_frame=pace == "by-frame",
+            haptics=lambda: controls.haptics() and guard.felt,
+            tests=controls.motor_tests,
+            trace=trace,
         ),
-        sent=lambda t_ns, sent: tests.sent(t_ns, sent, rig.bus),
-        reflex=open_reflex(
-            config,
+        bus=rig.bus,
+        guard=guard,
+        inputs=rig.inputs,
+        moments=Moments(
             rig.bus,
-            prepared.fingers,
-            active=lambda: guard.state == "active",
-            hand=sinks.steered,
-            authority=controls.authority,
+            None if muscles is None else model,
+            inputs=rig.inputs,
+            guard=guard,
+            trace=trace,
+            complete=_displayed(rig, reflex),
         ),
         look=prepared.look
         or open_looks(config, hand=sinks.steered, arm=rig.steering, now_ns=pacer.elapsed_ns),
@@ -179,16 +182,27 @@ def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) ->
 
     def conclude(error: BaseException | None) -> dict[str, Any]:
         flows.close()  # a source is not asked how it was while its thread reads on
-        facts = RunFacts(rig, layout, pace, loop.report, pacer.report(), trace, real_time, loop.reflex)
+        facts = RunFacts(rig, layout, pace, loop.report, pacer.report(), trace, real_time, reflex)
         return _conclude(stack, facts, error, n_waits=pacer.n_waits)
 
     duration_ns = None if session.duration_s is None else round(session.duration_s * 1e9)
     try:
-        loop.run(duration_ns=duration_ns, stop=controls.stop)
+        endless = rig.steering is not None or any(part.endless for part in rig.parts)
+        loop.run(duration_ns=duration_ns, stop=controls.stop, endless=endless)
     except BaseException as error:
         conclude(error)
         raise
     return conclude(None)
+
+
+def _displayed(rig: Rig, reflex: ReflexArc | None) -> list[Callable[[LoopView], LoopView]]:
+    """Return what adds to a view of the loop what the loop does not know."""
+    return [
+        *([] if reflex is None else [reflex.shown]),
+        rig.sinks.shown,
+        *([] if rig.steering is None else [rig.steering.shown]),
+        *(part.shown for part in rig.parts),
+    ]
 
 
 def _untried(guard: Guard, haptics: Callable[[], bool]) -> str:
@@ -205,7 +219,7 @@ def _metric(rig: Rig, name: str) -> Metric:
     return finger_metric(config.stages, config.session.preset, name, baseline, calibration)
 
 
-def _tell(bus: Bus, pacer: Pacer, guard: Guard, trace: LatencyTrace | None) -> None:
+def _publish_states(bus: Bus, pacer: Pacer, guard: Guard, trace: LatencyTrace | None) -> None:
     """Publish the run's states, what is wrong, and how long the vest's motors take to start."""
 
     def changed(change: Transition) -> None:
@@ -215,8 +229,10 @@ def _tell(bus: Bus, pacer: Pacer, guard: Guard, trace: LatencyTrace | None) -> N
     guard.alert_observers.append(
         lambda name, said: bus.publish(Alert(t_ns=pacer.tick_ns, name=name, said=said))
     )
-    if trace is not None and trace.motor is not None:
-        bus.publish(Value(t_ns=0, name=trace.motor.stage, value=trace.motor.ms))
+    if trace is not None:
+        guard.watch("latency", lambda: trace.warning)
+        if trace.motor is not None:
+            bus.publish(Value(t_ns=0, name=trace.motor.stage, value=trace.motor.ms))
 
 
 def _steer(flows: ExitStack, rig: Rig, start_ns: int) -> None:

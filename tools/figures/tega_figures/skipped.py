@@ -26,12 +26,15 @@ from numpy.typing import NDArray
 from tega.config.calibration import TouchMaxima
 from tega.haptics import FINGERS
 from tega.loop.hand import ModelledAllegro
+from tega.loop.hand_output import HandOutput
 from tega.loop.inbox.stream import PulledStream
-from tega.loop.inbox.stuck_frames import LastFrame
+from tega.loop.inbox.stuck_frames import is_repeat, kept_picture
 from tega.loop.loop import DualLoop
 from tega.loop.pacing import Pacer
 from tega.loop.touch import TouchLoop
+from tega.loop.vest_output import VestOutput
 from tega.records import Contact, Intent
+from tega.records.bus import Bus
 from tega.runtime.clock import ManualClock
 from tega.tactile.tracker import TouchTracker
 from tega.wire import x40_ble_frame
@@ -112,12 +115,11 @@ def _reading() -> dict[Says, tuple[Callable[[], object], Callable[[], object]]]:
         rest.update(gel.frame([], k))
         touched.update(pressed)
     untouched = gel.frame([], 40)
-    last, constant = LastFrame(), LastFrame()
     copy = pressed.copy()
-    last.keep(pressed, TOUCH)
+    last = kept_picture(pressed, TOUCH)
     shown = still.copy()
     shown.flags.writeable = False
-    constant.keep(shown, TOUCH)
+    constant = kept_picture(shown, TOUCH)
     loop = TouchLoop({finger: TouchMaxima(cci_max=1.0, eda_max=20_000.0) for finger in FINGERS}, layout="x40")
     for finger in FINGERS:
         loop.update(finger, TOUCH)
@@ -143,13 +145,13 @@ def _reading() -> dict[Says, tuple[Callable[[], object], Callable[[], object]]]:
             "nothing; counted as `identical`",
             "`test_repeats.py::test_equal_pixels_are_measured_once_and_give_the_same`, "
             "`test_pictures_are_equal_exactly_when_every_pixel_is`",
-        ): (partial(last.repeat, copy), partial(touched.update, pressed)),
+        ): (partial(is_repeat, copy, last), partial(touched.update, pressed)),
         Says(
             "a picture that is the very array of the one before, in memory that cannot be written",
             "comparing it, reading it",
             "nothing; counted as `identical`",
             "`test_repeats.py::test_a_buffer_that_is_filled_again_is_not_taken_for_a_stuck_sensor`",
-        ): (partial(constant.repeat, shown), partial(rest.update, untouched)),
+        ): (partial(is_repeat, shown, constant), partial(rest.update, untouched)),
         Says(
             "the vest shows this frame already",
             "its packet, and a write to the radio link, which is not in these times",
@@ -208,15 +210,16 @@ def _read_picture(gel: Gel, pressing: list[Indenter], tracker: TouchTracker) -> 
 def _minute(*, emg: bool) -> object:
     contacts = [replace(TOUCH, t_ns=k * 16_666_667) for k in range(3600)]
     blocks = [Intent(t_ns=k * 100_000_000, channels=(2,), level=2) for k in range(1, 600)]
+    pacer, bus = Pacer(ManualClock()), Bus()
+    touch = TouchLoop({"thumb": TouchMaxima(cci_max=1.0, eda_max=100.0)}, layout="x40")
     loop = DualLoop(
-        pacer=Pacer(ManualClock()),
-        touch=TouchLoop({"thumb": TouchMaxima(cci_max=1.0, eda_max=100.0)}, layout="x40"),
+        pacer=pacer,
+        touch=touch,
         contacts={"thumb": PulledStream(contacts, end_ns=MINUTE_NS)},
         levels=PulledStream(blocks, end_ns=MINUTE_NS) if emg else None,
-        hand=ModelledAllegro(),
-        vests=[Nowhere()],
-        hands=[Nowhere()],
-        live_vests=[],
+        hand=HandOutput(ModelledAllegro(), [Nowhere()], bus=bus),
+        vest=VestOutput(touch, [Nowhere()], bus=bus, now_ns=pacer.elapsed_ns),
+        bus=bus,
     )
     loop.run()
     return loop

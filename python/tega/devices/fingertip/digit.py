@@ -15,8 +15,8 @@ import numpy as np
 from tega.devices.at_exit import closes_on_exit, release
 from tega.devices.base import DeviceInfo, Found, Kind, Options, TactileFrame
 from tega.devices.fingertip.digit_search import find_digits
-from tega.devices.fingertip.picture_check import WORDS, PictureCheck
-from tega.devices.fingertip.picture_origin import PictureOrigin
+from tega.devices.fingertip.picture_check import WORDS, JudgedPicture, PictureTally, judge_picture
+from tega.devices.fingertip.picture_origin import SensorBands, sensor_bands
 from tega.devices.fingertip.video_nodes import camera_place, find_node
 from tega.devices.jpeg_stream import at_own_size
 from tega.errors import ConfigError, DeviceUnavailableError
@@ -111,7 +111,9 @@ class Digit(Opened):
         self._notes: tuple[str, ...] = ()
         self._trouble = ""
         self.counts = CameraCounts()
-        self._check = PictureCheck(self.counts)
+        self._tally = PictureTally(self.counts)
+        self._last: NDArray[np.uint8] | None = None
+        self._baselines: SensorBands | None = None
         self._window = (0, 0)
         self._starved_hz: float | None = None
 
@@ -156,7 +158,8 @@ class Digit(Opened):
         os.environ.setdefault("OPENCV_LOG_LEVEL", "ERROR")
         self._cv2 = load_cv2("digit")
         self.counts = CameraCounts()
-        self._check = PictureCheck(self.counts)
+        self._tally = PictureTally(self.counts)
+        self._last = self._baselines = None
         self._newest, self._given, self._trouble = None, -1, ""
         self._starved_hz = None
         capture = self._capture()
@@ -184,7 +187,7 @@ class Digit(Opened):
             others: The other sensors' baselines, likewise, by what to call them in a note.
         """
         turns = -1 if self._options.orientation == "upright" else 0
-        self._check.origin = PictureOrigin(
+        self._baselines = sensor_bands(
             np.rot90(own, turns), {name: np.rot90(other, turns) for name, other in others.items()}
         )
 
@@ -199,7 +202,7 @@ class Digit(Opened):
     @property
     def faults(self) -> tuple[str, ...]:
         """Reason why the newest picture was not given; nothing while good ones come, or none."""
-        wrong = WORDS.get(self._check.newest)
+        wrong = WORDS.get(self._tally.newest)
         return (f"those that come are {wrong}",) if wrong else ()
 
     @property
@@ -331,7 +334,7 @@ class Digit(Opened):
         notes = [
             f"pictures showed lines of the sensor of {other} (up to {100 * share:.0f} % of a picture): not used; "
             "give the sensors USB controllers of their own or a lower rate"
-            for other, share in list(self._check.foreign_shares.items())  # the camera's thread adds to it
+            for other, share in list(self._tally.foreign_shares.items())  # the camera's thread adds to it
         ]
         if self.counts.unlike:
             notes.append(
@@ -342,7 +345,7 @@ class Digit(Opened):
 
     def _drain(self, capture: Any) -> bool:
         """Read one capture until it fails; return whether it gave anything."""
-        check, any_came = self._check, False
+        tally, any_came = self._tally, False
         opened_ns, last_ns, n_at_once = time.monotonic_ns(), 0, 0
         self._window = (opened_ns, 0)
         while not self._leaving.is_set():
@@ -367,11 +370,12 @@ class Digit(Opened):
             last_ns = t_ns
             image: NDArray[np.uint8] = np.asarray(sent, np.uint8)
             if image.ndim != 3 or image.shape[:2] != (self._options.height, self._options.width):
-                check.refuse("odd_size" if image.size else "torn")
+                tally.count(JudgedPicture("odd_size" if image.size else "torn"))
                 continue
-            verdict = check.judge(image)
+            judged, self._last = judge_picture(image, self._last, self._baselines), image
+            good = tally.count(judged)
             self._count_rate(t_ns)
-            if verdict == "good" and time.monotonic_ns() - opened_ns >= self._options.warm_up_s * 1e9:
+            if good and time.monotonic_ns() - opened_ns >= self._options.warm_up_s * 1e9:
                 self._give(t_ns, image)
         return any_came
 

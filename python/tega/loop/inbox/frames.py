@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 from msgspec.structs import replace
 
 from tega.errors import DeviceUnavailableError, RecordingError, TegaError
-from tega.loop.inbox.picture_votes import PictureVotes
+from tega.loop.inbox.picture_votes import CameraVote, picture_fault, untouched_lines
 from tega.loop.inbox.reader import READ_TIMEOUT_S, opened_again
 from tega.loop.inbox.sources import SourceReport
-from tega.loop.inbox.stuck_frames import STUCK_FRAMES, LastFrame
+from tega.loop.inbox.stuck_frames import STUCK_FRAMES, KeptPicture, is_repeat, kept_picture
 
 if TYPE_CHECKING:
     import numpy as np
@@ -59,8 +59,10 @@ class FrameMeter:
         self._report = report
         self._live = live
         self._start_ns = start_ns if live else 0
-        self._last = LastFrame()
-        self._votes = PictureVotes(baseline)
+        self._last: KeptPicture | None = None
+        self._n_equal = 0
+        self._vote, self._untouched = CameraVote(), untouched_lines(baseline)
+        self._lines: list[bytes] = []
         self.seq: int | None = None
         self.next_seq = 0
 
@@ -78,32 +80,33 @@ class FrameMeter:
             RecordingError: The frame is not of the baseline's size.
         """
         report, last, t_ns = self._report, self._last, frame.t_ns - self._start_ns
+        contact, may_vote = None, True
         if frame.seq == self.seq:
             report.n_duplicate += 1
             return None
         self.seq = frame.seq
-        contact, may_vote = last.repeat(frame.image), True
-        if contact is None:
+        if last is not None and is_repeat(frame.image, last):
+            contact = _stamped(last.contact, t_ns)
+            self._n_equal += 1
+            report.n_identical += 1
+        else:
             self._check_size(frame)
             # One that has no vote is not measured either: no metric learns from it.
-            may_vote = not self._live or self._votes.take(frame.image, frame.t_ns)
+            may_vote = not self._live or self._may_vote(frame)
             if may_vote:
                 contact = _stamped(self.metric.update(frame.image, t_ns), t_ns)
-                last.keep(frame.image, contact)
-        else:
-            contact = _stamped(contact, t_ns)
-            report.n_identical += 1
+                self._last, self._n_equal = kept_picture(frame.image, contact), 1
         if self._live and self.next_seq == 0:
             # Pictures of a camera that came while it warmed up, or before anybody read, are not missing in the run.
             self.next_seq = frame.seq
         report.n_missing += max(0, frame.seq - self.next_seq)
         self.next_seq = frame.seq + 1
-        if self._live and last.n_equal >= STUCK_FRAMES:
+        if self._live and self._n_equal >= STUCK_FRAMES:
             report.n_stuck += 1
-            self._votes.frozen()
+            self._vote.frozen()
         report.n_unfit += not may_vote
-        report.faults = (self._votes.fault,) if self._votes.fault else ()
-        if contact is None or self._votes.fault:
+        report.faults = (self._vote.fault,) if self._vote.fault else ()
+        if contact is None or self._vote.fault:
             return None
         report.n_items += 1
         return contact
@@ -128,7 +131,11 @@ class FrameMeter:
 
     def restart(self) -> None:
         """Forget the numbers of a source that was opened again: it counts from wherever it likes."""
-        self.seq, self.next_seq, self._last = None, 0, LastFrame()
+        self.seq, self.next_seq, self._last, self._n_equal = None, 0, None, 0
+
+    def _may_vote(self, frame: TactileFrame) -> bool:
+        fault, self._lines = picture_fault(frame.image, self._untouched, self._lines)
+        return self._vote.take(fault, frame.t_ns)
 
     def _check_size(self, frame: TactileFrame) -> None:
         if frame.image.shape != self._shape:

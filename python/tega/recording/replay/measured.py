@@ -288,9 +288,9 @@ def level_items(recorded: Recorded, measured: Measured) -> list[tuple[int, Inten
     """Pair every intent that the loop took in with what the samples say now; what came over a link is as it came."""
     # Made at the operator's station by what is known there, or by another program.
     if recorded.head.sources["emg"].driver == "net" or measured.outside:
-        return [(row.taken_ns, row) for row in recorded.levels]
+        return [(row.taken_ns, row) for row in recorded.of(Intent)]
     items, intents = [], iter(measured.intents)
-    for row in recorded.levels:
+    for row in recorded.of(Intent):
         for intent in intents:  # those between were lost on the way to the loop
             if intent.t_ns == row.t_ns:
                 items.append((row.taken_ns, intent))

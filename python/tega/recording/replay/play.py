@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 
@@ -32,9 +32,6 @@ from tega.recording.replay.playhead import Playhead
 from tega.recording.replay.recorded import read_recorded
 from tega.recording.run_tables import write_summary
 from tega.records.bus import Bus
-
-if TYPE_CHECKING:
-    from tega.loop.moment import LoopView
 
 LEAD_S = 2
 """Before the first item, in real time at least: the run arms, and a hand goes to where it was."""
@@ -160,7 +157,7 @@ def play_file(
             controls=replace(controls, haptics=haptics),
             progress=progress,
             bus=bus,
-            parts=[_PlayedPart(streams, beside), *parts],
+            parts=[beside, streams, *parts],
         )
     summary["played"] = {
         "file": path.name,
@@ -171,7 +168,7 @@ def play_file(
         "lead_s": lead_ns / 1e9,
         "from_s": playhead.from_ns / 1e9,
         "jumps": playhead.n_jumps,
-        "shown": streams.summary(),
+        "shown": streams.n_shown(),
         "not_shown": list(streams.problems),
     }
     if speed is not None:
@@ -180,17 +177,6 @@ def play_file(
     if config.session.out_dir is not None:
         write_summary(summary, config.session.out_dir / "summary.json")
     return summary
-
-
-class _PlayedPart(Part):
-    """Completes moments for displays with the recording's own."""
-
-    def __init__(self, streams: PlayedStreams, beside: PlayedBeside) -> None:
-        self._streams, self._beside = streams, beside
-
-    def shown(self, view: LoopView) -> LoopView:
-        """Complete a moment for displays."""
-        return self._streams.shown(self._beside.shown(view))
 
 
 def _live(to: SessionConfig) -> tuple[bool, list[str]]:

@@ -11,13 +11,13 @@ import msgspec
 from tega.config.attached import with_attached
 from tega.config.choose import muscle_decoder
 from tega.devices.base import DeviceInfo
-from tega.hand import split_level
+from tega.hand import joined_level, split_level
 from tega.loop.inbox.prepared import Finger, Muscles, Prepared
 from tega.loop.inbox.sources import SourceReport
 from tega.loop.loop import FIRST_LEVEL
 from tega.recording.replay.measured import contact_items, level_items
 from tega.recording.replay.playhead import PlayedItems
-from tega.records import Intent
+from tega.records import HandCommand, Haptics, Intent
 from tega.runtime.files.foreign_file import tells_damage
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def played_input(
         note: What a reader of the results must know.
     """
     head = recorded.head
-    playhead.begin(recorded.last_tick_ns if recorded.end is None else recorded.end[0], lead_ns)
+    playhead.begin(recorded.last_tick_ns if recorded.end is None else recorded.end.end_ns, lead_ns)
 
     def source(name: str, rate_hz: float | None) -> Any:
         then = head.sources[name]
@@ -97,7 +97,7 @@ def played_input(
         muscles,
         measured.calibration,
         "" if name == "self-calibrated" else name,
-        look=PlayedLooks(list(recorded.looks.values()), playhead) if recorded.looks else None,
+        look=PlayedLooks(list(looks.values()), playhead) if (looks := recorded.looks) else None,
     )
 
 
@@ -106,7 +106,7 @@ def _asked(
 ) -> tuple[Intent, list[tuple[int, Intent]]]:
     """Return what the hand was asked for at first, and then: the muscles' level, or the one set against them."""
     intent = nothing = Intent(t_ns=0, channels=(0,) * n_channels, level=FIRST_LEVEL)
-    first = next((level for _, level, _ in recorded.hand), 0) or FIRST_LEVEL
+    first = next((joined_level(c.level, c.closure) for c in recorded.of(HandCommand)), 0) or FIRST_LEVEL
     asked: list[tuple[int, Intent]] = []
     imposed: float = 0
     changes: list[tuple[int, int, Any]] = [(taken, 0, one) for taken, one in items]
@@ -166,7 +166,7 @@ class Switched:
     def __init__(
         self, recorded: Recorded, clock: PlayClock, playhead: Playhead, other: Callable[[], bool]
     ) -> None:
-        self._changes = [(t_ns, on) for _, on, t_ns in recorded.haptics]
+        self._changes = [(one.t_ns, one.on) for one in recorded.of(Haptics)]
         self._clock, self._playhead = clock, playhead
         self._other = other
 

@@ -22,6 +22,7 @@ from tega.devices.base import TactileFrame
 from tega.errors import RecordingError
 from tega.loop.inbox.frames import FrameMeter
 from tega.loop.inbox.sources import SourceReport
+from tega.loop.parts import Part
 from tega.recording.mcap_reader import read_picture, table_ns
 from tega.recording.replay.followed_file import FollowedFile, PlayedMoment, StreamFollower
 from tega.recording.replay.players import refuse_namesakes
@@ -150,7 +151,7 @@ class PlayedSamples:
         self._offset = None
 
 
-class PlayedStreams:
+class PlayedStreams(Part):
     """Follows the playhead, in a thread for each file, or in the run's own where that has no real time.
 
     Use as a context manager around the run. What nobody has subscribed to is not read.
@@ -250,7 +251,7 @@ class PlayedStreams:
         """Complete a moment for a display with what cannot be shown."""
         return view._replace(alerts=(*view.alerts, *problems)) if (problems := self.problems) else view
 
-    def summary(self) -> dict[str, Any]:
+    def n_shown(self) -> dict[str, int]:
         """Return how many pictures and chunks of samples were told, by finger, camera and ``emg``."""
         return {one.name: one.n_told for one in self._followers}
 

@@ -19,7 +19,7 @@ from tega.config.calibration import TouchMaxima
 from tega.emg import GraspIntent
 from tega.hand import ModelledHand
 from tega.haptics import FINGERS, MotorLevels
-from tega.loop.inbox.stuck_frames import LastFrame
+from tega.loop.inbox.stuck_frames import is_repeat, kept_picture
 from tega.loop.touch import TouchLoop
 from tega.records import Contact
 from tega.stages.metrics import contact_record
@@ -82,7 +82,6 @@ class Tick:
         self._samples = 2048 + 300 * rng.standard_normal((PICTURES, EMG_ROWS, 3))
         self._intent = GraspIntent(EMG_RATE_HZ, [300.0, 300.0, 300.0], tau=EMG_ROWS, preset=reading)
         self._hand = ModelledHand()
-        self._seen = [LastFrame() for _ in FINGERS]
         self._number = 0
 
     def run(self) -> tuple[tuple[int, ...], bytes, bytes]:
@@ -125,12 +124,14 @@ class Tick:
     ) -> tuple[int, int]:
         """Time what the skips do instead of the work: four pictures and a vest frame that are the ones before."""
         clock = time.perf_counter_ns
-        for last, (images, _), contact in zip(self._seen, self._fingers, contacts, strict=True):
-            last.keep(images[now], contact)
+        seen = [
+            kept_picture(images[now], contact)
+            for (images, _), contact in zip(self._fingers, contacts, strict=True)
+        ]
         again = self._touch.frame(t_ns)
         started = clock()
-        for last, (images, _) in zip(self._seen, self._fingers, strict=True):
-            last.repeat(images[now])
+        for last, (images, _) in zip(seen, self._fingers, strict=True):
+            is_repeat(images[now], last)
         compared = clock()
         bool(again == frame)
         return compared - started, clock() - compared
