@@ -14,13 +14,6 @@ from tega.loop import DualLoop, run_session
 
 PACKAGE = Path(tega.__file__).parent
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
-# They wrapped a part of the loop to see what passed; see docs/loop.md.
-WRAPPERS = {
-    "LoopTap", "HandTap", "InputsTap", "SentTap", "Written", "_NotingPacer", "Watched", "_Seen", "Spared", "KeepAlive",
-    "_Keeper", "_Sink", "_Lowest",
-}  # fmt: skip
-# What a run is wired of. `Watched` of the guard is a row of what it watches over, and wraps nothing.
-WIRING = ("loop", "recording/session.py", "recording/mcap_recorder.py", "recording/replay", "ui/view")
 
 
 def classes(*where: str) -> Iterator[tuple[str, ast.ClassDef]]:
@@ -30,10 +23,6 @@ def classes(*where: str) -> Iterator[tuple[str, ast.ClassDef]]:
             for node in ast.walk(ast.parse(file.read_text("utf-8"))):
                 if isinstance(node, ast.ClassDef):
                     yield str(file.relative_to(PACKAGE)), node
-
-
-def test_none_of_the_thirteen_wrappers_is_left_in_the_wiring() -> None:
-    assert [(file, node.name) for file, node in classes(*WIRING) if node.name in WRAPPERS] == []
 
 
 def test_the_loop_and_a_run_take_few_parameters() -> None:
