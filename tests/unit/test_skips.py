@@ -44,7 +44,7 @@ def run_kept(vest: Sink, recorder: Sink, contacts: list[Contact], *, end_ns: int
         levels=None,
         vests=[recorder],
         hands=[],
-        live_vests=[vest],  # type: ignore[list-item]
+        live_vests=[vest],
     )
     loop.run()
     return loop
@@ -95,7 +95,7 @@ def run_parts(*, touch: bool, emg: bool, **how: Any) -> tuple[DualLoop, Waits, S
         levels=PulledStream(levels, end_ns=1000 * MS) if emg else None,
         vests=[vest],
         hands=[hand],
-        live_vests=[vest],  # type: ignore[list-item]
+        live_vests=[vest],
     )
     loop.run(**how)
     return loop, clock, vest, hand
