@@ -15,7 +15,7 @@ from typing import Generic, Protocol, TypeVar
 NEVER_NS = 2**63 - 1
 
 
-class Stamped(Protocol):
+class StampedRecord(Protocol):
     """A record with a time, such as :class:`tega.records.Contact` or :class:`tega.records.Intent`."""
 
     @property
@@ -24,8 +24,8 @@ class Stamped(Protocol):
         ...
 
 
-Item = TypeVar("Item", bound=Stamped)
-Item_co = TypeVar("Item_co", bound=Stamped, covariant=True)
+Item = TypeVar("Item", bound=StampedRecord)
+Item_co = TypeVar("Item_co", bound=StampedRecord, covariant=True)
 
 
 class Stream(Protocol[Item_co]):
