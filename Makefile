@@ -7,7 +7,7 @@ WALK := PYTHONPATH=$(CURDIR)/tests:$(TOOLS) $(BIN)/python -m tega_figures.strang
 ARM64 := aarch64-unknown-linux-gnu
 PYTHON ?= python3
 .DEFAULT_GOAL := help
-.PHONY: help setup build test slow guards deep stress lint fmt fuzz bench counts figures msrv licences arm64 wheels site pictures shots measured stranger clean
+.PHONY: help setup build test slow guards letting-go deep stress lint fmt fuzz bench counts figures msrv licences arm64 wheels site pictures shots measured stranger clean
 
 help: ## print this
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 10
@@ -33,6 +33,9 @@ slow: ## what waits in true time: emulated devices, sessions, kills, soaks; then
 guards: ## tests have to fail without the guard they show; all of them into docs/evidence/guards.md (THIRD=today: a third)
 	PYTHONPATH=tests $(BIN)/python -m hazards.without $(if $(THIRD),--third $(THIRD),--page)
 
+letting-go: ## every signal to each process of a program and to several at once, into docs/evidence/letting-go.md
+	PYTHONPATH=tests $(BIN)/python -m hazards.letting_go_page
+
 deep: ## what computes for long: all tests marked deep, and each property with 2,000 examples
 	HYPOTHESIS_PROFILE=deep $(BIN)/python -m pytest -m deep
 	HYPOTHESIS_PROFILE=deep $(BIN)/python -m pytest -m 'not slow and not deep' tests/property
@@ -40,7 +43,7 @@ deep: ## what computes for long: all tests marked deep, and each property with 2
 stress: ## the properties at the ends of the number range, and docs/stress.md from what they found
 	PYTHONPATH=tests $(BIN)/python tests/property/stress_page.py docs/stress.md
 
-lint: ## formatting, clippy, ruff, mypy, stub against extension, circles of files, words of the pages
+lint: ## formatting, clippy, ruff, mypy, layers, stub against extension, words of the pages
 	cargo fmt --all --check
 	cargo fmt --check --manifest-path fuzz/Cargo.toml
 	cargo fmt --check --manifest-path benches/Cargo.toml
@@ -52,11 +55,12 @@ lint: ## formatting, clippy, ruff, mypy, stub against extension, circles of file
 		--target $(ARM64) --locked -- -D warnings,@echo 'arm64 kernels not checked: rustup target add $(ARM64)')
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
+	$(BIN)/lint-imports --no-cache
 	$(BIN)/mypy
 	$(BIN)/mypy --platform win32 --follow-imports silent python
 	$(BIN)/mypy --platform darwin --follow-imports silent python
 	$(BIN)/python -m mypy.stubtest tega._native
-	$(BIN)/python -m pytest -q tests/unit/test_packages.py tests/unit/test_crate_files.py \
+	$(BIN)/python -m pytest -q tests/unit/test_crate_files.py \
 		tests/docs/test_words.py
 
 fmt: ## rustfmt, ruff format, ruff --fix

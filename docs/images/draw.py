@@ -272,7 +272,7 @@ def animation(name: str = "bottle") -> None:
         t_s = state.loop.t_ns / 1e9
         if state.poses is not None and (not moments or t_s >= moments[-1].t_s + FRAME_S - 1e-6):
             motors = np.zeros(40) if state.loop.vest is None else state.loop.vest.x40()
-            level = 1 if state.loop.block is None else state.loop.block.level
+            level = 1 if state.loop.intent is None else state.loop.intent.level
             moments.append(Moment(t_s, np.array(state.poses), np.array(motors), int(level), 0.0))
 
     plans = plan_trials([name], ["haptic"], [1])

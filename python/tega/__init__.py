@@ -12,12 +12,7 @@ Example:
 from __future__ import annotations
 
 import importlib
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from types import ModuleType
-
-    from tega import config, devices, emg, errors, hand, haptics, loop, tactile, wire
+from types import ModuleType
 
 __all__ = [
     "__version__",

@@ -15,6 +15,7 @@
         ├── WrongDeviceError            a device answers, but not the one the settings ask for
         ├── MissingExtraError (ImportError) a device needs a package that is not installed
         │   └── MissingToolError        a verb needs a distribution that only a checkout brings
+        ├── StreamContradictionError    a stream's own evidence contradicts what its driver assumes
         └── SampleRateError                 a source's true sample rate cannot carry the filter
 
 Each message names the thing, the value and its unit; ``hint`` is the next step to take.
@@ -33,6 +34,7 @@ __all__ = [
     "RecordingError",
     "SampleRateError",
     "ShapeError",
+    "StreamContradictionError",
     "TegaError",
     "UnsafeNameError",
     "WireError",
@@ -104,6 +106,10 @@ class MissingExtraError(DeviceUnavailableError, ImportError):
 
 class MissingToolError(MissingExtraError):
     """A verb needs a distribution of the checkout's ``tools/`` that is not installed; the hint is the pip line."""
+
+
+class StreamContradictionError(DeviceUnavailableError):
+    """A stream's counter, banner, stamps, rate or values contradict what its driver assumes of it."""
 
 
 class SampleRateError(DeviceUnavailableError):

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from tega.errors import ConfigError, RecordingError
+from tega.recording.copies import note_copy
 from tega.recording.mcap_folder import recorded_task
 from tega.recording.origin import origins, span
 from tega.runtime.files.foreign_file import tells_damage
@@ -69,7 +70,7 @@ def export_lerobot(
         paths: The recordings; all with the same inputs.
         folder: Where to; new or empty.
         fps: Frames per second.
-        task: What was done, in words; ``None`` for what each session's index says of a recording, else ``grasp``.
+        task: Task in words, for recordings of which their session's index says none; ``None`` for ``grasp``.
         scenes: Videos of scene cameras with their time codes, by the cameras' names; none for what the recordings'
             own cameras filmed.
 
@@ -91,13 +92,15 @@ def export_lerobot(
         plain_name(name, what="camera", source="--scene")
         shapes[name] = check_scene(video)
     folder.mkdir(parents=True, exist_ok=True)
+    for path in paths:
+        note_copy(path, folder)
     dataset = _Dataset(folder, fps)
     try:
         for path in paths:
             with tempfile.TemporaryDirectory() as beside:
                 mine = scenes or own_scenes(path, Path(beside))
                 sizes = shapes or {name: check_scene(video) for name, video in mine.items()}
-                _add(path, dataset.filmed(mine, sizes), fps, task or recorded_task(path) or UNLABELLED)
+                _add(path, dataset.filmed(mine, sizes), fps, recorded_task(path) or task or UNLABELLED)
     finally:
         dataset.close()
     return folder

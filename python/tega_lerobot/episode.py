@@ -12,7 +12,9 @@ from tega.errors import RecordingError
 from tega.hand import JOINT_NAMES
 from tega.recording.mcap_reader import McapReader, Message, read_picture
 from tega.recording.origin import span
+from tega.records import Contact
 from tega.records.arm import PoseNumbers
+from tega.records.schema import read
 from tega.runtime.files.foreign_file import tells_damage
 
 if TYPE_CHECKING:
@@ -114,9 +116,11 @@ class _Stream:
         return newest
 
     def at(self, grid_ns: NDArray[np.int64]) -> NDArray[np.float32]:
-        """Return the value that was newest at each time; what is not a number is 0."""
+        """Return the value that was newest at each time; what is not a number, or none of float32, is 0."""
         rows = np.array(self.values, np.float64)[self.newest(grid_ns)]
-        return np.nan_to_num(rows, posinf=0.0, neginf=0.0).astype(np.float32)
+        with np.errstate(over="ignore"):
+            stored = rows.astype(np.float32)
+        return np.nan_to_num(stored, posinf=0.0, neginf=0.0)
 
 
 @tells_damage
@@ -199,7 +203,10 @@ def _keep(stream: _Stream, message: Message, t_ns: int) -> None:
     value, topic = message.value, message.topic
     match message.schema:
         case "tega.Contact":
-            stream.add(t_ns, (value.eda, value.cci, value.in_contact, *(_known(value, n) for n in _MEASURED)))
+            contact = read(Contact, value, finger="")
+            known = (getattr(contact, name) for name in _MEASURED)
+            numbers = (np.nan if one is None else one for one in known)
+            stream.add(t_ns, (contact.eda, contact.cci, contact.in_contact, *numbers))
         case "tega.EmgSamples":
             stream.add(t_ns, np.array(value.samples, np.float32).reshape(-1, value.n_channels))
         case "tega.Levels":
@@ -217,12 +224,6 @@ def _keep(stream: _Stream, message: Message, t_ns: int) -> None:
             stream.add(t_ns, (place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w))
         case _:
             pass
-
-
-def _known(value: Any, name: str) -> float:
-    """Return a number that a record may have; NaN where it has none, as those of earlier versions."""
-    there = name in value.DESCRIPTOR.fields_by_name and value.HasField(name)
-    return float(getattr(value, name)) if there else np.nan
 
 
 class _Samples:

@@ -10,8 +10,8 @@ import msgspec
 
 from tega.arm.pose import StampedPose
 from tega.loop.inbox.histogram import Histogram
-from tega.loop.inbox.sources import EmgBlock
 from tega.loop.inbox.stream import LiveStream
+from tega.records import Intent
 from tega_link.gate import StampGate, refused_by
 from tega_link.messages import ArmMessage, HandMessage, decode
 
@@ -65,7 +65,7 @@ class Commands:
         self._pose_ns = self._block_ns = 0
         self._level: tuple[int, float | None] = (0, None)
         self._counted = (0, 0)
-        self.blocks: LiveStream[EmgBlock] = LiveStream(clock=clock)
+        self.blocks: LiveStream[Intent] = LiveStream(clock=clock)
         self.way = Histogram()
         self.n = 0
         self.rate_hz = 0.0
@@ -126,7 +126,9 @@ class Commands:
         elif level == self._level or not self._block_ns:
             return  # else the operator's guard has another level for that block
         self._level = level
-        self.blocks.put(EmgBlock(t_ns, level[:1], *level), use_by_ns=self._hand_ns + self._ttl_ns)
+        # One channel, as the source has it: the level itself.
+        intent = msgspec.structs.replace(asked, t_ns=t_ns, taken_ns=0, channels=level[:1])
+        self.blocks.put(intent, use_by_ns=self._hand_ns + self._ttl_ns)
 
     def arm(self, data: bytes) -> ArmMessage | None:
         """Take in a command for the arm; return it if it is obeyed."""

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
     from tega.arm.pose import StampedPose
     from tega.loop.inbox.prepared import Muscles
-    from tega.loop.inbox.sources import EmgBlock
     from tega.loop.inbox.stream import LiveStream
+    from tega.records import Intent
     from tega.wire import CanFrame
 
 
@@ -117,7 +117,7 @@ class FarMuscles(Opened):
             return None
 
 
-def far_muscles(source: Any, blocks: LiveStream[EmgBlock]) -> Muscles:
+def far_muscles(source: Any, blocks: LiveStream[Intent]) -> Muscles:
     """Return the EMG side of a run whose samples and levels come over the link."""
     from tega.config.calibration import EmgMaxima
     from tega.loop.inbox.prepared import Muscles

@@ -10,6 +10,7 @@ from tega.devices.registry import driver_class
 from tega.devices.tracker.sources.rates import RatePoses
 from tega.errors import ConfigError
 from tega.records import PoseNumbers
+from tega_link.settings import net_of
 
 if TYPE_CHECKING:
     from tega.arm.pose import PoseSource
@@ -31,7 +32,7 @@ class ForearmReader:
     """
 
     def __init__(self, config: SessionConfig) -> None:
-        net = config.net
+        net = net_of(config)
         self._source: PoseSource | None = None
         self._seats: dict[str, Seat] = {}
         self._pose: PoseNumbers | None = None

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from tega.records import Intent as IntentRecord
+from msgspec.structs import replace
+
+from tega.records import Intent
 from tega_link.ends import FarHand
 from tega_link.messages import ArmMessage, HandMessage, encode
 
@@ -35,7 +37,7 @@ class IntentSender:
         self._send_hand: Callable[[bytes], None] = lambda _message: None
         self._send_arm: Callable[[bytes], None] = lambda _message: None
         self._sent: deque[int] = deque(maxlen=_KEPT)
-        self._block: tuple[int, tuple[int, ...]] = (0, ())
+        self._newest = Intent(t_ns=0)
         self._guard: Guard | None = None
         self.hand: FarHand | None = None
         self.n = 0
@@ -53,17 +55,16 @@ class IntentSender:
         """Take note of what knows whether the run is active: without that the dead-man does not count."""
         self._guard = guard
 
-    def block(self, block_ns: int, channels: Sequence[int]) -> None:
-        """Note the newest block of EMG: when it was complete, and the level of each muscle."""
-        self._block = (block_ns, tuple(channels))
+    def intent(self, intent: Intent) -> None:
+        """Note the newest intent, its times by the monotonic clock."""
+        self._newest = intent
 
     def say_hand(self) -> None:
         """Send what the hand shall do."""
-        block_ns, channels = self._block
         asked = None if self.hand is None else self.hand.asked
         wanted = None
         if asked is not None:
-            wanted = IntentRecord(t_ns=block_ns, channels=channels, level=asked[0], closure=asked[1])
+            wanted = replace(self._newest, level=asked[0], closure=asked[1])
         stamp = self._stamp("hand")
         self._send_hand(encode(HandMessage(**stamp, intent=wanted)))
         self.n += 1

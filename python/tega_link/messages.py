@@ -48,6 +48,10 @@ class HandMessage(Stamped, frozen=True, tag="HandCommand", kw_only=True):
             return ""
         if asked.closure is not None and not 0.0 <= asked.closure <= 1.0:
             return f"closure {asked.closure} is not from 0 to 1"
+        if asked.confidence is not None and not 0.0 <= asked.confidence <= 1.0:
+            return f"confidence {asked.confidence} is not from 0 to 1"
+        if not all(map(math.isfinite, asked.activity)):
+            return "an activity is not finite"
         return "" if 1 <= asked.level <= 5 else f"level {asked.level} is not from 1 to 5"
 
 
@@ -90,7 +94,9 @@ class Feature(Stamped, frozen=True, tag=True, kw_only=True):
     def malformed(self) -> str:
         """Return why the contact cannot be used, ``""`` if it can."""
         felt = self.contact
-        if not all(map(math.isfinite, (felt.mass, felt.cci, felt.peak))):
+        further = (felt.area_mm2, felt.depth_mm, felt.force_n, felt.strength, felt.broad)
+        known = (felt.mass, felt.cci, felt.peak, *(one for one in further if one is not None))
+        if not all(map(math.isfinite, known)):
             return "a number of the contact is not finite"
         return "" if 0 <= felt.eda <= _MOST_PIXELS else f"eda {felt.eda} is not from 0 to {_MOST_PIXELS}"
 

@@ -6,9 +6,11 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from tega.errors import ConfigError
+from tega.records.display import Notice
 from tega_link.keys import check_expiry
 from tega_link.operator import OperatorStation
 from tega_link.robot import RobotStation
+from tega_link.settings import net_of
 from tega_link.station import Station
 
 if TYPE_CHECKING:
@@ -16,15 +18,13 @@ if TYPE_CHECKING:
     from tega.records.bus import Bus
 
 
-def open_station(
-    config: SessionConfig, bus: Bus, *, tell: Callable[[str], None], stop: Callable[[], bool]
-) -> Station:
+def open_station(config: SessionConfig, bus: Bus, *, stop: Callable[[], bool]) -> Station:
     """Make this station's end of the link, not opened yet.
 
     Raises:
         ConfigError: The settings do not fit a station.
     """
-    net = config.net
+    net = net_of(config)
     assert net is not None
     if config.session.pace == "fast":
         raise ConfigError(
@@ -51,7 +51,7 @@ def open_station(
             f"move it to the settings of the {other}'s station",
         )
     if net.keys is not None and (said := check_expiry(net.keys)):
-        tell(said)
+        bus.publish(Notice(text=said))
     if operator:
-        return OperatorStation(config, bus, tell, stop)
-    return RobotStation(config, bus, tell)
+        return OperatorStation(config, bus, stop)
+    return RobotStation(config, bus)

@@ -11,8 +11,8 @@ import msgspec
 
 import tega
 from tega.errors import ConfigError
-from tega.records import EmgSamples
-from tega.records import Intent as IntentRecord
+from tega.loop.parts import RunStart
+from tega.records import EmgSamples, Intent
 from tega_link.forearm import ForearmReader
 from tega_link.gate import StampGate
 from tega_link.intent import IntentSender
@@ -27,12 +27,9 @@ if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.loop.inbox.inputs import Inputs
     from tega.loop.inbox.prepared import Prepared
-    from tega.loop.latency import LatencyTrace
     from tega.loop.moment import LoopView
     from tega.loop.sinks import Sinks
     from tega.records.bus import Bus
-    from tega.runtime.wake import Bell
-    from tega.safety.guard import Guard
 
 
 class OperatorStation(Station):
@@ -41,14 +38,11 @@ class OperatorStation(Station):
     Args:
         config: The session's settings.
         bus: Tells what passes in the session, and is told what comes over the link for a recording.
-        tell: Told in a sentence what happens.
         stop: Asked while the robot is looked for.
     """
 
-    def __init__(
-        self, config: SessionConfig, bus: Bus, tell: Callable[[str], None], stop: Callable[[], bool]
-    ) -> None:
-        super().__init__(config, bus, tell)
+    def __init__(self, config: SessionConfig, bus: Bus, stop: Callable[[], bool]) -> None:
+        super().__init__(config, bus)
         net = self.net
         self.tick_s = 1 / net.rate_hz
         self._stop = stop
@@ -72,7 +66,7 @@ class OperatorStation(Station):
             lambda: self._stamp(self._lead.session, "emg"), lambda: self._lead.is_recorded
         )
         bus.subscribe(EmgSamples, self._samples.take, name="link")
-        bus.subscribe(IntentRecord, self._levels, name="link")
+        bus.subscribe(Intent, self._levels, name="link")
         self._was_lost = False
         self._n_lost = 0
 
@@ -151,25 +145,20 @@ class OperatorStation(Station):
         self._forearm.open(stack, inputs)
         return inputs
 
-    def begin(
-        self,
-        prepared: Prepared,
-        *,
-        start_ns: int,
-        bell: Bell | None,
-        trace: LatencyTrace | None,
-        guard: Guard,
-    ) -> None:
+    def begin(self, run: RunStart) -> None:
         """Take in touch from now on."""
-        self._touch.begin(prepared, self._bus, start_ns=start_ns, bell=bell, trace=trace)
-        self._intent.begin(guard)
+        prepared, start_ns, trace = run.prepared, run.start_ns, run.trace
+        self._touch.begin(prepared, self._bus, start_ns=start_ns, bell=run.bell, trace=trace)
+        self._intent.begin(run.guard)
         self._samples.begin(start_ns)
         self._start_ns = start_ns
 
-    def _levels(self, intent: IntentRecord) -> None:
+    def _levels(self, intent: Intent) -> None:
         """Note the newest block of EMG; what is asked of the hand is the guard's decision."""
         if self._start_ns is not None:
-            self._intent.block(self._start_ns + intent.t_ns, intent.channels)
+            self._intent.intent(
+                msgspec.structs.replace(intent, t_ns=self._start_ns + intent.t_ns, taken_ns=0)
+            )
 
     def missing(self) -> str:
         """Say that the robot does not answer, or does not want us."""
@@ -211,8 +200,8 @@ class OperatorStation(Station):
             said += f", touch on the way {way.at(0.5) / 1e6:.1f} ms"
         return f"{said}, {self._clock.words}"
 
-    def summary(self) -> dict[str, Any]:
-        """Return the link's part of a run's summary."""
+    def _summary(self) -> dict[str, Any]:
+        """Return the counts of the link."""
         return self._link_summary() | {
             "robot": self.net.robot,
             "joined": self._lead.n,

@@ -19,6 +19,7 @@ import tega
 from tega.loop.inbox.inputs import Inputs, Seat
 from tega.loop.inbox.reader import Reader, read_items
 from tega.loop.inbox.sources import samples_of
+from tega.loop.parts import RunStart
 from tega.records import Contact, Picture, RunState
 from tega_link.commands import Commands
 from tega_link.ends import FarMuscles, FarSwitch, FarTracker, far_muscles
@@ -33,11 +34,8 @@ if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.devices.base import Tracker
     from tega.loop.inbox.prepared import Prepared
-    from tega.loop.latency import LatencyTrace
     from tega.records.bus import Bus
     from tega.runtime.device_items import EmgChunk
-    from tega.runtime.wake import Bell
-    from tega.safety.guard import Guard
 
 
 _STATE_NS = 100_000_000
@@ -46,8 +44,10 @@ _STATE_NS = 100_000_000
 class RobotStation(Station):
     """The robot's end of the link."""
 
-    def __init__(self, config: SessionConfig, bus: Bus, tell: Callable[[str], None]) -> None:
-        super().__init__(config, bus, tell)
+    origin = "the maxima are at the operator's station"
+
+    def __init__(self, config: SessionConfig, bus: Bus) -> None:
+        super().__init__(config, bus)
         bus.subscribe(Contact, self._contact, name="link")
         net, arm = self.net, config.arm
         self._session = secrets.randbits(62) | 1
@@ -56,7 +56,7 @@ class RobotStation(Station):
         leader = Leadership(net.own_name, operators=net.operators, frame=frame, hand=self._has_hand)
         self._leader = leader
         self._reception = Reception(
-            leader, self._lock, robot=net.own_name, begin=self._begin_session, tell=tell
+            leader, self._lock, robot=net.own_name, begin=self._begin_session, tell=self._tell
         )
         self._tracker = FarTracker(frame) if arm is not None else None
         self._commands = Commands(
@@ -142,17 +142,9 @@ class RobotStation(Station):
         far: Any = self._tracker
         return far  # type: ignore[no-any-return]
 
-    def begin(
-        self,
-        prepared: Prepared,
-        *,
-        start_ns: int,
-        bell: Bell | None,
-        trace: LatencyTrace | None,
-        guard: Guard,
-    ) -> None:
+    def begin(self, run: RunStart) -> None:
         """Let operators lead from now on."""
-        del bell, guard  # the loop is woken by its own pictures
+        prepared, start_ns, trace = run.prepared, run.start_ns, run.trace
         pictures = self._pictures
         self._reception.welcome = Welcome(
             station=self._session,
@@ -215,8 +207,8 @@ class RobotStation(Station):
             said += ", refused: " + ", ".join(f"{n} {why}" for why, n in refused.items())
         return said
 
-    def summary(self) -> dict[str, Any]:
-        """Return the link's part of a run's summary."""
+    def _summary(self) -> dict[str, Any]:
+        """Return the counts of the link."""
         commands = self._commands
         with self._lock:
             commands.keep_counts()

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import ipaddress
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import msgspec
 
 from tega.errors import ConfigError
+
+if TYPE_CHECKING:
+    from tega.config import SessionConfig
+    from tega.config.guests import TableContext
 
 KEYS_COMMAND = "tega-teleop net keys keys --operator NAME --robot NAME"
 _DEFAULT_PORT = 7447
@@ -164,3 +168,18 @@ def checked_net(net: NetSection) -> Endpoint:
             'set it, such as net.operators = ["alice"]',
         )
     return endpoint
+
+
+def check_table(net: NetSection, context: TableContext) -> NetSection:
+    """Check the fields together, and return the table with the tracker's options typed; see :func:`checked_net`."""
+    checked_net(net)
+    if net.tracker is None:
+        return net
+    tracker = context.with_options(net.tracker, "tracker", "net.tracker")
+    return msgspec.structs.replace(net, tracker=tracker)
+
+
+def net_of(config: SessionConfig) -> NetSection | None:
+    """Return the link's table of a session's settings; ``None`` where there is none."""
+    found: NetSection | None = config.guests.get("net")
+    return found

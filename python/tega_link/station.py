@@ -4,48 +4,46 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
-from contextlib import ExitStack
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
+from tega.loop.moment import Moment
+from tega.loop.parts import Part
 from tega.records import RunState
+from tega.records.display import Notice
 from tega.runtime.lifecycle import Opened
 from tega_link.clock import PeerClock
 from tega_link.link import Link
-from tega_link.settings import NetSection
+from tega_link.settings import NetSection, net_of
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig
-    from tega.devices.base import Tracker
-    from tega.loop.inbox.inputs import Inputs
-    from tega.loop.inbox.prepared import Prepared
-    from tega.loop.latency import LatencyTrace
     from tega.loop.moment import LoopView
-    from tega.loop.sinks import Sinks
     from tega.records.bus import Bus
-    from tega.runtime.wake import Bell
-    from tega.safety.guard import Guard
 
 
 _LEAVE_S = 2.0
 
 
-class Station(Opened):
-    """One end of the link in a session; the session asks it to put the other station's devices in place.
+class Station(Part, Opened):
+    """One end of the link in a session: it puts the other station's devices in place.
 
     Args:
         config: The session's settings; ``net`` is set.
-        bus: Tells what passes in the session, and is told what comes over the link for a recording.
-        tell: Told in a sentence what happens on the link.
+        bus: Bus of the session.
     """
+
+    endless = brings_input = True
 
     tick_s = 0.05
 
-    def __init__(self, config: SessionConfig, bus: Bus, tell: Callable[[str], None]) -> None:
-        assert config.net is not None
-        self.net: NetSection = config.net
-        self._config, self._bus, self._tell = config, bus, tell
+    def __init__(self, config: SessionConfig, bus: Bus) -> None:
+        net = net_of(config)
+        assert net is not None
+        self.net: NetSection = net
+        self._config, self._bus = config, bus
         bus.subscribe(RunState, self.changed, name="link")
+        bus.subscribe(Moment, self._seen, name="link")
         self._link = Link(self.net)
         self._lock = threading.Lock()
         self._clock = PeerClock()
@@ -56,24 +54,13 @@ class Station(Opened):
         self._start_ns: int | None = None
         self._view: LoopView | None = None
 
-    # What a session asks for; each station overrides what it has something to say to.
+    def needs(self) -> Mapping[str, Callable[[], str]]:
+        """Return the need of the other station."""
+        return {"link": self.missing}
 
-    def prepared(self, prepared: Prepared) -> Prepared:
-        """Return what the run starts with, and what comes over the link with it."""
-        return prepared
-
-    def sinks(self, sinks: Sinks) -> Sinks:
-        """Return where the run writes to, and what is sent over the link with it."""
-        return sinks
-
-    def inputs(self, stack: ExitStack, inputs: Inputs) -> Inputs:  # noqa: ARG002  # the operator opens a tracker
-        """Return what the operator holds, here or there."""
-        return inputs
-
-    @property
-    def tracker(self) -> Tracker | None:
-        """Tracker that leads the arm, where that comes over the link."""
-        return None
+    def alerts(self) -> Mapping[str, Callable[[], str]]:
+        """Return the alerts of the other station and of the link."""
+        return {"station": self.alert, "sending": self.unsent}
 
     def missing(self) -> str:
         """Return why the run cannot go on, ``""`` if it can."""
@@ -87,25 +74,16 @@ class Station(Opened):
         """Return why messages are not sent, ``""`` while they are."""
         return self._link.problem
 
-    def begin(
-        self,
-        prepared: Prepared,
-        *,
-        start_ns: int,
-        bell: Bell | None,
-        trace: LatencyTrace | None,
-        guard: Guard,
-    ) -> None:
-        """Take note that the run begins."""
-        raise NotImplementedError
-
     def changed(self, change: RunState) -> None:
-        """Tell that the run's state has changed."""
+        """Report that the run's state has changed."""
         self._tell(f"{change.state}: {change.reason}")
 
-    def seen(self, view: LoopView) -> None:
-        """Take note of the newest moment of the run."""
-        self._view = view
+    def _tell(self, text: str) -> None:
+        """Report an event of the link to the person who runs the session."""
+        self._bus.publish(Notice(text=text))
+
+    def _seen(self, moment: Moment) -> None:
+        self._view = moment.view
 
     def shown(self, view: LoopView) -> LoopView:
         """Complete a moment for a display."""
@@ -117,11 +95,11 @@ class Station(Opened):
         raise NotImplementedError
 
     def summary(self) -> dict[str, Any]:
-        """Return the link's part of a run's summary."""
-        raise NotImplementedError
+        """Return the link's entry of a run's summary."""
+        return {"net": self._summary()}
 
-    def end(self) -> None:
-        """Take no more part in the run, whose devices are about to be closed."""
+    def _summary(self) -> dict[str, Any]:
+        raise NotImplementedError
 
     # The link.
 

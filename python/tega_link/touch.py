@@ -13,7 +13,7 @@ import numpy as np
 from tega.errors import CalibrationError
 from tega.loop.inbox.histogram import Histogram
 from tega.loop.inbox.reader import Reader, read_items
-from tega.loop.inbox.sources import metrics_of, picture_of
+from tega.loop.inbox.sources import picture_of
 from tega.loop.inbox.stream import LiveStream
 from tega_link.ends import FarFinger
 from tega_link.gate import StampGate, refused_by
@@ -24,8 +24,9 @@ if TYPE_CHECKING:
     from tega.config.calibration import Calibration
     from tega.devices.base import TactileFrame
     from tega.loop.inbox.prepared import Finger, Prepared
-    from tega.loop.inbox.sources import Contact, SourceReport
+    from tega.loop.inbox.sources import SourceReport
     from tega.loop.latency import LatencyTrace
+    from tega.records import Contact
     from tega.records.bus import Bus
     from tega.runtime.wake import Bell
     from tega_link.clock import Offset
@@ -182,7 +183,9 @@ class _RobotFinger:
         self._next = feature.sequence + 1
         t_ns = max(t_ns, self._stream.end_ns)  # the clock's estimate may have moved back a little
         self.stamp(t_ns, received_ns)
-        self._stream.put((t_ns, metrics_of(feature.contact)), use_by_ns=use_by_ns)
+        # Those of the sender are by its own session.
+        contact = msgspec.structs.replace(feature.contact, t_ns=t_ns, taken_ns=0, known_ns=0)
+        self._stream.put(contact, use_by_ns=use_by_ns)
 
     def mind(self, *, lost: bool) -> None:
         """Take note of whether the robot answers."""

@@ -2,24 +2,31 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from tega.runtime.lsl import load_lsl, to_monotonic_s
+from tega.runtime.lsl import find_streams, hosts_of, load_lsl, to_monotonic_s
+from tega.runtime.stamp_check import is_other_clock
 
 _LOOK_S = 0.5
 _WAIT_S = 0.2
 _CONNECT_S = 5.0
 _BUFFER_S = 60
+# A moment may be marked a little before it comes, such as the next picture's, and up to a minute after it was.
+_AHEAD_S = 1.0
+_AWAY_S = 60.0
+# A stream that is gone is no second one of its name after so long.
+_FORGET_S = 2.0
 
 
 class Heard(NamedTuple):
     """A marker that came.
 
     Attributes:
-        at_ns: When it was set, on this machine's monotonic clock.
+        at_ns: When it was set, on this machine's monotonic clock; when it came, where its stamp is of another clock.
         received_ns: When it came, on the same.
         text: What it says; numbers are written out.
         stamp_s: Its stamp as it came, by the sender's clock.
@@ -36,13 +43,16 @@ class Heard(NamedTuple):
 class LslMarkersIn:
     """Listens in a thread of its own; a stream that is not there yet, or goes away, is looked for all the time.
 
+    Two streams of one name are refused: one of them may be what an experiment that crashed has left behind.
+
     Args:
         name: What the stream is called.
         hear: Told of each marker, in that thread.
 
     Attributes:
-        problem: What is wrong, one sentence; ``""`` while the stream is there.
+        problem: What is wrong, one sentence; ``""`` while the one stream is there and its stamps can be true.
         n_heard: Markers so far.
+        n_unstamped: Of those, the markers whose stamps are of another clock.
         correction_s: The newest correction of the sender's clock; ``None`` before the first marker.
 
     Raises:
@@ -55,8 +65,9 @@ class LslMarkersIn:
         self._lsl = load_lsl("markers.lsl_in")
         self._over = threading.Event()
         self.problem = f"markers: no stream called {name!r} on the network yet"
-        self.n_heard = 0
+        self.n_heard = self.n_unstamped = 0
         self.correction_s: float | None = None
+        self._other_clock = ""
         self._thread = threading.Thread(target=self._work, name="tega-markers", daemon=True)
         self._thread.start()
 
@@ -68,21 +79,32 @@ class LslMarkersIn:
     def _work(self) -> None:
         lsl = self._lsl
         while not self._over.is_set():
-            found = lsl.resolve_byprop("name", self._name, minimum=1, timeout=_LOOK_S)
-            if not found:
+            found = find_streams(lsl, "name", self._name, _LOOK_S)
+            if len(found) > 1:
+                self.problem = self._several(found)
+            if len(found) != 1:
                 continue
             try:
                 self._listen(found[0])
             except (lsl.util.LostError, RuntimeError, TimeoutError) as error:
                 self.problem = f"markers: stream {self._name!r} was lost: {error}; it is looked for"
 
+    def _several(self, found: list[Any]) -> str:
+        return (
+            f"markers: {len(found)} streams are called {self._name!r}, from {hosts_of(found)}: "
+            "end the one that is not meant"
+        )
+
     def _listen(self, stream: Any) -> None:
         inlet = self._lsl.StreamInlet(stream, max_buflen=_BUFFER_S, recover=False)
+        others = self._lsl.ContinuousResolver("name", self._name, forget_after=_FORGET_S)
         try:
             inlet.open_stream(timeout=_CONNECT_S)
             inlet.time_correction(timeout=_CONNECT_S)
-            self.problem = ""
+            self._other_clock = ""
             while not self._over.is_set():
+                there = list({one.uid(): one for one in [stream, *others.results()]}.values())
+                self.problem = self._several(there) if len(there) > 1 else self._other_clock
                 self._pull(inlet, _WAIT_S)
             # What was set while the clocks were still compared, or came since the last look, belongs to the run.
             while self._pull(inlet, 0.0):
@@ -100,5 +122,17 @@ class LslMarkersIn:
     def _take(self, text: str, stamp_s: float, correction_s: float) -> None:
         self.correction_s = correction_s
         self.n_heard += 1
-        at_ns = round((stamp_s + correction_s + to_monotonic_s(self._lsl)) * 1e9)
-        self._hear(Heard(at_ns, time.monotonic_ns(), text, stamp_s, correction_s))
+        received_ns = time.monotonic_ns()
+        at_s = stamp_s + correction_s + to_monotonic_s(self._lsl)
+        age_s = received_ns * 1e-9 - at_s
+        self._other_clock = ""
+        if math.isnan(at_s) or is_other_clock(age_s, ahead_s=_AHEAD_S, away_s=_AWAY_S):
+            self.n_unstamped += 1
+            self._other_clock = (
+                f"markers: {self._name!r} stamps {text[:40]!r} with {stamp_s:.3f} s, which is of another clock: "
+                "the marker is recorded with its arrival; stamp with lsl_local_clock(), or leave the stamp out"
+            )
+            at_ns = received_ns
+        else:
+            at_ns = round(at_s * 1e9)
+        self._hear(Heard(at_ns, received_ns, text, stamp_s, correction_s))

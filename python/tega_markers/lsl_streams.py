@@ -25,8 +25,8 @@ from tega.records.schema import MessageField, fields
 from tega.runtime.lsl import load_lsl, to_monotonic_s
 
 if TYPE_CHECKING:
-    from tega.config.sections import LslStreamName
     from tega.records.bus import Backlog, Bus
+    from tega_markers.settings import LslStreamName
 
 
 _KINDS: Final[Mapping[LslStreamName, tuple[type[Record], ...]]] = {

@@ -13,8 +13,8 @@ from tega_markers.lsl_out import LslMarkersOut
 from tega_markers.lsl_streams import LslStreams
 
 if TYPE_CHECKING:
-    from tega.config import MarkersSection
     from tega.records.bus import Bus
+    from tega_markers.settings import MarkersSection
 
 
 class RunMarkers:
@@ -103,6 +103,7 @@ class RunMarkers:
             said["in"] = {
                 "stream": self._settings.lsl_in,
                 "heard": self._in.n_heard,
+                "of_another_clock": self._in.n_unstamped,
                 "clock_correction_s": correction_s,
                 "problem": self._in.problem,
             }

@@ -9,7 +9,7 @@ from typing import Literal
 import msgspec
 
 from tega.errors import InvalidValueError
-from tega_study.packages import scipy_stats
+from tega.runtime.scientific import scipy_stats
 
 __all__ = ["Interval", "mean_interval"]
 

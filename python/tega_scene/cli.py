@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import click
 
+from tega.ui.cli.guest_group import GuestGroup
 from tega.ui.cli.options import echo_json, json_option
 
 if TYPE_CHECKING:
@@ -19,7 +19,9 @@ _FILE = click.Path(path_type=Path, dir_okay=False)
 _FOLDER = click.Path(path_type=Path, file_okay=False)
 
 
-@click.group(epilog="Example: tega-teleop scene score lift.mp4 --lens cam.json --layout tags.toml")
+@click.group(
+    cls=GuestGroup, epilog="Example: tega-teleop scene score lift.mp4 --lens cam.json --layout tags.toml"
+)
 def scene() -> None:
     """Score lifts by cameras that see printed tags on table, hand and object."""
 
@@ -37,7 +39,8 @@ def _mark(_ctx: click.Context, _option: click.Parameter, text: str | None) -> tu
     return checked_mark((x_mm / 1000, y_mm / 1000))
 
 
-def _optics(function: Callable[..., None], *, required: bool = True) -> Callable[..., None]:
+def optics_options(function: Callable[..., None], *, required: bool = True) -> Callable[..., None]:
+    """Add the options of a lens, a layout, the second mark and deformation."""
     for option in (
         click.option(
             "--mark", "mark", metavar="X,Y", callback=_mark,
@@ -146,7 +149,7 @@ def parse_size(text: str) -> tuple[int, int]:
 
 @scene.command(epilog="Example: tega-teleop scene score lift.mp4 --lens cam.json --layout tags.toml")
 @click.argument("video", type=_FILE)
-@_optics
+@optics_options
 @click.option(
     "--begin-s", type=float, help="Start of the trial on the video's clock; its first picture unless given."
 )
@@ -199,10 +202,11 @@ def score(
     if as_json:
         echo_json(msgspec.to_builtins(outcome))
         return
-    _tell(outcome)
+    print_outcome(outcome)
 
 
-def _tell(outcome: SceneOutcome, indent: str = "") -> None:
+def print_outcome(outcome: SceneOutcome, indent: str = "") -> None:
+    """Print the events and the outcome of a lift."""
     for event in outcome.events:
         size = f", {1000 * event.size_m:.2f} ± {1000 * event.size_error_m:.2f} mm" if event.size_m else ""
         click.echo(
@@ -222,125 +226,6 @@ def _tell(outcome: SceneOutcome, indent: str = "") -> None:
         click.echo(f"{indent}{outcome.rest.said()}")
     for note in outcome.notes:
         click.echo(f"{indent}look: {note}")
-
-
-@scene.command(
-    epilog="Example: tega-teleop scene measure my-study p01 cam.mp4 --lens cam.json --layout tags.toml"
-)
-@click.argument("folder", type=_FOLDER)
-@click.argument("participant")
-@click.argument("video", type=_FILE, required=False)
-@click.option(
-    "--camera", metavar="NAME", help="Which camera of the settings, where several filmed the trials."
-)
-@partial(_optics, required=False)
-@json_option
-def measure(
-    *,
-    folder: Path,
-    participant: str,
-    video: Path | None,
-    camera: str | None,
-    lens_file: Path | None,
-    layout_file: Path | None,
-    harm_mm: float,
-    mark: tuple[float, float] | None,
-    as_json: bool,
-) -> None:
-    """Score the trials of a study's session by a camera; study score compares them with the raters.
-
-    Without a video: by what a camera of the settings filmed into each trial's recording. Writes
-    sessions/ID/measured.jsonl. With --json: {"trials": [{"participant", "trial", "attempt", "object", "outcome",
-    "problem"}]}, an outcome as scene score says it.
-    """
-    import msgspec
-
-    from tega_scene.layout import load_layout
-    from tega_scene.lens import load_lens
-    from tega_study.measuring import measure_session
-
-    if video is not None and camera is not None:
-        raise click.UsageError("a video is of one camera: leave out --camera or the file")
-    if video is not None and (lens_file is None or layout_file is None):
-        raise click.UsageError("a video needs --lens CAM.json and --layout TAGS.toml")
-    found = measure_session(
-        folder,
-        participant,
-        video,
-        None if lens_file is None else load_lens(lens_file),
-        None if layout_file is None else load_layout(layout_file),
-        camera=camera,
-        harm_m=harm_mm / 1000,
-        mark_m=mark,
-    )
-    if as_json:
-        echo_json({"trials": msgspec.to_builtins(found)})
-        return
-    for one in found:
-        again = " again" if one.attempt > 1 else ""
-        click.echo(f"{one.participant} trial {one.trial}{again}, {one.object}: {one.problem or 'measured'}")
-        if one.outcome is not None:
-            _tell(one.outcome, "  ")
-
-
-@scene.command(
-    epilog="Example: tega-teleop scene confirm my-study p01 7 --rater r1 --strike 12 --add slip=4.2"
-)
-@click.argument("folder", type=_FOLDER)
-@click.argument("participant")
-@click.argument("trial", type=click.IntRange(1, 10_000))
-@click.option("--rater", required=True, metavar="ID", help="Code of the rater who looked at the video.")
-@click.option("--attempt", type=click.IntRange(1, 2), default=1, help="Which attempt of the trial.")
-@click.option("--strike", "struck", type=int, multiple=True, metavar="N", help="Event N did not happen.")
-@click.option("--add", "added", multiple=True, metavar="KIND=SECONDS", help="The camera missed this.")
-@click.option(
-    "--list", "only_list", is_flag=True, help="Show the events with their numbers, and write nothing."
-)
-@json_option
-def confirm(
-    *,
-    folder: Path,
-    participant: str,
-    trial: int,
-    rater: str,
-    attempt: int,
-    struck: tuple[int, ...],
-    added: tuple[str, ...],
-    only_list: bool,
-    as_json: bool,
-) -> None:
-    """Confirm what the camera measured of a trial, or correct it; the camera's own account stays as it is.
-
-    With --json: {"events": [{"n", "kind", "t_ns"}]}, those that count now; with --list those that were measured.
-    """
-    from tega_study.measured import read_measured
-    from tega_study.measuring import CORRECTED, confirm_trial
-
-    if only_list:
-        events = [
-            event
-            for event in read_measured(folder, participant)
-            if (event.trial, event.attempt) == (trial, attempt) and event.kind in CORRECTED
-        ]
-        if as_json:
-            echo_json({"events": [{"n": one.n, "kind": one.kind, "t_ns": one.t_ns} for one in events]})
-            return
-        for event in events:
-            click.echo(f"{event.n}: {event.text}")
-        return
-    wanted = []
-    for text in added:
-        kind, _, t_s = text.partition("=")
-        try:
-            wanted.append((kind, float(t_s)))
-        except ValueError:
-            raise click.UsageError(f"--add {text}: write it as slip=4.2") from None
-    events = confirm_trial(folder, participant, trial, rater, attempt=attempt, struck=struck, added=wanted)
-    if as_json:
-        echo_json({"events": [{"n": one.n, "kind": one.kind, "t_ns": one.t_ns} for one in events]})
-        return
-    told = ", ".join(one.kind for one in events) or "nothing"
-    click.echo(f"{participant} trial {trial}, as {rater} has it: {told}")
 
 
 @scene.command(

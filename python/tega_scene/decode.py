@@ -5,7 +5,6 @@ from __future__ import annotations
 from array import array
 from typing import TYPE_CHECKING, Any, Final
 
-import msgspec
 import numpy as np
 
 from tega.errors import RecordingError
@@ -28,21 +27,6 @@ _AV1_SEQUENCE: Final = 1
 _AV1_BEFORE: Final = frozenset({2, 5, 15})
 
 
-class ScenePicture(msgspec.Struct, frozen=True, kw_only=True):
-    """A scene camera's picture, for those who draw it: no record, and not recorded.
-
-    Attributes:
-        camera: Its name.
-        t_ns: When it was taken, since the start of the session.
-        image: uint8 (H, W, 3), blue, green, red; borrowed, nobody writes into it. ``None`` where the camera has none
-            at that time.
-    """
-
-    camera: str
-    t_ns: int
-    image: NDArray[np.uint8] | None
-
-
 class SceneDecoder:
     """Decodes packets as they come, and converts the picture that is asked for, no other.
 
@@ -59,7 +43,7 @@ class SceneDecoder:
             raise RecordingError(
                 f"a scene camera's video has the format {video[:20]!r}", "h264 and av1 can be decoded"
             )
-        self._av: Any = require("av", driver="scene", extra="lerobot")
+        self._av: Any = require("av", driver="scene", extra="lab")
         self._context = self._av.CodecContext.create(_DECODERS[video], "r")
         self._context.thread_count = 1
         at_once = {"max_frame_delay": "1"} if video == "av1" else {"flags": "low_delay"}

@@ -12,7 +12,7 @@ from tega.setup.doctor.findings import Finding
 from tega_scene.filming import Filming
 from tega_scene.layout import load_layout
 from tega_scene.lens import load_lens
-from tega_scene.settings import is_camera
+from tega_scene.settings import cameras_of, is_camera
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig
@@ -31,10 +31,11 @@ def check_scene(config: SessionConfig) -> list[Finding]:
     Args:
         config: The settings.
     """
-    if not config.scene:
+    cameras = cameras_of(config)
+    if not cameras:
         return []
-    with ThreadPoolExecutor(len(config.scene)) as pool:
-        return list(pool.map(_look, config.scene))
+    with ThreadPoolExecutor(len(cameras)) as pool:
+        return list(pool.map(_look, cameras))
 
 
 def _look(camera: SceneConfig) -> Finding:

@@ -16,15 +16,15 @@ from typing import TYPE_CHECKING, Any, Final
 import msgspec
 
 from tega.errors import DeviceUnavailableError
-from tega.records import SceneVideo
-from tega.runtime.child_process import end_child, own_group, python_command, python_environment
+from tega.records.display import DisplayPicture
+from tega.runtime.child_process import end_child, start_child
 from tega.runtime.object_pipe import receive_object, send_object
 from tega.runtime.reopening import Reopening
 from tega.runtime.threads import run_realtime
-from tega_scene.decode import ScenePicture
 from tega_scene.filming import CameraTally
 from tega_scene.layout import load_layout
 from tega_scene.lens import load_lens
+from tega_scene.records import SceneVideo
 from tega_scene.settings import SceneConfig, is_camera
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ class RunCameras:
         self._cameras: list[_FilmingProcess] = []
         stack.callback(self.end)
         for camera in cameras:
-            self._cameras.append(_FilmingProcess(camera, bus, shows=bus.wants(ScenePicture)))
+            self._cameras.append(_FilmingProcess(camera, bus, shows=bus.wants(DisplayPicture)))
         for one in self._cameras:  # all of them start meanwhile
             one.wait_open(stop)
 
@@ -185,13 +185,7 @@ class _FilmingProcess:
         _closed(self._process, _LEAVE_S)
 
     def _started(self) -> subprocess.Popen[bytes]:
-        process = subprocess.Popen(
-            python_command("tega_scene.camera_program"),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            env=python_environment(),
-            **own_group(),
-        )
+        process = start_child("tega_scene.camera_program", stdout=subprocess.PIPE)
         self._process = process
         with run_realtime("beside") as real_time:
             self._tell((self.camera, self._shows, not real_time))
@@ -272,7 +266,7 @@ class _FilmingProcess:
         name, start_ns = self.camera.name, self._start_ns + round(1e6 * self.camera.late_ms)
         if kind == "shown":
             t_ns, image = content
-            self._bus.publish(ScenePicture(camera=name, t_ns=t_ns - start_ns, image=image))
+            self._bus.publish(DisplayPicture(name=name, t_ns=t_ns - start_ns, image=image))
             return
         for t_ns, data in content[0]:
             self._bus.publish(
@@ -282,7 +276,7 @@ class _FilmingProcess:
     def _dark(self) -> None:
         """Show no picture that is of no moment any more."""
         if self._shows:
-            self._bus.publish(ScenePicture(camera=self.camera.name, t_ns=0, image=None))
+            self._bus.publish(DisplayPicture(name=self.camera.name, t_ns=0, image=None))
 
 
 def _closed(process: subprocess.Popen[bytes], patience_s: float) -> int:

@@ -14,6 +14,7 @@ import msgspec
 import numpy as np
 
 from tega.errors import RecordingError
+from tega.stages.events.outcomes import LIFT_WINDOW_S, STABLE_S
 from tega_scene.layout import TagBody, TagLayout
 from tega_scene.resting import (
     LOST_M,
@@ -26,7 +27,7 @@ from tega_scene.resting import (
 )
 from tega_scene.smoothing import Course, joined, smoothed, trended, where_seen
 from tega_scene.track import BodyTrack, SceneTrack
-from tega_sim.score import LIFT_WINDOW_S, STABLE_S, TrialScorer
+from tega_sim.score import TrialScorer
 from tega_sim.seams import WorldTruth
 
 if TYPE_CHECKING:
@@ -251,7 +252,8 @@ def score_scene(
         begin_s: Start of the trial on the video's clock; the first picture where ``None``.
         end_s: Its end; the last picture where ``None``.
         harm_m: Narrowing from which the object counts as deformed, metres.
-        window_s: Time within which the second at 0.2 m has to be complete, seconds.
+        window_s: Time from the start within which the object has to be lifted, seconds;
+            see :mod:`tega.stages.events.outcomes`.
         mark_m: Second mark, on which the object is to be put down: x and y from the first one in the table's axes,
             metres. ``None`` where it is not asked for.
 
@@ -265,7 +267,7 @@ def score_scene(
     end_s = float(track.t_s[-1]) if end_s is None else end_s
     track = righted(track, layout, begin_s=begin_s)
     courses = scene_courses(track, layout, begin_s=begin_s, end_s=end_s)
-    ruling = SceneRule(courses, harm_m)
+    ruling = SceneRule(courses, harm_m, window_s=begin_s + window_s)
     ruling.go()
     inside = (track.t_s >= begin_s) & (track.t_s <= end_s)
     at = track.object.position_m[inside]
@@ -289,7 +291,6 @@ def score_scene(
     across = np.sqrt(np.maximum(0, np.trace(cov, axis1=1, axis2=2) - along**2) / 2)
     times = track.t_s[inside][seen]
     gap_s = float(np.diff(times).max()) if len(times) > 1 else end_s - begin_s
-    lifted_s = ruling.scorer.time_of("lifted")
     narrow = -courses.width.value
     widest = int(np.nanargmax(narrow)) if np.isfinite(narrow).any() else None
     notes = []
@@ -315,10 +316,7 @@ def score_scene(
         )
     return SceneOutcome(
         events=tuple(events),
-        success=lifted_s is not None
-        and lifted_s - begin_s <= window_s
-        and ruling.scorer.time_of("drop") is None
-        and on_mark is not False,
+        success=ruling.scorer.success and on_mark is not False,
         slid_m=ruling.scorer.slid_m,
         slid_error_m=float(np.nanmedian(courses.slip.error) * np.sqrt(2)),
         narrowing_m=None if widest is None else max(0.0, float(narrow[widest])),
@@ -344,6 +342,7 @@ class SceneRule:
     Args:
         courses: What was measured.
         harm_m: Narrowing from which the object counts as deformed, metres.
+        window_s: End of the window of the lift on the video's clock, seconds.
 
     Attributes:
         scorer: The rule; its times are those of the video.
@@ -351,9 +350,9 @@ class SceneRule:
         aloft: Whether it is off the table.
     """
 
-    def __init__(self, courses: SceneCourses, harm_m: float) -> None:
+    def __init__(self, courses: SceneCourses, harm_m: float, *, window_s: float = LIFT_WINDOW_S) -> None:
         self._courses = courses
-        self.scorer = TrialScorer(harm_m)
+        self.scorer = TrialScorer(harm_m, window_s=window_s)
         self.stands_s: list[float] = []
         self.aloft = False
 

@@ -7,18 +7,17 @@ import io
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tega.errors import RecordingError
-from tega.runtime.files.foreign_file import check_file, read_words
-from tega.runtime.lifecycle import require
+from tega.runtime.files.foreign_file import read_words
+from tega.runtime.files.video import VideoFrames
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-_MOST_MIB = 64 * 1024
 _MOST_TIMES_MIB = 256
 
 
@@ -63,7 +62,7 @@ def read_pictures(
     """Return times and pictures of a video file.
 
     With a time code beside it (:func:`times_path`) times are those of the machine that recorded; without one they are
-    seconds from the first picture, as the file says.
+    seconds from the beginning of the file, as the file says.
 
     Args:
         video: The file.
@@ -74,34 +73,25 @@ def read_pictures(
         Seconds, and uint8 (H, W, 3), blue, green, red.
 
     Raises:
-        RecordingError: It is missing, is no video, has fewer pictures than its time code, or its time code is damaged.
+        RecordingError: It is missing, is no video, has fewer pictures than its header or its time code, or its time
+            code is damaged.
         MissingExtraError: PyAV is not installed.
     """
-    av: Any = require("av", driver="scene", extra="lerobot")
+    frames = VideoFrames(video)
+    number, code = 0, times_path(video)
     try:
-        check_file(video, most_mib=_MOST_MIB)
-    except OSError as error:
-        raise RecordingError(
-            f"{video.name}: cannot be read: {error.strerror}", f"looked for {video}"
-        ) from error
-    code = times_path(video)
-    times = read_times(code) if code.exists() else None
-    number = 0
-    try:
-        with av.open(str(video)) as container:
-            for frame in container.decode(video=0):
-                if times is not None and number == len(times):
-                    break
-                t_s = float(frame.time or 0.0) if times is None else times[number] / 1e9
-                number += 1
-                if t_s > end_s:
-                    return
-                if t_s >= begin_s:
-                    yield t_s, np.asarray(frame.to_ndarray(format="bgr24"), np.uint8)
-    except Exception as error:  # of a damaged file decoders raise what they like
-        raise RecordingError(
-            f"{video.name}: cannot be decoded as a video after {number} pictures: {error}", "export it again"
-        ) from error
+        times = read_times(code) if code.exists() else None
+        while (times is None or number < len(times)) and (found := frames.read()) is not None:
+            t_s = found[0] if times is None else times[number] / 1e9
+            number += 1
+            if t_s > end_s:
+                return
+            if t_s >= begin_s:
+                yield t_s, found[1]
+    finally:
+        frames.close()
+    if times is None and (fault := frames.fault()):
+        raise RecordingError(fault, "export it again")
     if times is not None and number < len(times):
         raise RecordingError(
             f"{video.name}: {number} pictures decode, its time code has {len(times)}",

@@ -21,7 +21,6 @@ import msgspec
 from tega.errors import RecordingError
 from tega.recording.mcap_file import McapFile
 from tega.recording.mcap_reader import McapReader, table_ns
-from tega.records import SceneVideo
 from tega.runtime.files.foreign_file import tells_damage
 from tega.runtime.files.plain_name import plain_name
 from tega.runtime.files.whole_file import write_whole
@@ -30,6 +29,7 @@ from tega_scene.decode import stands_alone
 from tega_scene.filming import CameraTally, Filming
 from tega_scene.offset_file import read_offsets
 from tega_scene.pictures import times_path
+from tega_scene.records import SceneVideo
 from tega_scene.settings import SceneConfig, VideoFormat
 
 TABLE = "tega_scene"

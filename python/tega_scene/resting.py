@@ -13,10 +13,11 @@ import msgspec
 import numpy as np
 
 from tega.errors import InvalidValueError
+from tega.stages.events.outcomes import STABLE_S
 from tega_scene.layout import TagLayout
 from tega_scene.smoothing import smoothed
 from tega_scene.track import BodyTrack, SceneTrack
-from tega_sim.score import ON_MARK_M, REST_M_S, STABLE_S, UPRIGHT
+from tega_sim.score import ON_MARK_M, REST_M_S, UPRIGHT
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

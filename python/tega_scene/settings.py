@@ -6,7 +6,7 @@ import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 import msgspec
 
@@ -26,6 +26,10 @@ _PASSWORD: Final = re.compile(r"[a-z]+://[^/@]*:([^/@]+)@")
 _VARIABLE: Final = re.compile(r"\$(?:(\w+)|\{(\w+)\})")
 _OURS: Final = "TEGA_"
 _Side = Annotated[int, msgspec.Meta(ge=64, le=3840)]
+
+if TYPE_CHECKING:
+    from tega.config import SessionConfig
+    from tega.config.guests import TableContext
 
 
 class SceneConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -140,3 +144,18 @@ def checked_cameras(cameras: Sequence[SceneConfig], base: Path, pace: str) -> tu
             raise ConfigError(f"{key}.source: {one.source} is named twice", "a camera is opened once")
         found.append(one)
     return tuple(found)
+
+
+SceneTables = tuple[SceneConfig, ...]
+"""Type of the settings' ``[[scene]]`` tables."""
+
+
+def check_table(cameras: SceneTables, context: TableContext) -> SceneTables:
+    """Return the cameras of settings with absolute paths; see :func:`checked_cameras`."""
+    return checked_cameras(cameras, context.base, context.config.session.pace)
+
+
+def cameras_of(config: SessionConfig) -> SceneTables:
+    """Return the scene cameras of a session's settings."""
+    found: SceneTables = config.guests.get("scene", ())
+    return found

@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from tega.devices.fingertip.video_nodes import camera_place
+from tega.devices.jpeg_stream import at_own_size
 from tega.errors import DeviceUnavailableError, RecordingError
+from tega.runtime.files.picture_names import sorted_names
 from tega.runtime.opencv import IMAGE_SUFFIXES, load_cv2, read_image
 from tega_scene.calibrate import LensCalibration
 from tega_scene.lens import Lens
@@ -66,7 +68,7 @@ def open_camera(source: str, size: tuple[int, int], rate_hz: float = 30.0) -> An
                 f"scene camera {source}: asked for {size[0]}×{size[1]}, it gives {given[0]}×{given[1]}",
                 f"write --size {given[0]}x{given[1]}, or one that it has",
             )
-    return capture
+    return at_own_size(cv2, capture) if source.startswith(ADDRESSES) else capture
 
 
 def open_pictures(source: str, size: tuple[int, int], rate_hz: float = 30.0) -> Generator[NDArray[np.uint8]]:
@@ -86,7 +88,7 @@ def open_pictures(source: str, size: tuple[int, int], rate_hz: float = 30.0) -> 
     path = Path(source)
     if not path.is_dir():
         return (image for _, image in read_pictures(path))
-    files = sorted(file for file in path.iterdir() if file.suffix.lower() in IMAGE_SUFFIXES)
+    files = sorted_names([file for file in path.iterdir() if file.suffix.lower() in IMAGE_SUFFIXES])
     if not files:
         raise RecordingError(f"{path.name}: holds no pictures", "name a folder of PNG or JPEG files")
     return (read_image(file, driver="scene") for file in files[:_MOST_PICTURES])
@@ -98,7 +100,8 @@ def _filmed(capture: Any, source: str) -> Generator[NDArray[np.uint8]]:
             ok, image = capture.read()
             if not ok:
                 raise DeviceUnavailableError(f"scene camera {source} stopped", "plug it in again")
-            yield np.asarray(image, np.uint8)
+            if image.size:  # one spoiled packet of a stream is no picture
+                yield np.asarray(image, np.uint8)
     finally:
         capture.release()
 

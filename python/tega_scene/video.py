@@ -71,7 +71,7 @@ class SceneEncoder:
                 f"pictures of {width}×{height} cannot be encoded",
                 "take a resolution with even sides from 64 pixels",
             )
-        self._av: Any = require("av", driver="scene", extra="lerobot")
+        self._av: Any = require("av", driver="scene", extra="lab")
         os.environ.setdefault("SVT_LOG", "1")
         self.video: VideoFormat = video
         self._context = self._av.CodecContext.create(_ENCODERS[video], "w")

@@ -10,8 +10,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
 
+from msgspec.structs import replace
+
 if TYPE_CHECKING:
-    from tega.loop.inbox.sources import EmgBlock
+    from tega.records import Intent
     from tega.runtime.device_items import EmgChunk
 
 HandWay: TypeAlias = Literal["decoder", "drive", "aim"]
@@ -21,7 +23,7 @@ HandWay: TypeAlias = Literal["decoder", "drive", "aim"]
 class BlockSource(Protocol):
     """Maker of blocks of EMG, such as :class:`tega.loop.inbox.sources.BlockMeter`."""
 
-    def take(self, chunk: EmgChunk) -> list[EmgBlock]:
+    def take(self, chunk: EmgChunk) -> list[Intent]:
         """Take the next samples, and return the blocks that they complete."""
         ...
 
@@ -37,11 +39,11 @@ class StraightBlocks:
     def __init__(self, blocks: BlockSource, level: Callable[[], int]) -> None:
         self._blocks, self._level = blocks, level
 
-    def take(self, chunk: EmgChunk) -> list[EmgBlock]:
+    def take(self, chunk: EmgChunk) -> list[Intent]:
         """Take the next samples, and return the blocks that they complete, with the level in the place of theirs."""
         return [
-            block._replace(level=self._level(), closure=None, confidence=None)
-            for block in self._blocks.take(chunk)
+            replace(intent, level=self._level(), closure=None, confidence=None)
+            for intent in self._blocks.take(chunk)
         ]
 
 

@@ -16,15 +16,18 @@ from tega.hand.poses import ClosureScale
 from tega.haptics import MotorLevels
 from tega.loop.beside import look_on
 from tega.loop.hand_look import HandLooks
+from tega.loop.hand_output import HandOutput
 from tega.loop.inbox.frames import FrameMeter
 from tega.loop.inbox.sources import BlockMeter, SourceReport
 from tega.loop.loop import DualLoop
-from tega.loop.moment import LoopView, Moment
+from tega.loop.moment import LoopView, Moment, Moments
+from tega.loop.vest_output import VestOutput
 from tega.records import BesideContact, BesideIntent, Contact, Intent
 from tega.records.bus import Bus
 from tega.runtime.clock import ManualClock, PausableClock, SystemClock
 from tega.safety.guard import Guard
 from tega.stages.base import MeasuredPicture
+from tega.stages.events.outcomes import LIFT_WINDOW_S
 from tega.ui.view.state import EmgTail, ViewState
 from tega_sim.beside import BesideNotes
 from tega_sim.commanded import BlockSource, StraightBlocks, level_of_drive
@@ -36,11 +39,12 @@ from tega_sim.pacing import SimulatedPacer
 from tega_sim.plan import TrialPlan, TrialResult
 from tega_sim.reflex import trial_reflex
 from tega_sim.rig import TrialRig
-from tega_sim.score import LIFT_WINDOW_S, ON_MARK_M, UPRIGHT, TrialScorer
+from tega_sim.score import ON_MARK_M, UPRIGHT, TrialScorer
 from tega_sim.true_touch import TrueTouch, stages_of, touch_of
 
 if TYPE_CHECKING:
     from tega.haptics import Layout
+    from tega.loop.sink import Sink
     from tega.ui.view.state import Shape
     from tega_sim.lab import Lab
     from tega_sim.recorded import LiftRecorder
@@ -110,7 +114,7 @@ class Lift:
         maxima = lab.calibrated
         decoder = lab.decoder()
         self._emg_full = np.array(decoder.full_scale or maxima.maxima)
-        self.scorer = TrialScorer(spec.harm_m)
+        self.scorer = TrialScorer(spec.harm_m, window_s=lift_by_s)
         self._arm = ARMS[plan.condition]
         # Before this lift's own rig is made: the gels are the lab's, and forget what touched them when a rig begins.
         recorded = other_vest(lab, plan, number) if self._arm.sham == "replayed" else ()
@@ -145,7 +149,6 @@ class Lift:
             scorer=self.scorer,
             bus=self._bus,
             end_s=lift_by_s + _AFTER_S,
-            lift_by_s=lift_by_s,
             muted=muted,
             skip_untouched=skip_untouched and not _remembers(lab),
             with_cameras=watched or kept or felt or not skip_untouched,
@@ -212,17 +215,25 @@ class Lift:
         if self._recorder is not None:
             stages = stages_of(self._lab, self._plan)
             self._recorder.begin(self._lab, self._bus, stages=stages, layout=self.layout)
+        hand = SimulatedAllegro(self._controller, lambda: world.angles_rad)
+        bus = SimulatedBus(world.set_torques, full_duty=self._full_duty_nm)
+        vests: list[Sink[MotorLevels]] = [rig] if self._streams is None else [rig, self._streams]
+        guard = None if observer is None else Guard()  # nothing here gets lost; its state is shown
         loop = DualLoop(
             pacer=pacer,
             touch=self._touch,
             contacts=rig.contacts,
             levels=rig.levels,
-            hand=SimulatedAllegro(self._controller, lambda: world.angles_rad),
-            vests=[rig] if self._streams is None else [rig, self._streams],
-            hands=[SimulatedBus(world.set_torques, full_duty=self._full_duty_nm)],
+            hand=HandOutput(hand, [bus], bus=self._bus, reflex=self._reflex),
+            vest=VestOutput(self._touch, vests, bus=self._bus, now_ns=pacer.elapsed_ns),
             bus=self._bus,
-            guard=None if observer is None else Guard(),  # nothing here gets lost; its state is shown
-            reflex=self._reflex,
+            guard=guard,
+            moments=Moments(
+                self._bus,
+                hand,
+                guard=guard,
+                complete=[] if self._reflex is None else [self._reflex.shown],
+            ),
             look=self._looks() if self._lab.config.stages.slips == "hand" else None,
         )
         loop.run(stop=stop)
@@ -234,11 +245,10 @@ class Lift:
         """Return the outcome of the plan, this lift being the one that counts."""
         scorer = self.scorer
         lifted_s, drops = scorer.time_of("lifted"), scorer.count("drop")
-        held_up = lifted_s is not None and lifted_s <= LIFT_WINDOW_S and drops == 0
         placed, off_mark_m = self._placed() if self._plan.task == "place" else (None, None)
         return TrialResult(
             **{name: getattr(self._plan, name) for name in TrialPlan.__struct_fields__},
-            success=held_up and placed is not False,
+            success=scorer.success and placed is not False,
             slips=scorer.count("slip"),
             deformations=scorer.count("deformation"),
             drops=drops,

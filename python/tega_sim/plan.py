@@ -144,8 +144,8 @@ class TrialResult(TrialPlan, frozen=True, kw_only=True):
         mean_level: Mean closure level from lift-off until it was put down; 0 without lift-off.
         events: What happened when.
         simulated_s: Time simulated, practice included, seconds.
-        person: First digits of the SHA-256 of the people's numbers, and by version 2 of their rules as well; empty
-            without a simulated person.
+        person: First digits of the SHA-256 of the people's parameters and, from version 2, the version of their rules;
+            empty without a simulated person.
         beside: What the stages beside the connected ones said.
         placed: Task ``place``: whether it stands upright within 20 mm of the second mark, let go of and not dropped;
             ``None`` in other tasks.

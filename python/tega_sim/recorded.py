@@ -101,7 +101,7 @@ class LiftRecorder:
                 "observed": "true",
             },
         )
-        self._recording.begin(0, 0)
+        self._recording.start(0, 0)
 
     def end(self, report: LoopReport, n_waits: int) -> None:
         """Note how the lift's loop ended, after how many deadlines."""
@@ -112,4 +112,4 @@ class LiftRecorder:
         """Finish the file of a lift, with its result."""
         recording, self._recording = self._recording, None
         if recording is not None:
-            self.told.append(recording.finish(msgspec.to_builtins(result)))
+            self.told.append(recording.close(msgspec.to_builtins(result)))

@@ -51,16 +51,16 @@ class TrueSlipArc(ReflexArc):
         super().__init__(reflex, settings, moment=moment)
         self._slip_mm_s, self._forces_n, self._slid = slip_mm_s, forces_n, slid
 
-    def heard(self, events: Sequence[Event]) -> None:
-        """Hear nothing of what was found in the pictures."""
+    def on_event(self, event: Event) -> None:
+        """Ignore events that were found in pictures."""
 
     def step(
         self,
         t_ns: int,
         own: float,
         contacts: Callable[[], Mapping[str, Contact]],  # noqa: ARG002
-    ) -> tuple[float, float]:
-        """Return what the hand is to be told at a tick: own level and addition."""
+    ) -> float:
+        """Return the addition of a tick, levels."""
         speed = NamedValue("slip_mm_s", self._slip_mm_s(), "mm/s")
         told: list[tuple[NamedValue, ...]] = [(speed,)] * len(FINGERS)
         if self._slid is not None:

@@ -19,12 +19,11 @@ from typing import TYPE_CHECKING, Any, Protocol
 from tega.config import FINGERS
 from tega.hand.poses import ClosureScale
 from tega.loop.inbox.frames import FrameMeter
-from tega.loop.inbox.sources import Contact, EmgBlock, picture_of, samples_of
+from tega.loop.inbox.sources import picture_of, samples_of
 from tega.loop.inbox.stream import NEVER_NS, LiveStream
-from tega.records import EmgSamples, Picture
+from tega.records import Contact, EmgSamples, Intent, Picture
 from tega.runtime.device_items import EmgChunk, TactileFrame
 from tega.stages.base import MeasuredPicture
-from tega.tactile import ContactMetrics
 from tega.ui.view.state import TouchImage
 from tega_sim.gel import CAMERA_HZ
 from tega_sim.hand import encoded
@@ -88,7 +87,6 @@ class TrialRig:
         scorer: Counts what happens.
         bus: Told of every picture, before and after it is measured, and of every block of EMG.
         end_s: When the trial is over whatever happens, seconds.
-        lift_by_s: When it is over unless the object was lifted by then, seconds.
         muted: Asked whether somebody has switched the vest off.
         skip_untouched: Whether a fingertip that nothing touches goes without rendering.
         with_cameras: Whether there are pictures; without them the loop feels nothing, and nothing else is different.
@@ -98,9 +96,9 @@ class TrialRig:
 
     Attributes:
         contacts: Stream of measured frames, by finger, for the loop.
-        levels: Stream of EMG blocks, for the loop.
+        levels: Stream of intents, for the loop.
         frames: The newest picture of each finger that was painted.
-        metrics: What was measured in it.
+        measured: The contact in it.
         emg_tail: The newest few seconds of EMG, a block of (10, 3) an entry, microvolts.
         vest: What the vest's motors are told now; ``None`` where it is off or not worn.
         act: What the person does now.
@@ -124,7 +122,6 @@ class TrialRig:
         scorer: TrialScorer,
         bus: Bus,
         end_s: float,
-        lift_by_s: float,
         muted: Callable[[], bool] = lambda: False,
         skip_untouched: bool = True,
         with_cameras: bool = True,
@@ -139,16 +136,16 @@ class TrialRig:
         self._meters = [meters[finger] for finger in FINGERS]
         self._person, self._emg, self._worn = person, emg, worn
         self._blocks, self._block_ns, self._scorer = blocks, block_ns, scorer
-        self._end_ns, self._lift_by_ns = round(end_s * 1e9), round(lift_by_s * 1e9)
+        self._end_ns = round(end_s * 1e9)
         self._muted, self._skip_untouched, self._painted = muted, skip_untouched, painted
         self._on_act = on_act
         due_ns = CAMERA_DELAY_NS if with_cameras else NEVER_NS
         self.contacts = {finger: LiveStream[Contact](due_ns=due_ns) for finger in FINGERS}
-        self.levels = LiveStream[EmgBlock](due_ns=block_ns)
+        self.levels = LiveStream[Intent](due_ns=block_ns)
         self._streams = list(self.contacts.values())
         self._still = [baselines[finger] for finger in FINGERS]
         self.frames = list(self._still)
-        self.metrics = [ContactMetrics() for _ in FINGERS]
+        self.measured = [Contact(finger=finger, t_ns=0, in_contact=False) for finger in FINGERS]
         self._bus = bus
         self.emg_tail: deque[NDArray[np.float64]] = deque(maxlen=_TAIL)
         self._act_ns = 0
@@ -201,17 +198,11 @@ class TrialRig:
                 contact = meter.take(frame)
             if contact is None:
                 continue
-            self.metrics[finger] = contact[1]
+            self.measured[finger] = contact
             self._streams[finger].put(contact, next_ns=next_ns)
             if told:
                 self._bus.publish(
-                    MeasuredPicture(
-                        finger=FINGERS[finger],
-                        t_ns=arrival_ns,
-                        image=self.frames[finger],
-                        metrics=contact[1],
-                        metric=meter.metric,
-                    )
+                    MeasuredPicture(image=self.frames[finger], contact=contact, metric=meter.metric)
                 )
 
     def _picture(self, finger: int, indenters: Sequence[Indenter], number: int) -> NDArray[np.uint8]:
@@ -230,7 +221,7 @@ class TrialRig:
     def touch_images(self) -> dict[str, TouchImage]:
         """Return each finger's newest picture with what its metric made of it."""
         return {
-            finger: TouchImage(self.frames[k], self.metrics[k], self._meters[k].metric.touch_map())
+            finger: TouchImage(self.frames[k], self.measured[k], self._meters[k].metric.touch_map())
             for k, finger in enumerate(FINGERS)
         }
 
@@ -244,8 +235,8 @@ class TrialRig:
             self._n_samples += len(samples)
             if self._bus.wants(EmgSamples):
                 self._bus.publish(samples_of(chunk, live=False, start_ns=0))
-            for block in self._blocks.take(chunk):
-                self.levels.put(block, next_ns=t_ns + self._block_ns)
+            for intent in self._blocks.take(chunk):
+                self.levels.put(intent, next_ns=t_ns + self._block_ns)
         truth = self.truth = self.world.truth()
         t_s = t_ns / 1e9
         percept = Percept(t_s, truth, self.vest, self.closure(), encoded(self.world.angles_rad))
@@ -269,4 +260,4 @@ class TrialRig:
             return True
         if self._scorer.time_of("drop") is not None:
             return True
-        return t_ns >= self._lift_by_ns and self._scorer.time_of("lifted") is None
+        return self._scorer.rule.verdict(t_ns / 1e9) == "too late"

@@ -10,18 +10,11 @@ from typing import TYPE_CHECKING, Literal
 
 import msgspec
 
+from tega.stages.events.outcomes import LIFT_WINDOW_S, LiftRule, success
+
 if TYPE_CHECKING:
     from tega_sim.seams import WorldTruth
 
-
-LIFT_M = 0.2
-"""Height that has to be reached, metres (the paper's)."""
-
-STABLE_S = 1.0
-"""How long the object has to stay at that height, seconds (reading A64)."""
-
-LIFT_WINDOW_S = 15.0
-"""Time from the trial's start within which that has to be done, seconds (the paper's, reading A63)."""
 
 ON_MARK_M, UPRIGHT = 0.02, 0.9
 """Put down on its mark: this close to it, metres, and its axis this much upwards (a cosine). Proposals."""
@@ -54,19 +47,21 @@ class TrialScorer:
 
     Args:
         harm_m: Narrowing of the object from which it counts as deformed, metres.
+        window_s: End of the window in which the object has to be lifted, seconds.
 
     Attributes:
+        rule: The rule of lift and hold.
         events: What happened; in the order of its beginning once the trial is closed.
         peak_force_n: Largest normal force on one pad so far, newtons.
         slid_m: Way slid since the object left the table, metres.
         deformation_m: Largest narrowing so far, metres.
     """
 
-    def __init__(self, harm_m: float) -> None:
+    def __init__(self, harm_m: float, *, window_s: float = LIFT_WINDOW_S) -> None:
         self._harm_m = harm_m
+        self.rule = LiftRule(window_s=window_s)
         self.events: list[TrialEvent] = []
         self.peak_force_n = self.slid_m = self.deformation_m = 0.0
-        self._up_since_s: float | None = None
         self._fast_since_s: float | None = None
         self._fast_from_m = 0.0
         self._slip: tuple[float, float] | None = None
@@ -105,16 +100,18 @@ class TrialScorer:
         """Return when something first happened, or ``None``."""
         return next((event.t_s for event in self.events if event.kind == kind), None)
 
+    @property
+    def success(self) -> bool:
+        """Whether the object was lifted in time and not dropped."""
+        return success(self.rule, (event.kind for event in self.events))
+
     def count(self, kind: str) -> int:
         """Return how often something happened."""
         return sum(event.kind == kind for event in self.events)
 
     def _rise(self, t_s: float, height_m: float) -> None:
-        if height_m < LIFT_M:
-            self._up_since_s = None
-        elif self._up_since_s is None:
-            self._up_since_s = t_s
-        elif t_s - self._up_since_s >= STABLE_S and self.time_of("lifted") is None:
+        self.rule.height(t_s, height_m, off_table=True)
+        if self.rule.lifted and self.time_of("lifted") is None:
             self.events.append(TrialEvent("lifted", t_s))
 
     def _slide(self, t_s: float, slip_m: float, slip_m_s: float) -> None:

@@ -43,7 +43,7 @@ _COLUMNS: dict[str, tuple[str, ...]] = {
         "phase",
     ),
     "contacts": columns(Contact),
-    "levels": (*columns(Intent, channels=_CHANNELS), "closure"),
+    "levels": columns(Intent, channels=_CHANNELS),
     "values": ("t_s", "finger", *NamedValue.__struct_fields__),
     "beside-contacts": columns(BesideContact),
     "beside-values": ("t_s", "stage", "finger", *NamedValue.__struct_fields__),
@@ -104,11 +104,11 @@ class Streams:
 
     def beside_levels(self, said: BesideIntent) -> None:
         """Keep what a decoder beside the connected one says."""
-        self.rows["beside-levels"].append((*numbers(said)[:-1], _closure(said)))
+        self.rows["beside-levels"].append(numbers(said))
 
     def levels(self, intent: Intent) -> None:
         """Keep one EMG block."""
-        self.rows["levels"].append((*numbers(intent), _closure(intent)))
+        self.rows["levels"].append(numbers(intent))
 
     def write(self, t_ns: int, frame: MotorLevels) -> None:
         """Keep one vest frame as the loop sent it."""
@@ -145,7 +145,7 @@ class Streams:
         images = self._firmest.images
         if not images:
             return None
-        finger = max(images, key=lambda one: images[one].metrics.mass)
+        finger = max(images, key=lambda one: images[one].contact.mass)
         return finger, images[finger]
 
     def course(self, *, pose_base: int = 1) -> SessionCourse:
@@ -186,11 +186,9 @@ class Streams:
                 file.close()
 
 
-def _closure(said: Intent | BesideIntent) -> float | str:
-    return "" if said.closure is None else said.closure
-
-
 def _text(value: object) -> str:
+    if value is None:
+        return ""
     if isinstance(value, bool | np.bool_):
         return str(int(value))
     return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -21,12 +21,6 @@
 
 Example::
 
-    from tega_study import make_plan, write_plan
+    from tega_study.plan import make_plan, write_plan
     write_plan(make_plan(participants=12, seed=7), Path("study"))
 """
-
-from __future__ import annotations
-
-from tega_study.plan import StudyPlan, make_plan, read_plan, write_plan
-
-__all__ = ["StudyPlan", "make_plan", "read_plan", "write_plan"]

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -17,22 +18,24 @@ from tega_study.coupling import TouchCourse, read_course
 from tega_study.difference import OutcomeDifference, outcomes
 from tega_study.directions import Direction, directions
 from tega_study.finger_rows import FingerRow, finger_rows
-from tega_study.journal import read_events
+from tega_study.journal import events_path, read_events
 from tega_study.objects import ObjectFacts, read_objects
 from tega_study.plan import default_family
-from tega_study.power import SPREADS, count_power, people_for
-from tega_study.privacy import withdrawn_ids
+from tega_study.planner import Planner, next_study
 from tega_study.probe import ProbeUse, probe_uses
 from tega_study.ratings import RatingUse, ratings
 from tega_study.score.accounts import agreements
 from tega_study.score.agree import Agreement
 from tega_study.silico.assumptions import Assumptions, read_assumptions, read_parameters
 from tega_study.silico.sensitivity import SensitivityRow, read_sensitivity
-from tega_study.state import derive, events_path, rehearsed
+from tega_study.state import derive, rehearsed
 from tega_study.touch_picture import FingerPicture, pictures_of
 from tega_study.trials import Trial, bench_trials, course_path, study_trials
+from tega_study.unblinding import note_unblinding, unblindings
+from tega_study.withdrawn import withdrawn_ids
 
 FORMAT = "tega-study-analysis"
+_STATED = ("assumptions", "parameters", "object_facts", "rehearsed")
 
 
 class Flow(msgspec.Struct, frozen=True, kw_only=True):
@@ -57,38 +60,15 @@ class Flow(msgspec.Struct, frozen=True, kw_only=True):
     redone: dict[str, str] = {}
 
 
-class Planner(msgspec.Struct, frozen=True, kw_only=True):
-    """Number of people a next study needs to find an effect on slips or deformations as large as this one's.
-
-    Attributes:
-        metric: ``slips`` or ``deformations``.
-        object: What is lifted.
-        mean: Under the first condition.
-        reference: Under the second.
-        spread: Name in :data:`tega_study.power.SPREADS`.
-        people: For 80 % power of the paired t on log sums at 0.05; ``None`` for more than thirty.
-        power_at_12: Of twelve people, one full set of orders.
-        error: Two standard errors of that, at most.
-    """
-
-    metric: str
-    object: str
-    mean: float
-    reference: float
-    spread: str
-    people: int | None
-    power_at_12: float
-    error: float
-
-
 class Analysis(msgspec.Struct, frozen=True, kw_only=True):
     """All numbers of a report; equal input gives equal bytes.
 
     Attributes:
         source: What it was made from.
         simulated: Whether the people are simulated.
-        interim: Whether the plan is not yet done; p-values are then withheld unless asked for.
-        p_shown: Whether p-values are in it.
+        interim: Whether the plan is not complete yet.
+        blind: Whether results are withheld for that reason: no trial, mean, test, effect or course is in it.
+        unblinded: When results were looked at before the plan was complete, and how far it was then.
         objects: In the order of the tables.
         conditions: The first is compared with the second.
         family: Tests that were corrected together.
@@ -115,6 +95,7 @@ class Analysis(msgspec.Struct, frozen=True, kw_only=True):
         further: The same of each further condition, less the second.
         object_facts: What is known of the objects.
         rehearsed: In a plan of people, those whose session did not run in the lab.
+        counted_by: In how many of the trials that count who counted slips, deformations and drops.
         format: Always ``tega-study-analysis``.
         version: Of the format.
     """
@@ -122,21 +103,21 @@ class Analysis(msgspec.Struct, frozen=True, kw_only=True):
     source: str
     simulated: bool
     interim: bool
-    p_shown: bool
+    blind: bool
     objects: tuple[str, ...]
     conditions: tuple[str, ...]
     family: tuple[str, ...]
     alpha: float
     plan_sha256: str
     flow: Flow
-    trials: tuple[Trial, ...]
-    cells: tuple[Cell, ...]
-    tests: tuple[Test, ...]
-    couplings: tuple[TrialCoupling, ...]
-    arms: tuple[ArmCoupling, ...]
-    contrasts: tuple[Contrast, ...]
-    pose_use: tuple[PoseUse, ...]
-    planner: tuple[Planner, ...]
+    trials: tuple[Trial, ...] = ()
+    cells: tuple[Cell, ...] = ()
+    tests: tuple[Test, ...] = ()
+    couplings: tuple[TrialCoupling, ...] = ()
+    arms: tuple[ArmCoupling, ...] = ()
+    contrasts: tuple[Contrast, ...] = ()
+    pose_use: tuple[PoseUse, ...] = ()
+    planner: tuple[Planner, ...] = ()
     agreements: tuple[Agreement, ...] = ()
     ratings: tuple[RatingUse, ...] = ()
     probes: tuple[ProbeUse, ...] = ()
@@ -149,8 +130,10 @@ class Analysis(msgspec.Struct, frozen=True, kw_only=True):
     further: tuple[OutcomeDifference, ...] = ()
     object_facts: dict[str, ObjectFacts] = {}
     rehearsed: tuple[str, ...] = ()
+    counted_by: dict[str, int] = {}
+    unblinded: tuple[str, ...] = ()
     format: str = FORMAT
-    version: int = 1
+    version: int = 2
 
 
 class FigureMaterial(NamedTuple):
@@ -165,12 +148,13 @@ class FigureMaterial(NamedTuple):
     pictures: Mapping[str, FingerPicture] = {}
 
 
-def analyse_study(folder: Path, *, interim: bool = False) -> tuple[Analysis, FigureMaterial]:
+def analyse_study(folder: Path, *, unblind: bool = False) -> tuple[Analysis, FigureMaterial]:
     """Analyse a study's folder.
 
     Args:
         folder: The study's folder; nothing else is read.
-        interim: Show p-values before the plan is done. Looking early and stopping where p is small is no test.
+        unblind: Compare conditions before the plan is complete, which is written into the study's journal. A test loses
+            its error rate if the study is stopped or changed after a look.
 
     Returns:
         The analysis, and the courses and pictures it used.
@@ -197,12 +181,32 @@ def analyse_study(folder: Path, *, interim: bool = False) -> tuple[Analysis, Fig
         status=status,
         redone={trial.id: trial.redone for trial in trials if trial.redone},
     )
+    unfinished = complete < len(stay)
+    stated: dict[str, Any] = {
+        "objects": settings.objects,
+        "conditions": settings.conditions,
+        "family": settings.family,
+        "alpha": settings.alpha,
+        "simulated": settings.simulated,
+        "plan_sha256": settings.plan_sha256,
+        "flow": flow,
+        "assumptions": read_assumptions(folder),
+        "parameters": read_parameters(folder),
+        "object_facts": read_objects(folder),
+        "rehearsed": _rehearsed(folder, stay) if not settings.simulated else (),
+        "counted_by": _counted_by(trials),
+    }
+    _need_trials(trials)
+    if unfinished and not unblind:
+        blind = Analysis(source="study", interim=True, blind=True, unblinded=unblindings(folder), **stated)
+        return blind, FigureMaterial()
+    if unfinished:
+        note_unblinding(folder, f"{complete} of {len(stay)} people complete")
     courses = {}
     for trial in trials:
         path = course_path(folder, trial)
         if trial.counts and path.exists():
             courses[trial.id] = read_course(path)
-    unfinished = complete < len(stay)
     result = analyse(
         trials,
         courses,
@@ -213,7 +217,6 @@ def analyse_study(folder: Path, *, interim: bool = False) -> tuple[Analysis, Fig
         alpha=settings.alpha,
         simulated=settings.simulated,
         interim=unfinished,
-        p_shown=interim or not unfinished,
         crossed=settings.layout == "period",
         plan_sha256=settings.plan_sha256,
         flow=flow,
@@ -225,14 +228,10 @@ def analyse_study(folder: Path, *, interim: bool = False) -> tuple[Analysis, Fig
         agreements=tuple(agreements(folder)),
         ratings=ratings(folder),
         probes=probe_uses(trials, settings.conditions),
-        assumptions=read_assumptions(folder),
-        parameters=read_parameters(folder),
         sensitivity=read_sensitivity(folder),
-        object_facts=read_objects(folder),
         fingers=finger_rows(pictures, trials),
-        rehearsed=()
-        if settings.simulated
-        else tuple(person for person in stay if rehearsed(read_events(events_path(folder, person)))),
+        unblinded=unblindings(folder),
+        **{name: stated[name] for name in _STATED},
     )
     return result, FigureMaterial(courses, pictures)
 
@@ -290,7 +289,6 @@ def analyse(
     alpha: float = 0.05,
     simulated: bool = False,
     interim: bool = False,
-    p_shown: bool = True,
     crossed: bool = False,
     plan_sha256: str = "",
 ) -> Analysis:
@@ -307,34 +305,30 @@ def analyse(
         flow: Who took part.
         alpha: Level.
         simulated: Whether the people are.
-        interim: Whether the plan is not yet done.
-        p_shown: Whether to keep p-values.
+        interim: Whether the plan is not complete yet.
         crossed: Whether each person had one condition before the other.
         plan_sha256: Of the plan.
 
     Raises:
         RecordingError: No trial counts.
     """
-    if not any(trial.counts for trial in trials):
-        raise RecordingError("there is no finished trial yet", "run some trials first")
+    _need_trials(trials)
     pair = (conditions[0], conditions[1])
     cells = cells_of(trials, objects, conditions)
     tests = compare(trials, objects, pair, family=family, crossed=crossed)
     couplings, arms, contrasts, uses = answers(trials, courses, objects, conditions)
-    if not p_shown:
-        tests = [msgspec.structs.replace(t, p=None, p_holm=None, p_exact=None) for t in tests]
-        contrasts = [msgspec.structs.replace(c, p=None) for c in contrasts]
     return Analysis(
         source=source,
         simulated=simulated,
         interim=interim,
-        p_shown=p_shown,
+        blind=False,
         objects=tuple(objects),
         conditions=tuple(conditions),
         family=tuple(family),
         alpha=alpha,
         plan_sha256=plan_sha256,
         flow=flow,
+        counted_by=_counted_by(trials),
         trials=tuple(trials),
         cells=tuple(cells),
         tests=tuple(tests),
@@ -342,7 +336,7 @@ def analyse(
         arms=tuple(arms),
         contrasts=tuple(contrasts),
         pose_use=tuple(uses),
-        planner=tuple(_planner(cells, family, pair, per_cell)),
+        planner=next_study(cells, family, pair, trials=per_cell, alpha=alpha),
         outcomes=outcomes(trials, objects, pair),
         further=tuple(
             one for other in conditions[2:] for one in outcomes(trials, objects, (other, conditions[1]))
@@ -353,34 +347,17 @@ def analyse(
     )
 
 
-def _planner(
-    cells: Sequence[Cell], family: Sequence[str], conditions: tuple[str, str], per_cell: int
-) -> list[Planner]:
-    found = []
-    of = {(cell.object, cell.condition): cell for cell in cells}
-    for test in family:
-        metric, _, name = test.partition(":")
-        if metric == "duration_s" or any((name, condition) not in of for condition in conditions):
-            continue
-        mean, reference = (getattr(of[name, condition], metric) for condition in conditions)
-        if not mean or not reference or mean == reference:
-            continue
-        for label, spread in SPREADS.items():
-            at_12 = count_power(mean, reference, people=12, trials=per_cell, spread=spread, runs=1000)
-            needed = people_for(mean, reference, trials=per_cell, spread=spread, runs=1000)
-            found.append(
-                Planner(
-                    metric=metric,
-                    object=name,
-                    mean=mean,
-                    reference=reference,
-                    spread=label,
-                    people=None if needed is None else needed[0],
-                    power_at_12=at_12.paired_t,
-                    error=at_12.error,
-                )
-            )
-    return found
+def _need_trials(trials: Sequence[Trial]) -> None:
+    if not any(trial.counts for trial in trials):
+        raise RecordingError("there is no finished trial yet", "run some trials first")
+
+
+def _rehearsed(folder: Path, people: Sequence[str]) -> tuple[str, ...]:
+    return tuple(person for person in people if rehearsed(read_events(events_path(folder, person))))
+
+
+def _counted_by(trials: Sequence[Trial]) -> dict[str, int]:
+    return dict(sorted(Counter(trial.counted_by for trial in trials if trial.counts).items()))
 
 
 def _status(trials: Sequence[Trial]) -> dict[str, int]:

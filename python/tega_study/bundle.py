@@ -27,24 +27,19 @@ from tega.runtime.files.lock import LOCK_SUFFIX
 from tega.runtime.files.plain_name import path_below
 from tega.runtime.files.whole_file import new_file
 from tega_study.bids_names import bids_names
-from tega_study.journal import read_events
+from tega_study.journal import events_path, read_events
 from tega_study.lead.status_file import board_path
 from tega_study.objects import OBJECTS, read_objects
 from tega_study.plan import read_plan
-from tega_study.privacy import (
-    ELSEWHERE,
-    REPORTS,
-    check_not_led,
-    note_elsewhere,
-    own_name,
-    withdrawn_ids,
-)
+from tega_study.privacy import ELSEWHERE, REPORTS, check_not_led, note_elsewhere, own_name
 from tega_study.silico.assumptions import PARAMETERS, SIMULATION
-from tega_study.state import events_path, rehearsed
+from tega_study.state import rehearsed
 from tega_study.trials import Trial, study_trials
+from tega_study.unblinding import JOURNAL
+from tega_study.withdrawn import withdrawn_ids
 
 MANIFEST: Final = "manifest.json"
-_OF_THE_STUDY = ("study.toml", "plan.csv", OBJECTS, SIMULATION, PARAMETERS)
+_OF_THE_STUDY = ("study.toml", "plan.csv", JOURNAL, OBJECTS, SIMULATION, PARAMETERS)
 _PACKED = {".mcap", ".avi", ".mp4", ".png", ".jpg", ".jpeg", ".xz"}
 _MOST_MIB: Final = 256 * 1024
 _MOST_MANIFEST_MIB: Final = 64
@@ -182,21 +177,17 @@ def write_bundle(folder: Path, participant: str, out: Path, *, bids: bool = Fals
 
 def _files_of(folder: Path, participant: str, left_out: list[Path]) -> Iterator[Path]:
     """Find the files that a person's bundle holds, in the order of their paths."""
-    own, source = own_name(participant), folder.name
-    board = board_path(folder, participant)
+    source = folder.name
     yield from (folder / name for name in _OF_THE_STUDY if (folder / name).is_file())
-    photos = {folder / facts.photo for facts in read_objects(folder).values() if facts.photo}
+    photos = (folder / photo for photo in _photos(folder))
     yield from sorted(path for path in photos if path.is_file() and not path.is_symlink())
     for where, folders, names in os.walk(folder):  # which follows no links
         here = Path(where)
         folders[:] = sorted(name for name in folders if here != folder or name not in REPORTS)
-        mine = any(own.fullmatch(part) for part in here.relative_to(folder).parts)
         for name in sorted([*names, *(one for one in folders if (here / one).is_symlink())]):
             path = here / name
-            if not (mine or own.fullmatch(name)) or path == board:
+            if not _belongs(path.relative_to(folder), participant):
                 continue
-            if name == ELSEWHERE or name.startswith(".") or name.endswith(LOCK_SUFFIX):
-                continue  # paths of this machine, and what is being written
             try:
                 path_below(folder, path.relative_to(folder).as_posix(), what="file", source=source)
             except UnsafeNameError:
@@ -206,6 +197,32 @@ def _files_of(folder: Path, participant: str, left_out: list[Path]) -> Iterator[
                 left_out.append(path)
             else:
                 yield path
+
+
+def _belongs(path: Path, participant: str) -> bool:
+    """Return whether a file of the study's folder is part of a person's session, by its name alone."""
+    if path.parts[0] in REPORTS or not any(own_name(participant).fullmatch(part) for part in path.parts):
+        return False
+    # The board, paths of this machine, and what is being written.
+    beside = path == board_path(Path(), participant) or path.name == ELSEWHERE
+    return not (beside or path.name.startswith(".") or path.name.endswith(LOCK_SUFFIX))
+
+
+def _photos(folder: Path) -> set[str]:
+    """Return the paths of the objects' photos below the study's folder."""
+    photos = {facts.photo for facts in read_objects(folder).values()}
+    return {photo for photo in photos if Path(photo).suffix.lower() in {".jpg", ".jpeg", ".png"}}
+
+
+def _check_belongs(folder: Path, manifest: BundleManifest, source: str) -> None:
+    """Refuse a bundle with a file that none has: what is opened is trusted like what was recorded here."""
+    photos = _photos(folder)
+    for one in manifest.files:
+        if one.path not in {*_OF_THE_STUDY, *photos} and not _belongs(Path(one.path), manifest.participant):
+            raise RecordingError(
+                f"{source}: {one.path} is no file of a session",
+                "nothing was unpacked; ask for the bundle again",
+            )
 
 
 def _entry(name: str) -> zipfile.ZipInfo:
@@ -256,6 +273,7 @@ def open_bundle(bundle: Path, out: Path) -> OpenedBundle:
         try:
             for one in manifest.files:
                 _unpack(packed, one, path_below(beside, one.path, what="file", source=bundle.name), bundle)
+            _check_belongs(beside, manifest, bundle.name)
             trials = _work_out(beside, manifest, bundle)
             beside.chmod(out.parent.stat().st_mode & 0o777)
             if out.exists():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import msgspec
 import numpy as np
@@ -13,6 +13,9 @@ from tega_study.counts import adjusted_ratio, poisson_rates, shares
 from tega_study.people import cross_over, paired_log_ratio, ratio_of_means, sign_flip, within_person
 from tega_study.rank import holm, mann_whitney, shift
 from tega_study.trials import Trial
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 Level = Literal["as printed", "these trials", "people", "adjusted", "cross-over"]
 
@@ -174,6 +177,25 @@ def _tests(data: _Data, *, crossed: bool) -> list[Test]:
     return tests
 
 
+def people_p(first: ArrayLike, second: ArrayLike, *, counted: bool) -> float | None:
+    """Return the two-sided p over people: sign-flips for counts and shares, a paired t for times.
+
+    Args:
+        first: Each person's mean under the first condition; of times the mean logarithm.
+        second: Under the second.
+        counted: Whether they are counts or shares.
+
+    Returns:
+        ``None`` below :data:`SMALLEST_FOR_P` people, and if people are all alike.
+    """
+    if np.size(first) < SMALLEST_FOR_P:
+        return None
+    if counted:
+        return sign_flip(np.subtract(first, second))
+    found = paired_log_ratio(first, second)
+    return found and found.p
+
+
 def _by_people(
     data: _Data,
     common: dict[str, Any],
@@ -193,9 +215,7 @@ def _by_people(
     few = "" if enough else f"no p below {SMALLEST_FOR_P} people"
     if found is None:
         few += "; " * bool(few) + "no ratio: a condition without events, or people all alike"
-    p = None
-    if enough:
-        p = sign_flip(np.subtract(first, second)) if counted else found and found.p
+    p = people_p(first, second, counted=counted)
     ratio = None if found is None else (found.ratio, found.low, found.high)
     statistic = None if found is None else found.t
     tests = [_row(common, "people", name, x, y, p=p, ratio=ratio, statistic=statistic, note=few)]
@@ -259,11 +279,12 @@ def _success(data: _Data) -> list[Test]:
             note=f"Boschloo p = {found.boschloo:.3g}",
         )
     ]
-    if len(data.both) >= SMALLEST_FOR_P:
-        off = [float(np.mean(data.first[one]) - np.mean(data.second[one])) for one in data.both]
+    first, second = ([float(np.mean(side[one])) for one in data.both] for side in (data.first, data.second))
+    if (p := people_p(first, second, counted=True)) is not None:
         common["people"] = len(data.both)
-        row = _row(common, "people", "sign-flip of shares", x, y, p=sign_flip(off))
-        tests.append(msgspec.structs.replace(row, effect_name="difference", effect=float(np.mean(off))))
+        row = _row(common, "people", "sign-flip of shares", x, y, p=p)
+        off = float(np.mean(np.subtract(first, second)))
+        tests.append(msgspec.structs.replace(row, effect_name="difference", effect=off))
     return tests
 
 

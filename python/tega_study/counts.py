@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from tega_study.packages import scipy_stats, statsmodels
+from tega.runtime.scientific import scipy_stats, statsmodels
 from tega_study.people import Ratio
 
 if TYPE_CHECKING:

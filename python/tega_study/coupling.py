@@ -20,7 +20,7 @@ import numpy as np
 from tega.errors import RecordingError
 from tega.runtime.files.foreign_file import read_words
 from tega.runtime.files.whole_file import write_whole
-from tega_study.packages import scipy_stats
+from tega.runtime.scientific import scipy_stats
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -1,4 +1,4 @@
-"""Find lift-off, slip and deformation in the signals of a study's trials: the detector as one more account.
+"""Find lift-off and slip in the signals of a study's trials: the detector as one more account.
 
 The detector sees what was kept of the fingertips, the hand and the arm, and nothing that a person or the simulation
 says. Its events stand beside the session's in ``detected.jsonl``, with their confidence, and are compared like a
@@ -14,18 +14,21 @@ import msgspec
 
 from tega.errors import RecordingError
 from tega.haptics import FINGERS
+from tega.records.touch import CERTAIN
 from tega.stages.events import DetectedEvent, Detector, ShearFrame, TouchFrame
 from tega.stages.events.settings import SETTINGS
 from tega_study.hand_rows import HandRow, hand_path, read_hand
-from tega_study.journal import Journal, JournalEvent, Kind, read_events
+from tega_study.journal import Journal, JournalEvent, Kind, events_path, read_events
 from tega_study.plan import read_plan
-from tega_study.privacy import withdrawn_ids
-from tega_study.state import events_path
 from tega_study.touch_rows import TouchRow, read_touch, touch_path
+from tega_study.withdrawn import withdrawn_ids
 
 DETECTOR = "detector"
-DETECTED: dict[str, Kind] = {"lift_off": "lift_off", "slip": "slip", "deformation": "deformation"}
+DETECTED: dict[str, Kind] = {"lift_off": "lift_off", "slip": "slip"}
 """Events of the detector that a study counts."""
+
+NOT_OBSERVABLE = "not observable on this rig"
+"""Text of the note in a session's ``detected.jsonl`` that names such a kind of event."""
 
 
 class TrialEvents(msgspec.Struct, frozen=True):
@@ -37,7 +40,7 @@ class TrialEvents(msgspec.Struct, frozen=True):
         attempt: Its attempt.
         object: What was lifted.
         events: What was found, in the order of time; seconds from the trial's start.
-        missing: What the attempt has no record of, so that it cannot be found; such as ``height``.
+        missing: What the attempt has no record of: ``closure`` of the hand, ``height`` of the arm.
     """
 
     participant: str
@@ -46,6 +49,12 @@ class TrialEvents(msgspec.Struct, frozen=True):
     object: str
     events: tuple[DetectedEvent, ...]
     missing: tuple[str, ...] = ()
+
+    @property
+    def unobservable(self) -> tuple[Kind, ...]:
+        """Kinds of events that cannot be observed without what is missing."""
+        kinds: tuple[Kind, ...] = ("lift_off",) if "height" in self.missing else ()
+        return (*kinds, "slip") if self.missing else kinds
 
 
 def detected_path(folder: Path, participant: str) -> Path:
@@ -133,18 +142,18 @@ def detect_study(folder: Path, participants: Sequence[str] = (), *, live: bool =
                 continue
             touch = read_touch(path)
             hand = read_hand(hand_path(folder, person, trial.id, start.attempt))
-            events = tuple(event for event in events_of(touch, hand, live=live) if event.t_s >= 0)
-            missing = [
-                name for name in ("closure", "height_m") if all(getattr(row, name) is None for row in hand)
-            ]
-            done = TrialEvents(
-                person,
-                start.trial,
-                start.attempt,
-                trial.object,
-                events,
-                tuple(n[:7].rstrip("_") for n in missing),
+            missing = tuple(
+                name
+                for name, field in (("closure", "closure"), ("height", "height_m"))
+                if all(getattr(row, field) is None for row in hand)
             )
+            done = TrialEvents(person, start.trial, start.attempt, trial.object, (), missing)
+            events = tuple(
+                event
+                for event in events_of(touch, hand, live=live)
+                if event.t_s >= 0 and event.confidence >= CERTAIN and event.kind not in done.unobservable
+            )
+            done = msgspec.structs.replace(done, events=events)
             rows.append((start, ends[key], done))
         if rows:
             _write(detected_path(folder, person), plan.settings.plan_sha256, rows)
@@ -176,5 +185,15 @@ def _write(path: Path, signed: str, rows: Sequence[tuple[JournalEvent, JournalEv
                         trial=trial,
                         attempt=attempt,
                     )
+            for kind in done.unobservable:
+                journal.add(
+                    "note",
+                    t_ns=end.t_ns,
+                    source=DETECTOR,
+                    item=kind,
+                    text=NOT_OBSERVABLE,
+                    trial=trial,
+                    attempt=attempt,
+                )
             journal.add("trial_end", t_ns=end.t_ns, source=DETECTOR, trial=trial, attempt=attempt)
     beside.replace(path)

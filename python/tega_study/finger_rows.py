@@ -45,7 +45,7 @@ def finger_rows(pictures: Mapping[str, FingerPicture], trials: Sequence[Trial]) 
     of = {trial.id: trial for trial in trials}
     rows = []
     for trial, picture in pictures.items():
-        metrics = picture.touch.metrics
+        contact = picture.touch.contact
         rows.append(
             FingerRow(
                 trial=trial,
@@ -53,12 +53,12 @@ def finger_rows(pictures: Mapping[str, FingerPicture], trials: Sequence[Trial]) 
                 condition=of[trial].condition,
                 finger=picture.finger,
                 preset=picture.preset,
-                cci=float(metrics.cci),
-                eda=int(metrics.eda),
-                cci_norm=_share(metrics.cci, picture.cci_max),
-                eda_norm=_share(metrics.eda, picture.eda_max),
-                peak_x=int(metrics.peak_xy[0]),
-                peak_y=int(metrics.peak_xy[1]),
+                cci=float(contact.cci),
+                eda=int(contact.eda),
+                cci_norm=_share(contact.cci, picture.cci_max),
+                eda_norm=_share(contact.eda, picture.eda_max),
+                peak_x=int(contact.peak_xy[0]),
+                peak_y=int(contact.peak_xy[1]),
             )
         )
     return tuple(rows)

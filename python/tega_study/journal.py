@@ -16,6 +16,7 @@ import msgspec
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.runtime.files.foreign_file import check_file, parse_json, read_foreign
 from tega.runtime.files.lock import lock_file
+from tega.runtime.files.plain_name import plain_name
 from tega.runtime.files.whole_file import open_to_append
 
 Kind = Literal[
@@ -38,6 +39,8 @@ Kind = Literal[
     "muscles",
     "squeeze",
     "undo",
+    "unblind",
+    "behaviour",
 ]
 
 Status = Literal["done", "failed_task", "aborted_technical", "aborted_safety", "skipped"]
@@ -51,13 +54,14 @@ class JournalEvent(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unkno
         t_ns: When, on the session's clock, nanoseconds.
         kind: What.
         trial: Of which trial; 0 where it belongs to none.
-        attempt: Its attempt, 1 or 2.
+        attempt: Its attempt, from 1.
         status: ``trial_end``: how it ended.
         success: ``trial_end``: as scored by rule. ``override``: as corrected by a person.
         undone: ``undo``: number of the event that does not count.
         source: Who says so: ``auto``, or a rater's id.
         text: A note, or the reason of an end, a correction or a repetition (``redo``). Left out of anonymised copies.
         item: ``rating``: what was asked, such as ``tlx.effort``. ``muscles``: the channel, such as ``ch1``.
+            ``behaviour``: its name in the plan.
         value: ``rating``: the answer, 0 to 100; ``None`` where it was passed over. ``muscles``: the channel's median
             frequency in the trial, Hz. ``squeeze``: its amplitude, as a share of the calibrated maximum. Both are left
             out of anonymised copies.
@@ -67,7 +71,7 @@ class JournalEvent(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unkno
     t_ns: int
     kind: Kind
     trial: Annotated[int, msgspec.Meta(ge=0)] = 0
-    attempt: Annotated[int, msgspec.Meta(ge=1, le=2)] = 1
+    attempt: Annotated[int, msgspec.Meta(ge=1)] = 1
     status: Status | None = None
     success: bool | None = None
     undone: int | None = None
@@ -75,6 +79,8 @@ class JournalEvent(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unkno
     text: str = ""
     item: str = ""
     value: float | None = None
+    duration_s: float | None = None
+    modifiers: tuple[str, ...] = ()
 
 
 def _parse(content: bytes, path: Path) -> tuple[list[JournalEvent], int]:
@@ -177,6 +183,8 @@ class Journal:
         text: str = "",
         item: str = "",
         value: float | None = None,
+        duration_s: float | None = None,
+        modifiers: tuple[str, ...] = (),
     ) -> JournalEvent:
         """Add an event; when this returns it is on the disk. Arguments as in :class:`JournalEvent`."""
         event = JournalEvent(
@@ -192,6 +200,8 @@ class Journal:
             text=text,
             item=item,
             value=value,
+            duration_s=duration_s,
+            modifiers=modifiers,
         )
         self._put(msgspec.json.encode(event) + b"\n")
         self.events.append(event)
@@ -236,3 +246,10 @@ def _sync_folder(folder: Path) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
+
+
+def events_path(folder: Path, participant: str) -> Path:
+    """Return where a person's events are."""
+    return (
+        folder / "sessions" / plain_name(participant, what="participant", source=folder.name) / "events.jsonl"
+    )

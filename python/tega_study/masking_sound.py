@@ -17,7 +17,7 @@ from tega.runtime.sound_card import load_sounddevice
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tega.config.sections import MaskingSection
+    from tega_study.masking_settings import MaskingSection
 
 RATE_HZ: Final = 48_000
 """Samples per second and ear."""

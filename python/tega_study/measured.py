@@ -7,10 +7,10 @@ counts as a rater's does. The camera's stays as it was, so that ``study score`` 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
-from tega_study.journal import JournalEvent, read_events
-from tega_study.state import events_path
+from tega_study.journal import JournalEvent, events_path, read_events
 
 CAMERA = "camera"
 
@@ -23,3 +23,16 @@ def measured_path(folder: Path, participant: str) -> Path:
 def read_measured(folder: Path, participant: str) -> list[JournalEvent]:
     """Read the camera's events of a session; none before ``scene measure``."""
     return read_events(measured_path(folder, participant))
+
+
+def camera_success(events: Sequence[JournalEvent], *, dropped: bool) -> bool:
+    """Return whether a trial succeeded as the camera measured it, with the drops as a person has corrected them.
+
+    Args:
+        events: The camera's events of the trial.
+        dropped: Whether a drop counts.
+    """
+    end = next(event for event in events if event.kind == "trial_end")
+    struck = not dropped and any(event.kind == "drop" for event in events)
+    # The camera's verdict without the drop: it writes "lifted" only for a lift in time.
+    return not dropped and (bool(end.success) or (struck and any(e.kind == "lifted" for e in events)))

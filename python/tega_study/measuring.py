@@ -17,15 +17,14 @@ from tega_scene.outcomes import SceneOutcome, score_scene
 from tega_scene.own_film import own_film, own_recording
 from tega_scene.pictures import read_pictures, times_path
 from tega_scene.track import track_scene
-from tega_study.journal import Journal, JournalEvent, Kind, counting, read_events
+from tega_study.journal import Journal, JournalEvent, Kind, counting, events_path, read_events
 from tega_study.lead.trial import recording_folder
 from tega_study.measured import CAMERA, measured_path, read_measured
 from tega_study.observe.observing import checked_rater
 from tega_study.observers import RECORDED, WHOLE, observer_path
 from tega_study.plan import read_plan
-from tega_study.privacy import withdrawn_ids
 from tega_study.score.boris import attempts
-from tega_study.state import events_path
+from tega_study.withdrawn import withdrawn_ids
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from tega.runtime.files.plain_name import plain_name
-from tega_study.journal import JournalEvent, read_events
-from tega_study.state import events_path
+from tega_study.journal import JournalEvent, events_path, read_events
 
 WHOLE, PART = "", "not the whole trial"
 """Texts of a rater's ``trial_end``."""

@@ -16,6 +16,7 @@ from tega_study.directions import Direction
 from tega_study.figures import p_text
 from tega_study.lead.questions import QUESTIONS
 from tega_study.paper import PAPER_OBJECTS, PAPER_SETUP, PAPER_TABLE_1
+from tega_study.power import MOST_PEOPLE, too_few
 from tega_study.silico.sensitivity import SensitivityRow
 from tega_study.tables import PAPER_LABELS
 
@@ -66,10 +67,19 @@ def report_html(analysis: Analysis, figures: Mapping[str, str]) -> str:
             paper_values=_paper_values(analysis),
             most_people=max((cell.people for cell in analysis.cells), default=0),
             least_for_p=SMALLEST_FOR_P,
+            most_planned=MOST_PEOPLE,
+            hopeless=too_few(
+                analysis.family,
+                people=max((cell.people for cell in analysis.cells), default=0),
+                alpha=analysis.alpha,
+            ),
             fewest=_FEWEST,
             cells={(cell.object, cell.condition): cell for cell in analysis.cells},
             trials={trial.id: trial for trial in analysis.trials},
             family=list(_family(analysis)),
+            counted_by=[
+                f"{who} in {n} {'trial' if n == 1 else 'trials'}" for who, n in analysis.counted_by.items()
+            ],
             sizes="; ".join(f"{people} people, {trials} trials" for people, trials in sizes),
             ranges=_ranges(analysis.sensitivity),
             questions={q.item: f"{q.title}: 0 {q.left}, 100 {q.right}" for q in QUESTIONS},

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from tega_study.packages import scipy_stats
+from tega.runtime.scientific import scipy_stats
 from tega_study.rank import rank_sum_counts
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 
-FLIPS_UP_TO = 20
+FLIPS_UP_TO = 24
 DRAWS = 99_999
 EXCHANGES = 19_999
 _EPS = 1e-9
@@ -64,7 +64,7 @@ class CrossOver(NamedTuple):
 def sign_flip(differences: ArrayLike, *, seed: int = 0) -> float:
     """Return the two-sided p of the mean of paired differences over all changes of their signs.
 
-    Exact up to 20 people; beyond, 99,999 random changes and the one that is there.
+    Exact up to 24 people; beyond, 99,999 random changes and the one that is there.
 
     Args:
         differences: One per person.
@@ -74,15 +74,28 @@ def sign_flip(differences: ArrayLike, *, seed: int = 0) -> float:
         >>> sign_flip([-1.0, -2.0, -1.5, -3.0, -2.5, -1.0])
         0.03125
     """
-    values = np.round(np.asarray(differences, dtype=np.float64), 9)
+    values: NDArray[np.float64] = np.asarray(
+        np.round(np.asarray(differences, dtype=np.float64), 9), np.float64
+    )
     seen = abs(values.sum()) - _EPS
+    if seen <= 0:
+        return 1.0
     if len(values) <= FLIPS_UP_TO:
-        sums = np.zeros(1)
-        for value in values:
-            sums = np.concatenate([sums + value, sums - value])
-        return float(np.mean(np.abs(sums) >= seen))
+        half = len(values) // 2
+        some, others = (np.sort(_all_signs(part)) for part in (values[:half], values[half:]))
+        # As many sums are as far below as above: each has its mirror image.
+        above = some.size * others.size - int(np.searchsorted(others, seen - some, side="left").sum())
+        return float(2 * above / 2 ** len(values))
     signs = np.random.default_rng(seed).integers(0, 2, (DRAWS, len(values))) * 2 - 1
     return float((1 + np.sum(np.abs(signs @ values) >= seen)) / (DRAWS + 1))
+
+
+def _all_signs(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the sums of the values under all changes of their signs, float64 (2 ** n,)."""
+    sums = np.zeros(1)
+    for value in values:
+        sums = np.concatenate([sums + value, sums - value])
+    return sums
 
 
 def ratio_of_means(first: ArrayLike, second: ArrayLike, *, confidence: float = 0.95) -> Ratio | None:

@@ -13,7 +13,7 @@ import shutil
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import msgspec
 
@@ -21,6 +21,7 @@ from tega.errors import InvalidValueError, RecordingError
 from tega.runtime.files.foreign_file import parse_toml, read_foreign, read_words
 from tega.runtime.files.plain_name import plain_name
 from tega.runtime.files.toml_text import tree_text
+from tega.stages.events.outcomes import LIFT_WINDOW_S, StableReading
 from tega_study.order import Layout, allocate, lay_out
 
 CONDITIONS = {
@@ -31,8 +32,13 @@ CONDITIONS = {
 """What the vest does in each condition. It is worn in all of them, and ``masking.level_dbfs`` plays the same sound in
 all of them (reading A36)."""
 
+CODED = ("slip", "deformation", "drop", "lift_off")
+"""Behaviours that raters code in every study."""
+
 METRICS = ("duration_s", "slips", "deformations")
 """What can be in the family of tests that Holm's method corrects for."""
+
+ScoredBy = Literal["session", "camera"]
 
 FORMAT, VERSION = "tega-study", 1
 
@@ -53,12 +59,17 @@ class StudySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
         long_rest_s: After every ``long_rest_every`` trials, seconds.
         long_rest_every: Trials between long rests.
         window_s: Time in which the object has to be lifted, seconds.
+        stable: Whether the stable second has to begin in the window, or to be complete in it; see
+            :mod:`tega.stages.events.outcomes`.
+        scored_by: Whose outcome of a trial counts: that of the session and its raters, or the scene camera's where it
+            has measured the trial.
         alpha: Two-sided level of the tests.
         family: The tests that are corrected together, ``metric:object``.
         probe: Whether a beep now and then is to be answered in every trial (dual task).
         seed: Of all orders; absent in an anonymised copy.
         simulated: Whether the people are simulated.
         plan_sha256: Of ``plan.csv``.
+        behaviours: Behaviours that raters code besides lift-off, slip, deformation and drop.
     """
 
     participants: Annotated[int, msgspec.Meta(ge=1, le=999)]
@@ -74,9 +85,12 @@ class StudySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
     alpha: Annotated[float, msgspec.Meta(gt=0, lt=1)]
     family: tuple[str, ...]
     probe: bool = False
+    stable: StableReading = "begun"
+    scored_by: ScoredBy = "session"
     seed: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] | None = None
     simulated: bool = False
     plan_sha256: str = ""
+    behaviours: Annotated[tuple[_Name, ...], msgspec.Meta(max_length=30)] = ()
 
 
 class PlannedTrial(msgspec.Struct, frozen=True):
@@ -171,11 +185,14 @@ def make_plan(
     change_rest_s: float = 180.0,
     long_rest_s: float = 300.0,
     long_rest_every: int = 20,
-    window_s: float = 15.0,
+    window_s: float = LIFT_WINDOW_S,
+    stable: StableReading = "begun",
+    scored_by: ScoredBy = "session",
     alpha: float = 0.05,
     family: Sequence[str] | None = None,
     probe: bool = False,
     simulated: bool = False,
+    behaviours: Sequence[str] = (),
 ) -> StudyPlan:
     """Make a counterbalanced plan; equal arguments give equal plans.
 
@@ -191,15 +208,19 @@ def make_plan(
         long_rest_s: After every ``long_rest_every`` trials.
         long_rest_every: Trials.
         window_s: Seconds.
+        stable: As in :class:`StudySettings`, like the next.
+        scored_by: Whose outcome counts.
         alpha: Level of the tests.
         family: ``metric:object``; the paper's seven where ``None``.
         probe: Whether beeps are to be answered in every trial.
         simulated: Whether the people are simulated.
+        behaviours: Behaviours that raters code besides lift-off, slip, deformation and drop.
 
     Raises:
         InvalidValueError: A value is out of range, or a name comes twice or cannot be used.
     """
-    for what, names in (("objects", objects), ("conditions", conditions)):
+    own = (*CODED, *behaviours)
+    for what, names in (("objects", objects), ("conditions", conditions), ("behaviours", own)):
         if len(set(names)) != len(names):
             raise InvalidValueError(f"{what} = {', '.join(names)}: a name comes twice", "name each once")
     tests = default_family(objects) if family is None and objects else tuple(family or ())
@@ -222,11 +243,14 @@ def make_plan(
                 "long_rest_s": long_rest_s,
                 "long_rest_every": long_rest_every,
                 "window_s": window_s,
+                "stable": stable,
+                "scored_by": scored_by,
                 "alpha": alpha,
                 "family": list(tests),
                 "probe": probe,
                 "seed": seed,
                 "simulated": simulated,
+                "behaviours": list(behaviours),
             },
             StudySettings,
         )
@@ -279,8 +303,14 @@ def _plain(value: object) -> str:
 
 def _toml(settings: StudySettings) -> str:
     fields = msgspec.to_builtins(settings)
-    if not settings.probe:  # then an earlier version reads the plan too
-        del fields["probe"]
+    for name, default in (
+        ("probe", False),
+        ("behaviours", ()),
+        ("stable", "begun"),
+        ("scored_by", "session"),
+    ):
+        if fields[name] == default:  # then an earlier version reads the plan too
+            del fields[name]
     return tree_text({"format": FORMAT, "version": VERSION, **fields})
 
 

@@ -1,19 +1,23 @@
-"""Estimate how many people a study needs, from assumed or pilot means (N13).
+"""Compute the power of the report's own tests over people, by running its code on drawn studies.
 
-Counts: negative binomial, mean ``m * exp(b_i + s_i * haptic)`` scaled so that the given means are the marginal
-ones; people differ in level (``b``) and in effect (``s``). Analysed as the report does: a paired t on log(sum +
-0.5), and exact sign-flips.
+Counts are negative binomial with the mean ``m * exp(b_i + s_i * haptic)``, scaled so that the given means are the
+marginal ones; people differ in level (``b``) and in effect (``s``). Times are log-normal; a person's level cancels.
+Each drawn study goes through the report's test (:func:`tega_study.compare.people_p`) and its correction
+(:func:`tega_study.rank.holm`) over all tests of the plan.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from tega.errors import InvalidValueError
-from tega_study.packages import scipy_stats
+from tega_study.compare import people_p
+from tega_study.rank import holm
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -26,101 +30,203 @@ class EffectSpread(NamedTuple):
         dispersion: Of the counts: variance = mean + dispersion * mean².
         sd_level: Of people's log level.
         sd_effect: Of people's log effect.
+        time_sd_effect: Of people's log effect on the time.
+        time_sd: Of the log times of one person's trials.
     """
 
     dispersion: float
     sd_level: float
     sd_effect: float
+    time_sd_effect: float
+    time_sd: float
 
 
 SPREADS = {
-    "low": EffectSpread(0.0, 0.2, 0.0),
-    "mid": EffectSpread(0.2, 0.3, 0.2),
-    "high": EffectSpread(0.5, 0.5, 0.4),
+    "low": EffectSpread(0.0, 0.2, 0.0, 0.05, 0.15),
+    "mid": EffectSpread(0.2, 0.3, 0.2, 0.10, 0.20),
+    "high": EffectSpread(0.5, 0.5, 0.4, 0.15, 0.30),
 }
 """Three assumptions, from hardly any differences to large ones; a pilot's variance over mean says which is nearer."""
 
-FLIPS_UP_TO = 12
-MOST_PEOPLE = 60
+MOST_PEOPLE = 24
+"""Largest study that is tried: two full sets of the orders of three objects under two conditions."""
 
 
-class CountPower(NamedTuple):
-    """Share of simulated studies that find the effect.
+class PlannedTest(NamedTuple):
+    """One test of the plan's family, with the means that are assumed.
+
+    Attributes:
+        metric: ``duration_s``, or what is counted.
+        mean: Expected value of a trial under the first condition.
+        reference: Under the second.
+    """
+
+    metric: str
+    mean: float
+    reference: float
+
+
+class Power(NamedTuple):
+    """Share of drawn studies in which a test is significant after the correction.
 
     Attributes:
         people: In each study.
-        paired_t: By a paired t on log(sum + 0.5).
-        sign_flip: By all changes of sign; 0 below six people at 0.05, whatever the effect.
+        found: That share.
         error: Two standard errors of the simulation, at most.
     """
 
     people: int
-    paired_t: float
-    sign_flip: float
+    found: float
     error: float
 
 
-def count_power(
-    mean: float,
-    reference: float,
+def least_people(metric: str, *, tests: int, alpha: float = 0.05) -> int | None:
+    """Return the fewest people with whom a test can be significant at all, however large the effect.
+
+    The report's test is run on the most extreme data: every person differs in the same direction. The other tests of
+    the family are taken to find nothing, so that the correction is the strongest.
+
+    Args:
+        metric: Of the test.
+        tests: Number of tests that are corrected together.
+        alpha: Two-sided level.
+
+    Returns:
+        ``None`` if :data:`MOST_PEOPLE` are too few.
+
+    Example:
+        >>> least_people("slips", tests=7)
+        9
+    """
+    for people in range(2, MOST_PEOPLE + 1):
+        most = 3 + np.arange(people) * 1e-6
+        p = people_p(most, np.zeros(people), counted=metric != "duration_s")
+        corrected = holm([p, *[None] * (tests - 1)])[0]
+        if corrected is not None and corrected < alpha:
+            return people
+    return None
+
+
+def power_of(
+    family: Sequence[PlannedTest],
+    target: int = 0,
     *,
     people: int,
     trials: int = 10,
     spread: EffectSpread = SPREADS["mid"],
     alpha: float = 0.05,
-    runs: int = 2000,
+    runs: int = 1000,
     seed: int = 1,
-) -> CountPower:
-    """Simulate studies of counts.
+) -> Power:
+    """Draw studies, and count those in which a test is significant by the report's own test and correction.
 
     Args:
-        mean: Expected count per trial under the first condition.
-        reference: Under the second.
+        family: All tests that are corrected together.
+        target: Place of the test that counts.
         people: In each study, 2 to 60.
-        trials: Per person and condition.
+        trials: Per person, object and condition.
         spread: See :data:`SPREADS`.
-        alpha: Two-sided.
-        runs: Studies simulated.
+        alpha: Two-sided level.
+        runs: Number of studies.
         seed: Of the simulation.
 
     Raises:
         InvalidValueError: A value is out of range.
     """
-    off, difference = _studies(
-        mean, reference, people=people, trials=trials, spread=spread, runs=runs, seed=seed
-    )
-    flips = float(np.mean(_flips(difference) <= alpha + 1e-12)) if 2 / 2**people <= alpha else 0.0
-    return CountPower(people, _found(off, alpha), flips, 1 / math.sqrt(runs))
-
-
-def _studies(
-    mean: float, reference: float, *, people: int, trials: int, spread: EffectSpread, runs: int, seed: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Draw studies; return people's differences of log sums and of sums, each (runs, people)."""
-    if not (0 < mean < 1e4 and 0 < reference < 1e4):
-        raise InvalidValueError(
-            f"means {mean} and {reference}: not between 0 and 10000", "give counts per trial"
-        )
-    if not 2 <= people <= MOST_PEOPLE:
-        raise InvalidValueError(
-            f"people = {people}: not 2 to {MOST_PEOPLE}", "beyond, use more trials or a larger effect"
-        )
+    _check(family, people)
     random = np.random.default_rng([seed, people, trials])
-    level = random.normal(0, spread.sd_level, (runs, people)) - spread.sd_level**2 / 2
-    effect = random.normal(0, spread.sd_effect, (runs, people)) - spread.sd_effect**2 / 2
-    sums = [
-        _sums(random, reference * np.exp(level), trials, spread.dispersion),
-        _sums(random, mean * np.exp(level + effect), trials, spread.dispersion),
-    ]
-    return np.log(sums[1] + 0.5) - np.log(sums[0] + 0.5), sums[1] - sums[0]
+    drawn = [_draw(test, random, people=people, trials=trials, spread=spread, runs=runs) for test in family]
+    found = 0
+    for run in range(runs):
+        tests = [
+            _p_of(test.metric, first[run], second[run])
+            for test, (first, second) in zip(family, drawn, strict=True)
+        ]
+        found += _significant(tests, target, alpha)
+    return Power(people, found / runs, 1 / math.sqrt(runs))
 
 
-def _found(off: NDArray[np.float64], alpha: float) -> float:
-    """Return the share of studies in which a paired t is significant; one without any spread finds nothing."""
-    people = off.shape[1]
-    se = off.std(axis=1, ddof=1) / math.sqrt(people)
-    limit = float(scipy_stats().t.ppf(1 - alpha / 2, people - 1))
-    return float(np.mean((np.abs(off.mean(axis=1)) >= limit * se) & (se > 0)))
+def people_for(
+    family: Sequence[PlannedTest],
+    target: int = 0,
+    *,
+    power: float = 0.8,
+    trials: int = 10,
+    spread: EffectSpread = SPREADS["mid"],
+    alpha: float = 0.05,
+    runs: int = 1000,
+    seed: int = 1,
+) -> Power | None:
+    """Return the smallest study that finds the effect often enough; ``None`` if :data:`MOST_PEOPLE` are too few.
+
+    Args:
+        family: As in :func:`power_of`, like the others.
+        target: Place of the test that counts.
+        power: Share of studies that have to find it.
+        trials: Per person, object and condition.
+        spread: See :data:`SPREADS`.
+        alpha: Two-sided level.
+        runs: Number of studies for each size.
+        seed: Of the simulation.
+    """
+    low = least_people(family[target].metric, tests=len(family), alpha=alpha) or MOST_PEOPLE + 1
+    best, high = None, MOST_PEOPLE
+    while low <= high:  # more people find it more often
+        people = (low + high) // 2
+        tried = power_of(
+            family, target, people=people, trials=trials, spread=spread, alpha=alpha, runs=runs, seed=seed
+        )
+        if tried.found >= power:
+            best, high = tried, people - 1
+        else:
+            low = people + 1
+    return best
+
+
+def too_few(family: Sequence[str], *, people: int, alpha: float) -> Mapping[str, int | None]:
+    """Return the metrics of a plan that cannot become significant with so few people, with the fewest that could.
+
+    Args:
+        family: The plan's tests, ``metric:object``.
+        people: How many are planned.
+        alpha: Two-sided level.
+    """
+    metrics = dict.fromkeys(test.partition(":")[0] for test in family)
+    least = {metric: least_people(metric, tests=len(family), alpha=alpha) for metric in metrics}
+    return {metric: n for metric, n in least.items() if n is None or n > people}
+
+
+def _check(family: Sequence[PlannedTest], people: int) -> None:
+    for test in family:
+        if not (0 <= test.mean < 1e4 and 0 <= test.reference < 1e4):
+            raise InvalidValueError(
+                f"means {test.mean} and {test.reference}: not between 0 and 10000", "give values per trial"
+            )
+    if not 2 <= people <= 60:
+        raise InvalidValueError(f"people = {people}: not 2 to 60", "use more trials or a larger effect")
+
+
+def _draw(
+    test: PlannedTest,
+    random: np.random.Generator,
+    *,
+    people: int,
+    trials: int,
+    spread: EffectSpread,
+    runs: int,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Draw each person's means under both conditions, each (runs, people): of times the mean logarithm."""
+    shape = runs, people
+    if test.metric == "duration_s":
+        effect = random.normal(math.log(test.mean / test.reference), spread.time_sd_effect, shape)
+        error = [random.normal(0, spread.time_sd / math.sqrt(trials), shape) for _ in range(2)]
+        return effect + error[0], error[1]
+    level = random.normal(0, spread.sd_level, shape) - spread.sd_level**2 / 2
+    effect = random.normal(0, spread.sd_effect, shape) - spread.sd_effect**2 / 2
+    second = _sums(random, test.reference * np.exp(level), trials, spread.dispersion)
+    return _sums(
+        random, test.mean * np.exp(level + effect), trials, spread.dispersion
+    ) / trials, second / trials
 
 
 def _sums(
@@ -131,39 +237,14 @@ def _sums(
     return random.poisson(means).astype(np.float64)
 
 
-def _flips(differences: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Two-sided sign-flip p of each row: over half of all signs (the other half mirrors them), or 4,000 drawn ones."""
-    n = differences.shape[1]
-    exact = n <= FLIPS_UP_TO
-    codes = np.arange(2 ** (n - 1)) if exact else np.random.default_rng(n).integers(0, 2**n, 4000)
-    signs = 1.0 - 2.0 * ((codes[None, :] >> np.arange(n)[:, None]) & 1)
-    seen = np.abs(differences.sum(axis=1, keepdims=True)) - 1e-9
-    as_far = (np.abs(differences @ signs) >= seen).sum(axis=1)
-    p: NDArray[np.float64] = as_far / codes.size if exact else (1 + as_far) / (1 + codes.size)
-    return p
+def _p_of(metric: str, first: NDArray[np.float64], second: NDArray[np.float64]) -> Callable[[], float | None]:
+    return cache(lambda: people_p(first, second, counted=metric != "duration_s"))
 
 
-def people_for(
-    mean: float,
-    reference: float,
-    *,
-    power: float = 0.8,
-    trials: int = 10,
-    spread: EffectSpread = SPREADS["mid"],
-    alpha: float = 0.05,
-    most: int = 30,
-    runs: int = 2000,
-    seed: int = 1,
-) -> tuple[int, float] | None:
-    """Return the people of the smallest study whose paired t finds the effect often enough, and how often it does.
-
-    ``None`` where ``most`` are too few.
-
-    Arguments as in :func:`count_power`.
-    """
-    for people in range(2, most + 1):
-        off, _ = _studies(mean, reference, people=people, trials=trials, spread=spread, runs=runs, seed=seed)
-        found = _found(off, alpha)
-        if found >= power:
-            return people, found
-    return None
+def _significant(tests: Sequence[Callable[[], float | None]], target: int, alpha: float) -> bool:
+    """Return whether a test is below alpha after Holm's correction; the others are run only if it depends on them."""
+    p = tests[target]()
+    if p is None or p >= alpha or p * len(tests) < alpha:
+        return p is not None and p < alpha
+    corrected = holm([one() for one in tests])[target]
+    return corrected is not None and corrected < alpha

@@ -8,7 +8,6 @@ signals can identify a person: the anonymised copy has none, nor texts, names or
 from __future__ import annotations
 
 import hashlib
-import logging
 import os
 import re
 import shutil
@@ -19,21 +18,21 @@ from typing import Any, NamedTuple
 import msgspec
 
 from tega.errors import InvalidValueError, RecordingError
-from tega.runtime.files.foreign_file import parse_json, read_foreign, read_words
+from tega.recording.copies import NOTES
+from tega.runtime.files.foreign_file import parse_json, read_foreign
 from tega.runtime.files.whole_file import open_to_append, write_whole
-from tega_study.journal import Journal, JournalEvent, read_events
+from tega_study.journal import Journal, JournalEvent, events_path, read_events
+from tega_study.measured import CAMERA, measured_path, read_measured
 from tega_study.objects import OBJECTS, objects_text, read_objects
 from tega_study.observers import PART, observer_path, read_observers
 from tega_study.plan import StudyPlan, person_id, read_plan, write_plan
-from tega_study.state import events_path
+from tega_study.unblinding import copy_unblindings
+from tega_study.withdrawn import WITHDRAWN, lines_of, withdrawn_ids
 
-_LOG = logging.getLogger(__name__)
-
-_LIST = "withdrawn.txt"
-ELSEWHERE = "elsewhere.txt"
+ELSEWHERE = NOTES
 REPORTS = ("report", "report.html")
 COURSES = "courses"
-ROLES = ("auto", "experimenter", "participant")
+ROLES = ("auto", "arm", CAMERA, "experimenter", "participant")
 """Sources of events that name nobody."""
 
 
@@ -50,27 +49,6 @@ class Withdrawal(NamedTuple):
     deleted: list[Path]
     changed: list[Path]
     left: list[Path]
-
-
-def withdrawn_ids(folder: Path) -> set[str]:
-    """Return the ids of those who have withdrawn; nothing is deleted by asking.
-
-    Args:
-        folder: The study's folder.
-    """
-    path = folder / _LIST
-    if not path.exists():
-        return set()
-    ids = {line for line in _lines(path) if re.fullmatch(r"p\d+", line)}
-    for person in sorted(ids):
-        if os.path.lexists(events_path(folder, person).parent):
-            _LOG.warning(
-                "%s has withdrawn, but something of theirs is left: tega-teleop study withdraw %s %s",
-                person,
-                folder,
-                person,
-            )
-    return ids
 
 
 def note_elsewhere(folder: Path, participant: str, path: Path) -> None:
@@ -90,19 +68,27 @@ def note_elsewhere(folder: Path, participant: str, path: Path) -> None:
 
 
 def _noted(notes: Path) -> list[str]:
-    return _lines(notes) if notes.is_file() else []
+    return lines_of(notes) if notes.is_file() else []
 
 
-def _lines(path: Path) -> list[str]:
-    """Return the lines of a list.
+def _copies_below(path: Path) -> list[Path]:
+    """Return the copies that are noted in a person's own folder, beside its recordings."""
+    found: list[Path] = []
+    for where, _folders, files in os.walk(path):  # which follows no links
+        if ELSEWHERE in files and not (Path(where) / ELSEWHERE).is_symlink():
+            found += _copies(Path(where) / ELSEWHERE, set())
+    return found
 
-    Raises:
-        RecordingError: It is no text.
-    """
-    try:
-        return read_words(path).splitlines()
-    except UnicodeDecodeError as error:
-        raise RecordingError(f"{path}: no list of lines: {error}", "restore it from a copy") from error
+
+def _copies(notes: Path, seen: set[Path]) -> list[Path]:
+    """Return the copies that a list names and that are there, and the copies of those."""
+    found: list[Path] = []
+    for line in _noted(notes):
+        copy = Path(line)
+        if copy not in seen and os.path.lexists(copy):
+            seen.add(copy)
+            found += [copy, *_copies(copy / ELSEWHERE, seen)]
+    return found
 
 
 def withdraw(folder: Path, participant: str) -> Withdrawal:
@@ -126,7 +112,7 @@ def withdraw(folder: Path, participant: str) -> Withdrawal:
     read_plan(folder).of(participant)
     if participant not in withdrawn_ids(folder):
         check_not_led(folder, participant)
-        with open_to_append(folder / _LIST) as file:  # first: a crash cannot undo it
+        with open_to_append(folder / WITHDRAWN) as file:  # first: a crash cannot undo it
             file.write(f"\n{participant}\n".encode())
             file.flush()
             os.fsync(file.fileno())
@@ -155,15 +141,14 @@ def _delete(folder: Path, participant: str) -> Withdrawal:
     own = own_name(participant)
     mentioned = re.compile(rf"(?<![A-Za-z0-9]){re.escape(participant)}(?![A-Za-z0-9])")
     notes = events_path(folder, participant).parent / ELSEWHERE
-    left = (
-        [] if notes.parent.is_symlink() else [Path(line) for line in _noted(notes) if os.path.lexists(line)]
-    )
+    left = [] if notes.parent.is_symlink() else _copies(notes, set())
     deleted: list[Path] = []
     changed: list[Path] = []
     for where, folders, files in os.walk(folder):  # which follows no links
         for name in sorted([*folders, *files]):
             path = Path(where, name)
             if own.fullmatch(name):
+                left += _copies_below(path)
                 left += [path.resolve()] if path.is_symlink() and path.exists() else []
                 deleted.append(path)
             elif path.is_symlink() and (path / participant).exists():
@@ -180,7 +165,7 @@ def _delete(folder: Path, participant: str) -> Withdrawal:
             shutil.rmtree(path)
         else:
             path.unlink()
-    return Withdrawal(deleted, changed, left)
+    return Withdrawal(deleted, changed, list(dict.fromkeys(left)))
 
 
 def forget_person(path: Path, participant: str) -> bool:
@@ -243,6 +228,7 @@ def export(folder: Path, out: Path, *, key: str) -> dict[str, str]:
         out,
         {path.name: read_foreign(path, most_mib=1) for path in assumed if path.exists()} | registry,
     )
+    copy_unblindings(folder, out)
     signed = read_plan(out).settings.plan_sha256
     observers = {old: read_observers(folder, old) for old in new}
     sessions = {old: read_events(events_path(folder, old)) for old in new}
@@ -250,10 +236,14 @@ def export(folder: Path, out: Path, *, key: str) -> dict[str, str]:
     sources = {event.source for events in everything for event in events} | {
         r for o in observers.values() for r in o
     }
-    raters = {name: f"r{n}" for n, name in enumerate(sorted(sources - {"", *ROLES}, key=rank), start=1)}
+    raters = {
+        name: f"{CAMERA}+" * name.startswith(f"{CAMERA}+") + f"r{n}"
+        for n, name in enumerate(sorted(sources - {"", *ROLES}, key=rank), start=1)
+    }
     for old, person in new.items():
         begin_ns = sessions[old][0].t_ns if sessions[old] else 0
         _copy_events(sessions[old], events_path(out, person), signed, begin_ns, raters)
+        _copy_events(read_measured(folder, old), measured_path(out, person), signed, begin_ns, raters)
         for rater, seen in observers[old].items():
             _copy_events(seen, observer_path(out, person, raters[rater]), signed, begin_ns, raters)
         for course in sorted((folder / COURSES / old).glob("*.csv")):

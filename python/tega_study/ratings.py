@@ -7,11 +7,10 @@ from pathlib import Path
 
 import msgspec
 
-from tega_study.journal import read_events, undone_numbers
+from tega_study.journal import events_path, read_events, undone_numbers
 from tega_study.lead.questions import QUESTIONS, raw_tlx
 from tega_study.plan import read_plan
-from tega_study.privacy import withdrawn_ids
-from tega_study.state import events_path
+from tega_study.withdrawn import withdrawn_ids
 
 RAW_TLX = "raw NASA-TLX"
 

@@ -35,13 +35,13 @@ class Report(NamedTuple):
     analysis: Analysis
 
 
-def write_report(source: Path, out: Path | None = None, *, interim: bool = False) -> Report:
+def write_report(source: Path, out: Path | None = None, *, unblind: bool = False) -> Report:
     """Analyse a study's folder, or a file of the bench's results, and write the report.
 
     Args:
         source: The folder, or the file.
         out: Folder for ``report.html`` and ``report/``; the study's own where ``None``, for a file the one it is in.
-        interim: Show p-values before the plan is done.
+        unblind: Compare conditions before the plan is complete; written into the study's journal.
 
     Raises:
         RecordingError: The source is damaged or has too little.
@@ -50,7 +50,7 @@ def write_report(source: Path, out: Path | None = None, *, interim: bool = False
     """
     material = FigureMaterial()
     if source.is_dir():
-        analysis, material = analyse_study(source, interim=interim)
+        analysis, material = analyse_study(source, unblind=unblind)
     else:
         analysis = analyse_bench([source])
     folder = out or (source if source.is_dir() else source.parent)
@@ -102,6 +102,8 @@ def _keep_others(old: Path, new: Path) -> None:
 
 def figures_of(analysis: Analysis, material: FigureMaterial) -> dict[str, str]:
     """Draw every figure that there are data for; SVG by name."""
+    if analysis.blind:
+        return {}
     drawn = {
         "fig3": figure_3(analysis.fingers, material.pictures),
         "fig7": figure_7(analysis),

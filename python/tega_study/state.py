@@ -9,17 +9,15 @@ from typing import Literal
 import msgspec
 
 from tega.errors import InvalidValueError, RecordingError
-from tega.runtime.files.plain_name import plain_name
-from tega_study.journal import Journal, JournalEvent, Status, undone_numbers
+from tega_study.journal import Journal, JournalEvent, Status, events_path, undone_numbers
 from tega_study.plan import PlannedTrial, StudyPlan
 
 Where = Literal["lab", "emulated", "simulated"]
 """What the devices of a session are."""
 
 TrialStatus = Literal["planned", "running", "redo"] | Status
-MAX_ATTEMPTS = 2
 REPEATABLE = ("done", "failed_task")
-"""How a trial ended that the experimenter may want again; one that was stopped for safety is not repeated."""
+"""How a trial ended that has data. The experimenter may have it done again, once."""
 
 
 class SessionState(msgspec.Struct, frozen=True):
@@ -30,26 +28,42 @@ class SessionState(msgspec.Struct, frozen=True):
         running: Number and attempt of the trial that is going on, or was when everything stopped.
         next: Number and attempt of the trial to do next; ``None`` when all are over.
         n_over: How many trials need nothing more.
+        attempts: How often each trial was begun.
     """
 
     status: dict[int, TrialStatus]
     running: tuple[int, int] | None
     next: tuple[int, int] | None
     n_over: int
+    attempts: dict[int, int]
 
+    @property
+    def without_data(self) -> dict[int, str]:
+        """Trials that are over and have no data, with the reason."""
+        why = {"aborted_safety": "stopped for safety", "skipped": "given up"}
+        return {number: why[status] for number, status in self.status.items() if status in why}
 
-def events_path(folder: Path, participant: str) -> Path:
-    """Return where a person's events are."""
-    return (
-        folder / "sessions" / plain_name(participant, what="participant", source=folder.name) / "events.jsonl"
-    )
+    @property
+    def broken_off(self) -> list[int]:
+        """Trials that were begun, have no data yet and will be repeated."""
+        return [number for number, status in self.status.items() if status == "aborted_technical"]
+
+    def said(self) -> str:
+        """Return in words which trials have no data; ``""`` if all that are over have some."""
+        parts = []
+        if lost := self.without_data:
+            named = ", ".join(f"{number} ({why})" for number, why in lost.items())
+            parts.append(f"{len(lost)} of {len(self.status)} trials without data: {named}")
+        if self.broken_off:
+            parts.append(f"broken off and to be repeated: {', '.join(map(str, self.broken_off))}")
+        return "; ".join(parts)
 
 
 def derive(trials: Sequence[PlannedTrial], events: Sequence[JournalEvent]) -> SessionState:
     """Work out how a session stands.
 
-    A trial that was broken off for technical reasons, or that the experimenter wants again (``redo``), is done once
-    more, after the others of its block.
+    A trial that was broken off for technical reasons is repeated after the others of its block until it has data, is
+    stopped for safety, or is given up (``skipped``). One that the experimenter wants again (``redo``) is repeated, too.
 
     Args:
         trials: The person's, in their order.
@@ -61,7 +75,7 @@ def derive(trials: Sequence[PlannedTrial], events: Sequence[JournalEvent]) -> Se
     status: dict[int, TrialStatus] = {trial.trial: "planned" for trial in trials}
     attempts = dict.fromkeys(status, 0)
     running: tuple[int, int] | None = None
-    undone = undone_numbers(events)
+    undone, redone = undone_numbers(events), set[int]()
     for event in events:
         if event.kind not in {"trial_start", "trial_end", "redo"} or event.n in undone:
             continue
@@ -70,12 +84,14 @@ def derive(trials: Sequence[PlannedTrial], events: Sequence[JournalEvent]) -> Se
                 f"event {event.n}: trial {event.trial} is not in the plan", "restore the plan"
             )
         if event.kind == "redo":
-            if status[event.trial] not in REPEATABLE or event.attempt != attempts[event.trial]:
+            again = event.trial in redone or event.attempt != attempts[event.trial]
+            if status[event.trial] not in REPEATABLE or again:
                 raise RecordingError(
                     f"event {event.n}: trial {event.trial} cannot be done again",
                     "restore the file from a copy",
                 )
             status[event.trial] = "redo"
+            redone.add(event.trial)
         elif event.kind == "trial_start":
             if running is not None or event.attempt != attempts[event.trial] + 1:
                 raise RecordingError(
@@ -84,21 +100,20 @@ def derive(trials: Sequence[PlannedTrial], events: Sequence[JournalEvent]) -> Se
             attempts[event.trial], status[event.trial] = event.attempt, "running"
             running = event.trial, event.attempt
         else:
-            skipped = running is None and event.status == "skipped" and status[event.trial] == "planned"
+            skipped = running is None and event.status == "skipped" and _open(status[event.trial])
             if event.status is None or not (skipped or running == (event.trial, event.attempt)):
                 raise RecordingError(
                     f"event {event.n}: trial {event.trial} ends that had not begun",
                     "restore the file from a copy",
                 )
             status[event.trial], running = event.status, None
-    n_over = sum(not _open(status[number], attempts[number]) for number in status)
-    return SessionState(status, running, _next(trials, status, attempts), n_over)
+    n_over = sum(not _open(one) for one in status.values())
+    return SessionState(status, running, _next(trials, status, attempts), n_over, attempts)
 
 
-def _open(status: TrialStatus, attempts: int) -> bool:
-    """Whether a trial, as it stands, is still to be done."""
-    again = status in {"aborted_technical", "running", "redo"}
-    return status == "planned" or (again and attempts < MAX_ATTEMPTS)
+def _open(status: TrialStatus) -> bool:
+    """Return whether a trial is still to be done."""
+    return status in {"planned", "aborted_technical", "running", "redo"}
 
 
 def _next(
@@ -106,7 +121,7 @@ def _next(
 ) -> tuple[int, int] | None:
     for block in dict.fromkeys(trial.block for trial in trials):
         mine = [trial.trial for trial in trials if trial.block == block]
-        left = [number for number in mine if _open(status[number], attempts[number])]
+        left = [number for number in mine if _open(status[number])]
         if left:  # those that were broken off come last
             number = min(left, key=lambda one: status[one] != "planned")
             return number, attempts[number] + 1
@@ -135,7 +150,7 @@ def resume(
         RecordingError: The events are damaged, belong to another plan, or the person has withdrawn.
         DeviceUnavailableError: Another program has the session open.
     """
-    from tega_study.privacy import withdrawn_ids
+    from tega_study.withdrawn import withdrawn_ids
 
     trials = plan.of(participant)
     if participant in withdrawn_ids(folder):

@@ -46,7 +46,7 @@ def csv_files(analysis: Analysis, courses: Mapping[str, TouchCourse]) -> dict[st
     """
     from tega_study.figures import figure_8_trials
 
-    files = {"table1.csv": _csv(table_1(analysis))}
+    files = {} if analysis.blind else {"table1.csv": _csv(table_1(analysis))}
     for name, rows in (
         ("trials", analysis.trials),
         ("cells", analysis.cells),

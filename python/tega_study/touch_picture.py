@@ -11,11 +11,9 @@ import numpy as np
 
 from tega.config.choose import finger_metric, preset_metric
 from tega.errors import MissingExtraError, RecordingError
-from tega.loop.inbox.sources import metrics_of
+from tega.records import Contact
 from tega.runtime.files.foreign_file import load_npy, parse_toml, read_foreign
 from tega.stages.base import TouchMap
-from tega.stages.metrics import contact_metrics_of
-from tega.tactile import ContactMetrics
 from tega.ui.view.state import TouchImage
 
 if TYPE_CHECKING:
@@ -40,7 +38,7 @@ class FingerPicture(NamedTuple):
         finger: Which.
         preset: Of the loop.
         baseline: The untouched gel, BGR, uint8 (H, W, 3).
-        touch: The gel when touched most, with the metrics and the map of the metric that the loop used.
+        touch: The gel when touched most, with the contact and the map of the metric that the loop used.
         cci_max: CCI that counts as full; 0 where it is not known.
         eda_max: EDA that counts as full, pixels; likewise.
     """
@@ -79,7 +77,7 @@ _NUMBERS = ("mass", "spread", "threshold", "eda", "cci", "peak")
 
 def _measured(touch: TouchImage) -> dict[str, NDArray[Any]]:
     """Return what was measured in a picture as arrays."""
-    m = touch.metrics
+    m = touch.contact
     found: dict[str, NDArray[Any]] = {
         "numbers": np.array([getattr(m, name) for name in _NUMBERS]),
         "places": np.array([*m.centroid_xy, *m.peak_xy]),
@@ -94,7 +92,9 @@ def _touch(file: Any, frame: NDArray[np.uint8]) -> TouchImage:
     """Return a picture with what was measured in it, out of the arrays of its file."""
     numbers = dict(zip(_NUMBERS, (float(one) for one in file["numbers"]), strict=True))
     x, y, peak_x, peak_y = (float(one) for one in file["places"])
-    metrics = ContactMetrics(
+    contact = Contact(
+        finger=str(file["finger"]),
+        t_ns=0,
         mass=numbers["mass"],
         centroid_xy=(x, y),
         spread=numbers["spread"],
@@ -106,9 +106,9 @@ def _touch(file: Any, frame: NDArray[np.uint8]) -> TouchImage:
         in_contact=bool(file["in_contact"]),
     )
     if "mask" not in file:
-        return TouchImage(frame, metrics)
+        return TouchImage(frame, contact)
     touch_map = TouchMap(file["height"].astype(np.float32), str(file["unit"]), file["mask"].astype(np.bool_))
-    return TouchImage(frame, metrics, touch_map)
+    return TouchImage(frame, contact, touch_map)
 
 
 def _measured_now(frame: NDArray[np.uint8], baseline: NDArray[np.uint8], preset: Preset) -> TouchImage:
@@ -116,7 +116,7 @@ def _measured_now(frame: NDArray[np.uint8], baseline: NDArray[np.uint8], preset:
     metric = preset_metric(preset, baseline)
     for k in range(_SETTLED_FRAMES):
         contact = metric.update(frame, k * _FRAME_NS)
-    return TouchImage(frame, contact_metrics_of(contact), metric.touch_map())
+    return TouchImage(frame, contact, metric.touch_map())
 
 
 def read_touch_picture(path: Path) -> FingerPicture:
@@ -161,7 +161,6 @@ def recorded_picture(folder: Path) -> FingerPicture | None:
     from tega.config.calibration.store import parse_calibration
     from tega.recording.mcap_reader import McapReader
     from tega.recording.replay.recorded import without_devices
-    from tega.records import Contact
     from tega.records.schema import read
 
     files = sorted(folder.glob("*.mcap"))
@@ -184,7 +183,7 @@ def recorded_picture(folder: Path) -> FingerPicture | None:
     frame = _follow(files[0], finger, metric, firmest.t_ns)
     if frame is None:
         return None
-    touch = TouchImage(frame, metrics_of(firmest), metric.touch_map())
+    touch = TouchImage(frame, firmest, metric.touch_map())
     full = (0.0, 0.0) if maxima is None else (maxima.cci_max or 0.0, maxima.eda_max or 0.0)
     return FingerPicture(finger, calibration.preset, baseline, touch, *full)
 
@@ -207,6 +206,8 @@ def _follow(path: Path, finger: str, metric: Metric, t_ns: int) -> NDArray[np.ui
         elif newest is not None and (metric.memory or message.value.t_ns == t_ns):
             frame = read_picture(newest)
             metric.loaded = getattr(message.value, "loaded", False)
+            if getattr(message.value, "rezeroed", False):
+                metric.rezero()
             metric.update(frame, message.value.t_ns)
             if message.value.t_ns >= t_ns:
                 return frame if message.value.t_ns == t_ns else None

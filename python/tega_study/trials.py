@@ -9,12 +9,12 @@ import msgspec
 
 from tega.errors import RecordingError
 from tega_study.beep_score import score_beeps
-from tega_study.journal import JournalEvent, Status, counting, read_events
+from tega_study.journal import JournalEvent, Status, counting, events_path, read_events
+from tega_study.measured import CAMERA, camera_success, measured_path, read_measured
 from tega_study.observers import read_observers, saw_whole
 from tega_study.plan import PlannedTrial, StudyPlan, read_plan
-from tega_study.privacy import withdrawn_ids
 from tega_study.squeeze_score import squeeze_shares
-from tega_study.state import events_path
+from tega_study.withdrawn import withdrawn_ids
 
 _CAN_BE_UNDONE = {"lift_off", "lifted", "slip", "deformation", "drop", "note", "override", "redo", "rating"}
 
@@ -39,6 +39,7 @@ class Trial(msgspec.Struct, frozen=True, kw_only=True):
         lift_off_s: From the start, seconds.
         rater: Who counted slips, deformations and drops at a console of their own; empty where the session's own
             events are counted.
+        counted_by: Who counted them, in words: that rater, else the sources of the session's own events.
         redone: Why an attempt that had taken place does not count, as the experimenter said; ``""`` where none.
         beeps: Of the second task, those that count.
         beeps_answered: Of them, in time.
@@ -65,6 +66,7 @@ class Trial(msgspec.Struct, frozen=True, kw_only=True):
     duration_s: float | None
     lift_off_s: float | None = None
     rater: str = ""
+    counted_by: str = ""
     redone: str = ""
     beeps: int = 0
     beeps_answered: int = 0
@@ -101,7 +103,12 @@ def study_trials(folder: Path) -> tuple[StudyPlan, list[Trial]]:
             path = events_path(folder, person)
             where = path.relative_to(folder).as_posix()
             trials += trials_of_events(
-                plan.of(person), read_events(path), where=where, observers=read_observers(folder, person)
+                plan.of(person),
+                read_events(path),
+                where=where,
+                observers=read_observers(folder, person),
+                measured=read_measured(folder, person) if plan.settings.scored_by == "camera" else (),
+                simulated=plan.settings.simulated,
             )
     return plan, trials
 
@@ -112,17 +119,22 @@ def trials_of_events(
     *,
     where: str,
     observers: Mapping[str, Sequence[JournalEvent]] = {},
+    measured: Sequence[JournalEvent] = (),
+    simulated: bool = False,
 ) -> list[Trial]:
     """Work out a person's trials.
 
     Slips, deformations and drops are those of the first rater, in the order of the names, who saw the trial from start
-    to end; where nobody did, those among the session's own events.
+    to end; where nobody did, those among the session's own events. If the camera's outcome counts, it replaces them and
+    the success wherever it has measured the trial, as confirmed or corrected by a person if one has.
 
     Args:
         planned: The person's, in their order.
         events: The session's.
         where: Name of the file that the events are from.
         observers: Events of the raters' own files, by rater.
+        measured: Events of the scene camera, if its outcome counts.
+        simulated: Whether the plan is one of simulated and emulated sessions.
 
     Raises:
         RecordingError: An event undoes one that is not there, or that cannot be undone.
@@ -139,7 +151,8 @@ def trials_of_events(
             undone.add(number)
     attempts: dict[int, list[list[JournalEvent]]] = {}
     for event in events:
-        if event.kind == "trial_start" or (event.kind == "trial_end" and event.trial not in attempts):
+        given_up = event.kind == "trial_end" and event.status == "skipped"
+        if event.kind == "trial_start" or given_up:
             attempts.setdefault(event.trial, []).append([])
         if event.trial in attempts:
             attempts[event.trial][-1].append(event)
@@ -147,11 +160,14 @@ def trials_of_events(
         name: next(t.condition for t in planned if t.object == name) for name in {t.object for t in planned}
     }
     trials, shares = [], squeeze_shares(events)
+    by_bench = simulated and not any(
+        e.kind == "session_start" and e.item in {"lab", "emulated"} for e in events
+    )
     for plan in planned:
         runs = [run for run in attempts.get(plan.trial, []) if any(e.kind == "trial_end" for e in run)]
         if runs:
             is_first = first[plan.object] == plan.condition
-            done = _trial(plan, runs[-1], undone, where=where, first=is_first)
+            done = _trial(plan, runs[-1], undone, where=where, first=is_first, by_bench=by_bench)
             redone = [e for run in runs for e in run if e.kind == "redo" and e.n not in undone]
             if redone:
                 done = msgspec.structs.replace(done, redone=redone[-1].text)
@@ -160,44 +176,76 @@ def trials_of_events(
                 done = msgspec.structs.replace(done, status="aborted_technical")
             squeezed = [None, *(shares[event.n] for event in runs[-1] if event.n in shares)]
             done = msgspec.structs.replace(done, squeeze_share=squeezed[-1])
-            attempt = runs[-1][0].attempt
-            for rater, seen in observers.items():
-                if saw_whole(seen, plan.trial, attempt):
-                    beside = f"{where.rpartition('/')[0]}/observers/{rater}.jsonl"
-                    start_ns = next(e.t_ns for e in runs[-1] if e.kind == "trial_start")
-                    done = _rated(done, counting(seen, plan.trial, attempt), rater, start_ns, where=beside)
-                    break
-            trials.append(done)
+            trials.append(_counted(done, runs[-1], observers, measured, where=where))
     return trials
+
+
+def _counted(
+    trial: Trial,
+    run: Sequence[JournalEvent],
+    observers: Mapping[str, Sequence[JournalEvent]],
+    measured: Sequence[JournalEvent],
+    *,
+    where: str,
+) -> Trial:
+    """Return a trial with the counts of the rater or the camera that counts, if there is one."""
+    start = next((event for event in run if event.kind == "trial_start"), None)
+    if start is None:
+        return trial
+    key, beside = (start.trial, start.attempt), where.rpartition("/")[0]
+    by_camera = saw_whole(measured, *key)
+    for rater, seen in observers.items():
+        if saw_whole(seen, *key) and rater.startswith(f"{CAMERA}+") >= by_camera:
+            own = f"{beside}/observers/{rater}.jsonl"
+            trial = _rated(trial, counting(seen, *key), rater, start.t_ns, where=own)
+            break
+    if not by_camera:
+        return trial
+    events = counting(measured, *key)
+    if not trial.rater:
+        own = f"{beside}/{measured_path(Path(), 'p').name}"
+        trial = _rated(trial, events, CAMERA, start.t_ns, where=own)
+    return msgspec.structs.replace(trial, success=camera_success(events, dropped=trial.drops > 0))
 
 
 def _rated(trial: Trial, seen: Sequence[JournalEvent], rater: str, start_ns: int, *, where: str) -> Trial:
     """Return a trial with a rater's counts; the session's own lift-off comes first."""
     lift_off_s = trial.lift_off_s
-    if lift_off_s is None:
+    if lift_off_s is None or rater.startswith(CAMERA):
         marked = next((event for event in seen if event.kind == "lift_off"), None)
         lift_off_s = None if marked is None else (marked.t_ns - start_ns) / 1e9
     slips_s = [(event.t_ns - start_ns) / 1e9 for event in seen if event.kind == "slip"]
     before = sum(lift_off_s is None or t_s < lift_off_s for t_s in slips_s)
+    drops = sum(event.kind == "drop" for event in seen)
     return msgspec.structs.replace(
         trial,
         rater=rater,
+        counted_by=rater,
         lift_off_s=lift_off_s,
         slips=len(slips_s) - before,
         slips_before=before,
         deformations=sum(event.kind == "deformation" for event in seen),
-        drops=max(trial.drops, sum(event.kind == "drop" for event in seen)),
+        drops=drops if rater.startswith(CAMERA) else max(trial.drops, drops),
         events=(*trial.events, *(f"{where}:{event.n}" for event in seen if event.kind != "note")),
     )
 
 
 def _trial(
-    plan: PlannedTrial, events: Sequence[JournalEvent], undone: set[int], *, where: str, first: bool
+    plan: PlannedTrial,
+    events: Sequence[JournalEvent],
+    undone: set[int],
+    *,
+    where: str,
+    first: bool,
+    by_bench: bool,
 ) -> Trial:
     used = [event for event in events if event.n not in undone or event.kind == "undo"]
     begin = next((event for event in used if event.kind == "trial_start"), None)
     end = next(event for event in used if event.kind == "trial_end")
-    lift = next((event for event in used if event.kind == "lift_off"), None)
+    lift_offs = [event for event in used if event.kind == "lift_off"]
+    # A person corrects what was measured; both stay in the journal.
+    lift = next((event for event in lift_offs if event.source not in {"auto", "arm"}), None)
+    lift = lift or next(iter(lift_offs), None)
     success = end.success or False
     for event in used:
         if event.kind == "override" and event.success is not None:
@@ -218,6 +266,7 @@ def _trial(
         slips_before=before,
         deformations=sum(event.kind == "deformation" for event in used),
         drops=sum(event.kind == "drop" for event in used),
+        counted_by=_counted_by(used, by_bench=by_bench),
         duration_s=None if begin is None else (end.t_ns - begin.t_ns) / 1e9,
         lift_off_s=None if begin is None or lift is None else (lift.t_ns - begin.t_ns) / 1e9,
         beeps=beeps.beeps,
@@ -227,6 +276,14 @@ def _trial(
         first=first,
         events=tuple(f"{where}:{event.n}" for event in events if event.kind != "note"),
     )
+
+
+def _counted_by(events: Sequence[JournalEvent], *, by_bench: bool) -> str:
+    """Return in words who counted slips, deformations and drops among a session's own events."""
+    counted = {event.source for event in events if event.kind in {"slip", "deformation", "drop"}}
+    keyed = bool(counted - {"", "auto", "arm"})
+    parts = ["the simulation"] * by_bench + ["the experimenter"] * (keyed or not by_bench)
+    return " and ".join(parts + ["arm and fingertips"] * ("arm" in counted))
 
 
 def bench_trials(paths: Iterable[Path]) -> list[Trial]:
@@ -267,6 +324,7 @@ def bench_trials(paths: Iterable[Path]) -> list[Trial]:
                     slips_before=sum(lift_s is None or t_s < lift_s for t_s in slips_s),
                     deformations=result.deformations,
                     drops=result.drops,
+                    counted_by="the simulation",
                     duration_s=result.duration_s,
                     lift_off_s=lift_s,
                     events=(f"{path.name}:{line}",),

@@ -19,6 +19,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from reference.parts import observed
 from tega.config import check_tree
 from tega.devices import driver_class
 from tega.devices.vest.player_link import PlayerLink
@@ -666,7 +667,7 @@ def test_a_run_shows_what_the_vest_says_of_itself(tmp_path: Path) -> None:
             "tactile": {"thumb": {"driver": "synthetic-touch", "options": {"seed": 1, "duration_s": 0.6}}},
             "vest": {"driver": "bhaptics-player", "options": options},
         }
-        run_session(check_tree(settings, {}, base=tmp_path).config, observer=shown.append)
+        run_session(check_tree(settings, {}, base=tmp_path).config, bus=observed(shown.append))
     said = "TactSuitX40 connected, Player version 3, battery 98 %, fit not told"
     assert said in {view.vest_condition for view in shown}
     state = ViewState(0, next(view for view in shown if view.vest_condition == said))

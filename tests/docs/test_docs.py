@@ -15,6 +15,7 @@ import tega
 import tega_campaigns
 import tega_emulators
 import tega_figures
+from tega.ui.cli.guest_group import guest_verbs
 from tega.ui.cli.main import _EARLIER, _VERBS
 
 PROJECT = Path(__file__).resolve().parents[2]
@@ -67,7 +68,7 @@ def test_the_verbs_a_page_names_exist(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
     named = re.findall(r"(?:^|/|`|&& )tega-teleop ([a-z][a-z-]*)", text, re.MULTILINE)
     earlier = set(_EARLIER) if page.name == "CHANGELOG.md" else set()
-    assert set(named) <= {*_VERBS, *earlier}
+    assert set(named) <= {*_VERBS, *guest_verbs(), *earlier}
 
 
 def test_the_readme_s_python_runs() -> None:

@@ -15,6 +15,7 @@ PAGE = PROJECT / "docs" / "safety.md"
 CLOCKS = (
     "tests/hazards/test_times.py",
     "tests/hazards/test_stamps.py",
+    "tests/hazards/test_letting_go.py",
     "tests/unit/test_arm.py",
     "tests/unit/test_picture_votes.py",
 )

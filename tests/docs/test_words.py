@@ -98,7 +98,6 @@ def test_a_user_page_names_no_test_and_no_load(page: Path) -> None:
 
 
 LONGEST = 1200
-TOGETHER = 30_000
 
 
 def n_words(page: Path) -> int:
@@ -114,10 +113,6 @@ def n_words(page: Path) -> int:
 @pytest.mark.parametrize("page", user_pages(), ids=lambda p: p.name)
 def test_a_user_page_is_short(page: Path) -> None:
     assert n_words(page) <= LONGEST
-
-
-def test_the_user_pages_are_short_together() -> None:
-    assert sum(n_words(page) for page in user_pages()) <= TOGETHER
 
 
 def test_every_page_is_either_taught_or_proven() -> None:

@@ -12,10 +12,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from reference.parts import observed
 from tega.config import check_tree
+from tega.loop.controls import Controls
 from tega.loop.moment import LoopView
 from tega.loop.session import run_session
-from tega.safety.states import Transition
+from tega.records import RunState
 from tega.safety.stop import Stop
 from tega_emulators.lab import EmulatedLab, emulated_lab
 
@@ -39,7 +41,7 @@ class Lab:
         self.folder = folder
         self.devices = devices
         self.tree, self.sensors = devices.tree, devices.sensors
-        self.changes: list[Transition] = []
+        self.changes: list[RunState] = []
         self.views: list[LoopView] = []
         self.summary: dict[str, Any] = {}
         self.stop = Stop()
@@ -118,10 +120,9 @@ class Lab:
         try:
             self.summary = run_session(
                 check_tree(self.tree, {}, base=self.folder).config,
-                observer=look,
                 progress=progress,
-                stop=self.stop,
-                on_state=self.changes.append,
+                controls=Controls(stop=self.stop),
+                bus=observed(look, on_state=self.changes.append),
             )
         finally:
             if began:

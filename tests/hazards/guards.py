@@ -22,6 +22,7 @@ _PICTURES: Final = "tests/unit/test_picture_votes.py::test_"
 _VESTS: Final = "tests/contract/test_vests.py::test_"
 _START: Final = "tests/unit/test_arm_to_start.py::test_"
 _REFLEX: Final = "tests/property/test_reflex.py::test_"
+_STAND: Final = "tests/unit/test_hand_standstill.py::test_"
 _LIMB: Final = "tests/unit/test_limb_loss.py::test_"
 
 
@@ -199,9 +200,9 @@ GUARDS: Final = (
         f"{_HAND}a_killed_or_frozen_process_of_the_hand_does_not_leave_it_pushing",
     ),
     Guard(
-        "the hand's process waits for a run that stands still though nobody else lets go",
-        "if self._guard is None or self._guard.problem:",
-        "if False:",
+        "the hand's process does not let go while the run stands still",
+        "            if self._bus.switch_off(self._off, device_id=device_id, patience_s=_STILL_OFF_S):",
+        "            if True:",
         f"{_HAND}a_killed_or_frozen_program_without_a_guard_lets_go_of_the_hand",
     ),
     Guard(
@@ -214,7 +215,56 @@ GUARDS: Final = (
         "it does not see a standstill",
         "STUCK_S: Final = 1.0",
         "STUCK_S: Final = 1e6",
-        f"{_HAND}a_killed_or_frozen_program_does_not_leave_the_hand_pushing",
+        f"{_HAND}a_frozen_program_and_hand_process_do_not_leave_the_hand_pushing",
+    ),
+    Guard(
+        "programs beside a run die of the signals of a log-out",
+        "    words[words.index(_BEGIN)] = _IGNORE + _BEGIN",
+        "    pass",
+        "tests/unit/test_child_process.py::"
+        "test_a_program_ignores_the_signals_of_a_log_out_and_ends_with_its_input[hand's guard]",
+    ),
+    Guard(
+        "a run that has lost hand process and guard does nothing",
+        "            self._let_go_instead()",
+        "            pass",
+        f"{_HAND}a_run_that_has_lost_hand_process_and_guard_lets_go_of_the_hand",
+    ),
+    Guard(
+        "a silent process of the hand may go on later",
+        "                self._process.kill()  # it must not go on later",
+        "                pass  #",
+        f"{_HAND}a_run_that_has_lost_hand_process_and_guard_lets_go_of_the_hand",
+    ),
+    Guard(
+        "a hand is steered on after the computer slept",
+        "                if standstill.pulse():",
+        "                if False:",
+        f"{_STAND}a_computer_that_slept_ends_the_hand",
+    ),
+    Guard(
+        "a torque that was computed before a standstill is sent after it",
+        "outdated=standstill.is_over if pushes else _never",
+        "outdated=_never",
+        f"{_STAND}a_torque_that_was_computed_before_a_standstill_is_not_sent",
+    ),
+    Guard(
+        "the computer goes to sleep with the motors on",
+        "            self._on_sleep()",
+        "            pass",
+        "tests/unit/test_sleep_lock.py::test_a_hand_is_let_go_before_the_computer_sleeps",
+    ),
+    Guard(
+        "a guard that gives up says nothing",
+        '            alarm.end(why if gone else "")',
+        "            pass",
+        f"{_HAND}a_guard_that_gives_up_writes_to_the_system_s_log",
+    ),
+    Guard(
+        "last words name a process without a look at it",
+        "        if guard_runs(seen.guard_pid):",
+        "        if seen.guard_pid or True:",
+        f"{_HAND}last_words_name_no_process_that_does_not_run",
     ),
     Guard(
         "a Bluetooth vest's guard does not see a standstill",
@@ -293,7 +343,7 @@ GUARDS: Final = (
     ),
     Guard(
         "a guard that dies as the device is left to it is taken for one that has it",
-        "if self._closing.is_set() and (self._safe or said == _HAS_IT):",
+        "if self._closing.is_set() and (self._safe or self._has_it.is_set()):",
         "if self._closing.is_set():",
         "tests/unit/test_guard_process.py::"
         "test_a_device_that_is_left_before_its_guard_s_loss_is_seen_is_let_go_of[killed]",

@@ -16,7 +16,8 @@ import pytest
 from hazards.bench import LONGEST_S, Lab, lab
 from reference.processes import hand_guards
 from reference.waiting import until
-from tega.devices.hand.allegro import Allegro, AllegroOptions
+from tega.devices.hand.allegro import Allegro
+from tega.devices.hand.allegro_options import AllegroOptions
 from tega.errors import CalibrationError, DeviceUnavailableError, SampleRateError
 from tega.hand import CLOSURE_POSES_RAD, TORQUE_LIMITS
 from tega.loop.moment import LoopView
@@ -114,8 +115,8 @@ def test_electrodes_that_are_off_hold_the_level_then_open_the_hand(
     lowest: list[int] = []
 
     def note(view: LoopView) -> None:
-        if view.state in {"active", "hold"} and view.block is not None:
-            lowest.append(view.block.level)
+        if view.state in {"active", "hold"} and view.intent is not None:
+            lowest.append(view.intent.level)
 
     with lab(tmp_path, emg=True, hand=True, safety={"hold_ms": 1500.0}) as made:
 
@@ -148,8 +149,8 @@ def test_one_electrode_that_is_off_has_no_vote_and_the_others_go_on(tmp_path: Pa
             made.until(lambda: made.state == "active" and closed(made))
             made.emg.say("signal rail 2")
             made.until(lambda: "no vote for ch2: stays at" in made.said())
-            assert made.views[0].block is not None
-            made.until(lambda: made.views[0].block.channels[1] == 0)  # type: ignore[union-attr]
+            assert made.views[0].intent is not None
+            made.until(lambda: made.views[0].intent.channels[1] == 0)  # type: ignore[union-attr]
             time.sleep(0.5)
             assert made.state == "active"
             assert closed(made)

@@ -24,7 +24,8 @@ from hazards.test_lost import TIGHT, closed, column
 from hazards.test_stop import start
 from reference.processes import begun_by, hand_guards
 from reference.waiting import until
-from tega.devices.hand.allegro import Allegro, AllegroOptions
+from tega.devices.hand.allegro import Allegro
+from tega.devices.hand.allegro_options import AllegroOptions
 from tega.devices.vest.player_settings import PlayerOptions
 from tega.devices.vest.vest_player import PlayerVest
 from tega.haptics import vest_frame

@@ -25,7 +25,7 @@ from reference.waiting import until
 from tega.config import ReflexSection
 from tega.config.calibration import TouchMaxima
 from tega.devices.hand import guard_process, hand_bus, hand_guard, hand_loop
-from tega.devices.hand.allegro import AllegroOptions
+from tega.devices.hand.allegro_options import AllegroOptions
 from tega.devices.hand.hand_guard import guard_hand
 from tega.devices.input.pedal import Pedal, PedalOptions
 from tega.devices.vest import vest_ble, vest_ble_guard, vest_stream
@@ -153,7 +153,7 @@ def test_what_a_reflex_added_is_taken_back_within_200_ms_of_a_hold() -> None:
 
     def ticked(contacts: dict[str, Contact]) -> float:
         run.t_ms += TICK_MS
-        return sum(arc.step(round(run.t_ms * MS), 3.0, lambda: contacts))
+        return 3.0 + arc.step(round(run.t_ms * MS), 3.0, lambda: contacts)
 
     while arc.added < 1.0:
         ticked({"thumb": slips})
@@ -176,7 +176,7 @@ def test_what_a_reflex_added_is_taken_back_within_200_ms_of_a_hold() -> None:
 
 def test_a_stale_finger_is_silent_after_100_ms_and_a_refresh() -> None:
     loop = TouchLoop({"thumb": TouchMaxima(cci_max=0.01, eda_max=10.0)}, layout="x40")
-    loop.update("thumb", 0, touching(50))
+    loop.update("thumb", touching(50))
     assert loop.frame(100 * MS).intensities.any()
     refreshes_ms = np.arange(1, 20) * 1000 / 30
     silent_ms = next(t for t in refreshes_ms if not loop.frame(round(t * MS)).intensities.any())
@@ -237,7 +237,7 @@ def stands_still(monkeypatch: pytest.MonkeyPatch) -> Callable[..., float]:
         monkeypatch.setattr(whose, "let_go", lambda *_: let_go_s.append(now.s))
         monkeypatch.setattr(guard_process, "hear", Heard)
         monkeypatch.setattr(guard_process, "stay_alone", lambda: None)
-        monkeypatch.setattr(guard_process, "answer", lambda _chunk: None)
+        monkeypatch.setattr(guard_process, "_answer", lambda _line: None)
         monkeypatch.setattr(sys, "argv", ["guard", *words])
         guard.main()
         return let_go_s[0] - 0.5

@@ -36,10 +36,11 @@ from tega.config import check_tree
 from tega.errors import TegaError
 from tega.loop import run_session
 from tega.ui.cli.main import main as tega
-from tega_study import make_plan, read_plan, write_plan
 from tega_study.detecting import detected_path
+from tega_study.journal import events_path
 from tega_study.observe import Observing
-from tega_study.state import events_path, resume
+from tega_study.plan import make_plan, read_plan, write_plan
+from tega_study.state import resume
 
 _KINDS = (
     "attachment",

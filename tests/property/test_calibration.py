@@ -15,11 +15,11 @@ from tega.config.calibration.wearing import SITES, judge_wearing
 from tega.config.person import felt_by
 from tega.haptics import FeltMap, vest_frame
 from tega.loop.maxima import touch_maxima
+from tega.records import Contact
 from tega.setup.calibration.gel import compare_gels, judge_rest
 from tega.setup.calibration.practice import Curve, score
 from tega.setup.calibration.presses import PRESSES, PressMeter
 from tega.setup.calibration.staircase import LEVEL_PERCENT, TOP_LEVEL, Ladder, highest_level
-from tega.tactile import ContactMetrics
 from tega.wire import vest_levels
 
 LEVELS = st.integers(1, TOP_LEVEL)
@@ -61,11 +61,10 @@ def test_percentages_are_those_of_the_motors_levels(percent: int) -> None:
     assert vest_levels([LEVEL_PERCENT[level]] * 40).tolist() == [level] * 40
 
 
-def metrics(eda: int) -> ContactMetrics:
+def contact(eda: int, t_ns: int) -> Contact:
     peak = eda / 100
-    return ContactMetrics(
-        1.0, (9.0, 9.0), 3.0, 1.0, eda, peak / max(eda, 1) ** 0.5, peak, (9, 9), in_contact=eda > 0
-    )
+    cci = peak / max(eda, 1) ** 0.5
+    return Contact(finger="thumb", t_ns=t_ns, eda=eda, cci=cci, peak=peak, in_contact=eda > 0)
 
 
 @given(
@@ -80,11 +79,11 @@ def test_maxima_are_of_the_firm_presses_and_no_spike_decides(
     for n, size in enumerate([500] * weak + sizes):
         for k in range(120):
             # One frame is ten times too large.
-            found = metrics(10 * size if n - weak == spiked and k == 50 else size)
-            meter.take(t_ns, {"live": found, "paper": found})
+            found = contact(10 * size if n - weak == spiked and k == 50 else size, t_ns)
+            meter.take({"live": found, "paper": found})
             t_ns += 16_000_000
         for _ in range(20):
-            meter.take(t_ns, {"live": metrics(0), "paper": metrics(0)})
+            meter.take({"live": contact(0, t_ns), "paper": contact(0, t_ns)})
             t_ns += 16_000_000
     assert len(meter.presses) == PRESSES + weak
     assert 500 not in [p.eda_px for p in meter.firm]

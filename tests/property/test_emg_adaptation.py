@@ -17,8 +17,8 @@ from tega.config.choose import muscle_setup
 from tega.devices.base import EmgChunk
 from tega.emg import InputKind
 from tega.loop.emg_adaptation import MOST_GAIN, MOST_OFFSET, ChannelAdaptation, Switches, read_switches
-from tega.loop.inbox.sources import BlockMeter, EmgBlock, SourceReport
-from tega.records import Adaptation, AdaptationSwitch
+from tega.loop.inbox.sources import BlockMeter, SourceReport
+from tega.records import Adaptation, AdaptationSwitch, Intent
 from tega.stages.decoders import RulesDecoder, RulesOptions
 
 Samples = NDArray[np.float64]
@@ -51,7 +51,7 @@ class Run:
         self.meter = BlockMeter(
             decoder, SourceReport(), maxima=given_maxima, live=False, adaptation=self.adaptation
         )
-        self.blocks: list[EmgBlock] = []
+        self.blocks: list[Intent] = []
 
     def take(self, samples: Samples, cuts: list[int] | tuple[int, ...] = ()) -> Run:
         first = 0

@@ -30,12 +30,12 @@ from tega.recording.inspection import inspect_file
 from tega.recording.replay import replay_file
 from tega.recording.replay.followed_file import PlayedMoment
 from tega.recording.replay.play import play_file
-from tega.recording.replay.played_scene import followed_scene
 from tega.records import EmgSamples
 from tega.records.bus import Bus
+from tega.records.display import DisplayPicture
 from tega.runtime.files.foreign_file import MIB, load_npy
 from tega.stages.base import MeasuredPicture
-from tega_scene.decode import ScenePicture
+from tega_scene.played import followed_scene
 
 _FEW = settings(
     max_examples=60,
@@ -227,7 +227,7 @@ def _looked_at(path: Path) -> None:
     from tega.config import check_tree
 
     bus = Bus()
-    for kind in (MeasuredPicture, EmgSamples, ScenePicture):
+    for kind in (MeasuredPicture, EmgSamples, DisplayPicture):
         bus.subscribe(kind, lambda _one: None)
     out = path.parent / "played"
     shutil.rmtree(out, ignore_errors=True)
@@ -239,7 +239,7 @@ def _looked_at(path: Path) -> None:
 def _scene_at(path: Path) -> None:
     """Look at a scene recording here and there."""
     bus = Bus()
-    bus.subscribe(ScenePicture, lambda _one: None)
+    bus.subscribe(DisplayPicture, lambda _one: None)
     file = followed_scene(path, bus, start_ns=0, end_ns=3_000_000_000, behind_ns=2**62)
     for n, at_ns in enumerate((0, 1_400_000_000, 300_000_000, 2_900_000_000)):
         file.follow(PlayedMoment(n, at_ns, 0), threading.Event())

@@ -6,6 +6,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import example, given
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 
 from tega.config import check_tree
 from tega.devices.base import EmgChunk
-from tega.loop.inbox.sources import metrics_of, samples_of
+from tega.loop.inbox.sources import samples_of
 from tega.records import Contact, Intent, PoseNumbers
 from tega.records.bus import Bus
 from tega_link.clock import ClockEstimate, Offset
@@ -166,7 +167,7 @@ class _Machines:
         """Return the numbers of the commands that the robot would use now."""
         used: list[int] = []
         while (block := self.robot.blocks.next_until(2**62)) is not None:
-            used.append(self.levels[block[2]])
+            used.append(self.levels[block.level])
         used += [round(float(pose.position_m[0])) for pose in self.tracker.read(self.now_ns)]
         if self.robot.switch("dead_man")[2] or self.robot.switch("recover")[2]:
             used.append(self.held)
@@ -294,7 +295,7 @@ def _damaged(draw: st.DrawFn) -> bytes:
     st.lists(st.tuples(st.sampled_from(_KEYS), _message | _damaged() | st.binary(max_size=60)), max_size=30)
 )
 def test_no_bytes_bring_the_robot_s_station_down_or_close_its_hand(arrivals) -> None:
-    station = RobotStation(check_tree(_TREE, {}, base=Path()).config, Bus(), lambda _said: None)
+    station = RobotStation(check_tree(_TREE, {}, base=Path()).config, Bus())
     station._reception.welcome = Welcome(station=1, fingers={}, hand=True, arm=True)
     station._commands.start(time.monotonic_ns(), None)
     join = Join(5, "alice", frame="openxr", dead_man=True, muscles=True)
@@ -331,10 +332,10 @@ def test_a_contact_comes_over_the_link_as_it_was_or_not_at_all(contact) -> None:
     touch.feature("thumb", data, 10, Offset(0, 0))
     assert stream is not None
     item = stream.next_until(10)
-    numbers = (contact.mass, contact.cci, contact.peak)
+    numbers = (contact.mass, contact.cci, contact.peak, contact.force_n or 0.0)
     whole = all(map(math.isfinite, numbers)) and 0 <= contact.eda <= 4096 * 4096
     # By their text, in which one NaN is like another.
-    assert repr(item) == (repr((5, metrics_of(contact))) if whole else "None")
+    assert repr(item) == (repr(msgspec.structs.replace(contact, t_ns=5)) if whole else "None")
     assert touch.summary()["refused_features"] == ({} if whole else {"malformed": 1})
 
 

@@ -42,9 +42,9 @@ class Bench:
 
     def tick(self, own: float, contacts: Mapping[str, Contact], events: Sequence[Event] = ()) -> float:
         self.t_ns += TICK_NS
-        self.arc.heard(events)
-        told, added = self.arc.step(self.t_ns, own, lambda: contacts)
-        assert told is own
+        for event in events:
+            self.arc.on_event(event)
+        added = self.arc.step(self.t_ns, own, lambda: contacts)
         assert added == self.arc.added
         return own + added
 

@@ -11,10 +11,10 @@ from typing import Any
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tega_study import make_plan, read_plan, write_plan
-from tega_study.journal import read_events
+from tega_study.journal import events_path, read_events
 from tega_study.order import allocate, williams
-from tega_study.state import derive, events_path, resume
+from tega_study.plan import make_plan, read_plan, write_plan
+from tega_study.state import derive, resume
 
 OBJECTS = ["bottle", "container", "bag", "cup", "box"]
 CONDITIONS = ["haptic", "non-haptic", "event-gated", "sham"]

@@ -148,7 +148,10 @@ def _openbci(k: int, cells: Sequence[float]) -> list[Any]:
     return [float(k % 256), *cells, 0.1, 0.2, 1.0, 192.0, 1.7e9 + k / RATE_HZ, "2023-11-14 22:13:20.000"]
 
 
-_OPENBCI = "%OpenBCI Raw EXG Data\n%Number of channels = 8\n%Sample Rate = 250 Hz\n%Board = OpenBCI_GUI$BoardCytonSerial\n"
+_OPENBCI = (
+    "%OpenBCI Raw EXG Data\n%Number of channels = 8\n%Sample Rate = 250 Hz\n"
+    "%Board = OpenBCI_GUI$BoardCytonSerial\n"
+)
 _LVM = (
     "LabVIEW Measurement\t\r\nWriter_Version\t2\r\nSeparator\tTab\r\nDecimal_Separator\t,\r\nX_Columns\tOne\r\n"
     "***End_of_Header***\t\r\n\t\r\nChannels\t2\t\r\nDelta_X\t0,004\t0,004\t\r\n***End_of_Header***\t\t\r\n"
@@ -157,7 +160,9 @@ _LVM = (
 WRITERS: Final[dict[str, Writer]] = {
     "CSV": Writer("a.csv", _text(names=_numbered)),
     "CSV, quoted": Writer("a.csv", _text(names=_numbered, quoting=csv.QUOTE_ALL)),
-    "CSV of Excel in German": Writer("a.csv", _text(names=_numbered, delimiter=";", decimal=",", lineterminator="\r\n")),
+    "CSV of Excel in German": Writer(
+        "a.csv", _text(names=_numbered, delimiter=";", decimal=",", lineterminator="\r\n")
+    ),
     "text of Excel, UTF-16": Writer("a.txt", _text(names=_numbered, delimiter="\t", encoding="utf-16")),
     "CSV, Latin-1": Writer("a.csv", _text(names=lambda n: [f"{k} (µV)" for k in _numbered(n)], encoding="latin-1")),
     "CSV of pandas": Writer(

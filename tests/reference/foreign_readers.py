@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import gzip
 import hashlib
 import io
 import json
@@ -19,17 +20,31 @@ import msgspec
 import numpy as np
 import scipy.io
 
+from reference.can_logs import conversation, write_log
 from reference.foreign_records import RECORD_READERS
 from reference.recordings import pressed, write_video
+from reference.ros2 import BEGIN_NS, write_bag
+from reference.ros2 import array as ros2_array
+from reference.ros2 import raw as ros2_raw
+from reference.videos import encode, numbered
 from tega.config import load_config
 from tega.config.calibration import Calibration, FingerMaxima, load_calibration, save_calibration
 from tega.config.calibration.folder import CalibrationFolder, Unfinished
 from tega.config.calibration.records import TouchRecord, read_record
+from tega.devices.emg.ros2_emg import Ros2Emg, Ros2EmgOptions
+from tega.devices.fingertip.picture_stack import StackFile, StackFileOptions
+from tega.devices.fingertip.ros2_pictures import Ros2Pictures, Ros2PicturesOptions
 from tega.devices.fingertip.video import VideoFile, VideoFileOptions
+from tega.devices.hand.can_log import read_can_log
+from tega.devices.hand.hand_log import HandLog, find_hand
 from tega.devices.tracker.sources.recorded import read_poses
 from tega.hand.poses import load_poses
+from tega.recording.annotations import AnnotationFile, annotations_path, read_annotations
 from tega.recording.folder import prepare_folder
 from tega.recording.mcap_folder import SessionFolder
+from tega.runtime.files.annotations import CodedEvent
+from tega.runtime.files.boris import read_boris
+from tega.runtime.files.eaf import read_eaf, write_eaf
 from tega.runtime.files.foreign_file import read_foreign
 from tega.runtime.files.signals import read_signals
 from tega.runtime.opencv import read_image
@@ -48,16 +63,15 @@ from tega_sim.operator import load_parameters
 from tega_sim.plan import TrialResult
 from tega_sim.score import TrialEvent
 from tega_sim.trials import read_results
-from tega_study import make_plan, read_plan, write_plan
 from tega_study.bundle import open_bundle, write_bundle
 from tega_study.coupling import TouchCourse, read_course, write_course
 from tega_study.episodes.journal import EpisodeLine, read_episodes
 from tega_study.hand_rows import read_hand
-from tega_study.journal import Journal, read_events
+from tega_study.journal import Journal, events_path, read_events
 from tega_study.objects import read_objects
-from tega_study.score import boris, boris_file, clips, recorded, trial_pictures
+from tega_study.plan import make_plan, read_plan, write_plan
+from tega_study.score import clips, recorded, trial_pictures
 from tega_study.silico.assumptions import read_assumptions, read_parameters
-from tega_study.state import events_path
 from tega_study.touch_picture import read_touch_picture
 from tega_study.touch_rows import read_touch
 
@@ -67,6 +81,52 @@ def _read_video(path: Path) -> None:
         for _ in range(50):
             if video.read(0.0) is None:
                 return
+
+
+def _encoded_video(path: Path, codec: str) -> bytes:
+    return encode(path, numbered(4), [0, 30, 90, 120], codec=codec).read_bytes()
+
+
+def _bag(folder: Path) -> bytes:
+    messages: list[Any] = []
+    for k in range(4):
+        t_ns = BEGIN_NS + k * 30_000_000
+        picture = pressed(0.5, noise=k)
+        messages.append(("/gel", "image", t_ns, ros2_raw(picture, "rgb8", t_ns)))
+        messages.append(
+            ("/emg", "array", t_ns, ros2_array(np.ones((2, 3), np.float32), ("samples", "channels")))
+        )
+    return write_bag(folder / "a.mcap", messages).read_bytes()
+
+
+def _read_all(source: Any) -> None:
+    with source:
+        while source.read(0.0) is not None:
+            pass
+
+
+def _log(path: Path) -> bytes:
+    return write_log(path, conversation([[k] * 16 for k in range(3)])).read_bytes()
+
+
+def _decode_log(path: Path) -> None:
+    log = HandLog(*find_hand(read_can_log(path), device_id=None, channel=None))
+    for _ in log.states(read_can_log(path)):
+        pass
+
+
+def _read_stack(path: Path) -> None:
+    with StackFile(StackFileOptions(file=path)) as stack:
+        for _ in range(50):
+            if stack.read(0.0) is None:
+                return
+
+
+def _npz() -> bytes:
+    file = io.BytesIO()
+    pictures = np.stack([pressed(0.5, noise=k) for k in range(3)])
+    np.savez_compressed(file, pictures=pictures, t_s=np.array([0.0, 0.5, 0.7]))
+    return file.getvalue()
 
 
 def toml() -> bytes:
@@ -101,6 +161,20 @@ def _journal(folder: Path) -> bytes:
             journal.add("trial_start", t_ns=trial * 10, trial=trial + 1)
             journal.add("trial_end", t_ns=trial * 10 + 5, trial=trial + 1, status="done", success=True)
     return (folder / "events.jsonl").read_bytes()
+
+
+def _elan(folder: Path) -> bytes:
+    events = [CodedEvent(1.0, "thumb", "slip", ("long",), "x", 0.5), CodedEvent(2.0, "", "drop")]
+    write_eaf(folder / "a.eaf", {"r1": events}, codes=["slip"], media="a.mp4")
+    return (folder / "a.eaf").read_bytes()
+
+
+def _annotations(folder: Path) -> bytes:
+    with AnnotationFile(folder / "a.mcap", "r1") as file:
+        for t_s in (1.0, 2.0, 3.0):
+            file.press("deformation", t_s, is_state=True)
+        file.undo()
+    return annotations_path(folder / "a.mcap").read_bytes()
 
 
 def _boris() -> bytes:
@@ -293,6 +367,10 @@ _COURSE_OF_FORCE = b"t_s,force_n\n0.1,1.5\n0.2,2.5\n"
 
 _POSES = b"t_s,x_m,y_m,z_m,qw,qx,qy,qz\n0.0,0.1,0.2,0.3,1,0,0,0\n0.1,0.1,0.2,0.3,1,0,0,0\n"
 _EVENTS = b"Observation id,Behavior,Time\np01-t01,slip,1.5\np01-t01,drop,2.5\n"
+_AGGREGATED = (
+    b"Observation id;Behavior;Behavior type;Start (s);Stop (s);Modifier #1;Comment start\n"
+    b"p01;slip;STATE;1,5;2,5;long;x\np01;drop;POINT;3,5;NA;;\n"
+)
 _MARKS = b"img_name,center_x,center_y,radius\nframe_0.png,10,20,5\nframe_1.png,11,21,6\n"
 
 # Of each kind: the file's name, what makes a valid one, what reads it.
@@ -314,10 +392,16 @@ READERS: dict[str, tuple[str, Callable[[Path], bytes], Callable[[Path], object]]
     "JPEG": ("a.jpg", lambda _: _encoded(".jpg"), lambda p: read_image(p, driver="images")),
     "BMP": ("a.bmp", lambda _: _encoded(".bmp"), lambda p: read_image(p, driver="images")),
     "picture npy": ("a.npy", lambda _: npy(pressed(0.5, noise=1)), lambda p: read_image(p, driver="images")),
+    "stack npy": ("a.npy", lambda _: npy(np.stack([pressed(0.5, noise=k) for k in range(3)])), _read_stack),
+    "stack npz": ("a.npz", lambda _: _npz(), _read_stack),
     "journal": ("events.jsonl", _journal, read_events),
-    "BORIS project": ("a.boris", lambda _: _boris(), boris_file.read_boris),
+    "BORIS project": ("a.boris", lambda _: _boris(), read_boris),
+    "BORIS project packed": ("a.boris.gz", lambda _: gzip.compress(_boris()), read_boris),
+    "BORIS aggregated": ("a.tsv", lambda _: _AGGREGATED, read_boris),
+    "ELAN": ("a.eaf", _elan, lambda p: read_eaf(p, ["slip"])),
+    "annotations": ("a.annotations.jsonl", _annotations, lambda p: read_annotations(p.with_name("a.mcap"))),
     "key of clips": ("r1.json", lambda _: _CLIPS, clips.decode_key),
-    "BORIS table": ("a.csv", lambda _: _EVENTS, boris._table),
+    "BORIS table": ("a.csv", lambda _: _EVENTS, read_boris),
     "study": ("study.toml", _plan("study.toml"), _read_plan),
     "plan": ("plan.csv", _plan("plan.csv"), _read_plan),
     "session in one file": ("p01.zip", _bundle, _open_bundle),
@@ -366,4 +450,13 @@ READERS: dict[str, tuple[str, Callable[[Path], bytes], Callable[[Path], object]]
         lambda p: export_camera(p, "front", p.parent / "out.mp4"),
     ),
     "video": ("a.avi", lambda folder: write_video(folder / "v.avi", 4).read_bytes(), _read_video),
+    "ROS 2 pictures": ("a.mcap", _bag, lambda p: _read_all(Ros2Pictures(Ros2PicturesOptions(file=p)))),
+    "ROS 2 arrays": ("a.mcap", _bag, lambda p: _read_all(Ros2Emg(Ros2EmgOptions(file=p)))),
+    "log .asc": ("a.asc", lambda folder: _log(folder / "a.asc"), _decode_log),
+    "log .blf": ("a.blf", lambda folder: _log(folder / "a.blf"), _decode_log),
+    "log .log": ("a.log", lambda folder: _log(folder / "a.log"), _decode_log),
+    "log .trc": ("a.trc", lambda folder: _log(folder / "a.trc"), _decode_log),
+    "video AV1": ("a.mp4", lambda folder: _encoded_video(folder / "v.mp4", "av1"), _read_video),
+    "video H.264": ("a.mkv", lambda folder: _encoded_video(folder / "v.mkv", "h264"), _read_video),
+    "video VP9": ("a.webm", lambda folder: _encoded_video(folder / "v.webm", "vp9"), _read_video),
 } | RECORD_READERS

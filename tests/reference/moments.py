@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from msgspec.structs import replace
 
 from tega.config.choose import preset_metric
 from tega.haptics import FINGERS, intensity, vest_frame
-from tega.loop.inbox.sources import EmgBlock
 from tega.loop.moment import LoopView
-from tega.loop.touch import TouchMoment
-from tega.stages.metrics import contact_metrics_of
+from tega.records import Intent
 from tega.ui.view.state import EmgTail, Shape, TouchImage, ViewState
 from tega_sim.gel import Gel, ball
 
@@ -38,7 +37,7 @@ class Moments:
 
     def at(self, t_s: float, *, images: bool = True, scene: bool = True, emg: bool = True) -> ViewState:
         squeeze = 0.5 - 0.5 * math.cos(t_s)
-        pictures, contacts, felts = {}, {}, []
+        pictures, contacts = {}, {}
         for k, finger in enumerate(FINGERS):
             pressed = ball(
                 force_n=6 * squeeze, centre_xy=(120.0 + 10 * k, 150.0), radius_mm=_RADII_MM[finger]
@@ -46,24 +45,33 @@ class Moments:
             frame = self._gels[finger].frame([pressed], round(t_s * 60))
             metric = preset_metric("live", self._baselines[finger], finger)
             for moment in range(6):  # one picture, until the memory has settled
-                metrics = contact_metrics_of(metric.update(frame, moment * 16_666_667))
-            picture = TouchImage(frame, metrics, metric.touch_map())
+                contact = metric.update(frame, moment * 16_666_667)
+            picture = TouchImage(frame, contact, metric.touch_map())
             cci, eda = (
-                (min(metrics.cci / 4, 1.0), min(metrics.eda / 20_000, 1.0))
-                if metrics.in_contact
+                (min(contact.cci / 4, 1.0), min(contact.eda / 20_000, 1.0))
+                if contact.in_contact
                 else (0.0, 0.0)
             )
-            felts.append(TouchMoment(cci, eda, intensity(cci, 1.0), intensity(eda, 1.0)))
-            contacts[finger] = (round(t_s * 1e9), metrics)
+            contacts[finger] = replace(
+                contact,
+                t_ns=round(t_s * 1e9),
+                cci_norm=cci,
+                eda_norm=eda,
+                front=intensity(cci, 1.0),
+                back=intensity(eda, 1.0),
+            )
             pictures[finger] = picture
         n = round(t_s * RATE_HZ)
         level = 1 + min(4, int(squeeze * 5))
         loop = LoopView(
             t_ns=round(t_s * 1e9),
             contacts=contacts,
-            felt=felts,
-            vest=vest_frame([f.front for f in felts], [f.back for f in felts], layout="x40"),
-            block=EmgBlock(round(t_s * 1e9), (level, level, max(level - 1, 1)), level),
+            vest=vest_frame(
+                [one.front for one in contacts.values()],
+                [one.back for one in contacts.values()],
+                layout="x40",
+            ),
+            intent=Intent(t_ns=round(t_s * 1e9), channels=(level, level, max(level - 1, 1)), level=level),
             angles_rad=None,
             counts={
                 "touch": round(60 * t_s),

@@ -6,18 +6,26 @@ import os
 from contextlib import suppress
 from pathlib import Path
 
-__all__ = ["begun_by", "hand_guards"]
+__all__ = ["begun_by", "below", "hand_guards"]
+
+
+def below(pid: int) -> list[int]:
+    """Return every process below a process."""
+    found = []
+    for task in Path(f"/proc/{pid}/task").glob("*/children"):
+        with suppress(OSError):  # it has just ended
+            for child in map(int, task.read_text().split()):
+                found += [child, *below(child)]
+    return found
 
 
 def begun_by(pid: int, module: str) -> list[int]:
     """Return those below a process that run a module of TEGA's."""
     found = []
-    for task in Path(f"/proc/{pid}/task").glob("*/children"):
-        for child in map(int, task.read_text().split()):
-            found += begun_by(child, module)
-            with suppress(OSError):  # it has just ended
-                if module.encode() in Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0"):
-                    found.append(child)
+    for child in below(pid):
+        with suppress(OSError):  # it has just ended
+            if module.encode() in Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0"):
+                found.append(child)
     return found
 
 

@@ -11,15 +11,17 @@ from numpy.typing import NDArray
 from reference.recordings import pressed
 from tega.devices.base import DeviceInfo, TactileFrame
 from tega.errors import DeviceUnavailableError
-from tega.tactile import ContactMetrics
+from tega.records import Contact
 
 MS = 1_000_000
 STARTED_NS = 1_000 * MS
 
 
-def touching(eda: int, cci: float = 0.5) -> ContactMetrics:
-    """Return the metrics of a contact of so many pixels; of none where that is 0."""
-    return ContactMetrics(
+def touching(eda: int, cci: float = 0.5, *, t_ns: int = 0) -> Contact:
+    """Return a contact of so many pixels; none where that is 0."""
+    return Contact(
+        finger="thumb",
+        t_ns=t_ns,
         mass=1.0,
         centroid_xy=(1.0, 1.0),
         spread=1.0,

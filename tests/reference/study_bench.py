@@ -20,6 +20,7 @@ class StandingBench:
 
     where: Where = "simulated"
     sees_height = False
+    measures_height = False
     closure: Any = None
     rest_tasks: Any = ()
     measurable = False

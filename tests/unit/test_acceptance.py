@@ -303,7 +303,7 @@ def test_the_report_is_written_twice_and_tells_no_key(settings: Path, tmp_path: 
 
 
 def test_the_verb(settings: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ("doctor", settings, "--acceptance", "vest", "--out", tmp_path / "out", "--yes")
+    words = ("acceptance", settings, "vest", "--out", tmp_path / "out", "--yes")
     out, err = call(capsys, *words, "--json", code=0)
     said = json.loads(out)
     assert said["passed"] is True
@@ -311,11 +311,9 @@ def test_the_verb(settings: Path, tmp_path: Path, capsys: pytest.CaptureFixture[
     assert Path(said["report"]).is_file()
     assert Path(said["text"]).is_file()
     assert "(not asked)" in err
-    _, err = call(capsys, "doctor", settings, "--acceptance", "vest", code=2)
+    _, err = call(capsys, "acceptance", settings, "vest", code=2)
     assert "asks a person" in err
-    _, err = call(capsys, "doctor", settings, "--yes", code=2)
-    assert "goes with --acceptance" in err
-    _, err = call(capsys, "doctor", settings, "--acceptance", "foot", "--yes", code=1)
+    _, err = call(capsys, "acceptance", settings, "foot", "--yes", code=1)
     assert "the settings name no device 'foot'" in err
     assert "tactile.thumb" in err
 

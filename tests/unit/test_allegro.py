@@ -22,7 +22,8 @@ import pytest
 
 from tega.config import check_tree
 from tega.devices import SteeredHand, driver_class
-from tega.devices.hand.allegro import Allegro, AllegroOptions
+from tega.devices.hand.allegro import Allegro
+from tega.devices.hand.allegro_options import AllegroOptions
 from tega.errors import ConfigError, DeviceUnavailableError, InvalidValueError, TegaError, WrongDeviceError
 from tega.hand import CLOSURE_POSES_RAD
 from tega.loop import run_session

@@ -17,7 +17,6 @@ from tega.arm.messages import Health
 from tega.config import check_tree, load_config
 from tega.loop.arm_view import ArmView
 from tega.loop.moment import LoopView
-from tega.loop.touch import TouchMoment
 from tega.setup.doctor import Finding, examine, lab_settings
 from tega.ui.cli.main import main
 from tega.ui.view.browser.state_html import arm_html
@@ -144,9 +143,7 @@ def _read(file: Path) -> str:
 
 def _moment(seen: ArmView | None) -> LoopView:
     arm = "idle: <who> knows" if seen is None else seen.words
-    return LoopView(
-        0, {}, [TouchMoment(0.0, 0.0, 0.0, 0.0)] * 4, None, None, None, {}, arm=arm, seen_arm=seen
-    )
+    return LoopView(0, {}, None, None, None, {}, arm=arm, seen_arm=seen)
 
 
 def _shown(view: LoopView) -> str:

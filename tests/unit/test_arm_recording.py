@@ -12,9 +12,11 @@ from typing import Any
 
 import pytest
 
+from reference.parts import observed
 from tega.config import check_tree
 from tega.errors import RecordingError
 from tega.loop import LoopView, run_session
+from tega.loop.controls import Controls
 from tega.recording.export import export_file
 from tega.recording.inspection import inspect_file
 from tega.recording.mcap_reader import McapReader
@@ -78,8 +80,8 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
         until_s = time.monotonic() + 60
         run_session(
             check_tree(tree, {}, base=folder).config,
-            observer=script.see,
-            stop=lambda: script.over or time.monotonic() > until_s,
+            controls=Controls(stop=lambda: script.over or time.monotonic() > until_s),
+            bus=observed(script.see),
         )
         assert script.over
     return folder / "session"
@@ -216,11 +218,13 @@ def test_a_recorded_forearm_leads_the_next_run(session: Path, tmp_path: Path) ->
         until_s = time.monotonic() + 60
         run_session(
             check_tree(tree, {}, base=tmp_path).config,
-            observer=see,
-            stop=lambda: (
-                any("has ended" in said or said.startswith("stopped") for said in followed[-1:])
-                or time.monotonic() > until_s
+            controls=Controls(
+                stop=lambda: (
+                    any("has ended" in said or said.startswith("stopped") for said in followed[-1:])
+                    or time.monotonic() > until_s
+                )
             ),
+            bus=observed(see),
         )
     assert any(said.startswith("following") for said in followed)
     (_, first), (_, second) = (forearm(folder / "trial-001.mcap") for folder in (session, tmp_path / "next"))

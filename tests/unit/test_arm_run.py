@@ -18,11 +18,13 @@ from typing import Any
 import pytest
 from rich.console import Console
 
+from reference.parts import observed
 from tega.arm import StampedPose
 from tega.config import check_tree, load_config
 from tega.devices.tracker.sources import write_poses
 from tega.errors import ConfigError
 from tega.loop import LoopView, run_session
+from tega.loop.controls import Controls
 from tega.recording.replay.play import _settings
 from tega.ui.view.terminal import render
 from tega_emulators.lab import EmulatedLab, emulated_lab
@@ -61,7 +63,9 @@ class Run:
 
     def _run(self) -> None:
         try:
-            self.summary = run_session(self._config, observer=self._observe, stop=self._over.is_set)
+            self.summary = run_session(
+                self._config, controls=Controls(stop=self._over.is_set), bus=observed(self._observe)
+            )
         except BaseException as error:
             self.error = error
 

@@ -16,6 +16,7 @@ from mcap.writer import Writer
 from tega.config import load_config
 from tega.config.choose import preset_metric
 from tega.errors import ConfigError, RecordingError
+from tega.records import Intent
 from tega.ui.cli.main import main
 from tega_figures.audit import (
     READINGS,
@@ -411,7 +412,8 @@ def test_a_session_is_audited_with_the_numbers_of_its_run(session: Path) -> None
             assert live.eda[: len(contacts)] == [contact.eda for contact in contacts]
         assert [score.reading for score in report.emg] == ["print", "live"]
         live_levels = report.emg[1].levels
-        assert live_levels[: len(recorded.levels)] == [intent.level for intent in recorded.levels]
+        levels = [intent.level for intent in recorded.of(Intent)]
+        assert live_levels[: len(levels)] == levels
         assert report.emg[1].maxima_of == "calibration"
         assert [score.reading for score in report.vest] == ["print"]
         assert report.vest[0].maxima_of == "calibration"

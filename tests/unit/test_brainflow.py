@@ -16,7 +16,8 @@ from tega.devices import driver_class
 from tega.devices.emg.brainflow_emg import BrainFlowEmg, BrainFlowOptions
 from tega.devices.emg.cyton import Cyton, CytonOptions
 from tega.devices.emg.live_emg import LiveEmg
-from tega.errors import DeviceUnavailableError
+from tega.errors import DeviceUnavailableError, StreamContradictionError
+from tega.runtime.stamp_check import StampCheck
 from tega_emulators.process import Emulator
 
 pytestmark = pytest.mark.slow
@@ -99,6 +100,24 @@ def test_our_driver_reads_a_cyton_through_brainflow() -> None:
     with Emulator("cyton") as device, source(board="CYTON_BOARD", serial_port=device.port) as ours:
         assert ours.info.rate_hz == 250.0
         assert np.all(np.diff(ramps_of(ours, 250)) % 1000 == 1)
+
+
+def test_a_daisy_that_brainflow_does_not_know_of_is_refused() -> None:
+    with (
+        Emulator("cyton", "--signal", "emg", "--daisy", "hidden") as device,
+        pytest.raises(StreamContradictionError, match="values: packets of even and of odd number"),
+    ):
+        source(board="CYTON_BOARD", serial_port=device.port).open()
+
+
+def test_samples_that_brainflow_holds_back_are_reported() -> None:
+    with source() as board:
+        board._stamps = StampCheck()
+        assert [board._late(time.time() - 2.0) for _ in range(2)] == [None, None]
+        time.sleep(0.6)
+        contradiction = board._late(time.time() - 2.0)
+    assert contradiction is not None
+    assert "samples are read 2.00 s after BrainFlow had them" in contradiction.found
 
 
 def test_our_driver_reads_what_another_program_streams_by_brainflow() -> None:

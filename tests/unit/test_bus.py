@@ -178,7 +178,7 @@ def test_a_moment_is_made_only_for_who_asks_for_it() -> None:
     bus.subscribe(Record, recorded.append)
     assert not bus.wants(Moment)
     bus.subscribe(Moment, shown.append)
-    view = LoopView(0, {}, [], None, None, None, {})
+    view = LoopView(0, {}, None, None, None, {})
     bus.publish(Moment(t_ns=0, view=view))
     assert [moment.view for moment in shown] == [view]
     assert recorded == []
@@ -194,7 +194,7 @@ def test_a_display_that_stands_still_holds_up_nobody() -> None:
 
     backlog = Backlog("display", most=3)
     bus.subscribe(Moment, look, name="display", backlog=backlog)
-    view = LoopView(0, {}, [], None, None, None, {})
+    view = LoopView(0, {}, None, None, None, {})
     bus.publish(Moment(t_ns=0, view=view))
     assert looked.wait(60)
     for t_ns in range(1, 100):  # returns every time, though nobody takes them

@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from reference.scripted import touching
 from tega.arm import StampedPose
 from tega.arm.frames import ToBase
 from tega.config import SettingValue, load_config
@@ -24,7 +25,6 @@ from tega.setup.calibration.gel import judge_rest, suspect_contact
 from tega.setup.calibration.presses import PressMeter
 from tega.setup.calibration.times import Times
 from tega.setup.calibration.wizard import Calibrating, parts_of
-from tega.tactile import ContactMetrics
 from tega.ui.cli.guide import LineGuide
 from tega.ui.cli.main import main
 
@@ -225,10 +225,8 @@ def test_a_weak_press_and_an_accident_do_not_count() -> None:
     for eda, seconds in ((9000, 0.6), (800, 0.6), (8000, 0.1), (9500, 0.6), (3000, 0.6)):
         for found, n in ((eda, round(60 * seconds)), (0, 20)):
             for _ in range(n):
-                live = ContactMetrics(
-                    1.0, (9.0, 9.0), 3.0, 1.0, found, 0.5, 9.0, (9, 9), in_contact=found > 0
-                )
-                if (press := meter.take(t_ns, {"live": live, "paper": live})) is not None:
+                live = touching(found, t_ns=t_ns)
+                if (press := meter.take({"live": live, "paper": live})) is not None:
                     judged.append(meter.judge(press))
                 t_ns += 16_666_667
     assert judged == [

@@ -10,15 +10,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from numpy.typing import NDArray
 from rich.console import Console
 
+from reference.scripted import touching
 from tega.haptics import vest_frame
-from tega.loop.inbox.sources import EmgBlock
 from tega.loop.moment import LoopView
-from tega.loop.touch import TouchMoment
-from tega.recording import prepare_folder
-from tega.tactile import ContactMetrics, read_contact
+from tega.recording.folder import prepare_folder
+from tega.records import Intent
+from tega.tactile import read_contact
 from tega.ui.cli.main import main
 from tega.ui.view.terminal import TerminalView, render
 from tega_sim import demo as demo_module
@@ -188,17 +189,14 @@ def test_a_choice_in_the_page_takes_the_place_of_what_is_being_lifted() -> None:
 
 
 def view(t_ns: int = 2_500_000_000) -> LoopView:
-    contact = ContactMetrics(1.0, (9.0, 9.0), 3.0, 1.0, 700, 0.5, 40.0, (9, 9), in_contact=True)
-    felt = [
-        TouchMoment(0.9, 0.2, 97.0, 6.0),
-        TouchMoment(0.1, 0.8, 3.0, 94.0),
-        TouchMoment(0.0, 0.0, 0.0, 0.0),
-        TouchMoment(0.0, 0.0, 0.0, 0.0),
-    ]
-    vest = vest_frame([f.front for f in felt], [f.back for f in felt], layout="x40")
-    contacts = {"thumb": (t_ns, contact), "index": (t_ns, contact)}
+    contact = touching(700, t_ns=t_ns)
+    contacts = {
+        "thumb": replace(contact, cci_norm=0.9, eda_norm=0.2, front=97.0, back=6.0),
+        "index": replace(contact, finger="index", cci_norm=0.1, eda_norm=0.8, front=3.0, back=94.0),
+    }
+    vest = vest_frame([97.0, 3.0, 0.0, 0.0], [6.0, 94.0, 0.0, 0.0], layout="x40")
     counts = {"touch": 150, "vest": 75}
-    return LoopView(t_ns, contacts, felt, vest, EmgBlock(t_ns, (2, 3, 3), 3), [0.5] * 16, counts)
+    return LoopView(t_ns, contacts, vest, Intent(t_ns=t_ns, channels=(2, 3, 3), level=3), [0.5] * 16, counts)
 
 
 def text_of(shown: object) -> str:
@@ -232,8 +230,7 @@ def test_the_screen_tells_what_is_lifted() -> None:
 
 
 def test_a_screen_without_input_says_so() -> None:
-    nothing = [TouchMoment(0.0, 0.0, 0.0, 0.0)] * 4
-    screen = text_of(render(LoopView(0, {}, nothing, None, None, None, {}), title="test", rates_hz={}))
+    screen = text_of(render(LoopView(0, {}, None, None, None, {}), title="test", rates_hz={}))
     assert "no EMG yet" in screen
     assert "no vest frame" in screen
 

@@ -98,20 +98,6 @@ def test_a_grip_is_weaker_than_before_only_where_it_never_was_so_weak() -> None:
     assert below[40] == 0.5
 
 
-def test_a_deformation_is_closure_gained_since_contact_once_until_it_eases() -> None:
-    def squeezed(*closures: float) -> list[DetectedEvent]:
-        detector, found = Detector(), list[DetectedEvent]()
-        for n in range(50 * len(closures)):
-            detector.touch(n / 50, "thumb", FIRM)
-            found += detector.hand(n / 50, level=5, closure=closures[n // 50], height_m=0.0)
-        return [one for one in found if one.kind == "deformation"]
-
-    assert squeezed(1.8, 2.9, 1.8) == []
-    [one] = squeezed(1.8, 3.25, 3.1, 3.25)
-    assert 0.5 < one.confidence < 1
-    assert len(squeezed(1.8, 3.25, 2.5, 3.25)) == 2
-
-
 def slide(hold_s: float) -> list[TouchFrame]:
     """A firm hold whose pressure then drops to an eighth in a second, for a while."""
     weak = [

@@ -19,8 +19,8 @@ import pytest
 import tega.devices.fingertip.digit
 from tega.config import check_tree
 from tega.devices.fingertip.digit import Digit, DigitOptions
-from tega.devices.fingertip.picture_check import PictureCheck
-from tega.devices.fingertip.picture_origin import Origin, PictureOrigin
+from tega.devices.fingertip.picture_check import PictureTally, judge_picture
+from tega.devices.fingertip.picture_origin import Origin, picture_origin, sensor_bands
 from tega.devices.fingertip.video_nodes import find_node, video_nodes
 from tega.errors import ConfigError, DeviceUnavailableError, RecordingError
 from tega.loop import run_session
@@ -247,14 +247,21 @@ def test_a_sensor_is_found_by_its_number(tmp_path: Path) -> None:
 def test_a_picture_with_the_end_of_the_one_before_is_torn() -> None:
     random = np.random.default_rng(0)
     counts = CameraCounts()
-    check = PictureCheck(counts)
+    tally, last = PictureTally(counts), None
+
+    def judged(image: Any) -> str:
+        nonlocal last
+        tally.count(judge_picture(image, last))
+        last = image
+        return tally.newest
+
     one, two = (random.integers(60, 120, (240, 320, 3), dtype=np.uint8) for _ in range(2))
-    assert check.judge(one) == "good"
+    assert judged(one) == "good"
     mixed = two.copy()
     mixed[200:] = one[200:]
-    assert check.judge(mixed) == "torn"
-    assert check.judge(two) == "good"
-    assert [check.judge(two.copy()) for _ in range(4)] == ["duplicate"] * 4
+    assert judged(mixed) == "torn"
+    assert judged(two) == "good"
+    assert [judged(two.copy()) for _ in range(4)] == ["duplicate"] * 4
     assert (counts.stuck, counts.duplicate, counts.torn, counts.used) == (1, 4, 1, 2)
 
 
@@ -267,17 +274,17 @@ def test_lines_of_another_real_sensor_are_found_and_no_press_is_taken_for_one(re
 
     own = sent(cv2.imread(str(folder / "digit_ball_D20641" / "background.png")))
     other = sent(np.load(folder / "digit_backgrounds" / "ncf_bg_D20479.npy"))
-    origin = PictureOrigin(own, {"D20479": other})
+    baselines = sensor_bands(own, {"D20479": other})
     frames = sorted((folder / "digit_ball_D20641").glob("frame_*.png"))
     assert len(frames) > 20
     for file in frames:
         image = sent(cv2.imread(str(file)))
-        assert origin.judge(image) == Origin("", 0.0, unlike=False), file.name
+        assert picture_origin(image, baselines) == Origin("", 0.0, unlike=False), file.name
         for first in range(0, 217, 8):
             mixed = image.copy()
             mixed[first : first + 24] = other[first : first + 24]
-            assert origin.judge(mixed).other == "D20479", (file.name, first)
-    assert origin.judge(other).share == 1.0
+            assert picture_origin(mixed, baselines).other == "D20479", (file.name, first)
+    assert picture_origin(other, baselines).share == 1.0
 
 
 @pytest.mark.slow

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from reference.parts import Given, observed
 from tega.config import check_tree
 from tega.config.calibration import Calibration, EmgMaxima, FingerMaxima, save_calibration
 from tega.devices.base import DeviceInfo, EmgChunk
@@ -72,7 +73,7 @@ def test_a_run_on_a_board_that_is_unplugged_ends_in_order(tmp_path: Path) -> Non
                 unplugged.append(True)
                 device.say("unplug")
 
-        summary = run_session(config, observer=watch)
+        summary = run_session(config, bus=observed(watch))
     notes = " ".join(summary["notes"])
     assert "emg: lost: cyton: " in notes
     assert "was lost" in notes
@@ -117,7 +118,7 @@ def test_a_page_that_asks_all_the_time_does_not_disturb_the_reader(tmp_path: Pat
             return prepared
 
         try:
-            summary = run_session(check_tree(tree, {}, base=tmp_path).config, on_prepared=prepared)
+            summary = run_session(check_tree(tree, {}, base=tmp_path).config, parts=[Given(prepared)])
         finally:
             over.set()
             for asker in askers:

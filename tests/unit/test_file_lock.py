@@ -16,7 +16,7 @@ from tega.runtime.files.lock import lock_file
 from tega_study.journal import Journal, read_events
 
 _HOLD = (
-    "import sys; from pathlib import Path; from tega import file_lock\n"
+    "import sys; from pathlib import Path; from tega.runtime.files import lock as file_lock\n"
     "file_lock._KEEPS_READERS_OUT = sys.argv[2] == 'beside'\n"
     "path = Path(sys.argv[1]); file = path.open('ab')\n"
     "print(file_lock.lock_file(file, path), flush=True); sys.stdin.read()\n"

@@ -26,7 +26,7 @@ if len(list(folder.glob("begun-*"))) > 1:
     end_s = time.monotonic() + 60
     while not (folder / "go on").exists() and time.monotonic() < end_s:
         time.sleep(0.01)
-stand_by(lambda _goes_on: (folder / f"let-go-{os.getpid()}").touch())
+stand_by("a file", lambda _goes_on: (folder / f"let-go-{os.getpid()}").touch() or "")
 (folder / f"ended-{os.getpid()}").touch()
 """
 

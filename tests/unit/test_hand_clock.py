@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 
 from reference.waiting import until
-from tega.devices.hand.allegro import Allegro, AllegroOptions
+from tega.devices.hand.allegro import Allegro
+from tega.devices.hand.allegro_options import AllegroOptions
 from tega_emulators.process import Emulator
 
 pytestmark = pytest.mark.slow

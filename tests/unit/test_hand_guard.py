@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from queue import SimpleQueue
 
 import pytest
 
 from reference.processes import begun_by, hand_guards
 from reference.waiting import until
-from tega.devices.hand.allegro import Allegro, AllegroOptions
+from tega.devices import system_log
+from tega.devices.hand import guard_process, hand_guard
+from tega.devices.hand.allegro import Allegro
+from tega.devices.hand.allegro_options import AllegroOptions
 from tega.devices.hand.guard_process import GuardProcess
+from tega.devices.hand.hand_guard import guard_runs
 from tega.devices.hand.hand_loop import HandLoop
 from tega.devices.hand.hand_told import HandOrders
 from tega.errors import DeviceUnavailableError
@@ -78,6 +85,13 @@ def test_a_killed_or_frozen_process_of_the_hand_does_not_leave_it_pushing(how: s
         assert running.wait() == 1
 
 
+def test_a_frozen_program_and_hand_process_do_not_leave_the_hand_pushing() -> None:
+    with Emulator("allegro_port") as hand, steering(hand) as running:
+        for pid in (*begun_by(running.pid, "tega.devices.hand.hand_program"), running.pid):
+            os.kill(pid, signal.SIGSTOP)
+        until(lambda: limp(hand))
+
+
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
 def test_a_killed_or_frozen_program_without_a_guard_lets_go_of_the_hand(how: signal.Signals) -> None:
     with Emulator("allegro_port") as hand, steering(hand, guard=False) as running:
@@ -94,11 +108,23 @@ def test_a_frozen_program_that_goes_on_steers_the_hand_again() -> None:
         until(lambda: bool(hand.say("look")["servo_on"] and any(hand.say("look")["duties"])))
 
 
-def test_a_process_that_is_told_to_terminate_lets_go_of_the_hand() -> None:
+@pytest.mark.parametrize("all_of_them", [True, False])
+def test_signals_to_every_process_let_go_and_those_to_the_hand_s_own_change_nothing(
+    *, all_of_them: bool
+) -> None:
     with Emulator("allegro_port") as hand, steering(hand) as running:
-        (steers,) = begun_by(running.pid, "tega.devices.hand.hand_program")
-        os.kill(steers, signal.SIGTERM)
-        until(lambda: limp(hand))
+        own = [*begun_by(running.pid, "tega.devices.hand.hand_program"), *hand_guards(running.pid)]
+        assert len(own) == 2
+        for number in (signal.SIGTERM, signal.SIGHUP):
+            for pid in ([running.pid] if all_of_them else []) + own:
+                os.kill(pid, number)
+        if all_of_them:
+            until(lambda: limp(hand))
+            assert running.wait() in {128 + signal.SIGTERM, 128 + signal.SIGHUP}
+        else:
+            before = hand.say("look")["torques"]
+            until(lambda: hand.say("look")["torques"] > before + 400)
+            assert not limp(hand)
 
 
 def test_a_closed_terminal_lets_go_of_the_hand() -> None:
@@ -202,9 +228,68 @@ def test_a_deaf_hand_is_not_left_alone(capfd: pytest.CaptureFixture[str]) -> Non
         last = said.strip().splitlines()[-1]
         assert last.startswith("USE THE HAND'S EMERGENCY SWITCH: ")
         assert "has not confirmed that its motors are off" in last
+        named = re.search(r"process (\d+) goes on", last)
+        assert named is not None
+        assert guard_runs(int(named[1]))
+        for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGINT):  # a log-out afterwards
+            os.kill(int(named[1]), number)
         hand.say("clear")
         until(lambda: limp(hand))
     assert "stopped" in capfd.readouterr().out
+
+
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
+def test_a_run_that_has_lost_hand_process_and_guard_lets_go_of_the_hand(
+    how: signal.Signals, capfd: pytest.CaptureFixture[str]
+) -> None:
+    with Emulator("allegro_port") as hand, steering(hand) as running:
+        steers, guards = begun_by(running.pid, "tega.devices.hand.hand_program"), hand_guards(running.pid)
+        for pid in (*guards, *steers):
+            os.kill(pid, how)
+        until(lambda: limp(hand))
+        assert running.wait() == 1
+        for pid in guards:
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+    assert "SWITCH" not in capfd.readouterr().err
+
+
+def test_last_words_name_no_process_that_does_not_run(capfd: pytest.CaptureFixture[str]) -> None:
+    with Emulator("allegro_port") as hand, steering(hand) as running:
+        steers, guards = begun_by(running.pid, "tega.devices.hand.hand_program"), hand_guards(running.pid)
+        hand.say("silence")
+        for pid in (*guards, *steers):
+            os.kill(pid, signal.SIGKILL)
+        while running.poll() is None:
+            for pid in hand_guards(running.pid):  # those that the program starts itself
+                with suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGKILL)
+            time.sleep(0.01)
+        last = capfd.readouterr().err.strip().splitlines()[-1]
+        assert last.startswith("USE THE HAND'S EMERGENCY SWITCH: ")
+        assert last.endswith("no other process goes on switching it off")
+
+
+def test_a_guard_that_gives_up_writes_to_the_system_s_log(monkeypatch: pytest.MonkeyPatch) -> None:
+    logged: list[str] = []
+    monkeypatch.setattr(system_log, "log_to_system", logged.append)
+    monkeypatch.setattr(system_log, "_OVERDUE_S", 0.05)
+    monkeypatch.setattr(hand_guard, "LONGEST_S", 0.3)
+    bus = {"interface": "virtual", "channel": "nobody", "bitrate": 1_000_000}
+    pieces: SimpleQueue[bytes] = SimpleQueue()
+    for piece in (b".\n", b""):
+        pieces.put(piece)
+    answers: list[bytes] = []
+    monkeypatch.setattr(guard_process, "hear", lambda: pieces)
+    monkeypatch.setattr(guard_process, "_answer", answers.append)
+    monkeypatch.setattr(guard_process, "stay_alone", lambda: None)
+    hand = hand_guard._Hand(bus, [], 0)
+    guard_process.stand_by(hand.label, hand.let_go)
+    assert b"off\n" not in answers
+    assert len(logged) == 2
+    assert "not confirmed to be off after" in logged[0]
+    assert logged[1].startswith("robot hand on virtual nobody: not confirmed to be off (no answer")
+    assert logged[1].endswith("use its switch")
 
 
 def test_a_hand_that_confirms_ends_without_a_word(caplog: pytest.LogCaptureFixture) -> None:

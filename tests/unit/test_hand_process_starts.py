@@ -11,7 +11,7 @@ from io import BufferedReader, BufferedWriter
 import pytest
 
 from tega.devices.hand import hand_ends
-from tega.devices.hand.allegro import AllegroOptions
+from tega.devices.hand.allegro_options import AllegroOptions
 from tega.devices.hand.hand_ends import MAKES_READY, HandProcess
 from tega.errors import TegaError
 from tega.runtime.child_process import end_child, python_command, python_environment

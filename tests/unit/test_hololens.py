@@ -66,6 +66,13 @@ def test_a_wrist_that_is_guessed_counts_only_if_that_is_wanted(headset: Emulator
 
 
 @pytest.mark.slow
+def test_a_headset_that_sends_half_of_its_packets_is_reported() -> None:
+    with Emulator("hololens", "--rate-hz", "30") as slow, opened(slow) as lens:
+        until(lens, lambda _: "rate: " in lens.problem)
+        assert "packets a second come, 60 are expected" in lens.problem
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", ["same", "old-time"])
 def test_a_pose_that_is_not_new_is_none(headset: Emulator, fault: str) -> None:
     with opened(headset) as lens:

@@ -29,17 +29,17 @@ from tega.safety.dose_file import KeptDose
 from tega.safety.motor_budget import MotorBudget
 from tega_bench.vest_latency.log import read_wav
 from tega_practice.people import people_at_test
-from tega_study import make_plan, write_plan
 from tega_study.coupling import read_course
 from tega_study.episodes.journal import EPISODES, EpisodeJournal
 from tega_study.hand_rows import read_hand
-from tega_study.journal import Journal
+from tega_study.journal import Journal, events_path
 from tega_study.lead.status_file import board_path, read_board
 from tega_study.lead.tell import tell, told_path
-from tega_study.privacy import export, note_elsewhere, withdraw, withdrawn_ids
-from tega_study.state import events_path
+from tega_study.plan import make_plan, write_plan
+from tega_study.privacy import export, note_elsewhere, withdraw
 from tega_study.touch_picture import read_touch_picture
 from tega_study.touch_rows import read_touch
+from tega_study.withdrawn import withdrawn_ids
 
 pytestmark = [
     pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such links and pipes"),

@@ -14,7 +14,7 @@ from tega.recording.export import export_file
 from tega.recording.mcap_copy import McapCopy, McapRecords
 from tega.runtime.files.plain_name import path_below
 from tega.ui.cli.main import main
-from tega_lerobot import export_lerobot
+from tega_lerobot.dataset import export_lerobot
 from tega_study.observers import observer_path
 from tega_study.plan import PlannedTrial, StudyPlan, make_plan, read_plan, write_plan
 from tega_study.privacy import withdraw

@@ -11,9 +11,11 @@ import pytest
 from rich.console import Console
 
 from reference.held import PEDAL, TWO
+from reference.parts import observed
 from tega.config import check_tree
 from tega.errors import ConfigError, DeviceUnavailableError
 from tega.loop import run_session
+from tega.loop.controls import Controls
 from tega.loop.moment import LoopView
 from tega.records import AdaptationSwitch
 from tega.records.bus import Bus
@@ -66,7 +68,7 @@ def test_a_run_shows_and_counts_what_the_operator_holds(tmp_path: Path) -> None:
 
         loaded = check_tree(settings, {}, base=Path.cwd())
         assert loaded.values["input.dead_man.button"].value == "left"
-        summary = run_session(loaded.config, observer=watch, stop=over)
+        summary = run_session(loaded.config, controls=Controls(stop=over), bus=observed(watch))
     inputs = seen[-1].inputs
     assert inputs["dead_man"].held
     assert inputs["marker"].n_presses == 1
@@ -111,9 +113,8 @@ def test_a_pedal_undoes_the_adaptation_of_the_muscles() -> None:
 
         run_session(
             check_tree(settings, {}, base=Path.cwd()).config,
-            observer=press_once,
-            stop=lambda: any(switch.n_undone == 1 for switch in switches),
-            bus=bus,
+            controls=Controls(stop=lambda: any(switch.n_undone == 1 for switch in switches)),
+            bus=observed(press_once, bus),
         )
     assert pressed
     assert switches[-1].n_undone == 1

@@ -9,37 +9,46 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from reference.scripted import MS, Sink
+from reference.wired import wired_loop
 from tega.config import ReflexSection, load_config
 from tega.config.calibration import TouchMaxima
 from tega.errors import ConfigError
 from tega.hand import CLOSURE_POSES_RAD
 from tega.hand.poses import ClosureScale
-from tega.loop.hand import ModelledAllegro
 from tega.loop.hand_look import HandLooks, fresh_angles_rad, open_looks
-from tega.loop.inbox.sources import EmgBlock
 from tega.loop.inbox.stream import PulledStream
-from tega.loop.loop import DualLoop
 from tega.loop.moment import LoopView
 from tega.loop.pacing import Pacer
 from tega.loop.reflex import ReflexArc, ReflexMoment, open_reflex
 from tega.loop.touch import TouchLoop
 from tega.recording.replay.played_input import PlayedLooks
 from tega.recording.replay.playhead import Playhead
-from tega.records import Event, HandLook, ReflexGrip
+from tega.records import Contact, Event, HandLook, Intent, ReflexGrip
 from tega.records.bus import Bus
 from tega.runtime.clock import ManualClock
 from tega.stages.base import ReflexSetup
 from tega.stages.grip_reflex import GripReflex, GripReflexOptions
 from tega.stages.pulses import PulsesMapping, PulsesOptions
-from tega.tactile import ContactMetrics
 from tega_study.hand_rows import HandRow
 from tega_study.lead.running_trial import Going
 
 _END_S, _LIFTED_S, _SLIDES_S = 4.0, 1.0, 2.5
-_FIRM = ContactMetrics(mass=6e4, centroid_xy=(120.0, 100.0), eda=3000, cci=0.5, peak=30.0, in_contact=True)
+_FIRM = Contact(
+    finger="thumb",
+    t_ns=0,
+    mass=6e4,
+    centroid_xy=(120.0, 100.0),
+    eda=3000,
+    cci=0.5,
+    peak=30.0,
+    in_contact=True,
+)
+
+_NONE = Contact(finger="thumb", t_ns=0, in_contact=False)
 
 
 def _angles_rad(t_s: float) -> NDArray[np.float64]:
@@ -56,18 +65,18 @@ def _height_m(t_s: float) -> float:
     return 0.1 + 0.1 * min(max(t_s - _LIFTED_S, 0.0), 1.0)
 
 
-def _held(t_s: float) -> ContactMetrics:
+def _held(t_s: float) -> Contact:
     """A hold that stays as it is."""
-    return _FIRM if t_s > 0.3 else ContactMetrics()
+    return _FIRM if t_s > 0.3 else _NONE
 
 
-def _loaded(t_s: float) -> ContactMetrics:
+def _loaded(t_s: float) -> Contact:
     """A light grip that load comes upon from 2.5 s on, while what is touched moves on: a slip for touch alone."""
     if t_s <= 0.3:
-        return ContactMetrics()
+        return _NONE
     share = min(max(t_s - _SLIDES_S, 0.0), 1.0)
     mass = 3000 * 3**share
-    return _FIRM._replace(mass=mass, centroid_xy=(120.0, 100 + 25 * share), peak=30 * mass / 6e4)
+    return replace(_FIRM, mass=mass, centroid_xy=(120.0, 100 + 25 * share), peak=30 * mass / 6e4)
 
 
 class Ran:
@@ -76,7 +85,7 @@ class Ran:
     def __init__(
         self,
         *,
-        touch: Callable[[float], ContactMetrics] = _held,
+        touch: Callable[[float], Contact] = _held,
         angles_rad: Callable[[float], NDArray[np.float64] | None] | None = _angles_rad,
         height_m: Callable[[float], float | None] = _height_m,
         pulses: bool = True,
@@ -95,7 +104,7 @@ class Ran:
                 ClosureScale(),
                 lambda: pacer.tick_ns,
             )
-        frames = [(round(k * 1e9 / 60), touch(k / 60)) for k in range(round(60 * _END_S))]
+        frames = [replace(touch(k / 60), t_ns=round(k * 1e9 / 60)) for k in range(round(60 * _END_S))]
         fingers = ("thumb", "index")
         arc = None
         if reflex:
@@ -105,16 +114,15 @@ class Ran:
                 moment=lambda _t_ns: ReflexMoment(1.0, allowed=True, measured=None),
                 tell=self.grips.append,
             )
-        DualLoop(
-            pacer=pacer,
-            touch=TouchLoop(
+        wired_loop(
+            pacer,
+            TouchLoop(
                 dict.fromkeys(fingers, TouchMaxima(cci_max=1.0, eda_max=3000.0)),
                 layout="x40",
                 mapping=(lambda setup: PulsesMapping(setup, PulsesOptions())) if pulses else None,
             ),
             contacts={finger: PulledStream(list(frames)) for finger in fingers},
-            levels=PulledStream([EmgBlock(0, (3,), 3)], end_ns=round(_END_S * 1e9)),
-            hand=ModelledAllegro(),
+            levels=PulledStream([Intent(t_ns=0, channels=(3,), level=3)], end_ns=round(_END_S * 1e9)),
             vests=[self.vest],
             hands=[],
             bus=bus,
@@ -239,7 +247,7 @@ def test_a_study_keeps_no_closure_of_a_hand_that_has_told_no_angles() -> None:
     def kept(angles_rad: list[float]) -> HandRow:
         going = Going(ManualClock(), feel=True, closure=ClosureScale())
         going.begin(0)
-        going.view(LoopView(0, {}, (), None, None, angles_rad, {}))
+        going.view(LoopView(0, {}, None, None, angles_rad, {}))
         (row,) = going.hand()
         return row
 

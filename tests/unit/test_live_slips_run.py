@@ -11,14 +11,16 @@ from typing import Any
 import msgspec
 import pytest
 
+from reference.parts import observed
 from tega.config import check_tree
 from tega.loop import LoopView, run_session
+from tega.loop.controls import Controls
 from tega.recording.mcap_reader import McapReader
 from tega.recording.replay import replay_file
 from tega.recording.replay.play import play_file
 from tega.recording.replay.recorded import read_recorded
 from tega.recording.trim import trim_session
-from tega.records import Event, HandLook
+from tega.records import Event, HandLook, VestFrame
 from tega.records.bus import Bus
 from tega.records.schema import read
 from tega_emulators.lab import emulated_lab
@@ -46,8 +48,12 @@ def test_a_run_looks_at_hand_and_arm_and_goes_by_touch_while_the_hand_is_silent(
 
         summary = run_session(
             check_tree(lab.tree, {}, base=tmp_path).config,
-            observer=look,
-            stop=lambda: (len(seen_ns) > 0 and seen_ns[-1] - seen_ns[0] > 5e9) or time.monotonic() > until_s,
+            controls=Controls(
+                stop=lambda: (
+                    (len(seen_ns) > 0 and seen_ns[-1] - seen_ns[0] > 5e9) or time.monotonic() > until_s
+                )
+            ),
+            bus=observed(look),
         )
     file = tmp_path / "recorded" / summary["recording"]["file"]
     looks = [read(HandLook, m.value) for m in McapReader(file).messages() if m.topic == HandLook.topic]
@@ -133,7 +139,7 @@ def test_a_recording_that_is_played_tells_the_same_slips_and_pulses(
     file = lift["hand"][1]
     play_file(file, config, speed=None, bus=bus)
     assert [event.taken_ns / 1e9 for event in events if event.kind == "slip"] == _slips_s(file)
-    then = {round(t_ns / 1e9, 6): list(levels) for t_ns, _, levels in read_recorded(file).vest}
+    then = {round(one.t_ns / 1e9, 6): list(one.intensities) for one in read_recorded(file).of(VestFrame)}
     with (tmp_path / "out" / "vest.csv").open(newline="") as text:
         now = {float(row[0]): [int(v) for v in row[1:]] for row in list(csv.reader(text))[1:]}
     assert now == then

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import sys
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,7 @@ from tega.recording.mcap_schemas import decoder, schema_bytes
 from tega.records import RECORDS, Contact, HandExchange, Joints, LogLine, Picture, Record, VestFrame
 from tega.records.bus import Bus
 from tega.records.schema import fields
+from tega.ui.view import same_machine
 from tega.ui.view.foxglove_stream import FoxgloveStream
 
 FINGER = "thumb"
@@ -89,6 +91,59 @@ def test_a_viewer_hears_contacts_vest_and_pictures_as_they_come() -> None:
         viewer.peer.close()
     bus.publish(told[0])
     assert bus.problem() == ""
+
+
+@pytest.mark.parametrize(
+    ("headers", "is_served"),
+    [
+        ({}, True),
+        ({"Origin": "https://app.foxglove.dev"}, True),
+        ({"Origin": "file://"}, True),
+        ({"Origin": "https://evil.example"}, False),
+        ({"Origin": "http://127.0.0.1:9"}, False),
+        ({"Origin": "null"}, False),
+        ({"Host": "evil.example"}, False),
+        ({"Host": "evil.example:8765"}, False),
+    ],
+)
+def test_pages_of_other_sites_are_refused(headers: dict[str, str], is_served: bool) -> None:
+    import socket
+
+    with FoxgloveStream(Bus(), port=0) as stream:
+        host = stream.url.removeprefix("ws://")
+        fields = {"Host": host, **headers}
+        with socket.create_connection(("127.0.0.1", int(host.rpartition(":")[2])), timeout=10) as peer:
+            peer.sendall(
+                b"GET / HTTP/1.1\r\n"
+                + b"".join(f"{name}: {value}\r\n".encode() for name, value in fields.items())
+                + b"Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+                b"Sec-WebSocket-Protocol: foxglove.sdk.v1\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n"
+            )
+            answer = peer.recv(4096)
+    assert answer.startswith(b"HTTP/1.1 101" if is_served else b"HTTP/1.1 403"), answer
+
+
+def test_the_server_itself_is_at_no_address_that_a_page_would_try() -> None:
+    with FoxgloveStream(Bus(), port=0) as stream:
+        assert stream._front is not None
+        address, port = stream._front._behind
+        assert port != stream._front.port
+        if sys.platform == "linux":
+            assert address != "127.0.0.1"
+            assert address.startswith("127.")
+
+
+def test_a_client_that_says_nothing_or_too_much_is_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
+    import socket
+
+    monkeypatch.setattr(same_machine, "_HEAD_S", 0.2)
+    with FoxgloveStream(Bus(), port=0) as stream:
+        place = ("127.0.0.1", int(stream.url.rpartition(":")[2]))
+        with socket.create_connection(place, timeout=10) as silent:
+            assert silent.recv(100) == b""
+        with socket.create_connection(place, timeout=10) as flood:
+            flood.sendall(b"GET / HTTP/1.1\r\nX: " + b"x" * 40_000)
+            assert flood.recv(100).startswith(b"HTTP/1.1 403")
 
 
 def test_pictures_are_compressed_for_who_listens_alone(monkeypatch: pytest.MonkeyPatch) -> None:

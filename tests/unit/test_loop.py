@@ -12,24 +12,23 @@ import pytest
 
 from reference.recordings import baseline
 from reference.scripted import MS, STARTED_NS, ScriptedCamera, Sink, live_frame, touching
+from reference.wired import wired_loop
 from tega.config.calibration import TouchMaxima
 from tega.config.choose import preset_metric
 from tega.devices.base import DeviceInfo, EmgChunk
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.haptics import MotorLevels, intensity
-from tega.loop.hand import ModelledAllegro
 from tega.loop.inbox.frames import measured_contacts
 from tega.loop.inbox.reader import ReadAhead, Reader
-from tega.loop.inbox.sources import EmgBlock, SourceReport
+from tega.loop.inbox.sources import SourceReport
 from tega.loop.inbox.stream import LiveStream, PulledStream
 from tega.loop.loop import DualLoop
 from tega.loop.moment import LoopView, Moment
 from tega.loop.pacing import LATE_EDGES_NS, Pacer
 from tega.loop.touch import TouchLoop
-from tega.records import Contact
+from tega.records import Contact, Intent
 from tega.records.bus import Bus
 from tega.runtime.clock import ManualClock, SystemClock
-from tega.tactile import ContactMetrics
 
 SMALL = np.zeros((9, 9, 3), np.uint8)
 LIMP = [(0x180, bytes(8)), (0x184, bytes(8)), (0x188, bytes(8)), (0x18C, bytes(8)), (0x104, b"")]
@@ -48,12 +47,11 @@ def run_loop(
     contacts, bus = contacts or {}, Bus()
     if observer is not None:
         bus.subscribe(Moment, lambda moment: observer(moment.view), vital=True)
-    loop = DualLoop(
-        pacer=Pacer(clock or ManualClock()),
-        touch=TouchLoop(dict.fromkeys(contacts, TouchMaxima(cci_max=1.0, eda_max=100.0)), layout="paper32"),
+    loop = wired_loop(
+        Pacer(clock or ManualClock()),
+        TouchLoop(dict.fromkeys(contacts, TouchMaxima(cci_max=1.0, eda_max=100.0)), layout="paper32"),
         contacts=contacts,
         levels=levels,
-        hand=ModelledAllegro(),
         vests=[vest],
         hands=[hand],
         bus=bus,
@@ -68,8 +66,8 @@ def is_silent(frame: MotorLevels) -> bool:
 
 def test_ticks_come_at_their_deadlines_and_the_way_out_is_last() -> None:
     vest, hand = Sink(), Sink()
-    thumb = PulledStream([(0, touching(50)), (50 * MS, touching(50))], end_ns=100 * MS)
-    levels = PulledStream([EmgBlock(10 * MS, (1, 1, 1), 1)], end_ns=40 * MS)
+    thumb = PulledStream([touching(50, t_ns=0), touching(50, t_ns=50 * MS)], end_ns=100 * MS)
+    levels = PulledStream([Intent(t_ns=10 * MS, channels=(1, 1, 1), level=1)], end_ns=40 * MS)
     report = run_loop(contacts={"thumb": thumb}, levels=levels, vest=vest, hand=hand).report
     assert [t for t, _ in vest.sent] == [0, 33_333_333, 66_666_667, 100 * MS]
     assert [t for t, _ in hand.sent] == [*range(0, 100 * MS, 3 * MS), 100 * MS]
@@ -85,19 +83,19 @@ def test_ticks_come_at_their_deadlines_and_the_way_out_is_last() -> None:
 
 def test_a_level_steers_from_its_stamp_on() -> None:
     hand = Sink()
-    levels = PulledStream([EmgBlock(30 * MS, (4,), 4)], end_ns=600 * MS)
+    levels = PulledStream([Intent(t_ns=30 * MS, channels=(4,), level=4)], end_ns=600 * MS)
     views: list[LoopView] = []
     report = run_loop(levels=levels, vest=Sink(), hand=hand, observer=views.append).report
     assert report.level_ticks == {1: 10, 2: 0, 3: 0, 4: 190, 5: 0}
-    assert [v.block and v.block[2] for v in views[:3]] == [None, 4, 4]
+    assert [v.intent and v.intent.level for v in views[:3]] == [None, 4, 4]
     assert any(any(f.data) for f in hand.sent[-2][1])
     assert [(f.id, f.data) for f in hand.sent[-1][1]] == LIMP
 
 
 def test_a_finger_falls_silent_100_ms_after_its_last_frame() -> None:
     vest = Sink()
-    thumb = PulledStream([(0, touching(100, 1.0))], end_ns=5 * MS)
-    ring = PulledStream([(k * 10 * MS, touching(100, 1.0)) for k in range(40)])
+    thumb = PulledStream([touching(100, 1.0, t_ns=0)], end_ns=5 * MS)
+    ring = PulledStream([touching(100, 1.0, t_ns=k * 10 * MS) for k in range(40)])
     report = run_loop(contacts={"thumb": thumb, "ring": ring}, vest=vest, hand=Sink()).report
     columns = {t: (f.intensities[0], f.intensities[3]) for t, f in vest.sent}
     assert columns[66_666_667] == (99, 99)
@@ -109,10 +107,14 @@ def test_a_finger_falls_silent_100_ms_after_its_last_frame() -> None:
 
 def test_without_contact_or_maximum_nothing_is_felt() -> None:
     touch = TouchLoop({"thumb": TouchMaxima(), "index": TouchMaxima(cci_max=2.0)}, layout="paper32")
-    assert touch.update("thumb", 0, touching(50)) == (0.0, 0.0, 0.0, 0.0)
-    assert touch.update("index", 0, touching(0)) == (0.0, 0.0, 0.0, 0.0)
-    felt = touch.update("index", 0, touching(50, 4.0))
-    assert felt == (1.0, 0.0, intensity(4.0, 2.0), 0.0)
+
+    def felt(finger: str, contact: Contact) -> tuple[float, ...]:
+        one = touch.update(finger, contact)
+        return one.cci_norm, one.eda_norm, one.front, one.back
+
+    assert felt("thumb", touching(50)) == (0.0, 0.0, 0.0, 0.0)
+    assert felt("index", touching(0)) == (0.0, 0.0, 0.0, 0.0)
+    assert felt("index", touching(50, 4.0)) == (1.0, 0.0, intensity(4.0, 2.0), 0.0)
 
 
 def test_frames_of_fingers_are_taken_in_by_time_then_thumb_first() -> None:
@@ -121,15 +123,14 @@ def test_frames_of_fingers_are_taken_in_by_time_then_thumb_first() -> None:
     bus = Bus()
     bus.subscribe(Contact, lambda contact: order.append((contact.t_ns, contact.finger)))
     streams = {
-        "thumb": PulledStream([(t * MS, touching(1)) for t in (0, 20, 21, 40)]),
-        "ring": PulledStream([(t * MS, touching(1)) for t in (0, 10, 21, 39)]),
+        "thumb": PulledStream([touching(1, t_ns=t * MS) for t in (0, 20, 21, 40)]),
+        "ring": PulledStream([touching(1, t_ns=t * MS) for t in (0, 10, 21, 39)]),
     }
-    loop = DualLoop(
-        pacer=Pacer(ManualClock()),
-        touch=TouchLoop(dict.fromkeys(streams, TouchMaxima()), layout="paper32"),
+    loop = wired_loop(
+        Pacer(ManualClock()),
+        TouchLoop(dict.fromkeys(streams, TouchMaxima()), layout="paper32"),
         contacts=streams,
         levels=None,
-        hand=ModelledAllegro(),
         vests=[],
         hands=[],
         bus=bus,
@@ -143,8 +144,8 @@ def test_frames_of_fingers_are_taken_in_by_time_then_thumb_first() -> None:
 
 def test_when_one_sink_fails_the_others_are_still_left_silent() -> None:
     broken, hand = Sink(fail_at_ns=50 * MS), Sink()
-    thumb = PulledStream([(k * 10 * MS, touching(100)) for k in range(30)])
-    levels = PulledStream([EmgBlock(k * 10 * MS, (3,), 3) for k in range(30)])
+    thumb = PulledStream([touching(100, t_ns=k * 10 * MS) for k in range(30)])
+    levels = PulledStream([Intent(t_ns=k * 10 * MS, channels=(3,), level=3) for k in range(30)])
     with pytest.raises(DeviceUnavailableError, match="cable") as caught:
         run_loop(contacts={"thumb": thumb}, levels=levels, vest=broken, hand=hand)
     assert [(f.id, f.data) for f in hand.sent[-1][1]] == LIMP
@@ -153,9 +154,9 @@ def test_when_one_sink_fails_the_others_are_still_left_silent() -> None:
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, RecordingError, ZeroDivisionError])
 def test_every_exception_takes_the_way_out(error: type[BaseException]) -> None:
-    def items() -> Iterator[tuple[int, ContactMetrics]]:
-        yield 0, touching(100)
-        yield 40 * MS, touching(100)
+    def items() -> Iterator[Contact]:
+        yield touching(100)
+        yield touching(100, t_ns=40 * MS)
         raise error("on purpose")
 
     vest, hand = Sink(), Sink()
@@ -177,8 +178,8 @@ def test_what_is_no_exception_on_the_way_out_keeps_nobody_from_it(error: type[Ba
                 raise error("on purpose")
 
     vest = Sink()
-    thumb = PulledStream([(k * 10 * MS, touching(100)) for k in range(10)])
-    levels = PulledStream([EmgBlock(0, (3,), 3)], end_ns=100 * MS)
+    thumb = PulledStream([touching(100, t_ns=k * 10 * MS) for k in range(10)])
+    levels = PulledStream([Intent(t_ns=0, channels=(3,), level=3)], end_ns=100 * MS)
     with pytest.raises(error, match="on purpose"):
         run_loop(contacts={"thumb": thumb}, levels=levels, vest=vest, hand=Panics())
     assert not is_silent(vest.sent[-2][1])
@@ -188,7 +189,7 @@ def test_what_is_no_exception_on_the_way_out_keeps_nobody_from_it(error: type[Ba
 def test_a_problem_only_on_the_way_out_is_raised() -> None:
     with pytest.raises(DeviceUnavailableError, match="cable"):
         run_loop(
-            contacts={"thumb": PulledStream([(0, touching(1))], end_ns=20 * MS)},
+            contacts={"thumb": PulledStream([touching(1, t_ns=0)], end_ns=20 * MS)},
             vest=Sink(fail_at_ns=20 * MS),
             hand=Sink(),
         )
@@ -197,13 +198,13 @@ def test_a_problem_only_on_the_way_out_is_raised() -> None:
 def test_being_told_to_stop_and_a_set_duration_end_it_cleanly() -> None:
     asked = iter([False] * 20 + [True] * 100)
     vest = Sink()
-    endless = ((k * MS, touching(100)) for k in range(10**9))
+    endless = (touching(100, t_ns=k * MS) for k in range(10**9))
     loop = run_loop(
         contacts={"thumb": PulledStream(endless)}, vest=vest, hand=Sink(), stop=lambda: next(asked)
     )
     assert loop.report.ended == "stopped"
     assert is_silent(vest.sent[-1][1])
-    endless = ((k * MS, touching(100)) for k in range(10**9))
+    endless = (touching(100, t_ns=k * MS) for k in range(10**9))
     loop = run_loop(contacts={"thumb": PulledStream(endless)}, vest=vest, hand=Sink(), duration_ns=50 * MS)
     assert (loop.report.ended, loop.report.end_ns) == ("duration", 50 * MS)
 
@@ -223,7 +224,10 @@ def test_a_late_tick_is_made_up_for_and_counted() -> None:
     hand = Sink()
     clock = Jumpy({9 * MS: 20 * MS})
     loop = run_loop(
-        levels=PulledStream([EmgBlock(0, (1,), 1)], end_ns=60 * MS), vest=Sink(), hand=hand, clock=clock
+        levels=PulledStream([Intent(t_ns=0, channels=(1,), level=1)], end_ns=60 * MS),
+        vest=Sink(),
+        hand=hand,
+        clock=clock,
     )
     assert loop.report.n_hand_ticks == 20
     pacing = loop._pacer.report()
@@ -238,7 +242,10 @@ def test_after_a_long_stall_old_commands_are_left_out() -> None:
     hand = Sink()
     clock = Jumpy({30 * MS: 500 * MS})
     loop = run_loop(
-        levels=PulledStream([EmgBlock(0, (1,), 1)], end_ns=900 * MS), vest=Sink(), hand=hand, clock=clock
+        levels=PulledStream([Intent(t_ns=0, channels=(1,), level=1)], end_ns=900 * MS),
+        vest=Sink(),
+        hand=hand,
+        clock=clock,
     )
     times = [t // MS for t, _ in hand.sent]
     assert times[:11] == [*range(0, 30, 3), 432]
@@ -257,29 +264,29 @@ def test_a_manual_clock_never_sleeps_and_the_system_clock_keeps_time() -> None:
 
 
 def test_a_threaded_recording_arrives_whole_and_in_order() -> None:
-    def produce(_stopped: Callable[[], bool]) -> Iterator[tuple[int]]:
+    def produce(_stopped: Callable[[], bool]) -> Iterator[Intent]:
         for k in range(500):
-            yield (k * MS,)
+            yield Intent(t_ns=k * MS)
 
     stream = PulledStream(ReadAhead("test", produce, capacity=4))
     got = []
     for t in range(0, 600, 7):
         while (item := stream.next_until(t * MS)) is not None:
-            assert item[0] <= t * MS
-            got.append(item[0] // MS)
+            assert item.t_ns <= t * MS
+            got.append(item.t_ns // MS)
     assert got == list(range(500))
     assert stream.ended
     stream.close()
 
 
 def test_an_error_in_the_thread_comes_after_what_was_made_before_it() -> None:
-    def produce(_stopped: Callable[[], bool]) -> Iterator[tuple[int]]:
-        yield (0,)
-        yield (MS,)
+    def produce(_stopped: Callable[[], bool]) -> Iterator[Intent]:
+        yield Intent(t_ns=0)
+        yield Intent(t_ns=MS)
         raise RecordingError("frame 3 is torn")
 
     stream = PulledStream(ReadAhead("test", produce))
-    assert stream.next_until(0) == (0,)
+    assert stream.next_until(0) == Intent(t_ns=0)
     with pytest.raises(RecordingError, match="torn"):
         stream.next_until(MS)
     stream.close()
@@ -289,19 +296,19 @@ def test_a_live_stream_never_makes_the_loop_wait_and_loses_the_oldest() -> None:
     lost: list[int] = []
     filled = threading.Event()
 
-    def produce(stopped: Callable[[], bool]) -> Iterator[tuple[int]]:
+    def produce(stopped: Callable[[], bool]) -> Iterator[Intent]:
         for k in range(10):
-            yield (k,)
+            yield Intent(t_ns=k)
         filled.set()
         while not stopped():
             threading.Event().wait(0.01)
 
-    stream: LiveStream[tuple[int]] = LiveStream(capacity=4, on_loss=lambda: lost.append(1))
+    stream: LiveStream[Intent] = LiveStream(capacity=4, on_loss=lambda: lost.append(1))
     reader = Reader("test", produce, stream.put, stream.end)
     assert filled.wait(5)
     got = []
     while (item := stream.next_until(MS)) is not None:
-        got.append(item[0])
+        got.append(item.t_ns)
     assert got == [6, 7, 8, 9]
     assert len(lost) == 6
     assert not stream.ended
@@ -311,11 +318,11 @@ def test_a_live_stream_never_makes_the_loop_wait_and_loses_the_oldest() -> None:
 
 
 def test_a_live_stream_ends_with_its_error_after_the_items_before_it() -> None:
-    stream: LiveStream[tuple[int]] = LiveStream()
-    stream.put((1,))
+    stream: LiveStream[Intent] = LiveStream()
+    stream.put(Intent(t_ns=1))
     stream.end(error=RecordingError("frame 3 is torn"))
     assert not stream.ended
-    assert stream.next_until(MS) == (1,)
+    assert stream.next_until(MS) == Intent(t_ns=1)
     with pytest.raises(RecordingError, match="torn"):
         stream.next_until(MS)
     assert (stream.ended, stream.next_until(MS)) == (True, None)
@@ -323,25 +330,28 @@ def test_a_live_stream_ends_with_its_error_after_the_items_before_it() -> None:
 
 def test_what_came_over_a_link_lapses() -> None:
     now, lost = [0], list[int]()
-    stream: LiveStream[tuple[int]] = LiveStream(clock=lambda: now[0], on_loss=lambda: lost.append(1))
-    stream.put((1,), use_by_ns=10)
-    stream.put((2,), use_by_ns=30)
+    stream: LiveStream[Intent] = LiveStream(clock=lambda: now[0], on_loss=lambda: lost.append(1))
+    stream.put(Intent(t_ns=1), use_by_ns=10)
+    stream.put(Intent(t_ns=2), use_by_ns=30)
     now[0] = 20
-    assert stream.next_until(MS) == (2,)
+    assert stream.next_until(MS) == Intent(t_ns=2)
     assert len(lost) == 1
 
 
 def test_a_pulled_stream_gives_items_when_they_are_known_and_ends_when_that_is_known() -> None:
     over = [False]
-    stream = PulledStream([(1,), (2,)], known=[10, 20], end_ns=25, over=lambda: over[0])
-    assert [stream.next_until(t) for t in (5, 10, 15, 20)] == [None, (1,), None, (2,)]
+    first, second = Intent(t_ns=1), Intent(t_ns=2)
+    stream = PulledStream([first, second], known=[10, 20], end_ns=25, over=lambda: over[0])
+    assert [stream.next_until(t) for t in (5, 10, 15, 20)] == [None, first, None, second]
     assert (stream.next_until(25), stream.ended) == (None, False)
     over[0] = True
     assert (stream.next_until(25), stream.ended, stream.end_ns) == (None, True, 25)
 
 
 def test_closing_a_stream_frees_a_thread_that_waits_for_room() -> None:
-    stream = PulledStream(ReadAhead("waits", lambda _stopped: ((k,) for k in range(10**9)), capacity=2))
+    stream = PulledStream(
+        ReadAhead("waits", lambda _stopped: (Intent(t_ns=k) for k in range(10**9)), capacity=2)
+    )
     assert "tega-waits" in {thread.name for thread in threading.enumerate()}
     stream.close()
     assert "tega-waits" not in {thread.name for thread in threading.enumerate()}
@@ -354,8 +364,8 @@ def test_bad_frames_of_a_live_sensor_are_dropped_and_counted() -> None:
     got = list(
         measured_contacts(camera, baseline(), preset_metric("paper", baseline()), report, start_ns=STARTED_NS)
     )
-    assert [t // MS for t, _ in got] == [0, 64]
-    assert all(m.in_contact for _, m in got)
+    assert [contact.t_ns // MS for contact in got] == [0, 64]
+    assert all(contact.in_contact for contact in got)
     assert (report.n_items, report.n_dropped, report.n_missing, report.lost) == (2, 2, 3, "")
 
 
@@ -413,7 +423,7 @@ def test_chunk_size_does_not_change_levels_or_stamps() -> None:
         return list(grasp_blocks(source, decoder, SourceReport(), maxima=maxima))
 
     whole = blocks(1000)
-    assert [t for t, *_ in whole] == [k * 100 * MS for k in range(1, 51)]
+    assert [intent.t_ns for intent in whole] == [k * 100 * MS for k in range(1, 51)]
     assert blocks(1) == blocks(7) == blocks(333) == whole
 
 

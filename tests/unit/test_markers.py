@@ -14,9 +14,11 @@ from typing import Any
 
 import pytest
 
+from reference.parts import observed
 from reference.waiting import until
 from tega.config import check_tree
 from tega.loop import run_session
+from tega.loop.controls import Controls
 from tega.recording.mcap_reader import McapReader, Message
 from tega.ui.cli.main import main
 from tega_emulators.hid_port import HidBoard, HidPort
@@ -89,7 +91,13 @@ def running(settings: dict[str, Any]) -> Iterator[dict[str, Any]]:
     config = check_tree(settings, {}, base=Path.cwd()).config
 
     def run() -> None:
-        summary.update(run_session(config, stop=over.is_set, on_state=lambda _change: begun.set()))
+        summary.update(
+            run_session(
+                config,
+                controls=Controls(stop=over.is_set),
+                bus=observed(on_state=lambda _change: begun.set()),
+            )
+        )
 
     thread = threading.Thread(target=run)
     thread.start()

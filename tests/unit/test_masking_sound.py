@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 from reference.waiting import until
-from tega.config import MaskingSection, load_config
+from tega.config import load_config
 from tega.errors import ConfigError, DeviceUnavailableError, MissingExtraError
 from tega_emulators.sound_port import SoundPort
-from tega_study.journal import read_events
+from tega_study.journal import events_path, read_events
 from tega_study.lead import lead_session
+from tega_study.masking_settings import MaskingSection
 from tega_study.masking_sound import BAND_HZ, RATE_HZ, MaskingSound, pink_loop
 from tega_study.plan import make_plan, write_plan
-from tega_study.state import events_path
 
 QUIET = MaskingSection(level_dbfs=-30.0)
 

@@ -14,6 +14,9 @@ from typing import Any
 
 import pytest
 
+from reference.parts import observed
+from tega.loop.controls import Controls
+
 pytest.importorskip("zenoh", reason="needs the extra net")
 
 from reference.net import Leader
@@ -63,7 +66,9 @@ class Operator:
         self._thread.join(30)
 
     def _run(self) -> None:
-        self.summary = run_session(self._config, observer=self._observe, stop=self._over.is_set)
+        self.summary = run_session(
+            self._config, controls=Controls(stop=self._over.is_set), bus=observed(self._observe)
+        )
 
     def _observe(self, view: LoopView) -> None:
         self.arm = view.arm

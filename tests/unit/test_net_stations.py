@@ -11,6 +11,9 @@ from typing import Any
 import msgspec
 import pytest
 
+from reference.parts import Given
+from tega.loop.controls import Controls
+
 pytest.importorskip("zenoh", reason="needs the extra net")
 
 from reference.net import Leader
@@ -86,7 +89,10 @@ def test_pictures_come_for_the_page_with_the_gel_they_are_compared_with(files) -
     config = load_config(files[1], environ={}).config
     until_s = time.monotonic() + 60
     summary = run_session(
-        config, on_prepared=watch, stop=lambda: len(seen) > 4 or time.monotonic() > until_s, bus=bus
+        config,
+        bus=bus,
+        controls=Controls(stop=lambda: len(seen) > 4 or time.monotonic() > until_s),
+        parts=[Given(watch)],
     )
     assert {frame.image.shape for frame in seen} == set(baselines)
     # A recording is read a second ahead, so its pictures are early; by our clock they are of about now.
@@ -250,18 +256,18 @@ def test_one_machine_s_settings_are_shared_among_two(tmp_path) -> None:
     address = "tcp/127.0.0.1:7447"
     robot_file, operator_file = write_trees(tmp_path, split(tree, listen=address, connect=address))
     robot, operator = (load_config(file, environ={}).config for file in (robot_file, operator_file))
-    assert robot.net is not None
-    assert operator.net is not None
-    assert operator.net.tracker is not None
-    assert (robot.net.listen, operator.net.connect) == (address, address)
+    assert robot.guests["net"] is not None
+    assert operator.guests["net"] is not None
+    assert operator.guests["net"].tracker is not None
+    assert (robot.guests["net"].listen, operator.guests["net"].connect) == (address, address)
     assert robot.session.preset == operator.session.preset == "paper"
     assert robot.session.out_dir != operator.session.out_dir
     for config in (robot, operator):
-        open_station(config, Bus(), tell=print, stop=lambda: True)  # nothing stands where it does not belong
+        open_station(config, Bus(), stop=lambda: True)  # nothing stands where it does not belong
     with pytest.raises(ConfigError, match="belongs to the operator"):
-        open_station(msgspec.structs.replace(robot, emg=operator.emg), Bus(), tell=print, stop=lambda: True)
+        open_station(msgspec.structs.replace(robot, emg=operator.emg), Bus(), stop=lambda: True)
     with pytest.raises(ConfigError, match="belongs to the robot"):
-        open_station(msgspec.structs.replace(operator, arm=robot.arm), Bus(), tell=print, stop=lambda: True)
+        open_station(msgspec.structs.replace(operator, arm=robot.arm), Bus(), stop=lambda: True)
 
 
 def test_a_message_that_the_transport_refuses_does_not_end_the_sending(monkeypatch) -> None:

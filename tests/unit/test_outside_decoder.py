@@ -15,8 +15,9 @@ import pytest
 
 from reference.waiting import until
 from tega.config import check_tree
-from tega.errors import DeviceUnavailableError
+from tega.errors import DeviceUnavailableError, StreamContradictionError
 from tega.loop import run_session
+from tega.loop.controls import Controls
 from tega.records import Alert, Intent, RunState
 from tega.records.bus import Bus
 from tega.safety.stop import Stop
@@ -27,7 +28,7 @@ pylsl = pytest.importorskip("pylsl")
 pytestmark = pytest.mark.slow
 
 # It sends EMG of 200 Hz and, 20 times a second, the closure that it was told last; "stop" sends closures no more,
-# "old" sends them with stamps of a second ago.
+# "old" sends them with stamps of a second ago, "unix" with the time of day.
 PEER = """
 import random, sys, threading, time
 import pylsl
@@ -48,7 +49,7 @@ while word[0] != "end":
     emg.push_chunk([[random.gauss(0, 20), random.gauss(0, 20)] for _ in range(10)])
     said = word[0].split()
     if said[0] != "stop":
-        age = 1.0 if said[0] == "old" else 0.0
+        age = 1.0 if said[0] == "old" else pylsl.local_clock() - time.time() if said[0] == "unix" else 0.0
         out.push_sample([float(said[-1]), 0.9], pylsl.local_clock() - age)
 """
 
@@ -127,6 +128,27 @@ def test_no_stream_and_a_stream_of_texts_are_refused_with_what_to_do() -> None:
     del outlet
 
 
+def test_two_streams_of_one_name_are_refused() -> None:
+    with (
+        peer("tega-test-twice") as one,
+        peer(one.name),
+        pytest.raises(StreamContradictionError, match="banner: 2 streams have the name 'tega-test-twice'"),
+    ):
+        OutsideDecoder(SETUP, OutsideOptions(stream=one.name))
+
+
+def test_a_closure_with_a_stamp_of_another_clock_is_never_fresh() -> None:
+    with peer("tega-test-clock") as other:
+        decoder = OutsideDecoder(SETUP, OutsideOptions(stream=other.name))
+        until(lambda: decoded(decoder).closure == 0.25)
+        other.say("unix 0.75")
+        until(lambda: decoded(decoder).channels == (0, 0) and decoder.holds.startswith("stamp: "))
+        assert decoded(decoder).closure == 0.25
+        other.say("0.5")
+        until(lambda: decoded(decoder).closure == 0.5)
+        assert decoder.holds == ""
+
+
 def test_a_run_holds_while_the_other_process_is_silent_and_goes_on_after_it(tmp_path: Path) -> None:
     pytest.importorskip("foxglove", reason="needs the extra tega[record]")
     from tega.recording.replay import replay_file
@@ -153,7 +175,9 @@ def test_a_run_holds_while_the_other_process_is_silent_and_goes_on_after_it(tmp_
         over = threading.Event()
         stop.also(lambda: "the test" if over.is_set() else "")
         config = check_tree(tree, {}, base=tmp_path).config
-        run = threading.Thread(target=lambda: done.append(run_session(config, bus=bus, stop=stop)))
+        run = threading.Thread(
+            target=lambda: done.append(run_session(config, bus=bus, controls=Controls(stop=stop)))
+        )
         run.start()
         try:
             until(lambda: states[-1:] == ["active"])

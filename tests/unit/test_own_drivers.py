@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
+from reference.parts import observed
 from tega.config import check_tree
 from tega.config.calibration import Calibration, EmgMaxima, FingerMaxima, save_calibration
 from tega.devices import registry
@@ -132,7 +133,9 @@ def alerts_of(tmp_path: Path, hand: str) -> set[str]:
         "hand": {"driver": hand},
     }
     seen: set[str] = set()
-    run_session(check_tree(tree, {}, base=tmp_path).config, observer=lambda view: seen.update(view.alerts))
+    run_session(
+        check_tree(tree, {}, base=tmp_path).config, bus=observed(lambda view: seen.update(view.alerts))
+    )
     return seen
 
 

@@ -18,7 +18,8 @@ import can
 import numpy as np
 import pytest
 
-from tega.devices.hand.allegro import Allegro, AllegroOptions
+from tega.devices.hand.allegro import Allegro
+from tega.devices.hand.allegro_options import AllegroOptions
 from tega.hand import CLOSURE_POSES_RAD
 from tega_emulators.process import Emulator
 

@@ -11,6 +11,8 @@ from typing import Any
 
 import pytest
 
+from tega.loop.controls import Controls
+
 pytest.importorskip("cv2")
 pytest.importorskip("av")
 pytest.importorskip("foxglove")
@@ -29,11 +31,12 @@ from reference.waiting import until
 from tega.config import check_tree
 from tega.errors import DeviceUnavailableError
 from tega.loop import run_session
-from tega.records import Alert, SceneVideo
+from tega.records import Alert
 from tega.records.bus import Bus
 from tega.setup.doctor import examine
 from tega_scene.pictures import read_pictures
 from tega_scene.record import export_camera
+from tega_scene.records import SceneVideo
 
 pytestmark = [
     pytest.mark.slow,
@@ -64,7 +67,9 @@ class Run:
         bus.subscribe(SceneVideo, self._count, vital=True)
         bus.subscribe(Alert, self._hear, vital=True)
         try:
-            self._summary = run_session(config_of(self._folder, self._url), bus=bus, stop=self._done.is_set)
+            self._summary = run_session(
+                config_of(self._folder, self._url), bus=bus, controls=Controls(stop=self._done.is_set)
+            )
         except Exception as error:
             self._failed = error
 

@@ -13,7 +13,7 @@ from reference.scripted import MS
 from tega.config.choose import preset_metric
 from tega.devices.base import TactileFrame
 from tega.loop.inbox.frames import FrameMeter
-from tega.loop.inbox.picture_votes import PictureVotes
+from tega.loop.inbox.picture_votes import picture_fault, untouched_lines
 from tega.loop.inbox.sources import SourceReport
 
 Image = NDArray[np.uint8]
@@ -91,13 +91,15 @@ def test_a_recording_keeps_its_dark_pictures() -> None:
 def test_an_edge_that_is_black_by_itself_is_not_torn() -> None:
     rim = BASELINE.copy()
     rim[:6] = rim[-6:] = 0
-    votes = PictureVotes(rim)
+    untouched, before = untouched_lines(rim), list[bytes]()
 
     def seen(image: Image) -> Image:
         image[:6] = image[-6:] = 0
         return image
 
-    assert all(votes.take(seen(picture()), k * 20 * MS) for k in range(5))
+    for _ in range(5):
+        fault, before = picture_fault(seen(picture()), untouched, before)
+        assert not fault
 
 
 @pytest.mark.parametrize("clip", ["digit_ball_D20641", "gsmini_shapes", "gsmini_soft_grips"])
@@ -107,6 +109,7 @@ def test_no_real_press_costs_a_vote(recordings: Path, clip: str) -> None:
     assert len(files) > 20
     images = [image for image in (cv2.imread(str(file)) for file in files) if image is not None]
     of_a_size = [image for image in images if image.shape == images[0].shape]
-    votes = PictureVotes(of_a_size[0])
-    refused = [votes._wrong(image) for image in of_a_size[1:]]
-    assert not any(refused)
+    untouched, before = untouched_lines(of_a_size[0]), list[bytes]()
+    for image in of_a_size[1:]:
+        fault, before = picture_fault(image, untouched, before)
+        assert not fault

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
+from reference.parts import observed
 from reference.sessions import tree as sessions_tree
 from reference.waiting import until
 from tega.config import SessionConfig, check_tree
@@ -25,12 +26,13 @@ from tega.config.calibration.folder import CalibrationFolder
 from tega.errors import ConfigError
 from tega.haptics import MotorLevels
 from tega.loop import run_session
+from tega.loop.controls import Controls
 from tega.loop.moment import LoopView
 from tega.recording.replay.play import LEAD_S, play_file
 from tega.recording.replay.play_clock import PlayClock
 from tega.recording.replay.playhead import Playhead
 from tega.recording.replay.recorded import read_recorded
-from tega.records import ArmTurn, Contact, HeardMarker, Marker, PoseNumbers
+from tega.records import ArmTurn, Contact, HandCommand, HeardMarker, Marker, PoseNumbers, VestFrame
 from tega.records.bus import Bus
 from tega.runtime.files.toml_text import tree_text
 from tega.ui.cli.main import main
@@ -74,11 +76,11 @@ def test_as_fast_as_it_goes_it_is_what_was_recorded(made_up: Path, tmp_path: Pat
     summary = play_file(made_up, checked({"session": {"out_dir": str(tmp_path / "out")}}), speed=None)
     assert summary["ended"] == "complete"
     recorded = read_recorded(made_up)
-    then = {round(t_ns / 1e9, 6): list(levels) for t_ns, _, levels in recorded.vest}
+    then = {round(one.t_ns / 1e9, 6): list(one.intensities) for one in recorded.of(VestFrame)}
     now = {float(row[0]): [int(v) for v in row[1:]] for row in rows(tmp_path / "out" / "vest.csv")}
     assert now == then
     assert max(max(frame) for frame in now.values()) > 50
-    frames = [f"{f.id:03X} {f.data.hex().upper()}" for _, _, sent in recorded.hand for f in sent]
+    frames = [f"{f.id:03X} {f.data.hex().upper()}" for one in recorded.of(HandCommand) for f in one.frames]
     assert [f"{row[1]} {row[2]}" for row in rows(tmp_path / "out" / "can.csv")][: len(frames)] == frames
     notes = json.loads((tmp_path / "out" / "summary.json").read_text())["notes"]
     assert f"thumb: played from {made_up.name} as fast as it went" in notes
@@ -90,7 +92,7 @@ def test_at_four_times_the_speed_a_vest_is_told_as_often_as_ever(made_up: Path, 
     times = [float(row[0]) for row in rows(tmp_path / "out" / "vest.csv")][:-1]
     # A thirtieth of a second is four thirtieths of the recording.
     assert all(abs(t_s * 30 / 4 - round(t_s * 30 / 4)) < 1e-3 for t_s in times)
-    assert len(times) <= len(recorded.vest) / 4 + 1
+    assert len(times) <= len(recorded.of(VestFrame)) / 4 + 1
 
 
 def test_the_clock_stands_until_it_is_waited_for_and_runs_at_its_speed() -> None:
@@ -146,8 +148,8 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
 def told(file: Path) -> list[list[int]]:
     """The frames of a recording, in the wearer's order, without those that are equal to the one before."""
     frames: list[list[int]] = [[0] * 40]
-    for _, layout, levels in read_recorded(file).vest:
-        frame = MotorLevels(layout, np.frombuffer(levels, np.uint8)).x40().tolist()
+    for one in read_recorded(file).of(VestFrame):
+        frame = MotorLevels(one.layout, np.array(one.intensities, np.uint8)).x40().tolist()
         if frame != frames[-1]:
             frames.append(frame)
     return frames[1:]
@@ -159,7 +161,7 @@ def test_the_vest_is_told_what_it_was_told_and_the_hand_asked_what_it_was_asked(
     before = len(seen_by(lab.vest).history)
     levels: list[int] = []
     summary = play_file(
-        file, checked(to), observer=lambda view: levels.append(view.block[2] if view.block else 0)
+        file, checked(to), bus=observed(lambda view: levels.append(view.intent.level if view.intent else 0))
     )
     assert summary["ended"] == "complete"
     states = [change["state"] for change in summary["safety"]["changes"]]
@@ -174,7 +176,7 @@ def test_the_vest_is_told_what_it_was_told_and_the_hand_asked_what_it_was_asked(
     # A machine that stood still has left deadlines out.
     if not summary["pacing"]["skipped"]:
         assert len(seen) > 0.6 * len(then)
-        assert max(levels) == max(level for _, level, _ in read_recorded(file).hand)
+        assert max(levels) == max(one.level for one in read_recorded(file).of(HandCommand))
     assert lab.limp()
     assert lab.at_rest()
     assert summary["played"]["lead_s"] == LEAD_S
@@ -223,21 +225,21 @@ def test_in_the_lead_the_vest_rests_and_the_hand_goes_to_where_it_began(made_up:
     seen: list[tuple[int, int, bool]] = []
 
     def look(view: LoopView) -> None:
-        if view.block is not None and view.vest is not None:
-            seen.append((view.t_ns, view.block[2], bool(view.vest.intensities.any())))
+        if view.intent is not None and view.vest is not None:
+            seen.append((view.t_ns, view.intent.level, bool(view.vest.intensities.any())))
 
     # A live driver, and nothing but this terminal's error output behind it.
-    play_file(made_up, checked({"vest": {"driver": "on-screen-vest"}}), speed=2.0, observer=look)
+    play_file(made_up, checked({"vest": {"driver": "on-screen-vest"}}), speed=2.0, bus=observed(look))
     lead = [(level, felt) for t_ns, level, felt in seen if t_ns < 2 * LEAD_S * 1e9]
     assert len(lead) > 40
-    assert set(lead) == {(read_recorded(made_up).hand[0][1], False)}
+    assert set(lead) == {(read_recorded(made_up).of(HandCommand)[0].level, False)}
     assert any(felt for _, _, felt in seen)
 
 
 def test_asked_to_stop_while_it_reads_it_opens_nothing(made_up: Path) -> None:
     nowhere = checked({"vest": {"driver": "bhaptics-player", "options": {"port": 1}}})
     with pytest.raises(KeyboardInterrupt):
-        play_file(made_up, nowhere, stop=lambda: True)
+        play_file(made_up, nowhere, controls=Controls(stop=lambda: True))
 
 
 def refused(call: Callable[[], object]) -> str:
@@ -330,7 +332,7 @@ def test_the_recorded_arm_and_the_markers_are_seen_again_and_no_arm_is_moved(tmp
         bus.subscribe(Marker, marked.append)
         to = checked({"session": {"out_dir": str(tmp_path / f"out-{from_s:g}")}})
         summary = play_file(
-            recording, to, speed=None, playhead=Playhead(from_s), bus=bus, observer=views.append
+            recording, to, speed=None, playhead=Playhead(from_s), bus=observed(views.append, bus)
         )
         assert [(marker.text, marker.source) for marker in marked] == [
             (text, "recording") for text in expected

@@ -10,6 +10,9 @@ from typing import Any
 
 import pytest
 
+from reference.parts import observed
+from tega.records import Intent, VestFrame
+
 pytest.importorskip("foxglove", reason="needs the extra record")
 
 from reference.chromium import launched, opened
@@ -65,7 +68,9 @@ def test_a_run_can_begin_anywhere(recorded: Path, tmp_path: Path) -> None:
     assert summary["ended"] == "complete"
     assert summary["duration_s"] == pytest.approx(SECONDS - 1.0, abs=0.05)
     assert summary["played"]["from_s"] == 1.0
-    then = {round(t_ns * 30 / 1e9): list(levels) for t_ns, _, levels in read_recorded(recorded).vest}
+    then = {
+        round(one.t_ns * 30 / 1e9): list(one.intensities) for one in read_recorded(recorded).of(VestFrame)
+    }
     now = frames(tmp_path)
     # The smoothing of what is felt needs a few frames to be as it was.
     same = [now[k] == then[k + 30] for k in range(10, max(now) - 1)]
@@ -87,7 +92,7 @@ def test_a_jump_goes_there_and_the_run_ends_as_much_earlier_or_later(
         if t_s >= at_s and not playhead.n_jumps:
             playhead.go_to(to_s)
 
-    summary = played(recorded, tmp_path, playhead, observer=look)
+    summary = played(recorded, tmp_path, playhead, bus=observed(look))
     assert summary["played"]["jumps"] == 1
     assert summary["duration_s"] == pytest.approx(SECONDS + at_s - to_s, abs=0.12)
     times = [t_s for t_s, _ in seen]
@@ -102,37 +107,34 @@ def test_a_jump_goes_there_and_the_run_ends_as_much_earlier_or_later(
 def test_after_a_jump_the_level_that_stood_there_is_asked_for_at_once() -> None:
     playhead = Playhead()
     playhead.begin(10_000 * MS, 0)
-    items = [(1000 * MS, "two"), (5000 * MS, "four"), (9000 * MS, "one")]
+    items = [Intent(t_ns=t_s * 1000 * MS, level=level) for t_s, level in ((1, 2), (5, 4), (9, 1))]
 
-    def stamped(item: tuple[int, str], t_ns: int) -> tuple[int, str]:
-        return t_ns, item[1]
+    def stream(first: Intent | None) -> LiveStream[Intent]:
+        known = [item.t_ns for item in items]
+        return PlayedItems(items, known, playhead=playhead, first=first).stream
 
-    def stream(first: tuple[int, str] | None) -> LiveStream[tuple[int, str]]:
-        known = [t for t, _ in items]
-        return PlayedItems(items, known, playhead=playhead, stamped=stamped, first=first).stream
+    levels, touch = stream(Intent(t_ns=0, level=5)), stream(None)
 
-    levels, touch = stream((0, "open")), stream(None)
-
-    def come(t_ms: int) -> tuple[list[tuple[int, str]], list[tuple[int, str]]]:
+    def come(t_ms: int) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
         playhead.reach(t_ms * MS)
         both = [], []  # type: ignore[var-annotated]
         for stream, taken in zip((levels, touch), both, strict=True):
             while (item := stream.next_until(t_ms * MS)) is not None:
-                taken.append(item)
+                taken.append((item.t_ns, item.level))
         return both
 
-    assert come(0) == ([(0, "open")], [])
+    assert come(0) == ([(0, 5)], [])
     assert come(900) == ([], [])
-    assert come(1000) == ([(1000 * MS, "two")], [(1000 * MS, "two")])
+    assert come(1000) == ([(1000 * MS, 2)], [(1000 * MS, 2)])
     playhead.go_to(6.0)
-    assert come(2000) == ([(2000 * MS, "four")], [])
+    assert come(2000) == ([(2000 * MS, 4)], [])
     playhead.go_to(0.0)
-    assert come(3000) == ([(3000 * MS, "open")], [])
-    assert come(4000) == ([(4000 * MS, "two")], [(4000 * MS, "two")])
+    assert come(3000) == ([(3000 * MS, 5)], [])
+    assert come(4000) == ([(4000 * MS, 2)], [(4000 * MS, 2)])
     playhead.go_to(6.0)
-    assert come(5000) == ([(5000 * MS, "four")], [])
+    assert come(5000) == ([(5000 * MS, 4)], [])
     assert (levels.ended, touch.ended) == (False, False)
-    assert come(9000) == ([(8000 * MS, "one")], [(8000 * MS, "one")])
+    assert come(9000) == ([(8000 * MS, 1)], [(8000 * MS, 1)])
     assert (levels.ended, touch.ended) == (True, True)
     assert levels.end_ns == touch.end_ns == 9000 * MS
 

@@ -16,6 +16,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from reference.parts import observed
+
 pytest.importorskip("foxglove", reason="needs the extra record")
 pytest.importorskip("av", reason="needs the extra lerobot")
 
@@ -25,7 +27,6 @@ from tega.config import SessionConfig, check_tree
 from tega.config.choose import finger_metric
 from tega.errors import RecordingError
 from tega.loop.moment import LoopView, Moment
-from tega.loop.touch import TouchMoment
 from tega.recording.mcap_reader import McapReader
 from tega.recording.replay import replay_file
 from tega.recording.replay.play import play_file
@@ -33,14 +34,14 @@ from tega.recording.replay.playhead import Playhead
 from tega.recording.replay.recorded import read_recorded
 from tega.records import EmgSamples, Marker
 from tega.records.bus import Bus
+from tega.records.display import DisplayPicture
 from tega.stages.base import MeasuredPicture
-from tega.stages.metrics import contact_metrics_of
 from tega.ui.cli.main import main
 from tega.ui.view.browser import BrowserView, Controls
 from tega.ui.view.browser.camera_pictures import cameras_html
 from tega.ui.view.browser.feed import SessionFeed
 from tega.ui.view.state import ViewState
-from tega_scene.decode import SceneDecoder, ScenePicture, stands_alone
+from tega_scene.decode import SceneDecoder, stands_alone
 from tega_scene.settings import VideoFormat
 from tega_scene.video import SceneEncoder, shrunk
 
@@ -101,7 +102,8 @@ def test_pictures_are_measured_again_with_the_maps_of_the_run_s_metric(
     bus = Bus()
 
     def see(one: MeasuredPicture) -> None:
-        seen.append((one.finger, one.t_ns, one.image, one.metrics, one.metric.touch_map().height.copy()))  # type: ignore[union-attr]
+        contact = one.contact
+        seen.append((contact.finger, contact.t_ns, one.image, contact, one.metric.touch_map().height.copy()))  # type: ignore[union-attr]
 
     bus.subscribe(MeasuredPicture, see, vital=True)
     summary = play_file(lossless, nowhere(tmp_path), speed=None, bus=bus)
@@ -120,7 +122,7 @@ def test_pictures_are_measured_again_with_the_maps_of_the_run_s_metric(
         for one, (_, t_ns, image) in zip(
             (s for s in seen if s[0] == finger), (g for g in given if g[0] == finger), strict=True
         ):
-            assert repr(one[3]) == repr(contact_metrics_of(metric.update(image, t_ns)))  # NaN is no NaN
+            assert repr(one[3]) == repr(metric.update(image, t_ns))  # NaN is no NaN
             assert np.array_equal(one[4], metric.touch_map().height)  # type: ignore[union-attr]
     assert any(one[4].max() > 0 for one in seen)
     assert summary["played"]["shown"] == {"thumb": 90, "ring": 60}
@@ -144,8 +146,7 @@ def test_of_a_jpeg_recording_pictures_are_shown_too_and_damage_in_one_is_passed_
         rewritten(file, tmp_path / "trial-009.mcap", damage),
         nowhere(tmp_path),
         speed=None,
-        bus=heard.bus,
-        observer=views.append,
+        bus=observed(views.append, heard.bus),
     )
     assert summary["played"]["shown"] == {"thumb": 90, "ring": 59}
     why = "/tactile/ring/image: a picture of 10 bytes cannot be decoded"
@@ -180,15 +181,18 @@ def test_after_a_jump_pictures_and_samples_are_of_there_and_stamped_by_the_run(
         lossless, frame=lambda f, p, _: images.update({p.image.tobytes(): p.t_ns} if f == "thumb" else {})
     )
     play_file(
-        lossless, nowhere(tmp_path), speed=None, bus=heard.bus, playhead=playhead,
-        observer=jumping(playhead, {0.4: 1.2, 0.6: 0.1}),
-    )  # fmt: skip
-    thumb = [one for one in heard.of(MeasuredPicture) if one.finger == "thumb"]
-    run_ns = [one.t_ns for one in thumb]
+        lossless,
+        nowhere(tmp_path),
+        speed=None,
+        playhead=playhead,
+        bus=observed(jumping(playhead, {0.4: 1.2, 0.6: 0.1}), heard.bus),
+    )
+    thumb = [one for one in heard.of(MeasuredPicture) if one.contact.finger == "thumb"]
+    run_ns = [one.contact.t_ns for one in thumb]
     assert run_ns == sorted(run_ns)
     # By the run's time: the first 0.4 s, then 1.2 to 1.4 s, then from 0.1 s on; a tick and a picture may be between.
     for one in thumb:
-        at_ms, of_ms = one.t_ns / MS, images[one.image.tobytes()] / MS
+        at_ms, of_ms = one.contact.t_ns / MS, images[one.image.tobytes()] / MS
         shift_ms = 0.0 if at_ms < 400 else -800.0 if at_ms < 600 else 500.0
         if min(abs(at_ms - 400), abs(at_ms - 600)) > 60:
             assert at_ms - of_ms == pytest.approx(shift_ms, abs=40), at_ms
@@ -222,14 +226,15 @@ def test_the_page_s_moments_have_pictures_signal_and_markers_of_a_played_recordi
     feed = SessionFeed({}, bus)
     bus.subscribe(Moment, lambda m: states.append(feed.complete(ViewState(m.t_ns, m.view))), vital=True)
     bus.publish(Marker(t_ns=300 * MS, text="lift <b>", source="marker"))
-    play_file(lossless, nowhere(tmp_path), speed=None, bus=bus, on_prepared=feed.watch)
+    play_file(lossless, nowhere(tmp_path), speed=None, bus=bus, parts=[feed])
     state = next(one for one in states if one.t_ns >= 1000 * MS)
     assert state.images is not None
     assert set(state.images) == {"thumb", "ring"}
     image = state.images["thumb"]
     assert image.map is not None
     assert image.map.unit == "mm"
-    assert image.metrics == state.loop.contacts["thumb"][1]
+    assert image.contact.t_ns == state.loop.contacts["thumb"].t_ns
+    assert image.contact.eda == state.loop.contacts["thumb"].eda
     assert state.emg is not None
     assert len(state.emg.samples) == pytest.approx(1000, abs=110)
     assert state.rows["marker"] == "lift <b>, 0.7 s ago"
@@ -241,8 +246,7 @@ def test_at_its_own_speed_a_thread_reads_and_is_gone_after_the_run(lossless: Pat
         lossless,
         nowhere(tmp_path),
         speed=1.0,
-        bus=heard.bus,
-        observer=lambda _view: threads.update(one.name for one in threading.enumerate()),
+        bus=observed(lambda _view: threads.update(one.name for one in threading.enumerate()), heard.bus),
     )
     assert "tega-played" in threads
     assert "tega-played" not in {one.name for one in threading.enumerate()}
@@ -260,17 +264,21 @@ def test_scene_pictures_are_those_of_the_playhead_also_after_jumps(
     film = packets(filmed(times_ms), video)
     side = write_scene(tmp_path / "scene.mcap", {"front": film, "side": film[:20]}, video=video)
     playhead, bus = Playhead(), Bus()
-    told = list[tuple[float, int, int, ScenePicture]]()
+    told = list[tuple[float, int, int, DisplayPicture]]()
 
-    def see(one: ScenePicture) -> None:
+    def see(one: DisplayPicture) -> None:
         told.append((playhead.at_s, playhead.shift_ns, playhead.n_jumps, one))
 
-    bus.subscribe(ScenePicture, see, vital=True)
+    bus.subscribe(DisplayPicture, see, vital=True)
     summary = play_file(
-        moved, nowhere(tmp_path), speed=None, bus=bus, playhead=playhead, scenes=[side],
-        observer=jumping(playhead, {0.4: 1.2, 0.6: 0.1, 0.9: 0.45}),
-    )  # fmt: skip
-    front = [row for row in told if row[-1].camera == "front"]
+        moved,
+        nowhere(tmp_path),
+        speed=None,
+        playhead=playhead,
+        bus=observed(jumping(playhead, {0.4: 1.2, 0.6: 0.1, 0.9: 0.45}), bus),
+        others=[side],
+    )
+    front = [row for row in told if row[-1].name == "front"]
     assert {n_jumps for _, _, n_jumps, _ in front} == {0, 1, 2, 3}
     for at_s, shift_ns, _, one in front:
         # The newest picture of the moment that is played, and none of those that were decoded on the way to it.
@@ -281,7 +289,7 @@ def test_scene_pictures_are_those_of_the_playhead_also_after_jumps(
     assert summary["played"]["shown"]["front"] == len(front)
     assert len(front) == pytest.approx(summary["duration_s"] * 25, abs=6)
     # The other camera ended at 0.26 s, and a second later has no picture.
-    others = [one.image is None for *_, one in told if one.camera == "side"]
+    others = [one.image is None for *_, one in told if one.name == "side"]
     assert set(others) == {False, True}
 
 
@@ -297,17 +305,17 @@ def test_a_scene_that_cannot_be_used_is_refused_in_words(moved: Path, lossless: 
         "rubbish.mcap": ([(t_ns, b"rubbish") for t_ns, _ in film], None, "", "no picture of its video"),
         "empty.mcap": ([], None, "", "holds no scene camera"),
     }
-    bus = _Heard(ScenePicture).bus
+    bus = _Heard(DisplayPicture).bus
     for name, (found, table, video, words) in wrong.items():
         scene = write_scene(tmp_path / name, {"front": found}, video=video or "h264", table=table)
         with pytest.raises(RecordingError, match=words):
-            play_file(moved, nowhere(tmp_path), speed=None, bus=bus, scenes=[scene])
+            play_file(moved, nowhere(tmp_path), speed=None, bus=bus, others=[scene])
     (tmp_path / "text.mcap").write_text("no recording")
     for scene in (tmp_path / "text.mcap", tmp_path / "missing.mcap"):
         with pytest.raises(RecordingError, match=scene.name):
-            play_file(moved, nowhere(tmp_path), speed=None, bus=bus, scenes=[scene])
+            play_file(moved, nowhere(tmp_path), speed=None, bus=bus, others=[scene])
     with pytest.raises(RecordingError, match="holds no scene camera"):
-        play_file(moved, nowhere(tmp_path), speed=None, bus=bus, scenes=[lossless])
+        play_file(moved, nowhere(tmp_path), speed=None, bus=bus, others=[lossless])
 
 
 def test_damage_in_a_video_is_told_and_the_next_picture_that_stands_alone_is_shown(
@@ -317,8 +325,8 @@ def test_damage_in_a_video_is_told_and_the_next_picture_that_stands_alone_is_sho
     film = packets(filmed(times_ms))
     film[12] = (film[12][0], b"")
     scene = write_scene(tmp_path / "scene.mcap", {"front": film})
-    heard = _Heard(ScenePicture)
-    summary = play_file(moved, nowhere(tmp_path), speed=None, bus=heard.bus, scenes=[scene])
+    heard = _Heard(DisplayPicture)
+    summary = play_file(moved, nowhere(tmp_path), speed=None, bus=heard.bus, others=[scene])
     shown = [number_of(one.image) for one in heard.told]
     assert shown == [*range(12), *range(20, 30)]
     assert summary["played"]["not_shown"] == [
@@ -360,7 +368,7 @@ def test_video_inside_the_recording_itself_is_shown(lossless: Path, tmp_path: Pa
                 ids[channel.topic] = writer.register_channel(channel.topic, "protobuf", schema_id)
             writer.add_message(ids[channel.topic], log_ns, message.data, log_ns)
         writer.finish()
-    heard = _Heard(ScenePicture)
+    heard = _Heard(DisplayPicture)
     play_file(both, nowhere(tmp_path), speed=None, bus=heard.bus)
     assert [number_of(one.image) for one in heard.told] == list(range(30))
     assert replay_file(both).same
@@ -451,7 +459,7 @@ def shown(html: str) -> NDArray[np.uint8]:
 
 
 def test_the_page_shows_scene_pictures_and_looks_back_at_them() -> None:
-    view_of = LoopView(0, {}, [TouchMoment(0.0, 0.0, 0.0, 0.0)] * 4, None, None, None, {})
+    view_of = LoopView(0, {}, None, None, None, {})
 
     def state(k: int) -> ViewState:
         image = numbered(k)

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from reference.parts import observed
 from tega.config import check_tree
 from tega.loop.gc_pause import settle, settled
 from tega.loop.moment import LoopView
@@ -123,7 +124,7 @@ def test_a_run_that_is_told_to_takes_no_real_time(tmp_path: Path) -> None:
     with emulated_lab(tmp_path, emg_hz=250.0) as lab:
         for wanted in (True, False):
             lab.tree["session"] = {"duration_s": 0.5, "realtime": wanted}
-            summary = run_session(check_tree(lab.tree, {}, base=tmp_path).config, observer=look)
+            summary = run_session(check_tree(lab.tree, {}, base=tmp_path).config, bus=observed(look))
             allowed = wanted and sys.platform == "linux" and _granted()
             assert summary["pacing"]["real_time"] is allowed
     assert min(frozen) > 10_000

@@ -34,7 +34,7 @@ def test_public_names_are_there_and_not_private() -> None:
 
 
 def test_a_changed_signature_is_seen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    from tega.emg import levels as emg
+    from tega import emg
 
     def fuse_levels(levels: list[int], strict: bool = True) -> int:
         return levels[0] if strict else 0

@@ -9,26 +9,34 @@ from collections.abc import Callable
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
+from reference.parts import observed
 from reference.scripted import MS, Sink
+from reference.wired import wired_loop
 from tega.config import check_tree, load_config
 from tega.config.calibration import TouchMaxima
 from tega.errors import ConfigError, DeviceUnavailableError
 from tega.haptics import FeltMap, MotorLevels
-from tega.loop.hand import ModelledAllegro
+from tega.haptics.motor_layout import find_layout
+from tega.loop.controls import Controls
 from tega.loop.inbox.stream import PulledStream
-from tega.loop.loop import DualLoop
 from tega.loop.moment import LoopView
 from tega.loop.pacing import Pacer
 from tega.loop.session import run_session
 from tega.loop.touch import TouchLoop
 from tega.recording.replay import replay_file
+from tega.records import Contact, Event
 from tega.runtime.clock import ManualClock
+from tega.stages.base import VestSetup
+from tega.stages.changes import ChangesMapping
+from tega.stages.metrics import contact_record
 from tega.stages.pulses import PulsesMapping, PulsesOptions
-from tega.tactile import ContactMetrics
+from tega.stages.slip_row import SlipRowMapping
 from tega_emulators.lab import emulated_lab
 from tega_emulators.vests import seen_by
 
@@ -36,10 +44,12 @@ FRAME_MS = 16
 LONG_S = 60.0
 
 
-def touch(mass: float, y: float = 100.0) -> ContactMetrics:
+def touch(mass: float, y: float = 100.0, t_ns: int = 0) -> Contact:
     """Return a contact of so much pressure in all, or none."""
     on = mass > 0
-    return ContactMetrics(
+    return Contact(
+        finger="index",
+        t_ns=t_ns,
         mass=mass,
         centroid_xy=(120.0, y) if on else (math.nan, math.nan),
         spread=1.0,
@@ -60,7 +70,7 @@ def pulsing(maxima: TouchMaxima, *, felt: FeltMap | None = None, **pulses: float
 
 
 def told(
-    script: list[ContactMetrics],
+    script: list[Contact],
     *,
     fail_at_ns: int | None = None,
     felt: FeltMap | None = None,
@@ -69,13 +79,12 @@ def told(
     """Run the loop over an index finger's frames; return changes of (time, front, back), all frames, and the loop."""
     vest = Sink(fail_at_ns)
     loop = pulsing(TouchMaxima(cci_max=1.0, eda_max=3000.0), felt=felt, **pulses)
-    items = [(n * FRAME_MS * MS, metrics) for n, metrics in enumerate(script)]
-    run = DualLoop(
-        pacer=Pacer(ManualClock()),
-        touch=loop,
+    items = [replace(contact, t_ns=n * FRAME_MS * MS) for n, contact in enumerate(script)]
+    run = wired_loop(
+        Pacer(ManualClock()),
+        loop,
         contacts={"index": PulledStream(items, end_ns=len(script) * FRAME_MS * MS)},
         levels=None,
-        hand=ModelledAllegro(),
         vests=[vest],
         hands=[],
         by_frame=True,
@@ -94,20 +103,36 @@ def told(
     return changes, vest.sent, loop.mapping
 
 
-def test_pulses_come_at_contact_slip_and_release_and_silence_is_between() -> None:
+@pytest.mark.parametrize("mapping", [PulsesMapping, SlipRowMapping, ChangesMapping])
+def test_only_certain_slips_are_shown(mapping: Any) -> None:
+    options = mapping.options_type() if mapping is PulsesMapping else mapping.options_type(slip_row="bottom")
+    setup = VestSetup(find_layout("x40"), ("index",), {"index": {"cci": 1.0, "eda": 3000.0}}, None)
+    contacts = {"index": contact_record("index", 0, touch(3000))}
+
+    def shown(confidence: float) -> float:
+        slip = Event(t_ns=0, finger="", kind="slip", confidence=confidence)
+        made = mapping(setup, options)
+        rest = mapping(setup, options).levels(1, contacts, ())
+        return float(np.abs(made.levels(1, contacts, (slip,)) - rest).max())
+
+    assert shown(0.49) == 0
+    assert shown(0.5) == 100
+
+
+def test_pulses_come_at_contact_and_release_and_none_at_a_slip_by_touch_alone() -> None:
     # A light grip that load comes upon, while what is touched moves on.
     hold = [touch(0)] * 30 + [touch(3000)] * 150
     slides = [touch(3000 * 3**f, 100 + 25 * f) for f in np.arange(60) / 60]
     changes, sent, loop = told(hold + slides + [touch(9000, 125)] * 60 + [touch(0)] * 60)
     assert [(front, back) for _, front, back in changes] == [
-        (0, 0), (70, 0), (0, 0), (100, 100), (0, 0), (0, 70), (0, 0)
+        (0, 0), (70, 0), (0, 0), (0, 70), (0, 0)
     ]  # fmt: skip
-    assert loop.n_told == {"contact": 1, "slip": 1, "release": 1}
+    assert loop.n_told == {"contact": 1, "slip": 0, "release": 1}
     for began, ended in zip(changes[1::2], changes[2::2], strict=True):
         # A frame late at the most, ended by the next refresh.
         assert 0.2 - 1e-9 <= ended[0] - began[0] <= 0.2 + 1 / 30 + 1e-9
     assert changes[1][0] == pytest.approx(30 * 0.016 + 0.064, abs=0.034)
-    # Contact is told on the finger's own column, a slip on all.
+    # Contact is told on the finger's own column.
     contact = next(frame for t_ns, frame in sent if t_ns / 1e9 >= changes[1][0])
     assert (contact.intensities.reshape(2, 5, 4) == 70).any(axis=(0, 1)).tolist() == [
         False,
@@ -115,9 +140,6 @@ def test_pulses_come_at_contact_slip_and_release_and_silence_is_between() -> Non
         False,
         False,
     ]
-    slip = next(frame for t_ns, frame in sent if t_ns / 1e9 >= changes[3][0])
-    # The other fingers have no sensor: nothing is shown in their columns.
-    assert slip.intensities.reshape(2, 5, 4).any(axis=(0, 1)).tolist() == [False, True, False, False]
     assert not sent[-1][1].intensities.any()
 
 
@@ -129,12 +151,12 @@ def test_a_lost_finger_ends_its_pulse_and_its_return_is_no_event() -> None:
     detector_only = pulsing(TouchMaxima())
     mapping = detector_only.mapping
     assert isinstance(mapping, PulsesMapping)
-    detector_only.update("index", 0, touch(0))
+    detector_only.update("index", touch(0))
     for n in range(20):  # back after a second, pressed
-        detector_only.update("index", 10**9 + n * FRAME_MS * MS, touch(60_000))
+        detector_only.update("index", touch(60_000, t_ns=10**9 + n * FRAME_MS * MS))
     detector_only.frame(10**9 + 20 * FRAME_MS * MS)
     assert mapping.n_told["contact"] == 0
-    detector_only.update("index", 2 * 10**9, touch(60_000))
+    detector_only.update("index", touch(60_000, t_ns=2 * 10**9))
     assert not detector_only.frame(3 * 10**9).intensities.any()
 
 
@@ -193,12 +215,12 @@ def test_a_run_pulses_an_emulated_vest_at_its_events_and_is_computed_again(tmp_p
 
         def look(view: LoopView) -> None:
             """Wait for half a second without a press: a picture from before the run may have shown one."""
-            t_ns, contact = view.contacts.get("thumb", (0, None))
+            contact = view.contacts.get("thumb")
             if contact is None or contact.in_contact:
                 free_ns.clear()
                 return
-            free_ns.append(t_ns)
-            if t_ns - free_ns[0] > 500 * MS:
+            free_ns.append(contact.t_ns)
+            if contact.t_ns - free_ns[0] > 500 * MS:
                 viewed.set()
 
         presses = threading.Thread(target=fingertip, daemon=True)
@@ -206,8 +228,8 @@ def test_a_run_pulses_an_emulated_vest_at_its_events_and_is_computed_again(tmp_p
         try:
             summary = run_session(
                 check_tree(lab.tree, {}, base=tmp_path).config,
-                observer=look,
-                stop=over.is_set,
+                controls=Controls(stop=over.is_set),
+                bus=observed(look),
             )
         finally:
             over.set()

@@ -155,7 +155,7 @@ def test_what_had_left_a_killed_run_is_written(tmp_path: Path) -> None:
 
 def test_a_key_press_or_a_shutdown_does_not_end_it(tmp_path: Path) -> None:
     recorder = begun(tmp_path)
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in (signal.SIGHUP, signal.SIGINT, signal.SIGTERM):
         os.kill(recorder.pid, number)
     recorder.put(Marker(t_ns=1, text="still here"))
     assert recorder.finish()["state"] == "complete"

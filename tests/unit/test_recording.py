@@ -10,10 +10,12 @@ from pathlib import Path
 import pytest
 from mcap.reader import make_reader
 
+from reference.parts import observed
 from reference.sessions import tree
 from tega.config import check_tree
 from tega.config.text import config_text
 from tega.loop import run_session
+from tega.loop.controls import Controls
 from tega.loop.moment import LoopView
 from tega.recording.inspection import inspect_file
 from tega.recording.replay import replay_file
@@ -80,7 +82,7 @@ def test_a_pedal_marks_the_recording_and_a_watched_run_that_is_stopped_replays(t
             held.append(view.inputs["marker"].held)
 
         config = check_tree(session, {}, base=tmp_path).config
-        run_session(config, observer=watch, stop=lambda: len(held) > 10 and held[-1])
+        run_session(config, controls=Controls(stop=lambda: len(held) > 10 and held[-1]), bus=observed(watch))
     path = tmp_path / "session" / "trial-001.mcap"
     found = inspect_file(path)
     assert [marker.text for marker in found.markers] == ["b"]

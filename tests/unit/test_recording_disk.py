@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import json
 import os
@@ -365,3 +366,28 @@ def test_a_folder_in_memory_that_names_another_file_is_left_alone(tmp_path: Path
         rescue_tails()
         assert Path(name).is_dir()
     assert victim.read_bytes() == b"untouched"
+
+
+def test_an_unfinished_recording_on_a_full_disk_is_read_as_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = record(tmp_path / "session")
+    part = whole.with_name(f"{whole.name}.part")
+    part.write_bytes(whole.read_bytes()[: 3 * whole.stat().st_size // 4])
+    whole.unlink()
+    before = part.read_bytes()
+
+    def full(*_given: Any, **_more: Any) -> Any:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as disk:
+        disk.setattr("tega.recording.mcap_folder.new_file", full)
+        (found,) = session_files(part.parent)
+        assert found == part
+        inspection = inspect_file(found)
+        with pytest.raises(OSError, match="No space left"):
+            SessionFolder(part.parent)
+    assert not inspection.complete
+    assert sum(one.messages for one in inspection.streams) > 50
+    assert part.read_bytes() == before
+    assert [file.name for file in session_files(part.parent)] == [whole.name]  # with room it is finished

@@ -18,10 +18,11 @@ from tega.errors import ConfigError, RecordingError, UnsafeNameError
 from tega.hand import JOINT_NAMES
 from tega.recording.export import export_file
 from tega.recording.mcap_folder import SessionFolder, session_files
+from tega.recording.replay.recorded import read_recorded
 from tega.recording.trim import trim_session
 from tega.records import Contact
 from tega.ui.cli.main import main
-from tega_lerobot import export_lerobot
+from tega_lerobot.dataset import export_lerobot
 from tega_lerobot.video import EpisodeCamera, Video
 from tega_scene.pictures import times_path
 
@@ -89,22 +90,25 @@ def test_the_layout_is_the_published_one(dataset: Path) -> None:
 
 
 @pytest.mark.slow
-def test_episodes_have_their_own_tasks_where_nobody_names_one_for_all(lossless: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("task", [None, "grasp something"])
+def test_a_task_fills_only_what_an_episode_does_not_say(
+    lossless: Path, tmp_path: Path, task: str | None
+) -> None:
     folder = tmp_path / "session"
     folder.mkdir()
     for number in (1, 2, 3):
         (folder / f"trial-00{number}.mcap").write_bytes(lossless.read_bytes())
     session = SessionFolder(folder)
     session.label("lift the bag", ["trial-001.mcap", "trial-003.mcap"])
-    dataset = export_lerobot(session_files(folder), tmp_path / "dataset", fps=FPS)
+    dataset = export_lerobot(session_files(folder), tmp_path / "dataset", fps=FPS, task=task)
     assert [episode["tasks"] for episode in episodes(dataset)] == [
         ["lift the bag"],
-        ["grasp"],
+        [task or "grasp"],
         ["lift the bag"],
     ]
     assert parquet.read_table(dataset / "meta" / "tasks.parquet").to_pydict() == {
         "task_index": [0, 1],
-        "task": ["lift the bag", "grasp"],
+        "task": ["lift the bag", task or "grasp"],
     }
     by_episode = {row["episode_index"]: row["task_index"] for row in rows(dataset)}
     assert by_episode == {0: 0, 1: 1, 2: 0}
@@ -223,23 +227,19 @@ def test_a_scene_camera_of_another_time_or_without_one_is_refused(lossless: Path
         export_lerobot([moved], tmp_path / "unsafe", fps=FPS, scenes={"../side": late})
 
 
-def test_a_contact_in_newtons_and_millimetres_is_observed_where_the_metric_gives_them(
-    dataset: Path, lossless: Path, tmp_path: Path
+def test_depth_and_force_are_observed_where_the_run_s_metric_measures_them(
+    dataset: Path, lossless: Path
 ) -> None:
-    assert "observation.touch_si" not in info(dataset)["features"]
-
-    def firm(topic: str, value: Any) -> Any:
-        if topic.endswith("/contact"):
-            value.depth_mm, value.force_n = 0.5, 2.5
-        return value
-
-    changed = rewritten(lossless, tmp_path / "trial-001.mcap", firm)
-    measured = export_lerobot([changed], tmp_path / "dataset", fps=FPS)
-    feature = info(measured)["features"]["observation.touch_si"]
-    assert feature["names"] == [
-        f"{f}.{n}" for f in ("ring", "thumb") for n in ("area_mm2", "depth_mm", "force_n")
-    ]
-    assert rows(measured)[10]["observation.touch_si"] == [0.0, 0.5, 2.5] * 2
+    feature = info(dataset)["features"]["observation.touch_si"]
+    names = [f"{f}.{n}" for f in ("ring", "thumb") for n in ("area_mm2", "depth_mm", "force_n")]
+    assert feature["names"] == names
+    contacts = read_recorded(lossless).contacts["thumb"]
+    forces = {np.float32(one.force_n) for one in contacts}
+    found = [dict(zip(names, row["observation.touch_si"], strict=True)) for row in rows(dataset)]
+    assert {row["thumb.force_n"] for row in found} <= forces
+    assert max(row["thumb.force_n"] for row in found) > 0.5
+    assert max(row["thumb.depth_mm"] for row in found) > 0.05
+    assert {row["thumb.area_mm2"] for row in found} == {0.0}, "no gel's scale is known"
 
 
 def test_a_frame_holds_what_was_newest_by_its_time(dataset: Path, lossless: Path, tmp_path: Path) -> None:
@@ -394,13 +394,8 @@ def test_the_public_package_opens_arm_force_and_scene_too(
     public = pytest.importorskip("lerobot.datasets.lerobot_dataset", reason="needs the package lerobot")
     begun_ns = 5_000_000_000
 
-    def firm(topic: str, value: Any) -> Any:
-        if topic.endswith("/contact"):
-            value.depth_mm, value.force_n = 0.5, 2.5
-        return value
-
     tables = {"tega": {"start_ns": str(begun_ns)}}
-    recording = rewritten(_with_arm(tmp_path), tmp_path / "trial-001.mcap", firm, tables=tables)
+    recording = rewritten(_with_arm(tmp_path), tmp_path / "trial-001.mcap", tables=tables)
     side = filmed(tmp_path / "side.mp4", [begun_ns + ms * 1_000_000 for ms in range(-90, 1700, 50)])
     dataset = export_lerobot(
         [recording], tmp_path / "dataset", fps=FPS, task="lift the bag", scenes={"side": side}
@@ -416,7 +411,7 @@ def test_the_public_package_opens_arm_force_and_scene_too(
                 assert np.array_equal(item[name].numpy(), np.array(table[k][name], np.float32)), name
         assert item["observation.arm"].shape == (7,)
         assert item["action"].shape == (8,)
-        assert item["observation.touch_si"].tolist() == [0.0, 0.5, 2.5] * 2
+        assert item["observation.touch_si"].shape == (6,)
         assert item["observation.emg"].shape == (1000 // FPS, 3)
         assert item["observation.vest"].shape == (40,)
         assert item["observation.state"].shape == (16,)

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from reference.parts import observed
 from tega.config import check_tree
 from tega.loop.moment import LoopView
 from tega.loop.session import run_session
@@ -103,7 +104,7 @@ def kept(folder: Path) -> tuple[int, int]:
         "emg": {"driver": "synthetic-emg", "kind": "raw", "options": {"duration_s": 80.0}},
         "recording": {"dir": str(folder), "stop_free_mib": 0.0},
     }
-    summary = run_session(check_tree(tree, {}, base=folder).config, observer=look)
+    summary = run_session(check_tree(tree, {}, base=folder).config, bus=observed(look))
     # The least of ten: what waits in a queue at one instant is not kept.
     early = min(n for second, n in blocks.items() if 50 <= second < 60)
     late = min(n for second, n in blocks.items() if 70 <= second < 80)

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from reference.sessions import SECONDS, attached, messages, rewritten, stream, told, tree
+from reference.sessions import SECONDS, attached, messages, record, rewritten, stream, told, tree
 from tega.config import check_tree
 from tega.errors import ConfigError, RecordingError
 from tega.loop import run_session
@@ -177,6 +177,34 @@ def test_what_does_not_fit_together_is_not_merged(
     with pytest.raises(RecordingError, match=said):
         merge_sessions([early, other], out=tmp_path / "both")
     assert not (tmp_path / "both").exists()
+
+
+def test_runs_that_did_not_wait_for_the_clock_are_merged_though_they_overlap(tmp_path: Path) -> None:
+    """As the lifts of a demo that is computed faster than it lasts."""
+    for name in ("one", "two"):
+        settings = tree(tmp_path / name) | {"emg": {"driver": "synthetic-emg", "kind": "raw"}}
+        settings["emg"]["options"] = {"duration_s": 60.0}
+        del settings["tactile"]
+        run_session(check_tree(settings, {}, base=tmp_path).config)
+    (one,), (two,) = (list((tmp_path / name).glob("*.mcap")) for name in ("one", "two"))
+    assert messages(one)[-1][1] > epoch_ns(two)
+    both = merge_sessions([two.parent, one.parent], out=tmp_path / "both")
+    assert [messages(path) for path in both] == [messages(one), messages(two)]
+    with pytest.raises(RecordingError, match="of the same time"):
+        merge_sessions([one.parent, one], out=tmp_path / "again")
+
+
+@pytest.mark.parametrize("is_lossless", [True, False])
+def test_a_merged_session_says_whether_its_pictures_are_as_they_were(
+    tmp_path: Path, is_lossless: bool
+) -> None:
+    whole = record(tmp_path / "whole", lossless=is_lossless)
+    early = trim_session(whole, from_s=0.0, to_s=0.5, out=tmp_path / "early")
+    late = trim_session(whole, from_s=0.5, to_s=None, out=tmp_path / "late")
+    both = merge_sessions([early, late], out=tmp_path / "both")
+    noted = json.loads((tmp_path / "both" / "session.json").read_text(encoding="utf-8"))
+    assert [trial["lossless"] for trial in noted["trials"]] == [is_lossless] * 2
+    assert [inspect_file(path).lossless for path in both] == [is_lossless] * 2
 
 
 def test_recordings_of_the_same_time_are_not_merged(lossless: Path, tmp_path: Path) -> None:

@@ -11,38 +11,37 @@ import msgspec
 import pytest
 
 from reference.scripted import MS, Sink, touching
+from reference.wired import wired_loop
 from tega.config import FINGERS, ReflexSection, SessionConfig, load_config
 from tega.config.calibration import TouchMaxima
 from tega.errors import ConfigError
 from tega.hand import HandController
 from tega.hand.link import HandLink, Received
-from tega.loop.hand import ModelledAllegro
-from tega.loop.inbox.sources import EmgBlock
 from tega.loop.inbox.stream import PulledStream
-from tega.loop.loop import DualLoop
 from tega.loop.moment import LoopView, Moment
 from tega.loop.pacing import Pacer
 from tega.loop.reflex import ReflexArc, open_reflex
 from tega.loop.touch import TouchLoop
 from tega.recording.replay.exchanges import compare_exchanges
-from tega.recording.replay.reflex import recorded_arc
+from tega.recording.replay.recorded import Recorded
+from tega.recording.replay.reflex import RecordedGuard, recorded_arc
 from tega.records import (
     Button,
     Contact,
     HandCommand,
     HandExchange,
     Imposed,
+    Intent,
     NamedValue,
     ReflexGrip,
     bus_frames,
 )
 from tega.records.bus import Bus
 from tega.runtime.clock import ManualClock
-from tega.tactile import ContactMetrics
 
 
-def slipping(share: float) -> ContactMetrics:
-    return touching(50)._replace(more=(NamedValue("incipient", share),))
+def slipping(share: float, t_ns: int = 0) -> Contact:
+    return msgspec.structs.replace(touching(50, t_ns=t_ns), more=(NamedValue("incipient", share),))
 
 
 class Ran:
@@ -58,18 +57,17 @@ class Ran:
         bus.subscribe(ReflexGrip, self.told.append, vital=True)
         bus.subscribe(HandCommand, self.commands.append, vital=True)
         bus.subscribe(Moment, lambda moment: self.views.append(moment.view), vital=True)
-        thumb = [(k * 20 * MS, slipping(1.0 if 10 <= k < 20 else 0.0)) for k in range(100)]
+        thumb = [slipping(1.0 if 10 <= k < 20 else 0.0, k * 20 * MS) for k in range(100)]
         self.arc: ReflexArc | None = open_reflex(
             self.config, bus, ["thumb"], active=lambda: True, hand=None, authority=lambda: page
         )
         for n in range(presses):
             bus.publish(Button(seat="reflex", t_ns=0, seq=n, button="1", pressed=True))
-        DualLoop(
-            pacer=Pacer(ManualClock()),
-            touch=TouchLoop({"thumb": TouchMaxima(cci_max=1.0, eda_max=100.0)}, layout="paper32"),
+        wired_loop(
+            Pacer(ManualClock()),
+            TouchLoop({"thumb": TouchMaxima(cci_max=1.0, eda_max=100.0)}, layout="paper32"),
             contacts={"thumb": PulledStream(thumb)},
-            levels=PulledStream([EmgBlock(0, (3,), 3)], end_ns=2000 * MS),
-            hand=ModelledAllegro(),
+            levels=PulledStream([Intent(t_ns=0, channels=(3,), level=3)], end_ns=2000 * MS),
             vests=[],
             hands=[Sink()],
             bus=bus,
@@ -131,19 +129,17 @@ def test_button_and_page_set_the_authority() -> None:
 def test_a_recorded_run_is_computed_again_with_what_was_imposed() -> None:
     run = Ran(FULL)
     rows = [one for one in run.told if one.t_ns < 1_000 * MS]
-    recorded: Any = SimpleNamespace(
-        reflex=rows, contacts={"thumb": []}, imposed=[(600 * MS, 4.0), (800 * MS, 0.0)]
-    )
+    head: Any = SimpleNamespace()
+    levels = [Imposed(t_ns=600 * MS, level=4), Imposed(t_ns=800 * MS, level=0)]
+    recorded = Recorded(head, {"thumb": []}, records={ReflexGrip: rows, Imposed: levels})
     again: list[ReflexGrip] = []
     now = 0
-    arc = recorded_arc(recorded, run.config, tick_ns=lambda: now, tell=again.append)
+    arc, guard = recorded_arc(recorded, run.config, tell=again.append), RecordedGuard(recorded, lambda: now)
     assert arc is not None
-    from tega.stages.metrics import contact_record
-
     for row in rows:
         now = row.t_ns
         share = 1.0 if 200 * MS <= now < 400 * MS else 0.0
-        arc.step(now, 3.0, lambda s=share: {"thumb": contact_record("thumb", 0, slipping(s))})  # type: ignore[misc]
+        arc.step(now, guard.level(3.0), lambda s=share: {"thumb": slipping(s)})  # type: ignore[misc]
     same = [one for one in rows if one.t_ns < 600 * MS]
     assert again[: len(same)] == same
     assert {one.own for one in again if 600 * MS <= one.t_ns < 800 * MS} == {4.0}
@@ -180,7 +176,8 @@ def test_what_was_said_with_a_real_hand_is_computed_again_with_what_was_added() 
     tree = {"hand": {"options": {"interface": "virtual", "channel": "x", "silent_after_ms": 30.0}}}
 
     def differ(said: list[HandExchange]) -> int:
-        recorded: Any = SimpleNamespace(head=SimpleNamespace(tree=tree, files={}), exchanges=said, n_early={})
+        head: Any = SimpleNamespace(tree=tree, files={})
+        recorded = Recorded(head, {}, records={HandExchange: said})
         (found,) = compare_exchanges(recorded)
         return found.differ
 
@@ -242,7 +239,7 @@ def test_a_reflex_without_authority_acts_at_full_authority_in_the_arms_that_have
             "thumb": Contact(finger="thumb", t_ns=0, in_contact=True, more=(NamedValue("incipient", 1.0),))
         }
         assert arc is not None
-        return sum([arc.step(n * 3 * MS, 3.0, lambda: slips) for n in range(200)][-1])
+        return 3.0 + [arc.step(n * 3 * MS, 3.0, lambda: slips) for n in range(200)][-1]
 
     assert told("none", 0.0) == 3.0
     assert told("none", 0.5) == pytest.approx(3.5)
@@ -274,8 +271,8 @@ def test_an_arm_with_a_reflex_has_it_at_full_authority() -> None:
         nonlocal n
         for _ in range(200):
             n += 1
-            level = sum(true.step(n * 3 * MS, 3.0, dict))
-            assert touch.step(n * 3 * MS, 3.0, dict) == (3.0, 0.0), "nothing touches"
+            level = 3.0 + true.step(n * 3 * MS, 3.0, dict)
+            assert touch.step(n * 3 * MS, 3.0, dict) == 0.0, "nothing touches"
         return float(level)
 
     slip_mm_s = 10.0

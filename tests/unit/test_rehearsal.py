@@ -87,7 +87,7 @@ def test_a_study_of_two_people_goes_from_calibration_to_report(lab: Path) -> Non
     # The person's maxima, not those that were made up for the bench.
     assert summary["calibration"]["file"] == "calibration of p01"
     planned = ("--participants", "2", "--trials", "1", "--objects", "bottle")
-    teleop(lab, "study", "plan", *planned, "--out", "people")
+    teleop(lab, "study", "plan", *planned, "--anyway", "--out", "people")
     refused = teleop(lab, "study", "run", "people", "p01", "--lab", "lab.toml", "--yes", code=1)
     assert "emulated sessions do not belong into a plan of people" in refused.stderr
     teleop(lab, "study", "plan", *planned, "--simulated", "--out", "rehearsal")

@@ -121,7 +121,7 @@ def test_a_camera_that_goes_away_is_opened_again_as_an_amplifier_is() -> None:
     source: Any = camera
     baseline = np.full((240, 320, 3), 100, np.uint8)
     stream = measured_contacts(source, baseline, preset_metric("paper", baseline), report)
-    assert [next(stream)[0] for _ in range(7)] == [1, 2, 3, 1, 2, 3, 1]
+    assert [next(stream).t_ns for _ in range(7)] == [1, 2, 3, 1, 2, 3, 1]
     assert (camera.n_opened, report.n_lost, report.lost, report.n_missing) == (2, 2, "", 0)
 
 

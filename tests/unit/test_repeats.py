@@ -14,23 +14,24 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from reference.recordings import baseline, pressed, write_folder
 from reference.scripted import MS, STARTED_NS, ScriptedCamera, Sink, live_frame, touching
+from reference.wired import wired_loop
 from tega.config.calibration import TouchMaxima
 from tega.config.choose import preset_metric
 from tega.devices.base import TactileFrame
 from tega.errors import RecordingError
-from tega.loop.hand import ModelledAllegro
 from tega.loop.inbox.frames import measured_contacts
-from tega.loop.inbox.sources import Contact, SourceReport
+from tega.loop.inbox.sources import SourceReport
 from tega.loop.inbox.stream import PulledStream
-from tega.loop.inbox.stuck_frames import STUCK_FRAMES, LastFrame
-from tega.loop.loop import DualLoop
+from tega.loop.inbox.stuck_frames import STUCK_FRAMES, is_repeat, kept_picture
 from tega.loop.pacing import Pacer
 from tega.loop.touch import STALE_NS, TouchLoop
+from tega.records import Contact
 from tega.runtime.clock import ManualClock
-from tega.stages.metrics import LiveMetric, contact_metrics_of
+from tega.stages.metrics import LiveMetric
 from tega.ui.cli.main import main
 
 
@@ -71,7 +72,7 @@ def table(path: Path) -> list[dict[str, str]]:
 def test_a_frame_delivered_again_is_neither_measured_nor_new(n_measured: Callable[[], int]) -> None:
     first, second = live_frame(0), live_frame(1)
     got, report = measure([first, first, first, None, first, second, second, live_frame(4)])
-    assert [t // MS for t, _ in got] == [0, 16, 64]
+    assert [contact.t_ns // MS for contact in got] == [0, 16, 64]
     assert n_measured() == 3
     assert (report.n_items, report.n_duplicate, report.n_missing) == (3, 4, 2)
     assert (report.n_identical, report.n_stuck) == (0, 0)
@@ -103,19 +104,16 @@ def test_equal_pixels_are_measured_once_and_give_the_same(n_measured: Callable[[
     got, report = measure(showing(0, 0, 1, 1, 2, 2))
     assert n_measured() == 3
     assert (report.n_items, report.n_identical, report.n_stuck) == (6, 3, 0)
-    assert [t // MS for t, _ in got] == [0, 16, 32, 48, 64, 80]
+    assert [contact.t_ns // MS for contact in got] == [0, 16, 32, 48, 64, 80]
     metric = preset_metric("live", baseline())
-    three = [
-        contact_metrics_of(metric.update(pressed(60, noise=n), k * 16 * MS))
-        for k, n in ((0, 0), (2, 1), (4, 2))
-    ]
-    assert [m for _, m in got] == [three[n] for n in (0, 0, 1, 1, 2, 2)]
+    three = [metric.update(pressed(60, noise=n), k * 16 * MS) for k, n in ((0, 0), (2, 1), (4, 2))]
+    assert got == [replace(three[n], t_ns=k * 16 * MS) for k, n in enumerate((0, 0, 1, 1, 2, 2))]
 
 
 def test_the_third_equal_picture_of_a_live_sensor_is_not_used(n_measured: Callable[[], int]) -> None:
     assert STUCK_FRAMES == 3
     got, report = measure(showing(0, 1, 1, 1, 1, 2, 2, 2, 3))
-    assert [t // 16 // MS for t, _ in got] == [0, 1, 2, 5, 6, 8]
+    assert [contact.t_ns // 16 // MS for contact in got] == [0, 1, 2, 5, 6, 8]
     assert n_measured() == 4
     assert (report.n_items, report.n_identical, report.n_stuck, report.n_missing) == (6, 5, 3, 0)
     assert n_measured() == report.n_items + report.n_stuck - report.n_identical
@@ -148,14 +146,13 @@ def test_a_buffer_that_is_filled_again_is_not_taken_for_a_stuck_sensor() -> None
 def test_a_stuck_sensor_falls_silent_and_comes_back() -> None:
     contacts, report = measure(showing(0, 1, *[2] * 30, 3, 4, 5, 6))
     last_used_ns, back_ns = 3 * 16 * MS, 32 * 16 * MS
-    assert [t for t, _ in contacts if last_used_ns < t < back_ns] == []
+    assert [one for one in contacts if last_used_ns < one.t_ns < back_ns] == []
     vest = Sink()
-    loop = DualLoop(
-        pacer=Pacer(ManualClock()),
-        touch=TouchLoop({"thumb": TouchMaxima(cci_max=1.0, eda_max=100.0)}, layout="paper32"),
+    loop = wired_loop(
+        Pacer(ManualClock()),
+        TouchLoop({"thumb": TouchMaxima(cci_max=1.0, eda_max=100.0)}, layout="paper32"),
         contacts={"thumb": PulledStream(contacts)},
         levels=None,
-        hand=ModelledAllegro(),
         vests=[vest],
         hands=[],
     )
@@ -182,13 +179,10 @@ def test_pictures_are_equal_exactly_when_every_pixel_is(data: st.DataObject) -> 
         other[at] = data.draw(st.integers(0, 255))
     if data.draw(st.booleans()):
         one, other = one[:, ::-1], other[:, ::-1]
-    last, metrics = LastFrame(), touching(7)
-    assert last.repeat(one) is None
-    last.keep(one, metrics)
+    last = kept_picture(one, touching(7))
     equal = not np.count_nonzero(one.astype(int) - other.astype(int))
-    assert (last.repeat(other) is metrics) == equal
-    assert last.n_equal == 1 + equal
-    assert last.repeat(one[:-1]) is None
+    assert is_repeat(other, last) == equal
+    assert not is_repeat(one[:-1], last)
 
 
 def test_a_recording_whose_pixels_stand_still_says_so(

@@ -20,7 +20,7 @@ from reference.waiting import until
 from tega.config.calibration import Calibration, FingerMaxima, TouchMaxima, save_calibration
 from tega.config.choose import preset_metric
 from tega.haptics import intensity
-from tega.recording import prepare_folder
+from tega.recording.folder import prepare_folder
 from tega.ui.cli.main import main
 
 OUTPUTS = [
@@ -120,7 +120,7 @@ def test_the_vest_shows_the_newest_frame_and_ends_silent(
 def test_levels_and_can_frames(replay: Replay, press: list[object], tmp_path: Path) -> None:
     summary = replay(*press, "--out", tmp_path / "out")
     levels = table(tmp_path / "out" / "levels.csv")
-    assert list(levels[0]) == ["t_s", "ch2", "ch5", "ch3", "fused"]
+    assert list(levels[0]) == ["t_s", "ch2", "ch5", "ch3", "fused", "closure", "confidence"]
     assert [row["t_s"] for row in levels] == [f"{k / 10:.6f}" for k in range(1, 31)]
     assert {int(row["fused"]) for row in levels} <= {1, 2, 3, 4, 5}
     assert len({row["fused"] for row in levels}) > 2
@@ -215,7 +215,7 @@ def test_a_calibration_file_with_mistakes_is_refused(
 def test_touch_alone_and_muscles_alone(replay: Replay, press: list[object], tmp_path: Path) -> None:
     touch = replay(*press[:4], "--out", tmp_path / "touch")
     assert (touch["emg"], touch["hand"]["ticks"], touch["vest"]["frames"]) == (None, 0, 30)
-    assert (tmp_path / "touch" / "levels.csv").read_text() == "t_s,fused\n"
+    assert (tmp_path / "touch" / "levels.csv").read_text() == "t_s,fused,closure,confidence\n"
     assert len(table(tmp_path / "touch" / "can.csv")) == 5  # only the way out
     muscles = replay(*press[8:], "--out", tmp_path / "muscles")
     assert (muscles["tactile"], muscles["hand"]["ticks"], muscles["vest"]["frames"]) == ({}, 1000, 0)
@@ -235,7 +235,7 @@ def test_one_channel_is_enough(replay: Replay, tmp_path: Path) -> None:
         tmp_path / "out",
     )
     assert (summary["emg"]["channels"], summary["emg"]["tau"]) == (["ch1"], 100)
-    assert list(table(tmp_path / "out" / "levels.csv")[0]) == ["t_s", "ch1", "fused"]
+    assert list(table(tmp_path / "out" / "levels.csv")[0]) == ["t_s", "ch1", "fused", "closure", "confidence"]
 
 
 def test_without_a_baseline_it_is_estimated_and_said(replay: Replay, tmp_path: Path) -> None:
@@ -376,7 +376,7 @@ def test_bad_input_is_named(replay: Replay, press: list[object], tmp_path: Path)
     cv2.imwrite(str(tmp_path / "small.png"), np.zeros((9, 9, 3), np.uint8))
     words = ["--tactile", f"thumb={tmp_path / 'thumb'}", "--baseline", f"thumb={tmp_path / 'small.png'}"]
     said = replay(*words, *out, code=1)["stderr"]
-    assert "error: frame_0.png: 80×60×3 pixels, its baseline has 9×9×3" in said
+    assert "the baseline small.png has 9×9 pixels, the pictures of thumb have 80×60" in said
     video = tmp_path / "ring.avi"
     video.write_bytes(video.read_bytes()[:-3000])
     assert "its header says 30: the video was cut short" in replay(*press, *out, code=1)["stderr"]

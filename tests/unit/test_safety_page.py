@@ -10,7 +10,7 @@ from rich.console import Console
 from reference.scripted import MS, touching
 from tega.haptics import MotorLevels
 from tega.loop.moment import LoopView
-from tega.loop.touch import TouchMoment
+from tega.records import Intent
 from tega.safety.states import STATES
 from tega.ui.view.run_state import MEANINGS
 from tega.ui.view.terminal import _STATE_STYLES, TerminalView, render
@@ -25,11 +25,9 @@ def screen(view: LoopView, *, age_s: float = 0.0) -> str:
     return file.getvalue()
 
 
-NOTHING = [TouchMoment(0.0, 0.0, 0.0, 0.0)] * 4
 VIEW = LoopView(
     200 * MS,
-    {"thumb": (50 * MS, touching(50)), "index": (190 * MS, touching(50))},
-    NOTHING,
+    {"thumb": touching(50, t_ns=50 * MS), "index": touching(50, t_ns=190 * MS)},
     MotorLevels("x40", np.zeros(40, np.uint8)),
     None,
     None,
@@ -73,9 +71,9 @@ def test_a_moment_that_cannot_be_drawn_is_told_and_the_next_one_is_drawn() -> No
     now_s = 0.0
     console = Console(width=90, height=40, force_terminal=True)
     with console.capture() as capture, TerminalView("test", console=console, now_s=lambda: now_s) as show:
-        show(VIEW._replace(state="hold", felt=NOTHING[:2]))
+        show(VIEW._replace(state="hold", intent=Intent(t_ns=0, level=9)))
         now_s = 1.0
         show(VIEW._replace(state="active"))
     said = capture.get()
-    assert "HOLD  not drawn: ValueError" in said
+    assert "HOLD  not drawn: IndexError" in said
     assert "ACTIVE" in said

@@ -116,10 +116,10 @@ def test_an_offset_is_measured_in_a_recording_and_taken_off_by_export(tmp_path: 
 
     from tega.recording.mcap_file import McapFile
     from tega.recording.replay.followed_file import PlayedMoment
-    from tega.recording.replay.played_scene import followed_scene
     from tega.records.bus import Bus
-    from tega_scene.decode import ScenePicture
+    from tega.records.display import DisplayPicture
     from tega_scene.pictures import read_times, times_path
+    from tega_scene.played import followed_scene
     from tega_scene.video import SceneEncoder
 
     late_s = 0.053
@@ -158,7 +158,7 @@ def test_an_offset_is_measured_in_a_recording_and_taken_off_by_export(tmp_path: 
     assert np.abs(exported - (t_s - found["late_s"])).max() < 1e-6
     # What is played shows a picture when it was taken, not when it came.
     bus, seen = Bus(), list[int]()
-    bus.subscribe(ScenePicture, lambda one: seen.append(one.t_ns), vital=True)
+    bus.subscribe(DisplayPicture, lambda one: seen.append(one.t_ns), vital=True)
     film = followed_scene(recording, bus, start_ns=0, end_ns=2**62, behind_ns=2**62)
     for at_s in (BEGIN_S + 2.0, BEGIN_S + 3.5):
         film.follow(PlayedMoment(0, round(at_s * 1e9), 0), threading.Event())

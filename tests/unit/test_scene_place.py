@@ -19,11 +19,12 @@ pytest.importorskip("tega_figures")
 pytest.importorskip("mujoco")
 
 from reference.scene import noisy_track
+from tega.stages.events.outcomes import STABLE_S
 from tega_figures.scene.bench import bench_layout
 from tega_figures.scene.trials import TrueTrial, true_trial
 from tega_sim.operator.forearm import AWAY_M
 from tega_sim.plan import TrialPlan, TrialResult
-from tega_sim.score import ON_MARK_M, REST_M_S, STABLE_S
+from tega_sim.score import ON_MARK_M, REST_M_S
 from tega_sim.trial import run_trial
 from tega_sim.world.world import World
 

@@ -24,18 +24,21 @@ from tega.config import check_tree, load_config  # noqa: E402
 from tega.config.text import config_text  # noqa: E402
 from tega.errors import ConfigError, DeviceUnavailableError, RecordingError, UnsafeNameError  # noqa: E402
 from tega.loop import run_session  # noqa: E402
+from tega.loop.controls import Controls  # noqa: E402
 from tega.recording.mcap_reader import McapReader  # noqa: E402
 from tega.recording.trim import trim_session  # noqa: E402
-from tega.records import Alert, SceneVideo  # noqa: E402
+from tega.records import Alert  # noqa: E402
 from tega.records.bus import Bus  # noqa: E402
+from tega.records.display import DisplayPicture  # noqa: E402
 from tega.setup.doctor import examine  # noqa: E402
-from tega_scene.decode import SceneDecoder, ScenePicture  # noqa: E402
+from tega_scene.decode import SceneDecoder  # noqa: E402
 from tega_scene.doctor import check_scene  # noqa: E402
 from tega_scene.filming import Filming  # noqa: E402
 from tega_scene.layout import example_layout, save_layout  # noqa: E402
 from tega_scene.lens import Lens, save_lens  # noqa: E402
 from tega_scene.pictures import read_pictures, read_times, times_path  # noqa: E402
 from tega_scene.record import export_camera  # noqa: E402
+from tega_scene.records import SceneVideo  # noqa: E402
 from tega_scene.settings import SceneConfig, full_source  # noqa: E402
 
 WIDE, HIGH = 2 * SIZE[0], 2 * SIZE[1]
@@ -74,11 +77,11 @@ def test_files_are_filmed_into_the_run_s_own_recording(tmp_path: Path) -> None:
     seen: dict[str, list[tuple[int, int]]] = {"front": [], "side": []}
     bus = Bus()
 
-    def see(one: ScenePicture) -> None:
+    def see(one: DisplayPicture) -> None:
         assert one.image is not None
-        seen[one.camera].append((one.t_ns, number_of(one.image)))
+        seen[one.name].append((one.t_ns, number_of(one.image)))
 
-    bus.subscribe(ScenePicture, see, vital=True)
+    bus.subscribe(DisplayPicture, see, vital=True)
     summary = filmed(tree, tmp_path, bus=bus)
     assert summary["recording"]["state"] == "complete"
     assert not [note for note in summary["notes"] if "scene" in note]
@@ -121,7 +124,7 @@ def test_a_camera_that_goes_away_is_told_recorded_and_found_again(tmp_path: Path
     bus, n_pictures, dark = Bus(), [0], threading.Event()
     bus.subscribe(Alert, lambda one: said.append(one.said) if one.name == "scene" else None, vital=True)
     bus.subscribe(SceneVideo, lambda _: n_pictures.__setitem__(0, n_pictures[0] + 1), vital=True)
-    bus.subscribe(ScenePicture, lambda one: dark.set() if one.image is None else dark.clear(), vital=True)
+    bus.subscribe(DisplayPicture, lambda one: dark.set() if one.image is None else dark.clear(), vital=True)
     server = FilmServer()
     done = threading.Event()
 
@@ -138,7 +141,7 @@ def test_a_camera_that_goes_away_is_told_recorded_and_found_again(tmp_path: Path
     thread = threading.Thread(target=film_twice, daemon=True)
     thread.start()
     tree = settings(tmp_path / "session", {"name": "front", "source": server.url}, duration_s=120.0)
-    summary = filmed(tree, tmp_path, bus=bus, stop=done.is_set)
+    summary = filmed(tree, tmp_path, bus=bus, controls=Controls(stop=done.is_set))
     thread.join()
     told = summary["scene"]["front"]
     assert (told["lost"], told["trouble"]) == (1, "")
@@ -189,7 +192,7 @@ def test_a_camera_whose_process_is_killed_gets_another(tmp_path: Path) -> None:
     bus.subscribe(SceneVideo, take, vital=True)
     with FilmServer() as server:
         tree = settings(tmp_path / "session", {"name": "front", "source": server.url}, duration_s=120.0)
-        summary = filmed(tree, tmp_path, bus=bus, stop=done.is_set)
+        summary = filmed(tree, tmp_path, bus=bus, controls=Controls(stop=done.is_set))
     told = summary["scene"]["front"]
     assert (told["lost"], told["trouble"]) == (1, "")
     recording = tmp_path / "session" / summary["recording"]["file"]
@@ -258,16 +261,18 @@ def test_settings_of_cameras_come_back_from_a_recording_s_copy(tmp_path: Path) -
         "[[scene]]\nname = 'front'\nsource = 'a.mp4'\n[[scene]]\nname = 'side'\nsource = '2'\ncrf = 25\n"
     )
     loaded = load_config(file, environ={})
-    assert loaded.config.scene[0].source == str(tmp_path / "a.mp4")
+    assert loaded.config.guests["scene"][0].source == str(tmp_path / "a.mp4")
     assert loaded.values["scene[1].crf"] == (25, "lab.toml:7")
     again = tmp_path / "again.toml"
     again.write_text(config_text(loaded.config))
-    assert load_config(again, environ={}).config.scene == loaded.config.scene
+    assert load_config(again, environ={}).config.guests["scene"] == loaded.config.guests["scene"]
 
 
 def test_a_password_comes_from_the_environment(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     source = "rtsp://me:$TEGA_TEST_LOGIN@cam/1"
-    (camera,) = check_tree({"scene": [{"name": "a", "source": source}]}, {}, base=tmp_path).config.scene
+    (camera,) = check_tree({"scene": [{"name": "a", "source": source}]}, {}, base=tmp_path).config.guests[
+        "scene"
+    ]
     with pytest.raises(ValueError, match="is not set"):
         full_source(camera.source)
     monkeypatch.setenv("TEGA_TEST_LOGIN", "secret")
@@ -296,7 +301,7 @@ def test_a_run_without_recording_and_page_opens_no_camera(tmp_path: Path) -> Non
 @pytest.mark.slow
 def test_episodes_that_filmed_themselves_are_a_dataset_with_the_camera(tmp_path: Path) -> None:
     pytest.importorskip("pyarrow")
-    from tega_lerobot import export_lerobot
+    from tega_lerobot.dataset import export_lerobot
 
     film(tmp_path / "film.avi", 60)
     tree = settings(tmp_path / "session", {"name": "front", "source": "film.avi"}, duration_s=1.5)

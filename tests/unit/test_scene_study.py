@@ -14,13 +14,14 @@ from tega_scene.layout import example_layout
 from tega_scene.lens import Lens
 from tega_scene.outcomes import SceneEvent, SceneOutcome
 from tega_scene.resting import SceneRest
-from tega_study import make_plan, read_plan, write_plan
-from tega_study.journal import Journal, read_events
+from tega_study.journal import Journal, events_path, read_events
 from tega_study.measured import CAMERA, measured_path, read_measured
 from tega_study.measuring import MeasuredTrial, between, confirm_trial, measure_session, write_measured
 from tega_study.observers import read_observers, saw_whole
+from tega_study.plan import make_plan, read_plan, write_plan
+from tega_study.privacy import export
 from tega_study.score import agreements
-from tega_study.state import events_path
+from tega_study.trials import study_trials
 
 BEGIN_NS = 5_000_000_000
 
@@ -199,3 +200,34 @@ def test_what_stands_alone_is_a_video_and_a_camera_is_named_as_one(
     done = CliRunner().invoke(cli, ["scene", "measure", str(folder), "p01", *words])
     assert done.exit_code == 2
     assert said in done.output
+
+
+@pytest.mark.parametrize("dropped", [False, True])
+def test_the_measured_outcome_counts_if_the_plan_says_so(folder: Path, *, dropped: bool) -> None:
+    """The session says two things that the camera does not: one slip, and that the trial failed."""
+    with Journal(events_path(folder, "p01")) as journal:
+        journal.add("override", t_ns=BEGIN_NS + 9 * 10**9, trial=1, success=False, source="experimenter")
+    (by_session,) = study_trials(folder)[1]
+    assert (by_session.success, by_session.slips + by_session.slips_before) == (False, 1)
+    assert by_session.counted_by == "the simulation and the experimenter"
+    toml = folder / "study.toml"
+    toml.write_text(f'scored_by = "camera"\n{toml.read_text(encoding="utf-8")}', encoding="utf-8")
+    (by_camera,) = study_trials(folder)[1]
+    assert (by_camera.success, by_camera.slips, by_camera.lift_off_s) == (True, 2, 2.0)
+    assert (by_camera.rater, by_camera.counted_by) == (CAMERA, CAMERA)
+    second = [event.n for event in read_measured(folder, "p01") if event.kind == "slip"][1]
+    confirm_trial(
+        folder, "p01", 1, "r1", struck=(second,), added=(("drop", 6.0),) if dropped else (("slip", 6.0),)
+    )
+    (corrected,) = study_trials(folder)[1]
+    assert corrected.counted_by == "camera+r1"
+    assert (corrected.slips, corrected.drops, corrected.success) == (
+        (1, 1, False) if dropped else (2, 0, True)
+    )
+    export(folder, folder.with_name("open"), key="secret")
+    (copied,) = study_trials(folder.with_name("open"))[1]
+    assert (copied.slips, copied.drops, copied.success) == (
+        corrected.slips,
+        corrected.drops,
+        corrected.success,
+    )

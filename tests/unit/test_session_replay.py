@@ -12,9 +12,11 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
+from reference.parts import observed
 from reference.sessions import SECONDS, record, rewritten, stream, tree
 from tega.config import check_tree
 from tega.loop import run_session
+from tega.loop.controls import Controls
 from tega.loop.moment import LoopView
 from tega.recording.inspection import inspect_file
 from tega.recording.replay import replay_file
@@ -152,7 +154,9 @@ def test_a_loop_that_was_late_and_muted_motors_are_replayed_as_they_were(tmp_pat
         return not 15 < looks < 25
 
     session = tree(tmp_path / "session") | {"session": {"pace": "real"}}
-    run_session(check_tree(session, {}, base=tmp_path).config, observer=slow, haptics=haptics)
+    run_session(
+        check_tree(session, {}, base=tmp_path).config, controls=Controls(haptics=haptics), bus=observed(slow)
+    )
     path = tmp_path / "session" / "trial-001.mcap"
     found = {s.topic: s for s in inspect_file(path).streams}
     assert found["/run/skipped"].messages > 20

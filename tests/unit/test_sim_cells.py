@@ -86,8 +86,8 @@ def test_a_picture_that_is_not_painted_counts_as_one() -> None:
         gel.still(), LiveMetric(FingerSetup("thumb", gel.still()), LiveOptions()), report, live=False
     )
     for number in (0, 1, 4):
-        t_ns, _ = meter.take_sums(number, number * FRAME_NS, gel.sums([], number))
-        assert t_ns == number * FRAME_NS
+        contact = meter.take_sums(number, number * FRAME_NS, gel.sums([], number))
+        assert contact.t_ns == number * FRAME_NS
     assert (report.n_items, report.n_missing, meter.seq, meter.next_seq) == (3, 2, 4, 5)
 
 

@@ -12,18 +12,19 @@ from typing import Any
 import numpy as np
 import pytest
 
+from reference.parts import observed
 from reference.scripted import MS, Sink, touching
+from reference.wired import wired_loop
 from tega.config import check_tree
 from tega.config.calibration import TouchMaxima
 from tega.errors import DeviceUnavailableError
 from tega.loop import run_session
-from tega.loop.hand import ModelledAllegro
-from tega.loop.inbox.sources import Contact, EmgBlock
 from tega.loop.inbox.stream import PulledStream
 from tega.loop.loop import DualLoop
 from tega.loop.moment import LoopView
 from tega.loop.pacing import Pacer
 from tega.loop.touch import TouchLoop
+from tega.records import Contact, Intent
 from tega.runtime.clock import ManualClock
 from tega_sim.gel import Gel
 
@@ -36,15 +37,14 @@ def table(path: Path) -> list[dict[str, str]]:
 
 
 def run_kept(vest: Sink, recorder: Sink, contacts: list[Contact], *, end_ns: int) -> DualLoop:
-    loop = DualLoop(
-        pacer=Pacer(ManualClock()),
-        touch=TouchLoop({"thumb": TouchMaxima(cci_max=1.0, eda_max=100.0)}, layout="paper32"),
+    loop = wired_loop(
+        Pacer(ManualClock()),
+        TouchLoop({"thumb": TouchMaxima(cci_max=1.0, eda_max=100.0)}, layout="paper32"),
         contacts={"thumb": PulledStream(contacts, end_ns=end_ns)},
         levels=None,
-        hand=ModelledAllegro(),
         vests=[recorder],
         hands=[],
-        live_vests=[vest],  # type: ignore[list-item]
+        live_vests=[vest],
     )
     loop.run()
     return loop
@@ -52,7 +52,7 @@ def run_kept(vest: Sink, recorder: Sink, contacts: list[Contact], *, end_ns: int
 
 def test_a_vest_gets_every_tick_and_its_driver_knows_what_to_send() -> None:
     vest, recorder = Sink(), Sink()
-    contacts = [(k * 10 * MS, touching(50 if k < 20 else 80)) for k in range(40)]
+    contacts = [touching(50 if k < 20 else 80, t_ns=k * 10 * MS) for k in range(40)]
     report = run_kept(vest, recorder, contacts, end_ns=400 * MS).report
     assert [t for t, _ in recorder.sent] == [*(round(k * 1e9 / 30) for k in range(12)), 400 * MS]
     assert vest.sent == recorder.sent
@@ -62,7 +62,7 @@ def test_a_vest_gets_every_tick_and_its_driver_knows_what_to_send() -> None:
 
 def test_a_vest_that_fails_does_not_keep_the_others_from_silence() -> None:
     recorder = Sink()
-    contacts = [(k * 10 * MS, touching(50 + k)) for k in range(40)]
+    contacts = [touching(50 + k, t_ns=k * 10 * MS) for k in range(40)]
     with pytest.raises(DeviceUnavailableError, match="cable"):
         run_kept(Sink(fail_at_ns=50 * MS), recorder, contacts, end_ns=400 * MS)
     assert not recorder.sent[-1][1].intensities.any()
@@ -85,18 +85,17 @@ class Waits(ManualClock):
 
 def run_parts(*, touch: bool, emg: bool, **how: Any) -> tuple[DualLoop, Waits, Sink, Sink]:
     clock, vest, hand = Waits(), Sink(), Sink()
-    contacts = [(k * 16 * MS, touching(50)) for k in range(61)] if touch else []
-    levels = [EmgBlock(k * 100 * MS, (2,), 2) for k in range(1, 10)]
+    contacts = [touching(50, t_ns=k * 16 * MS) for k in range(61)] if touch else []
+    levels = [Intent(t_ns=k * 100 * MS, channels=(2,), level=2) for k in range(1, 10)]
     streams = {"thumb": PulledStream(contacts, end_ns=1000 * MS)} if touch else {}
-    loop = DualLoop(
-        pacer=Pacer(clock),
-        touch=TouchLoop(dict.fromkeys(streams, TouchMaxima(cci_max=1.0, eda_max=100.0)), layout="x40"),
+    loop = wired_loop(
+        Pacer(clock),
+        TouchLoop(dict.fromkeys(streams, TouchMaxima(cci_max=1.0, eda_max=100.0)), layout="x40"),
         contacts=streams,
         levels=PulledStream(levels, end_ns=1000 * MS) if emg else None,
-        hand=ModelledAllegro(),
         vests=[vest],
         hands=[hand],
-        live_vests=[vest],  # type: ignore[list-item]
+        live_vests=[vest],
     )
     loop.run(**how)
     return loop, clock, vest, hand
@@ -197,7 +196,7 @@ def test_a_session_of_one_finger_knows_no_other(plugin: Any, tmp_path: Path) -> 
         views.append(view)
         running.update(our_threads())
 
-    first = run_session(session(tmp_path, "one"), observer=observer, progress=progress)
+    first = run_session(session(tmp_path, "one"), progress=progress, bus=observed(observer))
     assert len(plugin.made) == 1
     assert plugin.read == plugin.made * len(plugin.read)
     assert while_measuring == {"tega-index"}  # the finger's own
@@ -209,7 +208,7 @@ def test_a_session_of_one_finger_knows_no_other(plugin: Any, tmp_path: Path) -> 
     np.save(tmp_path / "gel.npy", Gel(0).still())
     finger = {"driver": "counted-touch", "baseline": "gel.npy", "options": {"duration_s": 2.0}}
     config = session(tmp_path, "two", calibration=calibration, tactile={"index": finger})
-    second = run_session(config, observer=observer)
+    second = run_session(config, bus=observed(observer))
     assert len(plugin.made) == 1
     assert plugin.read == plugin.made * 120
     assert running <= {"tega-index", "tega-recordings"}  # one reads, one measures
@@ -226,7 +225,7 @@ def test_a_session_of_one_finger_knows_no_other(plugin: Any, tmp_path: Path) -> 
 
 def test_the_back_loop_holds_nothing_of_fingers_not_in_use() -> None:
     touch = TouchLoop({"ring": TouchMaxima(cci_max=1.0, eda_max=100.0)}, layout="paper32")
-    touch.update("ring", 0, touching(100, 1.0))
+    touch.update("ring", touching(100, 1.0))
     assert {len(held) for held in (touch._maxima, touch._newest)} == {1}
     assert touch.frame(0).intensities[:4].tolist() == [0, 0, 0, 99]
 

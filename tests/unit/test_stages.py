@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from tega.config import SessionConfig, StageConfig, StagesSection, load_config
 from tega.config.calibration import TouchMaxima
@@ -17,11 +18,12 @@ from tega.errors import ConfigError, InvalidValueError
 from tega.haptics import FeltMap, MotorLevels, intensity, vest_frame
 from tega.haptics.motor_layout import PAPER32, SHIPPED, X16, Motor, MotorLayout, find_layout
 from tega.loop.touch import TouchLoop
+from tega.records import Contact
 from tega.setup.contract import check_stage
 from tega.stages import FingerSetup, MuscleSetup, NamedValue, VestSetup, list_stages, stage_names
 from tega.stages.columns import ColumnsMapping, ColumnsOptions
 from tega.stages.decoders import RulesDecoder, RulesOptions
-from tega.stages.metrics import contact_metrics_of, contact_record
+from tega.stages.metrics import contact_record
 from tega.stages.readings import ReadingMetric, ReadingOptions
 from tega.tactile import ContactMetrics, contact_metrics, read_contact
 from tega.ui.cli.main import main
@@ -162,8 +164,8 @@ def test_the_printed_readings_are_the_kernels() -> None:
         ({"threshold": "D2", "weights": (0.2, 0.5, 0.3)}, {"difference": "rectified", "weights": (0.2, 0.5, 0.3)}),
     ):  # fmt: skip
         want: ContactMetrics = contact_metrics(frame, baseline, **kernel)
-        got = contact_metrics_of(reading(baseline, **options).update(frame, 0))
-        assert repr(got) == repr(want)
+        got = reading(baseline, **options).update(frame, 0)
+        assert repr(got) == repr(contact_record(got.finger, 0, want))
 
 
 def test_every_threshold_is_what_its_name_says() -> None:
@@ -226,10 +228,10 @@ def test_the_rules_are_options() -> None:
 
 def contact(**values: Any) -> Any:
     given = {"cci": 0.04, "eda": 4000, "peak": 60.0, "in_contact": True} | values
-    return ContactMetrics(**given)
+    return Contact(finger="index", t_ns=0, **given)
 
 
-def shown(metrics: Any, layout: str = "x16", mirror: Any = "none", **options: Any) -> list[list[int]]:
+def shown(touched: Contact, layout: str = "x16", mirror: Any = "none", **options: Any) -> list[list[int]]:
     """Return the upper row of front and back that an index finger's contact lights."""
 
     def make(setup: VestSetup) -> ColumnsMapping:
@@ -238,7 +240,7 @@ def shown(metrics: Any, layout: str = "x16", mirror: Any = "none", **options: An
     loop = TouchLoop(
         {"index": TouchMaxima(cci_max=0.08, eda_max=8000.0)}, layout=layout, mirror=mirror, mapping=make
     )
-    loop.update("index", 0, metrics)
+    loop.update("index", touched)
     frame = loop.frame(0)
     half = len(frame.intensities) // 2
     return [frame.intensities[:4].tolist(), frame.intensities[half : half + 4].tolist()]
@@ -304,9 +306,12 @@ def test_a_mapping_that_goes_wrong_moves_nothing() -> None:
 
 
 def test_a_contact_goes_through_the_loop_with_all_its_values() -> None:
-    metrics = contact(more=(NamedValue("pc1", 3.0, "1"),))
-    record = contact_record("index", 5, metrics)
-    assert repr(contact_metrics_of(record)) == repr(metrics)
+    given = contact(more=(NamedValue("pc1", 3.0, "1"),), force_n=4.5, strength=0.5)
+    felt = TouchLoop({"index": TouchMaxima(cci_max=0.08, eda_max=8000.0)}, layout="x16").update(
+        "index", given
+    )
+    assert (felt.cci_norm, felt.eda_norm, felt.front) == (0.5, 0.5, intensity(0.04, 0.08))
+    assert repr(replace(felt, cci_norm=0.0, eda_norm=0.0, front=0.0, back=0.0)) == repr(given)
     assert FeltMap(threshold=20).apply(MotorLevels("x16", np.full(16, 50, np.uint8))).intensities[0] == 60
 
 
@@ -479,7 +484,7 @@ def test_every_reading_of_the_vest_s_law_is_an_option() -> None:
         return ColumnsMapping(setup, ColumnsOptions(rows="bar", law="linear"))
 
     loop = TouchLoop({"thumb": TouchMaxima(cci_max=0.08, eda_max=8000.0)}, layout="x40", mapping=make)
-    loop.update("thumb", 0, contact(cci=0.04, eda=8000))
+    loop.update("thumb", contact(cci=0.04, eda=8000))
     levels = loop.frame(0).intensities.reshape(2, 5, 4)
     assert levels[0, :, 0].tolist() == [0, 0, 50, 100, 100]
     assert levels[1, :, 0].tolist() == [100] * 5

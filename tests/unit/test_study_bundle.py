@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import lzma
 import os
+import re
 import shutil
 import zipfile
 from collections.abc import Callable
@@ -14,16 +16,18 @@ from typing import Any
 import pytest
 
 from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError, TegaError
+from tega.recording.encode import encode_session
+from tega.recording.export import export_file
 from tega.recording.mcap_reader import McapReader
+from tega.recording.merge import merge_sessions
+from tega.recording.trim import trim_session
 from tega.ui.cli.main import main
-from tega_study import make_plan, read_plan, write_plan
 from tega_study.bids_names import BIDS_NAME, bids_names
 from tega_study.bundle import MANIFEST, open_bundle, write_bundle
-from tega_study.journal import Journal
+from tega_study.journal import Journal, events_path
 from tega_study.observers import observer_path
-from tega_study.plan import StudyPlan
+from tega_study.plan import StudyPlan, make_plan, read_plan, write_plan
 from tega_study.privacy import withdraw
-from tega_study.state import events_path
 from tega_study.trials import study_trials
 
 GOLDEN = Path(__file__).resolve().parents[1] / "golden" / "paper.mcap.xz"
@@ -316,3 +320,67 @@ def test_the_verbs(
 
     foreign = rewritten(tmp_path / "p01.zip", better)
     assert json.loads(call("open", str(foreign), "--out", "other", "--json", code=1))["same"] is False
+
+
+def _with(bundle: Path, name: str, content: bytes) -> Path:
+    """Return a copy of a bundle with one more file, which its manifest lists like the others."""
+    other = bundle.with_name("other.zip")
+    with zipfile.ZipFile(bundle) as packed, zipfile.ZipFile(other, "w") as out:
+        manifest = json.loads(packed.read(MANIFEST))
+        manifest["files"].append(
+            {"path": name, "n_bytes": len(content), "sha256": hashlib.sha256(content).hexdigest()}
+        )
+        for entry in packed.namelist():
+            if entry != MANIFEST:
+                out.writestr(entry, packed.read(entry))
+        out.writestr(name, content)
+        out.writestr(MANIFEST, json.dumps(manifest))
+    return other
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["report.html", "report/p01.csv", "withdrawn.txt", "can.py", "lab.toml", "sessions/p01/elsewhere.txt",
+     "sessions/p01/now.json", "sessions/p02/events.jsonl", "sessions/p01/events.jsonl.lock"],
+)  # fmt: skip
+def test_a_bundle_with_a_file_that_none_has_is_refused(name: str, study: Path, tmp_path: Path) -> None:
+    write_bundle(study, "p01", tmp_path / "p01.zip")
+    with pytest.raises(RecordingError, match=f"{re.escape(name)} is no file of a session"):
+        open_bundle(_with(tmp_path / "p01.zip", name, b"<script>"), tmp_path / "there")
+    assert not (tmp_path / "there").exists()
+    assert not list(tmp_path.glob(".there-*"))
+    open_bundle(_with(tmp_path / "p01.zip", "sessions/p01/notes.txt", b"x"), tmp_path / "there")
+
+
+def test_an_object_s_photo_is_a_picture(study: Path, tmp_path: Path) -> None:
+    """A table of objects in a bundle does not make a script a photo."""
+    (study / "objects.toml").write_text('[bag]\nphoto = "report.html"\n', encoding="utf-8")
+    write_bundle(study, "p01", tmp_path / "p01.zip")
+    with pytest.raises(RecordingError, match=r"report\.html is no file of a session"):
+        open_bundle(_with(tmp_path / "p01.zip", "report.html", b"<script>"), tmp_path / "there")
+
+
+def test_a_withdrawal_names_copies_of_recordings_and_their_copies(study: Path, tmp_path: Path) -> None:
+    source = study / RECORDING
+    made = {name: tmp_path / name for name in ("tables", "part", "other", "smaller", "both", "again")}
+    export_file(source, made["tables"])
+    trim_session(source, from_s=0.0, to_s=0.1, out=made["part"])
+    trim_session(source, from_s=0.2, to_s=0.3, out=made["other"])
+    encode_session(source, out=made["smaller"], quality=80)
+    merge_sessions([made["part"], made["other"]], out=made["both"])
+    encode_session(made["part"], out=made["again"], quality=70)
+    elsewhere = tmp_path / "elsewhere"
+    shutil.copytree(made["tables"], elsewhere)  # copied by hand: no program knows of it
+    left = withdraw(study, "p01").left
+    assert set(made.values()) <= set(left)
+    assert len(set(left)) == len(left)
+    assert elsewhere not in left
+    assert not set(made.values()) & set(withdraw(study, "p02").left)
+
+
+def test_a_recording_outside_of_studies_gets_no_list_of_copies(tmp_path: Path) -> None:
+    source = tmp_path / "mine" / "trial-001.mcap"
+    source.parent.mkdir()
+    source.write_bytes(lzma.decompress(GOLDEN.read_bytes()))
+    export_file(source, tmp_path / "tables")
+    assert not list(tmp_path.rglob("elsewhere.txt"))

@@ -22,20 +22,19 @@ from reference.written import boris_project
 from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError
 from tega.recording.mcap_reader import McapReader
 from tega.recording.replay.recorded import read_recorded
-from tega_study import make_plan, read_plan, write_plan
+from tega.runtime.files.boris import read_boris
 from tega_study.detecting import DETECTOR, detected_path
-from tega_study.journal import Journal, read_events
+from tega_study.journal import Journal, events_path, read_events
 from tega_study.observe import Observing
 from tega_study.observers import observer_path, read_observers, saw_whole
-from tega_study.plan import StudyPlan
+from tega_study.plan import StudyPlan, make_plan, read_plan, write_plan
 from tega_study.privacy import withdraw
 from tega_study.score.accounts import agreements
-from tega_study.score.boris_file import read_boris
 from tega_study.score.clips import ClipKey, key_path, make_clips, read_key
 from tega_study.score.clips_coded import take_clips
 from tega_study.score.recorded import RecordedTrial, recorded_trials
 from tega_study.score.trial_pictures import read_reel
-from tega_study.state import events_path, resume
+from tega_study.state import resume
 
 S, MS = 1_000_000_000, 1_000_000
 FIRST_NS, LEAD_NS, LENGTH_NS = 1000 * S, 100 * MS, 1300 * MS
@@ -393,7 +392,7 @@ BAD = {
     ),
     "no number": (
         lambda t: t["observations"]["clip-001"]["events"].append(["NaN", "", "slip", "", ""]),
-        "is no BORIS project",
+        "clip-001: 'slip' has the time 'NaN'",
     ),
     "short event": (lambda t: t["observations"]["clip-001"]["events"].append([0.1]), "is no BORIS project"),
 }

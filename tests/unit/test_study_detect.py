@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -13,16 +14,19 @@ pytest.importorskip("scipy")
 
 from reference.written import boris_project
 from tega.errors import InvalidValueError, RecordingError
-from tega_study import make_plan, read_plan, write_plan
+from tega_study.analyse import analyse_study
 from tega_study.cli import study
 from tega_study.detecting import detect_study, detected_path, events_of, read_detected
 from tega_study.hand_rows import HandRow, hand_path, read_hand, write_hand
+from tega_study.journal import Journal, events_path
 from tega_study.lead import lead_session
 from tega_study.lead.benches import SimulatedBench
 from tega_study.lead.experimenter import Screen
 from tega_study.observers import read_observers
+from tega_study.page import report_html
+from tega_study.plan import make_plan, read_plan, write_plan
 from tega_study.score import agreements, export_boris, import_boris
-from tega_study.touch_rows import touch_path
+from tega_study.touch_rows import read_touch, touch_path
 from tega_study.trials import study_trials
 
 
@@ -95,6 +99,53 @@ def test_events_are_written_beside_the_session_and_compared(folder: Path, tmp_pa
     accounts = {(one.kind, one.a, one.b): one for one in agreements(folder)}
     assert accounts["lift_off", "truth", "detector"].f1 == 1.0
     assert not any(kind == "drop" for kind, _, _ in accounts)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lost", ["closure", "height_m"])
+def test_a_rig_without_joints_or_height_has_no_certain_slips_and_reports_say_so(
+    lost: str, folder: Path, tmp_path: Path
+) -> None:
+    here = Path(shutil.copytree(folder, tmp_path / "study"))
+    for path in here.rglob("hand.csv"):
+        rows = [row._replace(**{lost: None, "tips_mm": None}) for row in read_hand(path)]
+        write_hand(path, rows)
+    with Journal(events_path(here, "p01")) as journal:  # the experimenter counted a slip in the first trial
+        start = next(event for event in journal.events if event.kind == "trial_start")
+        journal.add("slip", t_ns=start.t_ns + 10**9, trial=1, source="experimenter")
+    found = detect_study(here)
+    assert not [event for one in found for event in one.events if event.kind == "slip"]
+    unobservable = ("slip",) if lost == "closure" else ("lift_off", "slip")
+    assert {one.unobservable for one in found} == {unobservable}
+    (row,) = [
+        one for one in agreements(here) if (one.kind, one.a, one.b) == ("slip", "experimenter", "detector")
+    ]
+    assert (row.note, row.f1, row.trials) == ("detector: not observable on this rig", None, 0)
+    assert "not observable on this rig" in CliRunner().invoke(study, ["detect", str(here)]).output
+    assert "not observable on this rig" in CliRunner().invoke(study, ["score", str(here)]).output
+    page = report_html(analyse_study(here)[0], {})
+    assert "detector: not observable on this rig" in page
+    by_touch = [one for path in here.rglob("touch.csv") for one in events_of(read_touch(path), ())]
+    assert all(one.confidence < 0.5 for one in by_touch if one.kind == "slip")
+
+
+def test_accounts_without_a_common_event_say_why(folder: Path, tmp_path: Path) -> None:
+    here = Path(shutil.copytree(folder, tmp_path / "study"))
+    with Journal(events_path(here, "p01")) as journal:
+        start = next(event for event in journal.events if event.kind == "trial_start")
+        journal.add("deformation", t_ns=start.t_ns + 10**9, trial=1, source="experimenter")
+    found = {(one.kind, one.a, one.b): one for one in agreements(here)}
+    assert found["deformation", "truth", "experimenter"].note == "no event of truth"
+    assert found["lift_off", "truth", "experimenter"].note == "no event of experimenter"
+    shown = CliRunner().invoke(study, ["score", str(here)]).output
+    (head,) = [line for line in shown.splitlines() if line.startswith("event ")]
+    assert "n first  n second" in head
+    assert "no event of truth" in shown
+    analysis, _ = analyse_study(here)
+    assert analysis.counted_by == {"the simulation": 2, "the simulation and the experimenter": 1}
+    assert "counted by the simulation in 2 trials; the simulation and the experimenter in 1 trial" in (
+        report_html(analysis, {})
+    )
 
 
 @pytest.mark.slow

@@ -12,18 +12,17 @@ import pytest
 
 from tega.errors import DeviceUnavailableError
 from tega.records import MuscleCondition
-from tega_study import make_plan, read_plan, write_plan
 from tega_study.analyse import analyse_study
-from tega_study.journal import JournalEvent, read_events
+from tega_study.journal import JournalEvent, events_path, read_events
 from tega_study.lead import lead_session
 from tega_study.lead.experimenter import ENTER, Screen
 from tega_study.lead.fatigue import said_of_muscles, said_of_squeezes, trial_medians
 from tega_study.lead.questions import QUESTIONS
 from tega_study.lead.rest_tasks import RestTask, RestTaskEnd, RunningTask
 from tega_study.page import report_html
+from tega_study.plan import make_plan, read_plan, write_plan
 from tega_study.privacy import export
 from tega_study.squeeze_score import squeeze_shares
-from tega_study.state import events_path
 from tega_study.trials import study_trials
 
 

@@ -25,12 +25,15 @@ from reference.written import boris_project  # noqa: E402
 from tega.recording.mcap_reader import McapReader  # noqa: E402
 from tega_scene.layout import save_layout  # noqa: E402
 from tega_scene.lens import save_lens  # noqa: E402
-from tega_study import make_plan, read_plan, write_plan  # noqa: E402
-from tega_study.journal import JournalEvent, read_events  # noqa: E402
+from tega_study.journal import (  # noqa: E402
+    JournalEvent,
+    events_path,
+    read_events,
+)
 from tega_study.lead.status_file import board_path, read_board  # noqa: E402
 from tega_study.measured import CAMERA, measured_path  # noqa: E402
+from tega_study.plan import make_plan, read_plan, write_plan  # noqa: E402
 from tega_study.score.clips import read_key  # noqa: E402
-from tega_study.state import events_path  # noqa: E402
 
 PEOPLE: Final = ("p01", "p02")
 REST_S: Final = 8.0

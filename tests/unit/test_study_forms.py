@@ -11,8 +11,8 @@ pytest.importorskip("jinja2")
 
 from tega.errors import InvalidValueError
 from tega.ui.cli.main import main
-from tega_study import make_plan, write_plan
 from tega_study.forms import FORMS, write_forms
+from tega_study.plan import make_plan, write_plan
 
 
 def forms_of(folder: Path, **settings: Any) -> dict[str, str]:
@@ -38,7 +38,7 @@ def test_the_forms_say_what_the_plan_says(tmp_path: Path) -> None:
 
 def test_the_minutes_are_those_that_plan_prints(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
-        main(["study", "plan", "--participants", "2", "--out", str(tmp_path / "study")])
+        main(["study", "plan", "--participants", "2", "--anyway", "--out", str(tmp_path / "study")])
     printed = capsys.readouterr().out
     with pytest.raises(SystemExit) as ended:
         main(["study", "forms", str(tmp_path / "study"), "--out", str(tmp_path / "forms")])

@@ -21,66 +21,27 @@ from reference.study_bench import StandingBench
 from reference.waiting import until
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.runtime.clock import SystemClock
-from tega_study import make_plan, read_plan, write_plan
 from tega_study.analyse import analyse_study
 from tega_study.coupling import read_course
 from tega_study.finger_rows import finger_rows
-from tega_study.journal import Journal, JournalEvent, counting, read_events
+from tega_study.journal import Journal, JournalEvent, counting, events_path, read_events
 from tega_study.lead import lead_session
 from tega_study.lead.asking import BlockQuestions
 from tega_study.lead.benches import LabBench, SimulatedBench
 from tega_study.lead.experimenter import ENTER, LineDesk, Screen
-from tega_study.lead.lift_rule import LiftRule
 from tega_study.lead.questions import KEYS, QUESTIONS, answer_of, blocks_to_ask, raw_tlx
 from tega_study.lead.rest_tasks import RestTask, RestTaskEnd
 from tega_study.lead.running_trial import Going
 from tega_study.lead.status_file import board_path, read_board
 from tega_study.lead.trial import LedTrial
 from tega_study.page import report_html
-from tega_study.plan import PlannedTrial
+from tega_study.plan import PlannedTrial, make_plan, read_plan, write_plan
 from tega_study.ratings import ratings
 from tega_study.score.recorded import recorded_trials
 from tega_study.score.trial_pictures import read_reel
-from tega_study.state import derive, events_path, rehearsed, resume
+from tega_study.state import derive, rehearsed, resume
 from tega_study.touch_picture import pictures_of
 from tega_study.trials import course_path, study_trials
-
-
-def ramp(begin_s: float, end_s: float, top_m: float) -> Callable[[float], float]:
-    return lambda t_s: top_m * min(max((t_s - begin_s) / (end_s - begin_s), 0.0), 1.0)
-
-
-def twice(t_s: float) -> float:
-    return 0.22 if 6.0 <= t_s <= 6.8 else 0.21 if t_s >= 9.0 else 0.0
-
-
-@pytest.mark.parametrize(
-    ("height_m", "held_s"),
-    [
-        (ramp(5, 8, 0.25), (7.4, 8.4)),
-        (lambda t_s: 0.1 if t_s > 7.9 else ramp(5, 8, 0.25)(t_s), None),
-        (ramp(13.8, 14.6, 0.2), (14.6, 15.6)),
-        (ramp(14.5, 15.1, 0.2), None),
-        (twice, (9.0, 10.0)),
-        (ramp(5, 8, 0.1999), None),
-    ],
-)
-def test_lifted_is_a_second_at_the_height_begun_within_the_window(
-    height_m: Callable[[float], float], held_s: tuple[float, float] | None
-) -> None:
-    rule = LiftRule(window_s=15.0)
-    for tenth in range(201):
-        rule.height(tenth / 10, height_m(tenth / 10))
-    assert rule.held_s == (None if held_s is None else pytest.approx(held_s))
-    assert rule.verdict(20.0) == ("too late" if held_s is None else "lifted")
-
-
-def test_a_second_that_began_in_time_is_waited_for() -> None:
-    rule = LiftRule(window_s=15.0)
-    rule.height(14.9, 0.2)
-    assert rule.verdict(15.5) == "open"
-    rule.look(15.9)
-    assert rule.verdict(15.9) == "lifted"
 
 
 def test_answers_and_raw_tlx() -> None:
@@ -469,7 +430,7 @@ def test_a_trial_that_was_to_be_done_again_and_was_not_is_no_data(tmp_path: Path
 KILLED = """
 import sys
 from pathlib import Path
-from tega_study import read_plan
+from tega_study.plan import read_plan
 from tega_study.lead import lead_session
 from tega_study.lead.benches import SimulatedBench
 from tega_study.lead.experimenter import LineDesk

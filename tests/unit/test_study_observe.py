@@ -14,13 +14,13 @@ from pathlib import Path
 import pytest
 
 from tega.errors import DeviceUnavailableError, InvalidValueError
-from tega_study import make_plan, read_plan, write_plan
-from tega_study.journal import Journal, read_events
+from tega_study.journal import Journal, events_path, read_events
 from tega_study.lead.status_file import SessionBoard, board_path, write_board
 from tega_study.observe import Observing
 from tega_study.observers import observer_path, read_observers, saw_whole
+from tega_study.plan import make_plan, read_plan, write_plan
 from tega_study.privacy import export, withdraw
-from tega_study.state import events_path, resume
+from tega_study.state import resume
 from tega_study.trials import study_trials
 
 S = 1_000_000_000

@@ -13,12 +13,13 @@ import numpy as np
 import pytest
 
 from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError
-from tega_study import make_plan, read_plan, write_plan
-from tega_study.journal import Journal, read_events
-from tega_study.privacy import export, note_elsewhere, withdraw, withdrawn_ids
+from tega_study.journal import Journal, events_path, read_events
+from tega_study.plan import make_plan, read_plan, write_plan
+from tega_study.privacy import export, note_elsewhere, withdraw
 from tega_study.score.boris import export_boris
-from tega_study.state import derive, events_path, resume
+from tega_study.state import derive, resume
 from tega_study.trials import study_trials, trials_of_events
+from tega_study.withdrawn import withdrawn_ids
 
 START_NS = 1_763_720_000_123_456_789
 
@@ -104,7 +105,7 @@ def test_a_session_killed_in_a_trial_goes_on_with_the_next_and_repeats_it_at_the
     code = f"""
 from pathlib import Path
 import os, signal
-from tega_study import read_plan
+from tega_study.plan import read_plan
 from tega_study.state import resume
 folder = Path({str(folder)!r})
 journal, state = resume(folder, read_plan(folder), "p01", t_ns=1)
@@ -293,7 +294,7 @@ def test_a_study_killed_ten_times_keeps_its_plan_and_every_event_that_was_acknow
     code = f"""
 import sys
 from pathlib import Path
-from tega_study import read_plan
+from tega_study.plan import read_plan
 from tega_study.state import derive, resume
 folder = Path({str(folder)!r})
 plan = read_plan(folder)

@@ -12,20 +12,18 @@ import numpy as np
 import pytest
 
 from reference.study_bench import StandingBench
-from tega.config import MaskingSection
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega_emulators.sound_port import SoundPort
-from tega_study import make_plan, read_plan, write_plan
 from tega_study.beep_score import score_beeps
-from tega_study.journal import JournalEvent, Kind, read_events
+from tega_study.journal import JournalEvent, Kind, events_path, read_events
 from tega_study.lead import lead_session
 from tega_study.lead.experimenter import ENTER, Screen
 from tega_study.lead.questions import QUESTIONS
+from tega_study.masking_settings import MaskingSection
 from tega_study.masking_sound import BEEP_HZ, RATE_HZ, MaskingSound, beep_tone
-from tega_study.plan import StudyPlan
+from tega_study.plan import StudyPlan, make_plan, read_plan, write_plan
 from tega_study.privacy import export
 from tega_study.probe import APART_S, FIRST_S, beep_times, probe_uses
-from tega_study.state import events_path
 from tega_study.trials import study_trials
 
 

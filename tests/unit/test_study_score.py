@@ -11,9 +11,9 @@ pytest.importorskip("scipy")
 
 from reference.written import boris_project
 from tega.errors import InvalidValueError, RecordingError
-from tega_study import make_plan, read_plan, write_plan
 from tega_study.observe import Observing
 from tega_study.observers import observer_path, read_observers
+from tega_study.plan import make_plan, read_plan, write_plan
 from tega_study.report import write_report
 from tega_study.score import agreement, agreements, export_boris, icc, import_boris, kappa, match_events
 from tega_study.state import resume
@@ -179,11 +179,11 @@ def test_a_tabular_export_is_read_by_the_names_of_its_columns(
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("a,b\n1,2\n", "no column Behavior, Observation id, Time"),
+        ("a,b\n1,2\n", "no column Behavior, Time"),
         ("Observation id,Behavior,Time\nmine,slip,1\n", "names no trial"),
         ("Observation id,Behavior,Time\np01_t01_a1,jump,1\n", "'jump' is not known"),
         ("Observation id,Behavior,Time\np01_t01_a2,slip,1\n", "was not run"),
-        ("Observation id,Behavior,Time\np01_t01_a1,slip,soon\n", "line 2"),
+        ("Observation id,Behavior,Time\np01_t01_a1,slip,soon\n", "row 2: 'soon' is no time"),
     ],
 )
 def test_a_bad_file_changes_nothing(folder: Path, tmp_path: Path, text: str, message: str) -> None:

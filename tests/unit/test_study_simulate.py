@@ -271,7 +271,7 @@ def test_shards_and_workers_give_the_same_study(tmp_path: Path) -> None:
 
 
 def test_a_plan_is_written_once_and_found_again(tmp_path: Path) -> None:
-    from tega_study import make_plan
+    from tega_study.plan import make_plan
 
     plan = make_plan(participants=2, simulated=True)
     ensure_plan(plan, tmp_path / "s")

@@ -17,7 +17,7 @@ from tega_study.coupling import correlate, effective_n, fisher_mean, lag_sweep, 
 from tega_study.figures import p_text
 from tega_study.paper import PAPER_P
 from tega_study.people import cross_over, paired_log_ratio, ratio_of_means, sign_flip, within_person
-from tega_study.power import SPREADS, count_power, people_for
+from tega_study.power import SPREADS, PlannedTest, people_for, power_of
 from tega_study.rank import holm, mann_whitney, shift
 from tega_study.trials import Trial
 
@@ -233,14 +233,13 @@ def test_somebody_who_answers_has_another_slope_though_not_another_correlation()
 
 
 def test_power_as_worked_out_before() -> None:
-    low = count_power(2.8, 5.9, people=6, spread=SPREADS["high"])
-    assert low.paired_t == close(0.80, abs=0.03)
-    assert low.sign_flip == close(0.62, abs=0.04)
-    assert count_power(2.8, 5.9, people=5).sign_flip == 0
-    found = people_for(0.7, 4.2, spread=SPREADS["low"])
+    alone = [PlannedTest("slips", 2.8, 5.9)]
+    assert power_of(alone, people=6, spread=SPREADS["high"]).found == close(0.62, abs=0.05)
+    assert power_of(alone, people=5).found == 0
+    found = people_for([PlannedTest("slips", 0.7, 4.2)], spread=SPREADS["low"])
     assert found is not None
-    assert found[0] == 3
-    assert people_for(0.3, 0.5, most=12, runs=400) is None
+    assert found.people == 6
+    assert people_for([PlannedTest("slips", 0.45, 0.5)], runs=200) is None
 
 
 def test_an_interval_from_two_people_is_not_shown_as_one() -> None:

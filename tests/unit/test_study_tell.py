@@ -17,15 +17,14 @@ from reference.waiting import until
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.runtime.clock import ManualClock, SystemClock
 from tega.ui.cli.main import main
-from tega_study import make_plan, write_plan
 from tega_study.cli.tell import COMMANDS
-from tega_study.journal import read_events
+from tega_study.journal import events_path, read_events
 from tega_study.lead import lead_session
 from tega_study.lead.experimenter import ENTER, Screen
 from tega_study.lead.questions import QUESTIONS
 from tega_study.lead.status_file import board_path, read_board
 from tega_study.lead.tell import KEYS, CommandFile, tell, told_path
-from tega_study.state import events_path
+from tega_study.plan import make_plan, write_plan
 from tega_study.trials import study_trials
 
 

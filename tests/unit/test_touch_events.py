@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
+from reference.parts import observed
 from tega.config import check_tree
 from tega.config.calibration import TouchMaxima
 from tega.haptics import FINGERS
@@ -17,11 +19,10 @@ from tega.loop.moment import LoopView
 from tega.loop.touch import TouchLoop
 from tega.recording.mcap_reader import McapReader
 from tega.recording.replay import replay_file
-from tega.records import ArmTurn, Event, PoseNumbers
+from tega.records import ArmTurn, Contact, Event, PoseNumbers
 from tega.records.bus import Bus
 from tega.records.schema import read
 from tega.records.table import columns, rows
-from tega.tactile import ContactMetrics
 from tega.ui.view.browser.state_html import status_html
 from tega.ui.view.state import ViewState
 
@@ -41,7 +42,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, list[
     }
     bus, heard, seen = Bus(), list[Event](), list[LoopView]()
     bus.subscribe(Event, heard.append)
-    summary = run_session(check_tree(tree, {}, base=folder).config, bus=bus, observer=seen.append)
+    summary = run_session(check_tree(tree, {}, base=folder).config, bus=observed(seen.append, bus))
     return folder / "out", folder / "recorded" / summary["recording"]["file"], heard, seen
 
 
@@ -82,14 +83,24 @@ def test_a_display_says_the_newest_event_while_it_is_new(session: Session) -> No
 
 
 def test_events_are_looked_for_only_where_somebody_wants_them() -> None:
-    firm = ContactMetrics(mass=6e4, centroid_xy=(120.0, 100.0), eda=3000, cci=0.5, peak=30.0, in_contact=True)
+    firm = Contact(
+        finger="index",
+        t_ns=0,
+        mass=6e4,
+        centroid_xy=(120.0, 100.0),
+        eda=3000,
+        cci=0.5,
+        peak=30.0,
+        in_contact=True,
+    )
     loop = TouchLoop({"index": TouchMaxima(cci_max=1.0, eda_max=3000.0)}, layout="x40")
-    loop.update("index", 0, firm)
+    loop.update("index", firm)
     assert len(loop.found) == 0
     loop.find_events()
     kinds: set[str] = set()
     for n in range(1, 30):
-        loop.update("index", n * 16_000_000, firm if n > 5 else ContactMetrics())
+        seen = firm if n > 5 else Contact(finger="index", t_ns=0, in_contact=False)
+        loop.update("index", replace(seen, t_ns=n * 16_000_000))
         kinds |= {event.kind for event in loop.found}
     assert kinds == {"contact"}
 

@@ -31,15 +31,14 @@ from tega.loop.inbox.sources import SourceReport
 from tega.loop.maxima import guided_maxima, touch_maxima
 from tega.loop.open_streams import contact_stream
 from tega.loop.pacing import Pacer
-from tega.loop.touch import TouchMoment
 from tega.loop.touching import RecordedFingers, Touching
 from tega.recording.mcap_reader import McapReader
 from tega.recording.replay import replay_file
-from tega.records import Picture
+from tega.records import Contact, Picture
 from tega.records.bus import Bus
 from tega.stages import FingerSetup, VestSetup, find_layout
 from tega.stages.base import MeasuredPicture
-from tega.stages.metrics import LiveMetric, LiveOptions, contact_metrics_of
+from tega.stages.metrics import LiveMetric, LiveOptions
 from tega.tactile.tracker import DEPTH_LAW
 from tega.ui.cli.main import main
 from tega.ui.view.labels import ContactLabels
@@ -186,7 +185,7 @@ def test_fingers_of_loose_recordings_are_told_of_each_other() -> None:
             beforehand.add(name, finger, metric, see=see)
         for one in beforehand.measured(lambda: False):
             if one.contact is not None:
-                found[one.finger].append(repr(one.contact[1]))
+                found[one.finger].append(repr(one.contact))
             else:
                 assert one.end_ns == round(N_FRAMES * 1e9 / 60)
     first = flags["ring"].index(True)
@@ -194,8 +193,8 @@ def test_fingers_of_loose_recordings_are_told_of_each_other() -> None:
     assert all(flags["ring"][first:])
     # Told of the ring finger as long as that one is pressed.
     assert 35 < sum(flags["thumb"]) < 60
-    assert found["ring"] == [repr(contact_metrics_of(contact)) for contact in measured(flags["ring"])]
-    assert found["ring"] != [repr(contact_metrics_of(contact)) for contact in measured([False] * N_FRAMES)]
+    assert found["ring"] == [repr(contact) for contact in measured(flags["ring"])]
+    assert found["ring"] != [repr(contact) for contact in measured([False] * N_FRAMES)]
 
     # In a run, whichever finger is asked for first.
     bus, told_in_run = Bus(), list[Picture]()
@@ -222,7 +221,7 @@ def test_fingers_of_loose_recordings_are_told_of_each_other() -> None:
         for name in ("ring", "thumb"):
             again = []
             while (contact := streams[name].next_until(10**12)) is not None:
-                again.append(repr(contact[1]))
+                again.append(repr(contact))
             assert again == found[name]
     for name, told in flags.items():
         assert [picture.loaded for picture in told_in_run if picture.finger == name] == told
@@ -360,23 +359,27 @@ def test_the_trend_of_a_press_can_be_felt_in_a_column() -> None:
     assert max(c.more[0].value for c in falls[30:]) > 1.0
 
 
+def _felt(cci: float, eda: float, *, finger: str = "thumb", in_contact: bool = True) -> Contact:
+    return Contact(finger=finger, t_ns=0, in_contact=in_contact, cci_norm=cci, eda_norm=eda)
+
+
 def test_a_contact_that_jitters_about_a_border_keeps_its_name() -> None:
     labels, rng = ContactLabels(), np.random.default_rng(1)
     names, plain = [], []
     for k in range(2000):
         noise = rng.normal(0, 0.01, 2)
-        felt = TouchMoment(0.5 + noise[0], 0.5 + noise[1] + 0.3 * (k >= 1000), 0.0, 0.0)
-        names.append(labels.name("thumb", felt, in_contact=True))
+        felt = _felt(0.5 + noise[0], 0.5 + noise[1] + 0.3 * (k >= 1000))
+        names.append(labels.name(felt))
         plain.append(contact_type(felt.cci_norm, felt.eda_norm))
     flips = [sum(a != b for a, b in pairwise(said)) for said in (names, plain)]
     assert flips[1] > 500
     assert flips[0] <= 1
     # What changes clearly is told at once, and a contact that ends forgets.
-    assert labels.name("thumb", TouchMoment(0.2, 0.9, 0.0, 0.0), in_contact=True) == "broad"
-    assert labels.name("thumb", TouchMoment(0.52, 0.9, 0.0, 0.0), in_contact=True) == "broad"
-    assert labels.name("thumb", TouchMoment(0.2, 0.9, 0.0, 0.0), in_contact=False) == "none"
-    assert labels.name("thumb", TouchMoment(0.52, 0.48, 0.0, 0.0), in_contact=True) == "focal"
-    assert labels.name("index", TouchMoment(0.52, 0.0, 0.0, 0.0), in_contact=True) == "none"
+    assert labels.name(_felt(0.2, 0.9)) == "broad"
+    assert labels.name(_felt(0.52, 0.9)) == "broad"
+    assert labels.name(_felt(0.2, 0.9, in_contact=False)) == "none"
+    assert labels.name(_felt(0.52, 0.48)) == "focal"
+    assert labels.name(_felt(0.52, 0.0, finger="index")) == "none"
 
 
 def _pressed_with(gel: Gel, indenter: Any, metric: LiveMetric, first: int) -> list[Any]:
@@ -484,7 +487,7 @@ def test_full_is_what_a_round_and_a_flat_press_say_together() -> None:
     presses = {}
     for number, (name, indenter) in enumerate((("round", marble), ("flat", lid))):
         contacts = _pressed_with(gel, indenter, metric, 30 + 180 * number)
-        presses[name] = [(c.t_ns, contact_metrics_of(c)) for c in contacts]
+        presses[name] = contacts
     both = guided_maxima(presses["round"] + presses["flat"])
     single = {name: touch_maxima(frames) for name, frames in presses.items()}
     wide, narrow = single["flat"], single["round"]
@@ -494,7 +497,7 @@ def test_full_is_what_a_round_and_a_flat_press_say_together() -> None:
     assert both.eda_max == pytest.approx(1.3 * wide.eda_max, rel=0.02)
     # Held with either object, as firmly as can be, no column is full.
     felt = [
-        (m.cci / both.cci_max, m.eda / both.eda_max) for frames in presses.values() for _, m in frames[20:55]
+        (m.cci / both.cci_max, m.eda / both.eda_max) for frames in presses.values() for m in frames[20:55]
     ]
     full_share = np.mean([intensity(max(shares), 1.0) > 99.5 for shares in felt])
     assert full_share == 0.0
@@ -573,15 +576,15 @@ def test_fig_3_of_a_recording_has_the_recorded_numbers_and_the_loops_own_outline
     path = record(tmp_path / "a1", lossless=lossless)
     found = recorded_picture(path.parent)
     assert found is not None
-    metrics, touch_map = found.touch.metrics, found.touch.map
-    assert metrics.in_contact
+    contact, touch_map = found.touch.contact, found.touch.map
+    assert contact.in_contact
     assert touch_map is not None
     assert touch_map.unit == "mm"
     contacts = McapReader(path).messages(lambda topic: topic.endswith("/contact"))
     masses = [message.value.mass for message in contacts if message.value is not None]
-    assert metrics.mass == max(masses)
+    assert contact.mass == max(masses)
     outlined = np.count_nonzero(touch_map.mask)
-    assert outlined == pytest.approx(metrics.eda, rel=0.0 if lossless else 0.1)
+    assert outlined == pytest.approx(contact.eda, rel=0.0 if lossless else 0.1)
 
 
 def test_metrics_are_made_before_the_session_s_clock_starts(

@@ -14,13 +14,12 @@ import pytest
 from reference.scripted import MS, Sink, touching
 from reference.vests import KeptVest
 from reference.waiting import until
+from reference.wired import wired_loop
 from tega.config import VestConfig, check_tree
 from tega.config.calibration import TouchMaxima
 from tega.devices.vest.vest_stream import VestOptions
 from tega.haptics import vest_frame
-from tega.loop.hand import ModelledAllegro
 from tega.loop.inbox.reader import Reader
-from tega.loop.inbox.sources import Contact
 from tega.loop.inbox.stream import LiveStream, PulledStream
 from tega.loop.latency import LatencyTrace
 from tega.loop.loop import DualLoop
@@ -30,7 +29,7 @@ from tega.loop.touch import TouchLoop
 from tega.loop.worn_vest import worn_vest
 from tega.recording.replay import replay_file
 from tega.recording.replay.recorded import read_recorded
-from tega.records import Latency
+from tega.records import Contact, Intent, Latency, VestFrame
 from tega.records.bus import Bus
 from tega.runtime.clock import ManualClock, SystemClock
 from tega.runtime.wake import Bell
@@ -44,12 +43,11 @@ def loop_of(
     contacts: Any, vest: Sink, *, pacer: Pacer, levels: Any = None, by_frame: bool = True, **how: Any
 ) -> DualLoop:
     touch = TouchLoop(dict.fromkeys(contacts, TouchMaxima(cci_max=1.0, eda_max=100.0)), layout="x40")
-    return DualLoop(
-        pacer=pacer,
-        touch=touch,
+    return wired_loop(
+        pacer,
+        touch,
         contacts=contacts,
         levels=levels,
-        hand=ModelledAllegro(),
         vests=[vest],
         hands=[],
         by_frame=by_frame,
@@ -103,7 +101,7 @@ def test_what_a_picture_changes_is_felt_at_once_and_what_it_does_not_is_not_sent
         until(lambda: bool(vest.sent))  # the first refresh; the next one comes a minute later
         for eda in (50, 50, 80, 0):
             n = len(vest.sent)
-            yield (pacer.elapsed_ns(), touching(eda))
+            yield touching(eda, t_ns=pacer.elapsed_ns())
             felt.append(eda)
             if len(felt) == 2:
                 continue  # nothing changes
@@ -113,7 +111,7 @@ def test_what_a_picture_changes_is_felt_at_once_and_what_it_does_not_is_not_sent
     pacer.start()
     stream: LiveStream[Contact] = LiveStream(on_item=bell.ring)
     reader = Reader("thumb", camera, stream.put, stream.end)
-    loop = loop_of({"thumb": stream}, vest, pacer=pacer, vest_rate_hz=1 / LONG_S)
+    loop = loop_of({"thumb": stream}, vest, pacer=pacer, rate_hz=1 / LONG_S)
     report = loop.run(stop=lambda: len(felt) == 4)
     reader.close()
     assert report.n_contacts == {"thumb": 4}
@@ -131,8 +129,8 @@ def test_what_a_picture_changes_is_felt_at_once_and_what_it_does_not_is_not_sent
 
 def scripted(*, by_frame: bool) -> list[int]:
     vest = Sink()
-    thumb = PulledStream([(10 * MS, touching(50)), (20 * MS, touching(50)), (40 * MS, touching(0))])
-    levels = PulledStream([(90 * MS, (1, 1, 1), 1)], end_ns=90 * MS)
+    thumb = PulledStream([touching(50, t_ns=10 * MS), touching(50, t_ns=20 * MS), touching(0, t_ns=40 * MS)])
+    levels = PulledStream([Intent(t_ns=90 * MS, channels=(1, 1, 1))], end_ns=90 * MS)
     loop = loop_of({"thumb": thumb}, vest, pacer=Pacer(ManualClock()), levels=levels, by_frame=by_frame)
     loop.run()
     return [t_ns // MS for t_ns, _ in vest.sent]
@@ -158,7 +156,7 @@ def test_a_run_by_frame_is_recorded_and_computed_again_bit_for_bit(tmp_path: Pat
     replay = replay_file(file)
     assert replay.same, [stream for stream in replay.streams if stream.differ]
     ticks = {round(k * 1e9 / 30) for k in range(91)}
-    between = [t_ns for t_ns, _, _ in read_recorded(file).vest if t_ns not in ticks]
+    between = [one.t_ns for one in read_recorded(file).of(VestFrame) if one.t_ns not in ticks]
     if pace == "steady":
         assert between == []
         return

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from reference.scripted import touching
 from tega.config import load_config
 from tega.config.calibration import TouchMaxima
 from tega.devices.vest.vest_recorder import VestRecorder, VestRecorderOptions
@@ -15,13 +16,11 @@ from tega.haptics import FeltMap, vest_frame
 from tega.loop.touch import TouchLoop
 from tega.runtime.clock import ManualClock
 from tega.setup.calibration.identify import light_motor, motor_place
-from tega.tactile import ContactMetrics
 from tega.ui.cli.main import main
 
 
 def touched(loop: TouchLoop) -> list[int]:
-    contact = ContactMetrics(1.0, (9.0, 9.0), 3.0, 1.0, 700, 0.5, 40.0, (9, 9), in_contact=True)
-    loop.update("thumb", 0, contact)
+    loop.update("thumb", touching(700))
     frame: list[int] = loop.frame(0).intensities.tolist()
     return frame
 

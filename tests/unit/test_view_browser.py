@@ -313,12 +313,12 @@ def test_the_touch_map_has_its_marks_where_the_contact_is(moments):
     left = TILE_WIDTH + GAP
     assert np.unique(sheet[:, :TILE_WIDTH].reshape(-1, 3), axis=0).tolist() == [[236] * 3, [255] * 3]
     tile = sheet[TILE_HEIGHT + GAP :, left : left + TILE_WIDTH]
-    metrics = finger.metrics
-    assert np.count_nonzero(finger.map.mask) == metrics.eda > 1000
+    contact = finger.contact
+    assert np.count_nonzero(finger.map.mask) == contact.eda > 1000
     scale = np.array([TILE_WIDTH / 240, TILE_HEIGHT / 320])
     for colour, middle, radius in (
-        (PEAK_GREEN, metrics.peak_xy, 7.0),
-        (EDA_BLUE, metrics.centroid_xy, np.sqrt(metrics.eda / np.pi * scale.prod())),
+        (PEAK_GREEN, contact.peak_xy, 7.0),
+        (EDA_BLUE, contact.centroid_xy, np.sqrt(contact.eda / np.pi * scale.prod())),
     ):
         y, x = np.nonzero((tile == colour).all(axis=2))
         assert len(x) > 10

@@ -9,6 +9,7 @@ import xml.etree.ElementTree as ET
 import click
 import pytest
 from click.testing import CliRunner
+from msgspec.structs import replace
 
 pytest.importorskip("viser", reason="needs the extra view")
 
@@ -52,8 +53,8 @@ def test_the_page_itself_says_that_the_run_is_paused_at_the_next_moment() -> Non
 
 def test_a_light_tells_a_silent_finger_from_an_absent_one() -> None:
     moment = Moments().at(2.0)
-    time_ns, metrics = moment.loop.contacts["thumb"]
-    contacts = dict(moment.loop.contacts) | {"thumb": (time_ns - 10**9, metrics)}
+    thumb = moment.loop.contacts["thumb"]
+    contacts = dict(moment.loop.contacts) | {"thumb": replace(thumb, t_ns=thumb.t_ns - 10**9)}
     del contacts["ring"]
     lights = lights_html(moment._replace(loop=moment.loop._replace(contacts=contacts)))
     assert 'title="thumb: silent"' in lights
@@ -89,9 +90,12 @@ def test_delays_have_their_percentile_and_the_budget() -> None:
     for k in range(1, 101):
         delays.note({"picture to vest": float(k), "to the page": 500.0})
     assert delays.p99_ms("picture to vest") == 99.0
+    few = Delays()
+    few.note({"picture to vest": 40.0})
+    assert few.words("picture to vest") == "40 ms · worst 40 (n 1)"
     svg = delays.svg()
-    assert f"p99 99 · budget {BUDGET_MS:.0f}" in svg
-    assert "p99 500</text>" in svg
+    assert f"p99 99 (n 100) · budget {BUDGET_MS:.0f}" in svg
+    assert "p99 500 (n 100)</text>" in svg
     assert svg.count("<line ") == 1
     ET.fromstring(svg)
 

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from reference.parts import observed
+
 pytest.importorskip("viser", reason="needs the extra view")
 
 from PIL import Image
@@ -36,9 +38,8 @@ def completed(folder: Path) -> list[ViewState]:
     feed = SessionFeed({}, bus)
     run_session(
         config,
-        on_prepared=feed.watch,
-        observer=lambda loop: seen.append(feed.complete(ViewState(loop.t_ns, loop))),
-        bus=bus,
+        bus=observed(lambda loop: seen.append(feed.complete(ViewState(loop.t_ns, loop))), bus),
+        parts=[feed],
     )
     return seen
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from reference.parts import observed
 from tega.config import check_tree
 from tega.loop import run_session
 from tega.records import Adaptation, BesideIntent, Button, Intent, MuscleCondition
@@ -56,9 +57,8 @@ def test_a_run_that_is_looked_at_has_its_decoders_beside_without_a_recording(tmp
     feed = SessionFeed({}, bus)
     run_session(
         check_tree(tree, {}, base=tmp_path).config,
-        on_prepared=feed.watch,
-        observer=lambda loop: rows.append(feed.complete(ViewState(loop.t_ns, loop)).rows),
-        bus=bus,
+        bus=observed(lambda loop: rows.append(feed.complete(ViewState(loop.t_ns, loop)).rows), bus),
+        parts=[feed],
     )
     assert "apart in" in rows[-1]["beside proportional"]
 
@@ -141,9 +141,8 @@ def rows_of(tree: dict[str, Any], folder: Path) -> list[dict[str, str]]:
     feed = SessionFeed({}, bus)
     run_session(
         check_tree(tree, {}, base=folder).config,
-        on_prepared=feed.watch,
-        observer=lambda loop: rows.append(dict(feed.complete(ViewState(loop.t_ns, loop)).rows)),
-        bus=bus,
+        bus=observed(lambda loop: rows.append(dict(feed.complete(ViewState(loop.t_ns, loop)).rows)), bus),
+        parts=[feed],
     )
     return rows
 
@@ -175,9 +174,8 @@ def test_the_alert_of_moved_electrodes_and_the_pattern_stand_on_the_page(tmp_pat
     feed = SessionFeed({}, bus)
     run_session(
         check_tree(tree, {}, base=tmp_path).config,
-        on_prepared=feed.watch,
-        observer=lambda loop: moments.append(feed.complete(ViewState(loop.t_ns, loop))),
-        bus=bus,
+        bus=observed(lambda loop: moments.append(feed.complete(ViewState(loop.t_ns, loop))), bus),
+        parts=[feed],
     )
     last = moments[-2]
     assert any("recalibrate in ten seconds" in alert for alert in last.loop.alerts)

@@ -300,5 +300,5 @@ def test_the_bench_with_an_object_held_up(name, browser):
     over_table = shown[:420, 430:1030]
     assert share_near(over_table, OBJECT_COLOURS[name]) > 0.01
     touch_maps = shown[260:395, 10:415]
-    touching = [finger for finger, (_, metrics) in moment.loop.contacts.items() if metrics.in_contact]
+    touching = [finger for finger, contact in moment.loop.contacts.items() if contact.in_contact]
     assert (share_near(touch_maps, (39, 208, 69), 70) > 0.0003) == bool(touching)  # green circles

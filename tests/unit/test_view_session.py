@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from reference.parts import observed
 from reference.recordings import write_folder
 from reference.scripted import ScriptedCamera, live_frame, touching
 from reference.waiting import until
@@ -16,6 +17,7 @@ from tega.config import check_tree
 from tega.config.calibration import Calibration
 from tega.errors import MissingExtraError
 from tega.loop import run_session
+from tega.loop.controls import Controls
 from tega.loop.inbox.prepared import Finger, Prepared
 from tega.loop.inbox.sources import SourceReport, picture_of
 from tega.loop.inbox.stream import PulledStream
@@ -45,9 +47,8 @@ def test_a_sessions_moments_are_completed_with_pictures_signal_and_hand(tmp_path
     done: list[Any] = []
     run_session(
         config,
-        on_prepared=feed.watch,
-        observer=lambda loop: done.append(feed.complete(ViewState(loop.t_ns, loop))),
-        bus=bus,
+        bus=observed(lambda loop: done.append(feed.complete(ViewState(loop.t_ns, loop))), bus),
+        parts=[feed],
     )
     assert len(done) == round(30 * SECONDS) + 1
     assert [state.loop.state for state in done[-2:]] == ["active", "stopped"]
@@ -64,12 +65,12 @@ def test_a_sessions_moments_are_completed_with_pictures_signal_and_hand(tmp_path
     # The picture is the one that was measured last, and map and outline are those of the metric that did.
     n_touched = 0
     for state in done[1::5]:
-        image, metrics = state.images["thumb"], state.loop.contacts["thumb"][1]
-        assert image.metrics == metrics or not metrics.in_contact
+        image, contact = state.images["thumb"], state.loop.contacts["thumb"]
+        assert (image.contact.t_ns, image.contact.eda) == (contact.t_ns, contact.eda)
         assert image.map.unit == "mm"
-        assert np.count_nonzero(image.map.mask) == metrics.eda
-        assert (image.map.height.max() > 0) == metrics.in_contact
-        n_touched += metrics.in_contact
+        assert np.count_nonzero(image.map.mask) == contact.eda
+        assert (image.map.height.max() > 0) == contact.in_contact
+        n_touched += contact.in_contact
     assert 3 < n_touched < len(done[1::5])
 
 
@@ -82,7 +83,7 @@ def test_looking_changes_nothing(tmp_path):
     def look(loop: LoopView) -> None:
         feed.complete(ViewState(loop.t_ns, loop))
 
-    run_session(seen, on_prepared=feed.watch, observer=look, bus=bus)
+    run_session(seen, bus=observed(look, bus), parts=[feed])
     for name in ("contacts.csv", "levels.csv", "vest.csv", "can.csv", "summary.json"):
         assert (tmp_path / "plain" / name).read_bytes() == (tmp_path / "seen" / name).read_bytes()
 
@@ -90,7 +91,9 @@ def test_looking_changes_nothing(tmp_path):
 def test_a_muted_vest_rests(tmp_path):
     frames: list[Any] = []
     run_session(
-        settings(tmp_path), observer=lambda loop: frames.append(loop.vest), haptics=lambda: len(frames) < 45
+        settings(tmp_path),
+        controls=Controls(haptics=lambda: len(frames) < 45),
+        bus=observed(lambda loop: frames.append(loop.vest)),
     )
     heard = [int(frame.intensities.max()) for frame in frames]
     assert max(heard[:45]) > 50
@@ -99,7 +102,7 @@ def test_a_muted_vest_rests(tmp_path):
 
 def test_the_view_is_an_observer_of_the_loop(tmp_path):
     with BrowserView(port=0) as view:
-        run_session(settings(tmp_path), observer=view)
+        run_session(settings(tmp_path), bus=observed(view))
         until(lambda: view.n_painted + view.n_dropped == view.n_offered)
     assert view.n_offered == round(30 * SECONDS) + 1
     assert "STOPPED" in view.page.run_state.content
@@ -191,15 +194,15 @@ def test_a_live_sensor_is_looked_at_as_its_frames_pass():
     finger = Finger(camera, frames[0].image, "given", SourceReport(), stream=PulledStream(iter(())))
     bus = Bus()
     feed = SessionFeed({}, bus)
-    feed.watch(Prepared({"thumb": finger}, None, Calibration(preset="live", origin=""), ""))
-    loop = LoopView(0, {"thumb": (0, touching(eda=90))}, [], None, None, None, {})
+    feed.prepared(Prepared({"thumb": finger}, None, Calibration(preset="live", origin=""), ""))
+    loop = LoopView(0, {"thumb": touching(eda=90)}, None, None, None, {})
     assert feed.complete(ViewState(0, loop)).images == {}
     for frame in frames:
         bus.publish(picture_of("thumb", frame, received_ns=frame.t_ns))
         images = feed.complete(ViewState(0, loop)).images
         assert images is not None
         assert images["thumb"].frame is frame.image
-        assert images["thumb"].metrics.eda == 90
+        assert images["thumb"].contact.eda == 90
 
 
 def test_replay_with_view_keeps_time_and_takes_in_the_same(tmp_path, capsys):
@@ -231,6 +234,6 @@ def test_a_page_that_paints_nothing_fills_no_memory(tmp_path):
     tree = {"session": {"pace": "fast", "duration_s": 60.0}, "emg": emg}
     bus = Bus()
     feed = SessionFeed({}, bus)
-    run_session(check_tree(tree, {}, base=tmp_path).config, on_prepared=feed.watch, bus=bus)
+    run_session(check_tree(tree, {}, base=tmp_path).config, bus=bus, parts=[feed])
     kept_s = sum(len(chunk.samples) // chunk.n_channels for chunk in feed._chunks) / 1000
     assert 1 < kept_s < 16

@@ -17,6 +17,7 @@ from reference.waiting import until
 from tega.config import check_tree
 from tega.haptics import MotorLevels, vest_frame
 from tega.loop import run_session
+from tega.loop.controls import Controls
 from tega.loop.motor_tests import TEST_PERCENT, MotorAnswer, MotorTests
 from tega.recording.replay import replay_file
 from tega.records import RunState, TriedMotor, VestFrame
@@ -31,6 +32,7 @@ class Loop:
 
     def __init__(self, why: str = "", *, limit: int = 100, vest: bool = True, spent: bool = False) -> None:
         self.why, self.vest, self.bus, self.tests = why, vest, Bus(), MotorTests()
+        self.tests.begin(lambda: self.why, self.bus)
         self.budget = MotorBudget(limit=limit)
         if spent:
             self.budget.carry(dose_s=np.full(40, 10_000.0), heat=np.zeros(40))
@@ -47,10 +49,10 @@ class Loop:
             t_ns += 33_000_000
 
     def tick(self, t_ns: int) -> None:
-        frame = self.tests.frame(t_ns, SILENCE, refused=lambda: self.why, bus=self.bus)
+        frame = self.tests.frame(t_ns, SILENCE)
         self.frames.append(frame)
         allowed = self.budget.allow(t_ns, frame.x40())
-        self.tests.sent(t_ns, MotorLevels("x40", allowed) if self.vest else None, self.bus)
+        self.tests.sent(t_ns, MotorLevels("x40", allowed) if self.vest else None)
 
     def __enter__(self) -> Loop:
         self._thread.start()
@@ -133,8 +135,8 @@ def test_a_run_hears_it_while_armed_and_its_recording_is_computed_again_with_it(
         return len(going) > 5
 
     # A run on recordings has no vest that could be sent anything.
-    tests.sent = lambda _t_ns, _sent, _bus: None  # type: ignore[method-assign, assignment]
-    summary = run_session(settings, bus=bus, go=go, motor_tests=tests)
+    tests.sent = lambda _t_ns, _sent: None  # type: ignore[method-assign, assignment]
+    summary = run_session(settings, bus=bus, controls=Controls(go=go, motor_tests=tests))
     armed = [frame for state, frame in lit if state == "armed" and any(frame)]
     assert armed
     assert all(frame[5] == TEST_PERCENT and sum(frame) == TEST_PERCENT for frame in armed)

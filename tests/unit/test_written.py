@@ -9,7 +9,7 @@ import pytest
 
 from reference.sessions import record
 from reference.written import boris_project, mcap_trouble
-from tega_study import make_plan, read_plan, write_plan
+from tega_study.plan import make_plan, read_plan, write_plan
 from tega_study.score import export_boris
 from tega_study.state import resume
 

@@ -37,7 +37,7 @@ impl Sos {
     /// Design a low-pass filter, 3 dB down at `cutoff_hz`.
     ///
     /// # Errors
-    /// [`EmgError::OutOfRange`] if the rate is not finite and positive or the order not 1 to 8;
+    /// [`EmgError::OutOfRange`] if the rate is not 1e-6 to 1e12 Hz or the order not 1 to 8;
     /// [`EmgError::Cutoff`] if the cutoff does not lie inside (0, rate/2) by [`CUTOFF_MARGIN`].
     ///
     /// # Examples
@@ -128,11 +128,14 @@ fn pole_pair(t: f64, damping: f64, side: f64) -> [f64; 2] {
     [side * a1, 4.0 * t * t / scale - (1.0 - a1)]
 }
 
+/// Rates beyond these are no rates, and their products with a time or a cutoff are no numbers any more.
+const RATES_HZ: std::ops::RangeInclusive<f64> = 1e-6..=1e12;
+
 pub(crate) fn check_rate(rate_hz: f64) -> Result<(), EmgError> {
-    if rate_hz.is_finite() && rate_hz > 0.0 {
+    if RATES_HZ.contains(&rate_hz) {
         return Ok(());
     }
-    let wanted = "a finite number greater than 0";
+    let wanted = "1e-6 to 1e12";
     Err(OutOfRange::new("rate_hz", rate_hz, "Hz", wanted).into())
 }
 

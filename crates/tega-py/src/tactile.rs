@@ -7,9 +7,8 @@ use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use tega_error::choice;
 use tega_tactile::{
-    CentroidValue, ContactMetrics, Decimal, Difference, Gate, LiveReader, LiveScratch, Options, Order,
-    Outline, Pair, PaperScratch, Scratch, SensorNoise, Spread, TactileError, Weights, many, read_live,
-    read_paper,
+    CentroidValue, ContactMetrics, Difference, Gate, LiveReader, LiveScratch, Options, Order, Outline, Pair,
+    PaperScratch, Scratch, SensorNoise, Spread, TactileError, Weights, many, read_live, read_paper,
 };
 
 use crate::arguments::image;
@@ -65,7 +64,7 @@ impl Equations {
             order: choice("order", order, &ORDERS)?,
             difference: choice("difference", difference, &DIFFERENCES)?,
             spread: choice("spread", spread, &SPREADS)?,
-            factor: Decimal::printed("factor", factor)?,
+            factor: Options::printed_factor(factor)?,
             centroid_value: choice("centroid_value", centroid_value, &CENTROID_VALUES)?,
             gate: gate.map(|(floor, pixels)| Gate::new(floor, pixels)).transpose()?,
         }))

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use ndarray::{ArrayView2, ArrayView3, Axis};
+use ndarray::{ArrayView2, ArrayView3, ArrayViewMut3, Axis};
 
 use crate::error::TactileError;
 
@@ -109,26 +109,21 @@ impl<'a> Pair<'a> {
         }
     }
 
-    /// Frame and baseline as interleaved bytes, row by row, where both lie in memory like that.
-    pub(crate) fn contiguous(&self) -> Option<(&[u8], &[u8])> {
-        Some((self.frame.as_slice()?, self.baseline.as_slice()?))
+    /// The same images with every row contiguous in memory: as they are where they are like that, else copied.
+    pub(crate) fn with_whole_rows<'s>(&'s self, copies: &'s mut [Vec<u8>; 2]) -> Pair<'s> {
+        let [frame, baseline] = copies;
+        Pair {
+            frame: whole_rows(self.frame.view(), frame),
+            baseline: whole_rows(self.baseline.view(), baseline),
+        }
     }
 
-    /// Calls `visit(frame_rows, baseline_rows)` for rows `ys`: once where both images are contiguous, else row by row.
-    pub(crate) fn with_rows(&self, ys: Range<usize>, mut visit: impl FnMut(&[u8], &[u8])) {
-        if let Some((frame, baseline)) = self.contiguous() {
-            let bytes = 3 * self.width();
-            let ys = ys.start * bytes..ys.end * bytes;
-            if let (Some(frame), Some(baseline)) = (frame.get(ys.clone()), baseline.get(ys)) {
-                visit(frame, baseline);
-            }
-            return;
-        }
-        let mut gathered = (Vec::new(), Vec::new());
-        for y in ys.start..ys.end.min(self.height()) {
-            let (frame, baseline) = (self.frame.index_axis(Axis(0), y), self.baseline.index_axis(Axis(0), y));
-            visit(row_bytes(&frame, &mut gathered.0), row_bytes(&baseline, &mut gathered.1));
-        }
+    /// Rows `ys` of frame and baseline, of images whose rows are contiguous: interleaved bytes.
+    pub(crate) fn rows(&self, ys: Range<usize>) -> impl Iterator<Item = [&[u8]; 2]> {
+        let row = |image: &ArrayView3<'a, u8>, y: usize| {
+            (y < image.len_of(Axis(0))).then(|| image.index_axis_move(Axis(0), y).to_slice()).flatten()
+        };
+        ys.filter_map(move |y| Some([row(&self.frame, y)?, row(&self.baseline, y)?]))
     }
 
     /// Signed channel differences of one pixel; `None` outside the image.
@@ -139,6 +134,18 @@ impl<'a> Pair<'a> {
         }
         Some(out)
     }
+}
+
+/// An image whose rows are contiguous: itself, or a copy.
+fn whole_rows<'s>(image: ArrayView3<'s, u8>, copy: &'s mut Vec<u8>) -> ArrayView3<'s, u8> {
+    if image.outer_iter().next().is_none_or(|row| row.as_slice().is_some()) {
+        return image;
+    }
+    copy.resize(image.len(), 0);
+    if let Ok(mut whole) = ArrayViewMut3::from_shape(image.dim(), &mut *copy) {
+        whole.assign(&image);
+    }
+    ArrayView3::from_shape(image.dim(), &*copy).unwrap_or(image)
 }
 
 pub(crate) fn row_bytes<'r>(row: &'r ArrayView2<'_, u8>, gathered: &'r mut Vec<u8>) -> &'r [u8] {
@@ -167,7 +174,7 @@ impl Difference {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ndarray::Array3;
+    use ndarray::{Array3, s};
 
     #[test]
     fn sizes_and_channels_are_checked() {
@@ -191,6 +198,13 @@ mod tests {
         let pair = Pair::new(flipped, straight.view()).unwrap();
         pair.for_each_row(|_, f, b| seen.push(f == b));
         assert_eq!(seen, [true; 3]);
+        let mut copies = [Vec::new(), Vec::new()];
+        let whole = pair.with_whole_rows(&mut copies);
+        assert_eq!(whole.rows(1..3).filter(|[f, b]| f == b).count(), 2);
+        let mut unused = [Vec::new(), Vec::new()];
+        let cut = a.slice(s![..2, 1.., ..]);
+        assert_eq!(Pair::new(cut, cut).unwrap().with_whole_rows(&mut unused).rows(0..9).count(), 2);
+        assert!(unused.iter().all(Vec::is_empty));
     }
 
     #[test]

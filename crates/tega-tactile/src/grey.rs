@@ -9,7 +9,7 @@ use num_traits::Num;
 
 use crate::exact::Sums;
 use crate::frame::{Difference, Pair};
-use crate::kernel::{Kernel, Row, STEP};
+use crate::kernel::{Kernel, Row, STEP, kept_in_row};
 
 /// Bytes of a cache line.
 const CACHE_LINE: usize = 64;
@@ -23,6 +23,8 @@ pub struct Scratch {
     rows: Vec<Row>,
     /// The grey values as words, where the kernel keeps them.
     kept: Vec<u16>,
+    /// Images whose rows do not lie contiguous in memory, copied.
+    copies: [Vec<u8>; 2],
     /// The kernel of the last frame, whose weights' factors need not be sought again.
     kernel: Option<Kernel>,
 }
@@ -44,49 +46,43 @@ pub(crate) struct Greys<'s> {
     pub sums: Sums<i128>,
     pub peak: i32,
     pub peak_xy: (usize, usize),
+    pair: Pair<'s>,
     rows: &'s [Row],
     kept: &'s [u16],
 }
 
 impl Kernel {
     /// Reads both images once.
-    pub(crate) fn read<'s>(&self, pair: &Pair<'_>, denominator: i32, scratch: &'s mut Scratch) -> Greys<'s> {
-        let width = pair.width();
-        let Scratch { columns, rows, kept, .. } = scratch;
-        let kept = aligned(kept, if self.keeps(width * pair.height()) { width * pair.height() } else { 0 });
-        rows.resize(pair.height(), Row::default());
+    pub(crate) fn read<'s>(
+        &self,
+        pair: &'s Pair<'_>,
+        denominator: i32,
+        scratch: &'s mut Scratch,
+    ) -> Greys<'s> {
+        let (width, height) = (pair.width(), pair.height());
+        let Scratch { columns, rows, kept, copies, .. } = scratch;
+        let pair = pair.with_whole_rows(copies);
+        let in_row = kept_in_row(width);
+        let kept = aligned(kept, if self.keeps(width, height) { in_row * height } else { 0 });
+        rows.resize(height, Row::default());
         let columns = aligned(columns, width);
         columns.fill(0);
         let mut sums = ColumnSums::default();
         let flush_every = self.rows_until_overflow();
-        if let Some((frame, baseline)) = pair.contiguous() {
-            let bytes = 3 * width * flush_every;
-            let mut kept = kept.chunks_mut(width * flush_every);
-            let images = frame.chunks(bytes).zip(baseline.chunks(bytes));
-            for ((frame, baseline), rows) in images.zip(rows.chunks_mut(flush_every)) {
-                self.rows(frame, baseline, columns, rows, kept.next().unwrap_or_default());
-                sums.take(columns);
-            }
-        } else {
-            let mut kept = kept.chunks_exact_mut(width);
-            pair.for_each_row(|y, frame, baseline| {
-                let row = rows.get_mut(y..=y).unwrap_or_default();
-                self.rows(frame, baseline, columns, row, kept.next().unwrap_or_default());
-                if (y + 1) % flush_every == 0 {
-                    sums.take(columns);
-                }
-            });
+        let mut images = pair.rows(0..height);
+        let mut kept_rows = kept.chunks_mut(in_row * flush_every);
+        for rows in rows.chunks_mut(flush_every) {
+            self.rows(&mut images, columns, rows, kept_rows.next().unwrap_or_default());
             sums.take(columns);
         }
+        drop(images);
         let sums = moments(rows, sums, width, self.squares, 255 * self.reach(), denominator);
         let peak = rows.iter().map(|row| row.max).max().unwrap_or_default();
         let peak_y = rows.iter().position(|row| row.max == peak).unwrap_or_default();
-        let mut peak_x = 0;
-        let words = kept.get(peak_y * width..(peak_y + 1) * width).unwrap_or_default();
-        pair.with_rows(peak_y..peak_y + 1, |frame, baseline| {
-            peak_x = self.first_place(frame, baseline, words, peak).unwrap_or_default();
-        });
-        Greys { sums, peak, peak_xy: (peak_x, peak_y), rows, kept }
+        let words = kept.get(peak_y * in_row..(peak_y + 1) * in_row).unwrap_or_default();
+        let [frame, baseline] = pair.rows(peak_y..peak_y + 1).next().unwrap_or_default();
+        let peak_x = self.first_place(frame, baseline, words, peak).unwrap_or_default();
+        Greys { sums, peak, peak_xy: (peak_x, peak_y), pair, rows, kept }
     }
 
     /// Where a row first has a grey value; steps whose kept words say that they do not have it are passed over.
@@ -179,8 +175,8 @@ fn weighed<I: Num + From<i64> + Copy + AddAssign>(sums: impl DoubleEndedIterator
 
 impl Greys<'_> {
     /// Number of pixels at or above grey value `first`; looks only at rows whose range straddles it, neighbours in one go.
-    pub fn count_from(&self, pair: &Pair<'_>, kernel: &Kernel, first: i32) -> u32 {
-        let (width, mut count) = (pair.width(), 0);
+    pub fn count_from(&self, kernel: &Kernel, first: i32) -> u32 {
+        let mut count = 0;
         let mut rows = self.rows.iter().enumerate().peekable();
         while let Some((begin, row)) = rows.next() {
             let straddles = |row: &Row| row.min < first && first <= row.max;
@@ -189,30 +185,24 @@ impl Greys<'_> {
                 while rows.next_if(|(_, row)| straddles(row)).is_some() {
                     end += 1;
                 }
-                count += self.count_within(begin..end, pair, kernel, first);
+                count += self.count_within(begin..end, kernel, first);
             } else if row.min >= first {
-                count += width as u32;
+                count += self.pair.width() as u32;
             }
         }
         count
     }
 
     /// The same of rows `ys` alone.
-    fn count_within(&self, ys: Range<usize>, pair: &Pair<'_>, kernel: &Kernel, first: i32) -> u32 {
-        let width = pair.width();
-        let kept = self.kept.get(ys.start * width..ys.end * width);
-        if let (Some(kept), Ok(first @ 1..)) = (kept, u16::try_from(first)) {
+    fn count_within(&self, ys: Range<usize>, kernel: &Kernel, first: i32) -> u32 {
+        let width = self.pair.width();
+        let in_row = kept_in_row(width);
+        let kept = self.kept.get(ys.start * in_row..ys.end * in_row).unwrap_or_default();
+        match u16::try_from(first) {
             // A kept 65,535 may stand for more, and is not below it either way; 0 says nothing.
-            return Kernel::count_kept(kept, first);
+            Ok(first @ 1..) if !kept.is_empty() => Kernel::count_kept(kept, first),
+            _ => kernel.count(self.pair.rows(ys), width, kept, first),
         }
-        let mut kept = kept.filter(|_| width.is_multiple_of(STEP)).unwrap_or_default();
-        let mut count = 0;
-        pair.with_rows(ys, |frame, baseline| {
-            let (these, rest) = kept.split_at(kept.len().min(frame.len() / 3));
-            kept = rest;
-            count += kernel.count(frame, baseline, these, first);
-        });
-        count
     }
 }
 
@@ -231,9 +221,9 @@ mod tests {
         let kernel = Kernel::new([1, 1, 1], Difference::Signed, false);
         let mut scratch = Scratch::default();
         let greys = kernel.read(&pair, 3, &mut scratch);
-        assert_eq!(greys.count_from(&pair, &kernel, 0), 120);
-        assert_eq!(greys.count_from(&pair, &kernel, 9), 41);
-        assert_eq!(greys.count_from(&pair, &kernel, 601), 0);
+        assert_eq!(greys.count_from(&kernel, 0), 120);
+        assert_eq!(greys.count_from(&kernel, 9), 41);
+        assert_eq!(greys.count_from(&kernel, 601), 0);
         assert_eq!((greys.peak, greys.peak_xy), (600, (0, 0)));
     }
 }

@@ -26,9 +26,9 @@ macro_rules! rows_by_reading {
 macro_rules! count_by_reading {
     ($kernel:ident, $count_of:ident $(::<$($more:literal),*>)? ($($arg:ident),*)) => {
         match $kernel.difference {
-            Difference::Signed => $count_of::<SIGNED $($(, $more)*)?>($kernel, $($arg),*),
-            Difference::Rectified => $count_of::<RECTIFIED $($(, $more)*)?>($kernel, $($arg),*),
-            Difference::Absolute => $count_of::<ABSOLUTE $($(, $more)*)?>($kernel, $($arg),*),
+            Difference::Signed => $count_of::<SIGNED $($(, $more)*)?>($($arg),*),
+            Difference::Rectified => $count_of::<RECTIFIED $($(, $more)*)?>($($arg),*),
+            Difference::Absolute => $count_of::<ABSOLUTE $($(, $more)*)?>($($arg),*),
         }
     };
 }
@@ -46,12 +46,22 @@ use crate::frame::Difference;
 
 /// Pixels whose levels are kept in one vector step, in an order of its own.
 pub(crate) const STEP: usize = 32;
+/// A row is kept as whole runs of so many words.
+const KEPT_RUN: usize = 16;
 /// Pixels of the largest picture whose levels are kept: more would leave the processor's caches.
 const MOST_KEPT: usize = 1 << 19;
 /// Largest Σ|weight| for which no row sum of grey values overflows an `i32` lane (512 pixels a lane in the widest row).
 pub(crate) const MAX_WEIGHT_SUM: i32 = 16_000;
 /// Largest |weight|: it stays in the range of 16-bit multiplication.
 pub(crate) const MAX_WEIGHT: i32 = 8_191;
+
+/// One row of frame and baseline: interleaved bytes.
+pub(crate) type Images<'r> = [&'r [u8]; 2];
+
+/// Words that the levels of a row are kept in; those that stand for no pixel are 0.
+pub(crate) const fn kept_in_row(width: usize) -> usize {
+    width.next_multiple_of(KEPT_RUN)
+}
 
 /// What one row says.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -133,15 +143,15 @@ impl Kernel {
         row
     }
 
-    /// Whether the levels of a picture of so many pixels are kept as words, so that they are counted without a second
-    /// reading: where that pays, and levels below 0 are rare or of no matter, as thresholds seldom are.
-    pub(crate) fn keeps(&self, pixels: usize) -> bool {
+    /// Whether the levels of a picture of this size are kept as words, so that they are counted without a second reading:
+    /// where that pays, and levels below 0 are rare or of no matter, as thresholds seldom are.
+    pub(crate) fn keeps(&self, width: usize, height: usize) -> bool {
         #[cfg(target_arch = "x86_64")]
-        let pays = isa() != Isa::Baseline && self.factors.is_some();
+        let pays = isa() != Isa::Baseline && self.factors.is_some() && width >= STEP;
         #[cfg(not(target_arch = "x86_64"))]
         let pays = false;
         let least = self.difference == Difference::Signed || self.least() == 0;
-        pays && least && pixels <= MOST_KEPT
+        pays && least && width * height <= MOST_KEPT
     }
 
     /// Number of kept levels at or above grey value `first`, 1 to 65,535.
@@ -155,69 +165,72 @@ impl Kernel {
         count_words(kept, first)
     }
 
-    /// Keeps levels as words, at most 65,535 each.
-    #[cfg(target_arch = "x86_64")]
-    fn keep_plain(&self, frame: &[u8], baseline: &[u8], kept: &mut [u16]) {
-        let pixels = frame.as_chunks::<3>().0.iter().zip(baseline.as_chunks::<3>().0);
-        for ((f, b), kept) in pixels.zip(kept) {
-            *kept = self.grey(*f, *b).clamp(0, i32::from(u16::MAX)) as u16;
-        }
-    }
-
-    /// The same for as many rows as the slices hold, `columns.len()` pixels each; the plain form as well.
-    fn rows_plain(&self, frame: &[u8], baseline: &[u8], columns: &mut [i32], rows: &mut [Row]) {
-        let bytes = 3 * columns.len();
-        let images = frame.chunks_exact(bytes).zip(baseline.chunks_exact(bytes));
-        for ((frame, baseline), row) in images.zip(rows) {
+    /// The same for as many rows as are asked for; the plain form as well.
+    fn rows_plain<'r>(
+        &self,
+        images: &mut impl Iterator<Item = Images<'r>>,
+        columns: &mut [i32],
+        rows: &mut [Row],
+    ) {
+        for (row, [frame, baseline]) in rows.iter_mut().zip(images) {
             *row = self.row(frame, baseline, columns);
         }
     }
 
-    /// Number of pixels of a row at or above grey value `first`; the plain form.
-    fn count_plain(&self, frame: &[u8], baseline: &[u8], first: i32) -> u32 {
-        let pixels = frame.as_chunks::<3>().0.iter().zip(baseline.as_chunks::<3>().0);
-        pixels.map(|(f, b)| u32::from(self.grey(*f, *b) >= first)).sum()
+    /// Number of pixels of some rows at or above grey value `first`; the plain form.
+    fn count_plain<'r>(&self, images: impl Iterator<Item = Images<'r>>, first: i32) -> u32 {
+        let above = |[frame, baseline]: Images<'r>| -> u32 {
+            let pixels = frame.as_chunks::<3>().0.iter().zip(baseline.as_chunks::<3>().0);
+            pixels.map(|(f, b)| u32::from(self.grey(*f, *b) >= first)).sum()
+        };
+        images.map(above).sum()
     }
 
-    /// [`Kernel::rows_plain`] for the instruction set in use. `kept` takes the levels in any order within a row, and is
-    /// empty unless the kernel [`keeps`](Kernel::keeps) them.
+    /// [`Kernel::rows_plain`] for the instruction set in use; each of the images' rows has `columns.len()` pixels. `kept`
+    /// takes the levels, [`kept_in_row`] words a row, in any order within a step of [`STEP`] pixels, and is empty unless the
+    /// kernel [`keeps`](Kernel::keeps) them.
     #[allow(unsafe_code)]
-    pub(crate) fn rows(
+    pub(crate) fn rows<'r>(
         &self,
-        frame: &[u8],
-        baseline: &[u8],
+        images: &mut impl Iterator<Item = Images<'r>>,
         columns: &mut [i32],
         rows: &mut [Row],
         kept: &mut [u16],
     ) {
         #[cfg(target_arch = "x86_64")]
-        if isa() == Isa::Avx2 {
+        if isa() == Isa::Avx2 && columns.len() >= STEP {
             // SAFETY: `isa` reports a set only after the processor itself said that it has it.
-            return unsafe { avx2::rows(self, frame, baseline, columns, rows, kept) };
+            return unsafe { avx2::rows(self, images, columns, rows, kept) };
         }
         #[cfg(target_arch = "aarch64")]
-        if isa() == Isa::Neon {
-            return neon::rows(self, frame, baseline, columns, rows);
+        if isa() == Isa::Neon && columns.len() >= neon::LANES {
+            return neon::rows(self, images, columns, rows);
         }
         let _ = kept;
-        self.rows_plain(frame, baseline, columns, rows);
+        self.rows_plain(images, columns, rows);
     }
 
-    /// [`Kernel::count_plain`] for the instruction set in use. `kept` is empty, or these pixels' kept levels of whole steps:
-    /// a step without a 65,535 has no pixel that is more.
+    /// [`Kernel::count_plain`] for the instruction set in use, of rows of `width` pixels. `kept` is empty, or these rows'
+    /// kept levels: a step without a 65,535 has no pixel that is more.
     #[allow(unsafe_code)]
-    pub(crate) fn count(&self, frame: &[u8], baseline: &[u8], kept: &[u16], first: i32) -> u32 {
+    pub(crate) fn count<'r>(
+        &self,
+        images: impl Iterator<Item = Images<'r>>,
+        width: usize,
+        kept: &[u16],
+        first: i32,
+    ) -> u32 {
         #[cfg(target_arch = "x86_64")]
-        if isa() == Isa::Avx2 {
+        if isa() == Isa::Avx2 && width >= STEP {
             // SAFETY: as in `rows`.
-            return unsafe { avx2::count(self, frame, baseline, kept, first) };
+            return unsafe { avx2::count(self, images, width, kept, first) };
         }
         #[cfg(target_arch = "aarch64")]
-        if isa() == Isa::Neon {
-            return neon::count(self, frame, baseline, first);
+        if isa() == Isa::Neon && width >= neon::LANES {
+            return neon::count(self, images, width, first);
         }
-        let _ = kept;
-        self.count_plain(frame, baseline, first)
+        let _ = (width, kept);
+        self.count_plain(images, first)
     }
 
     /// Σ |weight|.
@@ -252,53 +265,65 @@ mod tests {
         ]
     }
 
+    /// The pixels of frame and baseline.
+    type Pixels = Vec<([u8; 3], [u8; 3])>;
+
+    /// A width, of every tail, the pixels from one row to the next, and the pixels.
+    fn pictures() -> impl Strategy<Value = (usize, usize, Pixels)> {
+        let sizes = (prop_oneof![1_usize..=4 * STEP, Just(240), Just(309)], 1_usize..12, 0_usize..40);
+        sizes.prop_flat_map(|(width, height, gap)| {
+            let pixels = prop::collection::vec(any::<([u8; 3], [u8; 3])>(), (width + gap) * height);
+            (Just(width), Just(width + gap), pixels)
+        })
+    }
+
     proptest! {
         #[test]
         fn the_dispatched_kernels_equal_the_plain_ones(
-            (width, pixels) in (prop_oneof![1_usize..70, Just(STEP), Just(2 * STEP)], 1_usize..20).prop_flat_map(|(width, height)| {
-                (Just(width), prop::collection::vec(any::<([u8; 3], [u8; 3])>(), width * height))
-            }),
+            (width, stride, pixels) in pictures(),
             weights in weights(),
             difference in differences(),
             squares in any::<bool>(),
-            first in prop_oneof![-3_000_000_i32..3_000_000, 0_i32..70_000, 0_i32..500],
+            first in prop_oneof![-3_000_000_i32..3_000_000, 0_i32..70_000, 0_i32..500, Just(i32::MIN), Just(i32::MAX)],
         ) {
             let (frame, baseline): (Vec<_>, Vec<_>) = pixels.into_iter().unzip();
-            let (frame, baseline) = (frame.as_flattened(), baseline.as_flattened());
+            let height = frame.len() / stride;
+            let images = || {
+                (0..height).map(|y| [&frame, &baseline].map(|image| image[y * stride..][..width].as_flattened()))
+            };
             let kernel = Kernel::new(weights, difference, squares);
             let mut plain = vec![7; width];
             let mut fast = plain.clone();
-            let mut wanted = vec![Row::default(); frame.len() / 3 / width];
+            let mut wanted = vec![Row::default(); height];
             let mut rows = wanted.clone();
-            kernel.rows_plain(frame, baseline, &mut plain, &mut wanted);
-            let pixels = frame.len() / 3;
-            let mut kept = vec![7; if kernel.keeps(pixels) { pixels } else { 0 }];
-            kernel.rows(frame, baseline, &mut fast, &mut rows, &mut kept);
+            kernel.rows_plain(&mut images(), &mut plain, &mut wanted);
+            let mut kept = vec![7; if kernel.keeps(width, height) { kept_in_row(width) * height } else { 0 }];
+            kernel.rows(&mut images(), &mut fast, &mut rows, &mut kept);
             if !kept.is_empty() {
                 for row in &mut wanted {
                     row.min = kernel.least();
                 }
             }
             prop_assert_eq!(rows, wanted);
+            let above = kernel.count_plain(images(), first);
             if !kept.is_empty() && (1..=65_535).contains(&first) {
-                let plain = kernel.count_plain(frame, baseline, first);
-                prop_assert_eq!(Kernel::count_kept(&kept, first as u16), plain);
+                prop_assert_eq!(Kernel::count_kept(&kept, first as u16), above);
             }
             prop_assert_eq!(fast, plain);
-            prop_assert_eq!(
-                kernel.count(frame, baseline, if width.is_multiple_of(STEP) { &kept } else { &[] }, first),
-                kernel.count_plain(frame, baseline, first)
-            );
+            prop_assert_eq!(kernel.count(images(), width, &kept, first), above);
         }
     }
 
     #[test]
     fn extreme_rows_do_not_overflow() {
-        let (frame, baseline) = (vec![255; 3 * 4096], vec![0; 3 * 4096]);
-        let kernel = Kernel::new([5334, 5333, 5333], Difference::Signed, true);
-        let mut rows = [Row::default()];
-        kernel.rows(&frame, &baseline, &mut vec![0; 4096], &mut rows, &mut []);
-        assert_eq!(rows, [kernel.row(&frame, &baseline, &mut vec![0; 4096])]);
-        assert_eq!(rows[0].sum, 4096 * 255 * 16_000);
+        for width in [4095, 4096] {
+            let (frame, baseline) = (vec![255; 3 * width], vec![0; 3 * width]);
+            let kernel = Kernel::new([5334, 5333, 5333], Difference::Signed, true);
+            let mut rows = [Row::default(); 3];
+            let images = [[&frame[..], &baseline]; 3];
+            kernel.rows(&mut images.into_iter(), &mut vec![0; width], &mut rows, &mut []);
+            assert_eq!(rows, [kernel.row(&frame, &baseline, &mut vec![0; width]); 3]);
+            assert_eq!(rows[0].sum, width as i64 * 255 * 16_000);
+        }
     }
 }

@@ -70,6 +70,22 @@ pub struct Options {
     pub gate: Option<Gate>,
 }
 
+/// With a larger factor, a threshold is beyond all grey values by so much that it is no number any more.
+const MOST_FACTOR: f64 = 1e6;
+
+impl Options {
+    /// The factor of Eq 4 as the decimal that `value` prints as.
+    ///
+    /// # Errors
+    /// [`TactileError::OutOfRange`] when `value` is not from -1e6 to 1e6.
+    pub fn printed_factor(value: f64) -> Result<Decimal, TactileError> {
+        if value.is_finite() && value.abs() > MOST_FACTOR {
+            return Err(OutOfRange::new("factor", value, "", "-1e6 to 1e6").into());
+        }
+        Decimal::printed("factor", value)
+    }
+}
+
 impl Default for Options {
     fn default() -> Self {
         Self {
@@ -156,7 +172,7 @@ pub fn contact_metrics(pair: &Pair<'_>, options: &Options, scratch: &mut Scratch
                 peak: i128::from(greys.peak),
                 peak_xy: greys.peak_xy,
             };
-            let count = |first: i32| greys.count_from(pair, &kernel, first);
+            let count = |first: i32| greys.count_from(&kernel, first);
             // A grey value outside `i32` is beyond every pixel's.
             let outside = |negative: bool| if negative { i32::MIN } else { i32::MAX };
             map.resolve(&|first| count(i32::try_from(*first).unwrap_or(outside(first.is_negative()))))

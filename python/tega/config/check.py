@@ -9,6 +9,8 @@ from typing import Any
 import msgspec
 
 from tega.config.errors import Overridden, explain
+from tega.config.guests import TableContext, guest_tables, read_guest_tables
+from tega.config.magnitude import check_magnitudes
 from tega.config.origins import LoadedConfig, SettingValue, fields_of, origin_of, where
 from tega.config.sections import (
     DEFAULT_LAYOUT,
@@ -26,10 +28,7 @@ from tega.config.sections import (
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError, InvalidValueError
 from tega.haptics.motor_layout import find_layout
-from tega.runtime.device_items import Kind
 from tega.stages.registry import stage_class
-from tega_link.settings import checked_net
-from tega_scene.settings import checked_cameras
 
 
 def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) -> LoadedConfig:
@@ -59,7 +58,7 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
         except msgspec.ValidationError as error:
             raise explain(error, subtree, wanted, prefix=prefix, origins=origins) from None
 
-    def with_options(section: Any, kind: Kind, key: str) -> Any:
+    def with_options(section: Any, kind: Any, key: str) -> Any:
         if section is None:
             return None
         if section.driver is None:
@@ -75,7 +74,11 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
         options = convert(section.options, wanted, f"{key}.options")
         return msgspec.structs.replace(section, options=options)
 
-    _check_moved(tree, origins)
+    _check_raw(tree, origins)
+    tree = dict(tree)
+    given = {key: tree.pop(key) for key in guest_tables() if key in tree}
+    if "guests" in tree:
+        raise ConfigError(f"{where(origins, 'guests')}: guests: unknown key", "use the feature's own table")
     config: SessionConfig = convert(tree, SessionConfig, "")
     tactile = TactileSection(
         **{f: with_options(c, "tactile", f"tactile.{f}") for f, c in config.tactile.in_use().items()}
@@ -85,18 +88,11 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
         tracker = with_options(arm.tracker, "tracker", "arm.tracker")
         arm = msgspec.structs.replace(arm, tracker=tracker)
         _ = arm.start  # a start outside of the workspace is refused before anything is opened
-    net = config.net
-    if net is not None:
-        checked_net(net)
-    if net is not None and net.tracker is not None:
-        net = msgspec.structs.replace(net, tracker=with_options(net.tracker, "tracker", "net.tracker"))
     config = msgspec.structs.replace(
         config,
         stages=_typed_stages(config, origins, convert),
         tactile=tactile,
         arm=arm,
-        net=net,
-        scene=checked_cameras(config.scene, base, config.session.pace),
         emg=with_options(config.emg, "emg", "emg"),
         vest=with_options(config.vest, "vest", "vest"),
         hand=with_options(config.hand, "hand", "hand"),
@@ -106,11 +102,23 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
     )
     _check_dead_man(config.input.dead_man)
     config, mounted = _with_mounted_hand(config, origins)
+    guests = read_guest_tables(given, TableContext(base, config, with_options), convert)
+    config = msgspec.structs.replace(config, guests=guests)
     # A person's calibrations are kept there, and how long the vest's motors take to start.
     kept_there = config.calibration.person is not None or config.vest.driver is not None
     if kept_there and config.calibration.folder is None:
         beside = msgspec.structs.replace(config.calibration, folder=base / "calibrations")
         config = msgspec.structs.replace(config, calibration=beside)
+    values = _values_of(config, origins, mounted)
+    if config.calibration.person is None:
+        return LoadedConfig(config, values)
+    from tega.config.person import with_person
+
+    return with_person(LoadedConfig(config, values), given=set(origins))
+
+
+def _values_of(config: SessionConfig, origins: Mapping[str, str], mounted: str) -> dict[str, SettingValue]:
+    """Return every value with its origin, those that the preset chooses included."""
     values = {key: SettingValue(value, origin_of(key, origins)) for key, value in fields_of(config)}
     preset = config.session.preset
     for group in STAGE_GROUPS:
@@ -122,11 +130,7 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
         values["vest.pace"] = SettingValue(DEFAULT_PACE[preset], f"preset {preset}")
     if mounted:
         values["arm.mapping.robot_hand"] = SettingValue(mounted, "hand.options.side")
-    if config.calibration.person is None:
-        return LoadedConfig(config, values)
-    from tega.config.person import with_person
-
-    return with_person(LoadedConfig(config, values), given=set(origins))
+    return values
 
 
 def _with_mounted_hand(config: SessionConfig, origins: Mapping[str, str]) -> tuple[SessionConfig, str]:
@@ -222,6 +226,12 @@ _MOVED = {
     "vest.feedback": "stages.mapping.name: columns for continuous, pulses for events",
     "vest.pulses": "stages.mapping.options, with stages.mapping.name = pulses",
 }
+
+
+def _check_raw(tree: Mapping[str, Any], origins: Mapping[str, str]) -> None:
+    """Refuse settings that no schema has to judge: names of earlier versions, and numbers of no size."""
+    _check_moved(tree, origins)
+    check_magnitudes(tree, origins)
 
 
 def _check_moved(tree: Mapping[str, Any], origins: Mapping[str, str]) -> None:

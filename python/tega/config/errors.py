@@ -11,6 +11,7 @@ from typing import Any
 
 import msgspec
 
+from tega.config.guests import guest_tables
 from tega.errors import ConfigError
 
 _UNITS = {
@@ -63,7 +64,7 @@ def explain(
     if (unknown := re.match(r"Object contains unknown field `(.*)`", what)) is not None:
         name = unknown.group(1)
         full = f"{key}.{name}".lstrip(".")
-        known = _field_names(kind)
+        known = [*_field_names(kind), *(guest_tables() if not key else ())]
         near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
         hint = f"did you mean {near[0]!r}?" if near else f"known here: {', '.join(known)}"
         return ConfigError(f"{_origin(origins, full)}: {full}: unknown key", hint)

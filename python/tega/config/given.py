@@ -12,6 +12,7 @@ from tega.config.lines import value_lines
 from tega.config.sections import STAGE_GROUPS
 from tega.errors import ConfigError
 from tega.runtime.files.foreign_file import parse_toml, read_words
+from tega.runtime.files.toml_hint import ESCAPES, swallowed_escape, toml_hint
 
 
 def override_tree(tree: dict[str, Any], sets: Sequence[str]) -> dict[str, str]:
@@ -56,17 +57,25 @@ def key_and_value(item: str, example: str) -> tuple[str, str]:
 
 def read_settings(path: Path) -> tuple[dict[str, Any], dict[str, int]]:
     """Return a file's tree, and the line of each value."""
+    text = ""
     try:
         text = read_words(path, error=ConfigError)
-        return parse_toml(text), value_lines(text)
+        tree, lines = parse_toml(text), value_lines(text)
     except OSError as error:
         raise ConfigError(
             f"{path.name}: cannot be read: {error.strerror or error}", f"looked for {path}"
         ) from error
     except UnicodeDecodeError as error:
-        raise ConfigError(f"{path.name}: not UTF-8 text: {error.reason}", "save it as UTF-8") from error
+        utf16 = error.object[:2] in {b"\xff\xfe", b"\xfe\xff"}
+        said = f"{path.name}: not UTF-8 text: {'it looks like UTF-16' if utf16 else error.reason}"
+        raise ConfigError(said, "save it as UTF-8") from error
     except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{path.name}: not valid TOML: {error}", "see https://toml.io") from error
+        raise ConfigError(f"{path.name}: not valid TOML: {error}", toml_hint(text, error)) from error
+    if (changed := swallowed_escape(tree)) is not None:
+        raise ConfigError(
+            f"{path.name}: {changed[0]} = {changed[1]!r} has a control character in it", ESCAPES
+        )
+    return tree, lines
 
 
 def override(tree: dict[str, Any], origins: dict[str, str], key: str, text: str, origin: str) -> None:

@@ -43,10 +43,19 @@ def fields_of(struct: msgspec.Struct, prefix: str = "") -> Iterator[tuple[str, A
     """Yield the value of every field of settings by its dotted key; options are one value each."""
     for name in struct.__struct_fields__:
         value = getattr(struct, name)
-        if isinstance(value, msgspec.Struct):
-            yield from fields_of(value, f"{prefix}{name}.")
-        elif isinstance(value, tuple) and value and all(isinstance(one, msgspec.Struct) for one in value):
-            for number, one in enumerate(value):
-                yield from fields_of(one, f"{prefix}{name}[{number}].")
-        elif name != "options":
-            yield f"{prefix}{name}", value
+        if name == "guests":
+            for key, table in value.items():
+                yield from _fields_under(key, table)
+        elif name != "options" or isinstance(value, msgspec.Struct):
+            yield from _fields_under(f"{prefix}{name}", value)
+
+
+def _fields_under(key: str, value: Any) -> Iterator[tuple[str, Any]]:
+    """Yield a value by its dotted key, or the fields of a table or of an array of tables."""
+    if isinstance(value, msgspec.Struct):
+        yield from fields_of(value, f"{key}.")
+    elif isinstance(value, tuple) and value and all(isinstance(one, msgspec.Struct) for one in value):
+        for number, one in enumerate(value):
+            yield from fields_of(one, f"{key}[{number}].")
+    else:
+        yield key, value

@@ -21,8 +21,6 @@ from tega.arm.settings import (
 from tega.errors import ConfigError
 from tega.haptics import FINGERS
 from tega.safety.settings import SafetySection
-from tega_link.settings import NetSection
-from tega_scene.settings import SceneConfig
 
 if TYPE_CHECKING:
     from tega.arm.pose import Pose
@@ -42,12 +40,9 @@ __all__ = [
     "HandConfig",
     "InputConfig",
     "InputSection",
-    "MarkersSection",
-    "MaskingSection",
     "Pace",
     "RecordingSection",
     "ReflexSection",
-    "SceneConfig",
     "SessionConfig",
     "SessionSection",
     "StageConfig",
@@ -246,6 +241,8 @@ class InputSection(_Section, frozen=True):
         recover: A button that says, with the dead-man let go, that the arm may go on after a fault or a stop.
         marker: A switch that marks a moment.
         undo: A button that undoes the online adaptation of EMG; pressed again, that begins anew.
+        rezero: A button that has every finger take a new baseline, while nothing touches; a finger refuses while
+            another one bears a load.
         reflex: A button that takes the reflex's authority away; pressed again, gives it back.
     """
 
@@ -255,6 +252,7 @@ class InputSection(_Section, frozen=True):
     recover: InputConfig | None = None
     marker: InputConfig | None = None
     undo: InputConfig | None = None
+    rezero: InputConfig | None = None
     reflex: InputConfig | None = None
 
     def in_use(self) -> dict[str, InputConfig]:
@@ -362,24 +360,6 @@ class RecordingSection(_Section, frozen=True):
     stop_free_mib: Annotated[float, msgspec.Meta(ge=0)] = 256.0
 
 
-LslStreamName = Literal["emg", "closure", "touch", "vest", "poses"]
-
-
-class MarkersSection(_Section, frozen=True):
-    """Markers by the Lab Streaming Layer; needs the extra ``lsl``.
-
-    Attributes:
-        lsl_out: Name of the stream on which a run tells its states, faults, trials and pedals; none means it does not.
-        lsl_in: Name of another program's stream of markers, which are recorded; none means none are.
-        lsl_streams: Which numbers of a run go out as streams: ``emg``, ``closure``, ``touch``, ``vest``, ``poses``.
-            Their names begin with ``lsl_out``, or ``tega``.
-    """
-
-    lsl_out: str | None = None
-    lsl_in: str | None = None
-    lsl_streams: tuple[LslStreamName, ...] = ()
-
-
 class StageConfig(_Section, frozen=True):
     """One stage and its options.
 
@@ -469,21 +449,11 @@ class StagesSection(_Section, frozen=True):
     slips: Literal["hand", "touch"] | None = None
 
 
-class MaskingSection(_Section, frozen=True):
-    """The sound that masks the vest's motors in a study: pink noise, the same in every condition.
-
-    Attributes:
-        level_dbfs: Its level (RMS), decibels below the sound card's full scale; none plays nothing. Begin low: how loud
-            that is depends on card and headphones.
-        output: Number or part of the name of the loudspeaker; empty for the system's own.
-    """
-
-    level_dbfs: Annotated[float, msgspec.Meta(ge=-80, le=-14)] | None = None
-    output: str = ""
-
-
 class SessionConfig(_Section, frozen=True):
-    """All settings of a session, checked, with absolute paths and typed driver options."""
+    """All settings of a session, checked, with absolute paths and typed driver options.
+
+    ``guests`` holds the tables of features by their key in the file; only those that were given.
+    """
 
     session: SessionSection = SessionSection()
     calibration: CalibrationConfig = CalibrationConfig()
@@ -495,8 +465,5 @@ class SessionConfig(_Section, frozen=True):
     input: InputSection = InputSection()
     arm: ArmConfig | None = None
     recording: RecordingSection = RecordingSection()
-    markers: MarkersSection = MarkersSection()
-    masking: MaskingSection = MaskingSection()
-    scene: tuple[SceneConfig, ...] = ()
-    net: NetSection | None = None
     safety: SafetySection = SafetySection()
+    guests: dict[str, Any] = {}

@@ -20,7 +20,8 @@ def config_text(config: SessionConfig) -> str:
         [session]
     """
     tree = msgspec.to_builtins(config, enc_hook=_plain)
-    return tree_text({key: section for key, section in tree.items() if key != "scene" or section})
+    guests = tree.pop("guests")
+    return tree_text({**tree, **guests})
 
 
 def _plain(value: object) -> Any:

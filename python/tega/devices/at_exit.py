@@ -3,7 +3,8 @@
 A ``with`` block closes its devices when it is left, by an exception too. Two ways out pass it by: a program that
 forgets it, and SIGTERM, which ends Python at once unless somebody handles it. While a device is registered here,
 ``close`` is called when the interpreter exits, and SIGTERM or SIGHUP (the terminal is closed) raises ``SystemExit`` in
-the main thread, unless the program has a handler of its own. Nothing runs on SIGKILL or a power cut.
+the main thread, unless the program has a handler of its own. The second of them, which a log-out sends right after the
+first, does not cut the closing short. Nothing runs on SIGKILL or a power cut.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from types import FrameType
 _ENDING = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 _open: list[Callable[[], None]] = []
+_leaving = threading.Event()
 _words: list[str] = []
 
 
@@ -64,7 +66,11 @@ def release(close: Callable[[], None]) -> None:
         for number in _ENDING:
             if signal.getsignal(number) is _leave:
                 signal.signal(number, signal.SIG_DFL)
+        _leaving.clear()
 
 
 def _leave(number: int, _frame: FrameType | None) -> None:
+    if _leaving.is_set():
+        return
+    _leaving.set()
     raise SystemExit(128 + number)

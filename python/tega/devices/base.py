@@ -250,6 +250,8 @@ OPTIONAL: Final[Mapping[str, Any]] = MappingProxyType(
         "measured_hz": None,
         "faults": (),
         "marked": (),
+        "contradictions": (),
+        "compared": {},
         "problem": "",
         "guard_problem": "",
         "reached": True,
@@ -266,7 +268,9 @@ OPTIONAL: Final[Mapping[str, Any]] = MappingProxyType(
 An amplifier: ``limits``, the smallest and largest value its converter can give, in the samples' unit, without which
 saturation cannot be told; ``measured_hz``, the samples per second that really come; ``faults``, what is wrong with
 the signal now, one sentence each, which a run shows as an alert; ``marked``, events that a recording holds, each a
-:class:`~tega.records.HeardMarker`, by time. A camera: ``faults``, why the newest picture was not
+:class:`~tega.records.HeardMarker`, by time; ``contradictions``, those faults that are differences between the stream's
+own evidence and the settings (:mod:`tega.runtime.evidence`). Any live source: ``compared``, the evidence that its
+stream carries. A camera: ``faults``, why the newest picture was not
 given, which a run tells where the finger has none. A hand that is steered: ``problem``, what is wrong with it now,
 ``""`` for nothing, which a run shows likewise; ``guard_problem``, why no other process would switch its motors off if
 this program were killed, which holds a run; ``silent``, whether its joint angles are older than its watchdog allows,

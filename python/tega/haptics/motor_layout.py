@@ -12,7 +12,7 @@ Example:
 
 from __future__ import annotations
 
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -56,6 +56,9 @@ class MotorLayout:
         summary: What it is, in one line.
         motors: One entry a motor, 1 to 40.
 
+    Attributes:
+        numbers: Number of each motor at the device, uint8 (n,), read-only.
+
     Raises:
         InvalidValueError: There is no motor or more than 40, two have one number or one place, or a face, row, column
             or number is out of range.
@@ -71,17 +74,12 @@ class MotorLayout:
         self.summary = summary
         self.motors = tuple(Motor(*motor) for motor in motors)
         _check(name, self.motors)
+        self.numbers: NDArray[np.uint8] = np.array([motor.number for motor in self.motors], np.uint8)
+        self.numbers.flags.writeable = False
 
     def __repr__(self) -> str:
         """Name and size."""
         return f"MotorLayout({self.name!r}, {len(self.motors)} motors)"
-
-    @cached_property
-    def numbers(self) -> NDArray[np.uint8]:
-        """Number of each motor at the device, uint8 (n,), read-only."""
-        numbers = np.array([motor.number for motor in self.motors], np.uint8)
-        numbers.flags.writeable = False
-        return numbers
 
     def columns(self, face: Face) -> int:
         """Return the number of columns of a face."""

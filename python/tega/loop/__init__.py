@@ -10,9 +10,9 @@ if TYPE_CHECKING:
     from tega.loop.loop_report import LoopReport
     from tega.loop.moment import LoopView, Moment
     from tega.loop.session import run_session
-    from tega.loop.touch import TouchLoop, TouchMoment
+    from tega.loop.touch import TouchLoop
 
-__all__ = ["DualLoop", "LoopReport", "LoopView", "Moment", "TouchLoop", "TouchMoment", "run_session"]
+__all__ = ["DualLoop", "LoopReport", "LoopView", "Moment", "TouchLoop", "run_session"]
 
 # Loaded when they are asked for: a run opens its devices before it needs most of it.
 _PLACES = {
@@ -21,7 +21,6 @@ _PLACES = {
     "LoopView": "moment",
     "Moment": "moment",
     "TouchLoop": "touch",
-    "TouchMoment": "touch",
     "run_session": "session",
 }
 

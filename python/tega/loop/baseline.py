@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from tega.devices.base import SkippingSource, TactileSource
 from tega.errors import CalibrationError
+from tega.loop.baseline_match import check_baseline
 from tega.runtime.opencv import read_image
 from tega.tactile import estimate_baseline
 
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 MOST_FRAMES = 96
 LEAST_FRAMES = 16
 MOST_BYTES = 512 * 1024 * 1024
+# Frames that a given baseline is compared with, and the largest distance between them.
+FEW_FRAMES, MOST_STRIDE = 5, 30
 
 
 def find_baseline(source: TactileSource, given: Path | None, *, finger: str) -> tuple[NDArray[np.uint8], str]:
@@ -33,11 +36,16 @@ def find_baseline(source: TactileSource, given: Path | None, *, finger: str) -> 
         uint8 (H, W, 3), and a sentence for the summary.
 
     Raises:
-        RecordingError: The file is no picture, or a frame cannot be read.
-        CalibrationError: There is nothing to estimate it from.
+        RecordingError: The file is no picture or has another size, or a frame cannot be read.
+        CalibrationError: There is nothing to estimate it from, or the file is no baseline of these pictures.
     """
     if given is not None:
-        return read_image(given, driver=source.info.driver), given.name
+        baseline = read_image(given, driver=source.info.driver)
+        if not source.info.live:
+            pictures = _few(source)
+            source.open()
+            check_baseline(baseline, pictures, name=given.name, label=source.info.label)
+        return baseline, given.name
     if source.info.live:
         raise CalibrationError(
             f"finger {finger!r} has a live sensor and no baseline",
@@ -54,6 +62,18 @@ def find_baseline(source: TactileSource, given: Path | None, *, finger: str) -> 
     if n_items is not None and n_items == len(frames):
         said = f"estimated from the quietest of the recording's {len(frames)} frames"
     return estimate_baseline(frames), said
+
+
+def _few(source: TactileSource) -> list[NDArray[np.uint8]]:
+    """Read a few frames from the first ones on, with distances between them; decoding a whole video would take long."""
+    frames: list[NDArray[np.uint8]] = []
+    stride = min(MOST_STRIDE, max(1, (source.info.n_items or 1) // FEW_FRAMES))
+    while not source.ended and len(frames) < FEW_FRAMES:
+        frame = source.read(0.0)
+        if frame is not None:
+            frames.append(frame.image)
+            _pass_over(source, stride - 1)
+    return frames
 
 
 def _spread(source: TactileSource) -> list[NDArray[np.uint8]]:

@@ -28,14 +28,13 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from tega.records import Adaptation, AdaptationSwitch
+from tega.records import Adaptation, AdaptationSwitch, Intent
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tega.config.calibration import EmgMaxima
     from tega.config.sections import AdaptationSection
-    from tega.loop.inbox.sources import EmgBlock
 
 MOST_GAIN: Final = 1.5
 MOST_OFFSET: Final = 0.1
@@ -138,7 +137,7 @@ class ChannelAdaptation:
         self._mean_gain = -math.expm1(-block_s / _MEAN_S)
         self._amplitude = _Amplitude(block_s)
         self._n_reaction, self._n_since_target = math.ceil(REACTION_S / block_s), 0
-        self._said: EmgBlock | None = None
+        self._said: Intent | None = None
         self._kind: tuple[str, float] = ("", 0.0)
         self._rest: NDArray[np.float64] | None = None
         self._at_target: dict[float, NDArray[np.float64]] = {}
@@ -177,7 +176,7 @@ class ChannelAdaptation:
         self._n_samples += len(samples)
         return made
 
-    def decoded(self, blocks: Sequence[EmgBlock], t_ns: int) -> None:
+    def decoded(self, blocks: Sequence[Intent], t_ns: int) -> None:
         """Note what the decoder made of the samples just adapted, and change what may be changed at a block's end.
 
         Args:

@@ -35,7 +35,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
-from tega.loop.inbox.histogram import Histogram
+from tega.loop.inbox.histogram import LEAST_SAMPLES, Histogram
 from tega.records.bus import Bus
 from tega.records.latency import INTENT_STAGES, MOTION_STAGES, TOUCH_STAGES, Latency
 
@@ -63,6 +63,7 @@ class LatencyTrace:
         start_ns: The monotonic clock's time at that start.
         budget_ms: What touch may take, 99 frames of 100, within five seconds: ``in-hand``, or ``own`` where the vest
             is refreshed at a steady pace, whose waits are wanted.
+        joint_budget_ms: Time that the muscles' way to a joint's first motion may take, within five seconds.
         steady: Whether it is.
         vests: Those that tell what they hand over.
         answered_ns: Tells when a hand's torques first left at or after a monotonic time, and first when the report that
@@ -85,6 +86,7 @@ class LatencyTrace:
         now_ns: Callable[[], int],
         start_ns: int,
         budget_ms: float,
+        joint_budget_ms: float = 300.0,
         steady: bool = False,
         vests: Sequence[StampingVest] = (),
         answered_ns: Callable[[int], tuple[int, int] | None] | None = None,
@@ -96,6 +98,7 @@ class LatencyTrace:
         self.now_ns = now_ns
         self._start_ns = start_ns
         self._budget_ns = budget_ms * 1e6
+        self._joint_budget_ns = joint_budget_ms * 1e6
         self._limited = "own" if steady else "in-hand"
         self._vests = vests
         self._answered_ns = answered_ns
@@ -113,7 +116,7 @@ class LatencyTrace:
             "intent": _spreads(INTENT_STAGES),
             "motion": _spreads(MOTION_STAGES),
         }
-        self._live = _spreads(TOUCH_STAGES)
+        self._live = {"touch": _spreads(TOUCH_STAGES), "motion": _spreads(MOTION_STAGES)}
         self._live_until_ns = _LIVE_NS
         self._bus = Bus() if bus is None else bus
         self.warning = self.last_warning = self.line = ""
@@ -171,9 +174,10 @@ class LatencyTrace:
             self._told_ns = made_ns
             self.line = self._said()
         if made_ns >= self._live_until_ns:
-            self.warning = self._over_budget()
+            self.warning = "; ".join(filter(None, (self._over_budget(), self._joint_over_budget())))
             self.last_warning = self.warning or self.last_warning
-            self._live, self._live_until_ns = _spreads(TOUCH_STAGES), made_ns + _LIVE_NS
+            self._live = {"touch": _spreads(TOUCH_STAGES), "motion": _spreads(MOTION_STAGES)}
+            self._live_until_ns = made_ns + _LIVE_NS
 
     @property
     def n_unmoved(self) -> int:
@@ -210,8 +214,12 @@ class LatencyTrace:
             ("motion", "muscle to joint", ""),
         ):
             whole = self.spreads[path]["whole"]
-            if whole.n:
-                said.append(f"{what} {whole.at(0.5) / 1e6:.0f} ms, p99 {whole.at(0.99) / 1e6:.0f}")
+            if 0 < whole.n < LEAST_SAMPLES:
+                said.append(f"{what} {whole.worst_ns / 1e6:.0f} ms at most (n {whole.n})")
+            elif whole.n:
+                said.append(
+                    f"{what} {whole.at(0.5) / 1e6:.0f} ms, p99 {whole.at(0.99) / 1e6:.0f} (n {whole.n})"
+                )
                 if ours:
                     own = self.spreads[path][ours]
                     said[-1] += f" (ours {own.at(0.5) / 1e6:.1f}, p99 {own.at(0.99) / 1e6:.1f})"
@@ -251,7 +259,7 @@ class LatencyTrace:
 
     def _arrived(self, path: str, source: str, stamps_ns: tuple[int, ...]) -> None:
         way = Latency(path=path, source=source, stamps_ns=stamps_ns)
-        live = self._live if path == "touch" else None
+        live = self._live.get(path)
         for stage, ns in way.stages_ns().items():
             self.spreads[path][stage].add(ns)
             if live is not None:
@@ -259,15 +267,32 @@ class LatencyTrace:
         self._bus.publish(way)
 
     def _over_budget(self) -> str:
-        limited = self._live[self._limited]
+        live = self._live["touch"]
+        limited = live[self._limited]
         if not limited.n or limited.at(0.99) <= self._budget_ns:
             return ""
         stages = ["contact", "map", "hand-over"] + (["wait", "held"] if self._limited == "in-hand" else [])
-        worst = max(stages, key=lambda stage: self._live[stage].at(0.99))
+        worst = max(stages, key=lambda stage: live[stage].at(0.99))
         return (
-            f"latency: our part of camera to vest takes {limited.at(0.99) / 1e6:.1f} ms (p99), "
+            f"latency: our part of camera to vest takes {limited.at(0.99) / 1e6:.1f} ms ({_figure(limited)}), "
             f"{self._budget_ns / 1e6:g} ms are allowed; most in {worst!r}"
         )
+
+    def _joint_over_budget(self) -> str:
+        live = self._live["motion"]
+        whole = live["whole"]
+        if not whole.n or whole.at(0.99) <= self._joint_budget_ns:
+            return ""
+        worst = max(MOTION_STAGES[:-1], key=lambda stage: live[stage].at(0.99))
+        return (
+            f"latency: muscle to joint takes {whole.at(0.99) / 1e6:.0f} ms ({_figure(whole)}), "
+            f"{self._joint_budget_ns / 1e6:g} ms are allowed; most in {worst!r}"
+        )
+
+
+def _figure(spread: Histogram) -> str:
+    """Return the name of the figure that stands for nearly all: of few samples it is the worst."""
+    return f"p99 of {spread.n}" if spread.n >= LEAST_SAMPLES else f"worst of {spread.n}"
 
 
 def _spreads(stages: Sequence[str]) -> Mapping[str, Histogram]:

@@ -16,7 +16,7 @@ from tega.devices.base import EmgSource
 from tega.emg import channel_maxima
 from tega.errors import CalibrationError, ConfigError
 from tega.loop.inbox.reader import READ_TIMEOUT_S
-from tega.loop.inbox.sources import Contact
+from tega.records import Contact
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -50,10 +50,10 @@ def touch_maxima(contacts: Sequence[Contact]) -> TouchMaxima:
         The 99.5 percentiles over the frames in contact; CCI only from contacts of at least 30 pixels. ``None``
         where there are none.
     """
-    touching = [metrics for _, metrics in contacts if metrics.in_contact]
+    touching = [contact for contact in contacts if contact.in_contact]
     return TouchMaxima(
-        cci_max=_percentile([m.cci for m in touching if m.eda >= LEAST_CONTACT_PX]),
-        eda_max=_percentile([float(m.eda) for m in touching]),
+        cci_max=_percentile([c.cci for c in touching if c.eda >= LEAST_CONTACT_PX]),
+        eda_max=_percentile([float(c.eda) for c in touching]),
     )
 
 

@@ -1,4 +1,4 @@
-"""Show the newest moment of a loop: put together once per vest tick for whoever has subscribed to it."""
+"""Show the newest moment of a loop, once per vest tick, to displays that have subscribed to it."""
 
 from __future__ import annotations
 
@@ -14,10 +14,9 @@ if TYPE_CHECKING:
     from tega.loop.arm_view import ArmView
     from tega.loop.hand import Hand
     from tega.loop.inbox.inputs import Inputs, SeatSeen
-    from tega.loop.inbox.sources import Contact, EmgBlock
     from tega.loop.latency import LatencyTrace
     from tega.loop.loop_report import LoopReport
-    from tega.loop.touch import TouchLoop, TouchMoment
+    from tega.records import Contact, Intent
     from tega.records.bus import Bus
     from tega.safety.guard import Guard
 
@@ -30,10 +29,9 @@ class LoopView(NamedTuple):
 
     Attributes:
         t_ns: Time since the start of the session.
-        contacts: The newest metrics of each finger, with their time; a finger without a frame yet is missing.
-        felt: What each finger feels now, thumb first.
+        contacts: The newest contact of each finger, however old; a finger without a frame yet is missing.
         vest: The frame of this tick; ``None`` without tactile sources.
-        block: The newest EMG block; ``None`` before the first.
+        intent: The newest intent; ``None`` before the first.
         angles_rad: The hand's 16 joint angles as measured or modelled; ``None`` without a hand.
         counts: What was done since the start: frames of one finger (mean), EMG blocks, hand ticks, vest frames.
         inputs: What the operator's input devices say, by what they are for.
@@ -52,9 +50,8 @@ class LoopView(NamedTuple):
 
     t_ns: int
     contacts: Mapping[str, Contact]
-    felt: Sequence[TouchMoment]
     vest: MotorLevels | None
-    block: EmgBlock | None
+    intent: Intent | None
     angles_rad: Sequence[float] | None
     counts: Mapping[str, int]
     inputs: Mapping[str, SeatSeen] = {}
@@ -72,13 +69,17 @@ class LoopView(NamedTuple):
     reflex: str = ""
 
     @property
+    def felt(self) -> dict[str, Contact]:
+        """The contacts that are not too old to be felt, by finger."""
+        return {name: one for name, one in self.contacts.items() if self.t_ns - one.t_ns <= STALE_NS}
+
+    @property
     def picture_to_vest_ms(self) -> dict[str, float]:
         """How old, on average, the fresh pictures are that this tick's vest frame is made of, by the delay's name.
 
         Milliseconds; empty where no finger has a fresh picture.
         """
-        fresh = (self.t_ns - t_ns for t_ns, _ in self.contacts.values())
-        ages_ms = [age_ns / 1e6 for age_ns in fresh if age_ns <= STALE_NS]
+        ages_ms = [(self.t_ns - contact.t_ns) / 1e6 for contact in self.felt.values()]
         return {"picture to vest": sum(ages_ms) / len(ages_ms)} if ages_ms else {}
 
     @property
@@ -102,61 +103,60 @@ class Moment(Record, frozen=True, kw_only=True):
 
 
 class Moments:
-    """Puts together the view of a loop for displays, and publishes it.
+    """Makes the view of a loop for displays, and publishes it.
 
     Args:
-        bus: Where to.
-        touch: What the fingers feel.
-        hand: Knows its joints' angles; ``None`` without EMG.
-        report: Counted up by the loop.
-        inputs: The operator's input devices.
-        guard: Knows the run's state.
-        trace: Knows how old what is felt and done is.
+        bus: Bus on which views are published, and events of touch received.
+        hand: Has the joints' angles; ``None`` without EMG.
+        inputs: The operator's input devices; ``None`` for none.
+        guard: Has the run's state; ``None`` for none.
+        trace: Has the ages of what is felt and done; ``None`` where that is not traced.
         complete: Add what the loop does not know, one after the other.
-
-    Attributes:
-        event: The newest event of touch.
     """
 
     def __init__(
         self,
         bus: Bus,
-        touch: TouchLoop,
-        hand: Hand | None,
-        report: LoopReport,
+        hand: Hand | None = None,
         *,
-        inputs: Inputs,
-        guard: Guard | None,
-        trace: LatencyTrace | None,
-        complete: Sequence[Callable[[LoopView], LoopView]],
+        inputs: Inputs | None = None,
+        guard: Guard | None = None,
+        trace: LatencyTrace | None = None,
+        complete: Sequence[Callable[[LoopView], LoopView]] = (),
     ) -> None:
-        self._bus, self._touch, self._hand, self._report = bus, touch, hand, report
+        self._bus, self._hand = bus, hand
         self._inputs, self._guard, self._trace, self._complete = inputs, guard, trace, complete
         self._commanded = hand if isinstance(hand, CommandedHand) else None
         self._shown: Moment | None = None
-        self.event: Event | None = None
+        self._event: Event | None = None
+        if self.wanted:
+            bus.subscribe(Event, self._note_event, name="display", vital=True)
 
     @property
     def wanted(self) -> bool:
-        """Whether anybody looks."""
+        """Whether a display has subscribed."""
         return self._bus.wants(Moment)
 
     def show(
-        self, t_ns: int, newest: Mapping[str, Contact], vest: MotorLevels | None, block: EmgBlock | None
+        self,
+        t_ns: int,
+        newest: Mapping[str, Contact],
+        vest: MotorLevels | None,
+        intent: Intent | None,
+        report: LoopReport,
     ) -> None:
-        """Publish the moment of a tick."""
+        """Publish the view at a tick."""
         guard, trace = self._guard, self._trace
         target_rad = None if self._commanded is None else self._commanded.target_rad
         view = LoopView(
             t_ns,
             newest,
-            self._touch.fresh(t_ns),
             vest,
-            block,
+            intent,
             None if self._hand is None else self._hand.angles_rad.tolist(),
-            self._counts(),
-            inputs=self._inputs.seen,
-            event=self.event,
+            _counts(report),
+            inputs={} if self._inputs is None else self._inputs.seen,
+            event=self._event,
             target_rad=None if target_rad is None else target_rad.tolist(),
         )
         if guard is not None:
@@ -172,17 +172,19 @@ class Moments:
         self._bus.publish(self._shown)
 
     def stopped(self) -> None:
-        """Show the last moment as stopped: a display must not go on saying that things move."""
+        """Publish the last view as stopped: a display must not go on saying that things move."""
         if self._shown is not None and self._guard is not None:
             view = self._shown.view._replace(state="stopped", reason=self._guard.reason)
             self._bus.publish(Moment(t_ns=self._shown.t_ns, view=view))
 
-    def _counts(self) -> dict[str, int]:
-        report = self._report
-        frames = sum(report.n_contacts.values()) // max(len(report.n_contacts), 1)
-        return {
-            "touch": frames,
-            "levels": report.n_blocks,
-            "hand": report.n_hand_ticks,
-            "vest": report.n_vest_ticks + report.n_vest_between,
-        }
+    def _note_event(self, event: Event) -> None:
+        self._event = event
+
+
+def _counts(report: LoopReport) -> dict[str, int]:
+    return {
+        "touch": sum(report.n_contacts.values()) // max(len(report.n_contacts), 1),
+        "levels": report.n_blocks,
+        "hand": report.n_hand_ticks,
+        "vest": report.n_vest_ticks + report.n_vest_between,
+    }

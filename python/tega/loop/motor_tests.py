@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from tega.haptics import MotorLevels
 from tega.records import TriedMotor
-
-if TYPE_CHECKING:
-    from tega.records.bus import Bus
-
+from tega.records.bus import Bus
 
 TEST_PERCENT: Final = 50
 """How hard a motor is tried, percent; less where its limits allow less."""
@@ -61,6 +58,17 @@ class MotorTests:
         self._wanted: int | None = None
         self._answer = MotorAnswer(done=False, words="")
         self._running: tuple[int, int] | None = None  # motor, and until when
+        self._refused: Callable[[], str] = lambda: "no run has begun"
+        self._bus = Bus()
+
+    def begin(self, refused: Callable[[], str], bus: Bus) -> None:
+        """Join a run.
+
+        Args:
+            refused: Returns why no motor may be tried now; ``""`` if one may, and the run's frames are silent then.
+            bus: Bus on which the begin and end of a test are published.
+        """
+        self._refused, self._bus = refused, bus
 
     def ask(self, motor: int) -> MotorAnswer:
         """Ask for a motor, and wait until the loop has answered; for any thread but the loop's.
@@ -80,60 +88,61 @@ class MotorTests:
         finally:
             self._one.release()
 
-    def frame(self, t_ns: int, frame: MotorLevels, *, refused: Callable[[], str], bus: Bus) -> MotorLevels:
+    @property
+    def active(self) -> bool:
+        """Whether a motor vibrates or is asked for."""
+        return self._running is not None or self._wanted is not None
+
+    def frame(self, t_ns: int, frame: MotorLevels) -> MotorLevels:
         """Return the frame of a tick, with the motor that is tried in it; called by the loop.
 
         Args:
             t_ns: The tick.
             frame: The frame as it is without.
-            refused: Says why no motor may be tried now; ``""`` if one may, and ``frame`` is silent then.
-            bus: Told when a motor begins and ends.
         """
-        if self._running is None and self._wanted is None:
-            return frame
-        why = refused()
+        why = self._refused()
         wanted, self._wanted = self._wanted, None
         if self._running is not None and (why or t_ns >= self._running[1]):
-            self.end(t_ns, bus)
+            self.end(t_ns)
         if wanted is not None:
             n_motors = len(frame.intensities)
             if why:
-                self._tell(done=False, words=f"not tried: {why}")
+                self._answer_with(done=False, words=f"not tried: {why}")
             elif self._running is not None:
-                self._tell(done=False, words="not tried: another motor is")
+                self._answer_with(done=False, words="not tried: another motor is")
             elif not 0 <= wanted < n_motors:
-                self._tell(
+                self._answer_with(
                     done=False,
                     words=f"not tried: motor {wanted} is none of 0 to {n_motors - 1} of {frame.layout}",
                 )
             else:
                 self._running = wanted, t_ns + _LASTS_NS
-                bus.publish(TriedMotor(t_ns=t_ns, motor=wanted, percent=TEST_PERCENT))
+                self._bus.publish(TriedMotor(t_ns=t_ns, motor=wanted, percent=TEST_PERCENT))
         return frame if self._running is None else lit_frame(frame, self._running[0], TEST_PERCENT)
 
-    def sent(self, t_ns: int, sent: MotorLevels | None, bus: Bus) -> None:
+    def sent(self, t_ns: int, sent: MotorLevels | None) -> None:
         """Answer by what the vest was really sent; ``None`` where there is none."""
         if self._running is None or self._answered.is_set():
             return
         motor = self._running[0]
         percent = 0 if sent is None else int(sent.intensities[motor])
         if percent:
-            self._tell(done=True, words=f"motor {motor} vibrates at {percent} %")
+            self._answer_with(done=True, words=f"motor {motor} vibrates at {percent} %")
             return
-        self.end(t_ns, bus)
+        self.end(t_ns)
         why = (
             "the run has no vest"
             if sent is None
             else "the vest is not reached, or its limits allow it no more"
         )
-        self._tell(done=False, words=f"not tried: {why}")
+        self._answer_with(done=False, words=f"not tried: {why}")
 
-    def end(self, t_ns: int, bus: Bus) -> None:
+    def end(self, t_ns: int) -> None:
         """End a test, if there is one."""
         running, self._running = self._running, None
         if running is not None:
-            bus.publish(TriedMotor(t_ns=t_ns, motor=running[0], percent=0))
+            self._bus.publish(TriedMotor(t_ns=t_ns, motor=running[0], percent=0))
 
-    def _tell(self, *, done: bool, words: str) -> None:
+    def _answer_with(self, *, done: bool, words: str) -> None:
         self._answer = MotorAnswer(done=done, words=words)
         self._answered.set()

@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Any
 from tega.devices.base import AnsweringHand, FeedingSource, StampingVest, optional
 from tega.loop.inbox.frames import FrameMeter, fed_contacts, keeps_up, measured_contacts
 from tega.loop.inbox.reader import Reader
-from tega.loop.inbox.sources import Contact, EmgBlock, grasp_blocks, picture_of, samples_of
+from tega.loop.inbox.sources import grasp_blocks, picture_of, samples_of
 from tega.loop.inbox.stream import LiveStream, PulledStream, Stream
 from tega.loop.joint_motion import JointMotion
 from tega.loop.latency import LatencyTrace
-from tega.records import EmgSamples, Picture
+from tega.loop.rezeroing import FingerRezero
+from tega.records import Contact, EmgSamples, Intent, Picture
 from tega.stages.base import MeasuredPicture
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from tega.loop.touching import RecordedFingers, Touching
     from tega.records.bus import Bus
     from tega.runtime.wake import Bell
+    from tega.safety.settings import SafetySection
     from tega.stages.base import Metric
 
 __all__ = ["contact_stream", "is_fed", "latency_trace", "level_stream"]
@@ -39,7 +41,7 @@ def latency_trace(
     pacer: Pacer,
     *,
     start_ns: int,
-    budget_ms: float,
+    safety: SafetySection,
     steady: bool,
     motor: MotorOnset | None,
     bus: Bus,
@@ -49,10 +51,11 @@ def latency_trace(
         return None
     hand = sinks.steered
     answering = hand if isinstance(hand, AnsweringHand) else None
-    return LatencyTrace(
+    trace = LatencyTrace(
         now_ns=pacer.elapsed_ns,
         start_ns=start_ns,
-        budget_ms=budget_ms,
+        budget_ms=safety.latency_budget_ms,
+        joint_budget_ms=safety.joint_budget_ms,
         steady=steady,
         vests=[vest for vest in sinks.live_vests if isinstance(vest, StampingVest)],
         answered_ns=None if answering is None else answering.answered_ns,
@@ -60,6 +63,9 @@ def latency_trace(
         motor=motor,
         bus=bus,
     )
+    bus.subscribe(Contact, lambda contact: trace.taken(contact.finger, contact.t_ns), vital=True)
+    bus.subscribe(Intent, lambda intent: trace.taken("emg", intent.t_ns), vital=True)
+    return trace
 
 
 def is_fed(finger: Finger, metric: Callable[[], Metric]) -> bool:
@@ -109,23 +115,27 @@ def contact_stream(
     if trace is not None and live:
         told["stamp"] = trace.source(name)
 
+    rezero = FingerRezero(bus, metric, finger.report)
+    rezeroed = False
+
     def look_beside(frame: TactileFrame) -> None:
+        nonlocal rezeroed
         metric.loaded = touching.beside(name, frame.t_ns - start_ns)
+        rezeroed = rezero.before_picture()
 
     def see(frame: TactileFrame, received_ns: int) -> None:
         if bus.wants(Picture):
             at_ns = received_ns if live else None
-            picture = picture_of(name, frame, received_ns=at_ns, start_ns=start_ns, loaded=metric.loaded)
+            picture = picture_of(
+                name, frame, received_ns=at_ns, start_ns=start_ns, loaded=metric.loaded, rezeroed=rezeroed
+            )
             bus.publish(picture)
 
     def tell(frame: TactileFrame, contact: Contact) -> None:
-        t_ns, metrics = contact
         if live:
-            touching.note(name, t_ns, bears_load=metric.bears_load)
+            touching.note(name, contact.t_ns, bears_load=metric.bears_load)
         if bus.wants(MeasuredPicture):
-            bus.publish(
-                MeasuredPicture(finger=name, t_ns=t_ns, image=frame.image, metrics=metrics, metric=metric)
-            )
+            bus.publish(MeasuredPicture(image=frame.image, contact=contact, metric=metric))
 
     told |= {"see": see, "tell": tell}
     if not live:
@@ -161,8 +171,8 @@ def level_stream(
     trace: LatencyTrace | None,
     bus: Bus,
     adaptation: ChannelAdaptation | None = None,
-) -> Stream[EmgBlock]:
-    """Make the stream of EMG blocks; only a live source is worth a thread."""
+) -> Stream[Intent]:
+    """Make the stream of intents; only a live source is worth a thread."""
     if muscles.stream is not None or muscles.decoder is None:
         assert muscles.stream is not None  # what makes no levels is given them
         return muscles.stream
@@ -190,7 +200,7 @@ def level_stream(
         return PulledStream(produce())
     if trace is not None:
         produce = partial(produce, stamp=trace.source("emg"))
-    stream: LiveStream[EmgBlock] = LiveStream(on_loss=muscles.report.drop)
+    stream: LiveStream[Intent] = LiveStream(on_loss=muscles.report.drop)
     # It is short, and comes before the cameras: a block that waits for four of them is late.
     reader = Reader("emg", lambda stopped: produce(stopped=stopped), stream.put, stream.end, rank="act")
     stack.callback(reader.close)

@@ -17,9 +17,10 @@ from tega.devices.base import ComparingSource, EmgSource, TactileSource
 from tega.errors import CalibrationError
 from tega.loop.baseline import find_baseline
 from tega.loop.inbox.prepared import Finger, Muscles, Prepared
-from tega.loop.inbox.sources import Contact, SourceReport
+from tega.loop.inbox.sources import SourceReport
 from tega.loop.maxima import SELF_CALIBRATED, emg_conditions, emg_maxima, touch_maxima
 from tega.loop.touching import RecordedFingers
+from tega.records import Contact
 
 _log = logging.getLogger(__name__)
 
@@ -35,6 +36,7 @@ def prepare(
     progress: Progress,
     stop: Callable[[], bool],
     settings: str = "SETTINGS.toml",
+    origin: str = "",
 ) -> Prepared:
     """Find baselines and maxima.
 
@@ -47,6 +49,7 @@ def prepare(
         progress: Told how many frames are measured.
         stop: Asked whether to give up.
         settings: How the settings file is named in the commands that are suggested.
+        origin: Words for the origin of maxima that are elsewhere, so that none are needed here; ``""``: none.
 
     Returns:
         What the run starts with.
@@ -73,8 +76,7 @@ def prepare(
         calibration, name, warnings = person_calibration(
             config, sources, emg, conditions, settings=settings, now=utc_now()
         )
-    elif config.net is not None and config.net.station == "robot":
-        origin = "the maxima are at the operator's station"
+    elif origin:
         calibration, name = Calibration(preset=preset, origin=origin, tactile=FingerMaxima()), "none"
     else:
         for what, source in (*sources.items(), ("emg", emg)):

@@ -9,7 +9,7 @@ the person loosens the grip, so that it never keeps hold of what the person lets
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from threading import Lock
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -129,15 +129,13 @@ class ReflexArc:
         self.added = self.most_added = 0.0
         self.n_added = 0
 
-    def heard(self, events: Sequence[Event]) -> None:
-        """Take in events of touch, for the next tick."""
+    def on_event(self, event: Event) -> None:
+        """Keep an event of touch for the next tick."""
         if self.reflex.wants_events:
-            self._events.extend(events)
+            self._events.append(event)
 
-    def step(
-        self, t_ns: int, own: float, contacts: Callable[[], Mapping[str, Contact]]
-    ) -> tuple[float, float]:
-        """Return what the hand is to be told at a tick: the person's own level, and the addition.
+    def step(self, t_ns: int, own: float, contacts: Callable[[], Mapping[str, Contact]]) -> float:
+        """Return the addition of a tick, levels.
 
         Args:
             t_ns: The tick.
@@ -149,7 +147,7 @@ class ReflexArc:
         if authority <= 0 and self.added <= 0:
             self._events.clear()
             self._authority, self._t_ns, self._firmest = 0.0, t_ns, own
-            return own, 0.0
+            return 0.0
         dt_s = 0.0 if self._t_ns is None else min(max((t_ns - self._t_ns) / 1e9, 0.0), _LONGEST_STEP_S)
         fresh = contacts()
         events, self._events = tuple(self._events), []
@@ -180,7 +178,7 @@ class ReflexArc:
                 cause=self.reflex.cause,
             )
         )
-        return own, self.added
+        return self.added
 
     def shown(self, view: LoopView) -> LoopView:
         """Add to a view of the loop what the hand is told beyond the person's own closure, and why."""

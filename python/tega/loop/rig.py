@@ -1,34 +1,29 @@
-"""Open every device and output of a run, in the order in which what is missing is told first."""
+"""Open every device and output of a run, in the order in which a problem is reported first."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from tega.config import SessionConfig
+from tega.errors import ConfigError
 from tega.loop.arm import Steering, open_arm
 from tega.loop.beside import open_beside
 from tega.loop.condition import open_condition
+from tega.loop.controls import Controls
 from tega.loop.inbox.inputs import Inputs
 from tega.loop.inbox.prepared import Prepared
 from tega.loop.opening import Opening, reached
 from tega.loop.pacing import refuse_live
+from tega.loop.parts import Part, PartContext, open_parts
 from tega.loop.prepare import Progress, prepare, to_be_read
 from tega.loop.sinks import Sinks, open_inputs, open_sinks
 from tega.loop.watch import watch_over
-from tega.records import BesideContact, BesideIntent
-from tega.runtime.threads import run_realtime
+from tega.records import BesideContact, BesideIntent, Record
+from tega.records.bus import Bus
 from tega.safety.guard import Guard
-from tega.safety.states import Transition
 from tega.stages.base import MeasuredPicture
-
-if TYPE_CHECKING:
-    from tega.recording.session import Recording
-    from tega.records.bus import Bus
-    from tega_link.station import Station
-    from tega_markers import RunMarkers
-    from tega_scene.filmed_run import RunCameras
 
 
 class Rig(NamedTuple):
@@ -36,16 +31,13 @@ class Rig(NamedTuple):
 
     Attributes:
         config: The settings.
-        bus: Told of everything that comes in and goes out.
+        bus: Bus of the run.
         prepared: The sources, with their baselines and maxima.
-        sinks: What is written to.
-        inputs: What the operator holds or steps on.
-        guard: What watches over the live devices.
-        recording: The recording; ``None`` without one, like those below.
-        markers: The streams of markers.
-        steering: What leads the arm.
-        station: This end of the link to another station.
-        cameras: What films the run.
+        sinks: The outputs.
+        inputs: The operator's input devices.
+        guard: Watches over the live devices.
+        steering: Leads the arm; ``None`` without one.
+        parts: Parts of features, and those of the caller.
     """
 
     config: SessionConfig
@@ -54,11 +46,8 @@ class Rig(NamedTuple):
     sinks: Sinks
     inputs: Inputs
     guard: Guard
-    recording: Recording | None
-    markers: RunMarkers | None
     steering: Steering | None
-    station: Station | None
-    cameras: RunCameras | None
+    parts: list[Part]
 
 
 def open_rig(
@@ -68,120 +57,75 @@ def open_rig(
     *,
     opening: Opening,
     prepared: Prepared | None,
-    on_prepared: Callable[[Prepared], Prepared],
+    parts: Sequence[Part],
     progress: Progress,
-    stop: Callable[[], bool],
+    controls: Controls,
     settings: str,
-    go: Callable[[], bool],
-    on_state: Callable[[Transition], None],
-    tell: Callable[[str], None],
 ) -> Rig:
-    """Open what the settings name; the arguments are those of :func:`tega.loop.run_session`.
+    """Open the devices that the settings name; the arguments are those of :func:`tega.loop.run_session`.
 
     Args:
         stack: Closes all of it.
         config: The settings.
-        bus: Told of everything that comes in and goes out.
+        bus: Bus of the run.
         opening: Opens the EMG already.
-        prepared: What to start with instead of the sources of the settings.
-        on_prepared: Given what the run starts with; returns what it is to start with.
-        progress: Told how preparation goes.
-        stop: Asked whether to give up.
-        settings: How the settings file is named in the commands that an error suggests.
-        go: Asked all the time whether an armed run may become active.
-        on_state: Told of every change of the run's state.
-        tell: Told what happens on the link to the other station.
+        prepared: Inputs to use instead of the sources of the settings.
+        parts: Parts of the caller.
+        progress: Reports preparation.
+        controls: Whether to give up, and whether an armed run may become active.
+        settings: Name of the settings file in the commands that an error suggests.
 
     Raises:
-        TegaError: Whatever is wrong with settings, recordings, calibration or devices.
-        KeyboardInterrupt: ``stop`` said so.
+        TegaError: Settings, recordings, calibration or devices are at fault.
+        KeyboardInterrupt: ``controls.stop`` asked for it.
     """
     reached("loaded")
     hand = opening.begin_rest()
-    recording = _recording(stack, config, bus)
-    reached("recorder ready")
-    markers = _markers(stack, config, bus)
-    station = None
-    if config.net is not None:
-        from tega_link.open_station import open_station
-
-        progress("opening the link", 0, 0)
-        station = open_station(config, bus, tell=tell, stop=stop)
-        # The link's own threads, which others wait for at the other station.
-        with run_realtime("act", inherited=True):
-            stack.enter_context(station)
+    own = open_parts(PartContext(config, bus, stack, controls.stop, progress))
+    joined = [*own, *parts]
+    _refuse_no_input(config, prepared, joined)
+    reached("parts ready")
+    origin = next((part.origin for part in joined if part.origin), "")
     if prepared is None:
         sources, emg = opening.sources()
         for source in (*sources.values(), *([] if emg is None else [emg])):
             refuse_live(source.info, config.session.pace)
-        prepared = prepare(config, sources, emg, progress=progress, stop=stop, settings=settings)
-    if station is not None:
-        prepared = station.prepared(prepared)
-    prepared = on_prepared(prepared)
-    if recording is not None or bus.wants(MeasuredPicture):
+        prepared = prepare(
+            config, sources, emg, progress=progress, stop=controls.stop, settings=settings, origin=origin
+        )
+    for part in joined:
+        prepared = part.prepared(prepared)
+    if bus.wants(Record) or bus.wants(MeasuredPicture):
         prepared = to_be_read(prepared)
-    if recording is not None or bus.wants(BesideIntent) or bus.wants(BesideContact):
+    if bus.wants(BesideIntent) or bus.wants(BesideContact):
         open_beside(stack, config, prepared, bus)
     condition = open_condition(stack, config, prepared, bus)
-    cameras = _cameras(stack, config, bus, stop)  # before what moves: an address may take its time
     reached("prepared")
-    sinks = open_sinks(stack, config, prepared, bus, hand)
+    sinks = open_sinks(stack, config, bus, hand)
     reached("vest and hand open")
     inputs = open_inputs(stack, config)
-    if station is not None:
-        sinks, inputs = station.sinks(sinks), station.inputs(stack, inputs)
+    for part in joined:
+        sinks, inputs = part.sinks(sinks), part.inputs(stack, inputs)
     steering = None
     if config.arm is not None:
-        steering = open_arm(stack, config, inputs, tracker=None if station is None else station.tracker)
+        tracker = next((part.tracker for part in joined if part.tracker is not None), None)
+        steering = open_arm(stack, config, inputs, tracker=tracker)
     progress("running", 0, 0)
     guard = watch_over(
-        config,
-        prepared,
-        sinks,
-        bus,
-        recording,
-        markers=markers,
-        go=go,
-        steering=steering,
-        station=station,
-        condition=condition,
-        cameras=cameras,
+        config, prepared, sinks, bus, joined, go=controls.go, steering=steering, condition=condition
     )
-    guard.observers.append(on_state)
-    return Rig(config, bus, prepared, sinks, inputs, guard, recording, markers, steering, station, cameras)
+    return Rig(config, bus, prepared, sinks, inputs, guard, steering, joined)
 
 
-def _recording(stack: ExitStack, config: SessionConfig, bus: Bus) -> Recording | None:
-    """Make the recording, if one is asked for: what is missing there is told before any device is waited for."""
-    if config.recording.dir is None:
-        return None
-    from tega.recording.session import Recording
+def _refuse_no_input(config: SessionConfig, prepared: Prepared | None, parts: Sequence[Part]) -> None:
+    """Refuse a run to which nothing gives input.
 
-    recording = Recording(config, config.recording.dir, bus)
-    stack.callback(recording.abandon)
-    return recording
-
-
-def _markers(stack: ExitStack, config: SessionConfig, bus: Bus) -> RunMarkers | None:
-    """Open the streams of markers, if there are any."""
-    if config.markers == type(config.markers)():
-        return None
-    from tega_markers import RunMarkers
-
-    markers = RunMarkers(config.markers, bus)
-    stack.callback(markers.close)
-    return markers
-
-
-def _cameras(
-    stack: ExitStack, config: SessionConfig, bus: Bus, stop: Callable[[], bool]
-) -> RunCameras | None:
-    """Open the scene cameras, where what they film is recorded or shown."""
-    from tega.records import SceneVideo
-    from tega_scene.decode import ScenePicture
-
-    if not config.scene or not (bus.wants(SceneVideo) or bus.wants(ScenePicture)):
-        return None
-    from tega_scene.filmed_run import RunCameras
-
-    return RunCameras(config.scene, bus, stack, stop)
+    Raises:
+        ConfigError: The settings name no source, and no part brings one.
+    """
+    named = config.tactile.in_use() or config.emg is not None or config.arm is not None
+    if not named and prepared is None and not any(part.brings_input for part in parts):
+        raise ConfigError(
+            "no input: neither a tactile source nor EMG is set, nor an arm",
+            "set at least one, such as [tactile.thumb], [emg] or [arm]",
+        )

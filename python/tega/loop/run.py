@@ -11,19 +11,22 @@ from tega.config import DEFAULT_LAYOUT, DEFAULT_PACE, Pace
 from tega.config.choose import finger_metric
 from tega.config.motor_onset import motor_onset
 from tega.loop.adapting import open_adaptation
+from tega.loop.controls import Controls
 from tega.loop.gc_pause import settle
 from tega.loop.hand import Hand, ModelledAllegro
 from tega.loop.hand_look import open_looks
+from tega.loop.hand_output import HandOutput
 from tega.loop.loop import DualLoop
-from tega.loop.moment import LoopView, Moment
-from tega.loop.motor_tests import MotorTests
+from tega.loop.moment import LoopView, Moment, Moments
 from tega.loop.open_streams import contact_stream, is_fed, latency_trace, level_stream
 from tega.loop.pacing import Pacer
-from tega.loop.reflex import open_reflex
+from tega.loop.parts import RunStart
+from tega.loop.reflex import ReflexArc, open_reflex
 from tega.loop.rig import Rig
-from tega.loop.summary import RunFacts, summarise, write_summary
+from tega.loop.summary import RunFacts, summarise
 from tega.loop.touch_loop import touch_loop
 from tega.loop.touching import RecordedFingers, Touching
+from tega.loop.vest_output import VestOutput
 from tega.records import Alert, Event, RunState, Value
 from tega.runtime.clock import Clock, SystemClock
 from tega.runtime.threads import all_along, run_realtime
@@ -37,48 +40,25 @@ if TYPE_CHECKING:
     from tega.stages.base import Metric
 
 
-def run_loop(
-    stack: ExitStack,
-    rig: Rig,
-    *,
-    clock: Clock,
-    observer: Callable[[LoopView], None] | None,
-    stop: Callable[[], bool],
-    haptics: Callable[[], bool],
-    tests: MotorTests,
-    shown: Callable[[LoopView], LoopView] = lambda view: view,
-    authority: Callable[[], float | None] = lambda: None,
-) -> dict[str, Any]:
-    """Run the dual loop until it ends, close what is open and write down what was.
+def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) -> dict[str, Any]:
+    """Run the dual loop until it ends, close everything that is open, and write the summary.
 
     Args:
-        stack: Holds what the rig has open; closed here where tables or a recording have to be complete.
-        rig: What the run is made of.
+        stack: Holds everything that the rig has open; closed here, so that tables and recordings are complete.
+        rig: Devices, outputs and parts of the run.
         clock: The session's clock.
-        observer: Called once per vest tick with what a display may show.
-        stop: Asked all the time whether to end.
-        haptics: Asked at every vest tick; every motor rests while it says no.
-        tests: Wishes to feel a motor while the run is armed.
-        shown: Completes each moment for a display.
-        authority: Asked at each tick of the hand what authority a page gives the reflex.
+        controls: Answers at every tick whether to end and what is allowed.
 
     Returns:
         The summary.
 
     Raises:
-        TegaError: Whatever ended the loop; the summary is written first.
+        TegaError: The error that ended the loop; the summary is written first.
     """
-    config, prepared, sinks, guard, recording = rig.config, rig.prepared, rig.sinks, rig.guard, rig.recording
-    session, muscles, station = config.session, prepared.muscles, rig.station
+    config, prepared, sinks, guard = rig.config, rig.prepared, rig.sinks, rig.guard
+    session, muscles = config.session, prepared.muscles
     layout = config.vest.layout or DEFAULT_LAYOUT[session.preset]
 
-    def may_feel() -> bool:
-        return haptics() and guard.felt
-
-    if observer is not None:
-        rig.bus.subscribe(Moment, lambda moment: observer(moment.view), name="display", vital=True)
-    if station is not None:
-        rig.bus.subscribe(Moment, lambda moment: station.seen(moment.view), name="link")
     pace, bell = _pace(rig, clock)
     flows = stack.enter_context(ExitStack())
     real_time = False
@@ -87,10 +67,23 @@ def run_loop(
         if any(source.info.live for source in prepared.sources):
             real_time = flows.enter_context(run_realtime("act"))
             flows.enter_context(all_along())
-    hand: Hand = sinks.steered or ModelledAllegro(device_id=config.hand.device_id)
+    model: Hand = sinks.steered or ModelledAllegro(device_id=config.hand.device_id)
     pacer = Pacer(clock, bell=bell)
-    if recording is not None:
-        recording.head(rig, layout=layout, pace=pace, observed=rig.bus.wants(Moment))
+    run = RunStart(
+        config,
+        prepared,
+        sinks,
+        guard,
+        arm_infos={} if rig.steering is None else rig.steering.infos,
+        trial=next((part.trial for part in rig.parts if part.trial), "start"),
+        layout=layout,
+        pace=pace,
+        observed=rig.bus.wants(Moment),
+        real=isinstance(clock, SystemClock),
+        bell=bell,
+    )
+    for part in rig.parts:
+        part.head(run)
     # Before the clock starts: what a stage computes when it is made would come off the first ticks.
     unmeasured = [name for name, f in prepared.fingers.items() if f.stream is None and f.measured is None]
     metrics = {name: _metric(rig, name) for name in unmeasured}
@@ -102,8 +95,6 @@ def run_loop(
         find_events=rig.bus.wants(Moment) or rig.bus.wants(Event),
     )
     start_ns = pacer.start()
-    if recording is not None:
-        recording.begin(start_ns, clock.now_ns())
     trace = None
     if isinstance(clock, SystemClock):
         trace = latency_trace(
@@ -111,25 +102,27 @@ def run_loop(
             sinks,
             pacer,
             start_ns=start_ns,
-            budget_ms=config.safety.latency_budget_ms,
+            safety=config.safety,
             steady=pace == "steady",
             motor=motor_onset(config),
             bus=rig.bus,
         )
-    _tell(rig.bus, pacer, guard, trace)
-    if rig.markers is not None:
-        trial = "start" if recording is None else recording.name
-        rig.markers.begin(
-            start_ns,
-            trial=trial,
-            real=isinstance(clock, SystemClock),
-            emg_hz=None if muscles is None else muscles.source.info.rate_hz,
-        )
-    if station is not None:
-        station.begin(prepared, start_ns=start_ns, bell=bell, trace=trace, guard=guard)
-        flows.callback(station.end)
+    _publish_states(rig.bus, pacer, guard, trace)
+    run = run._replace(start_ns=start_ns, now_ns=clock.now_ns(), trace=trace)
+    for part in rig.parts:
+        part.begin(run)
+        flows.callback(part.end)
     _steer(flows, rig, start_ns)
     touching, recorded = Touching(), flows.enter_context(closing(RecordedFingers()))
+    reflex = open_reflex(
+        config,
+        rig.bus,
+        prepared.fingers,
+        active=lambda: guard.state == "active",
+        hand=sinks.steered,
+        authority=controls.authority,
+    )
+    controls.motor_tests.begin(partial(_untried, guard, controls.haptics), rig.bus)
     loop = DualLoop(
         pacer=pacer,
         touch=touch,
@@ -159,30 +152,29 @@ def run_loop(
             bus=rig.bus,
             adaptation=open_adaptation(config, muscles, rig.bus),
         ),
-        hand=hand,
-        vests=sinks.vests,
-        hands=sinks.hands,
-        bus=rig.bus,
-        live_vests=sinks.live_vests,
-        vest_rate_hz=config.vest.rate_hz,
-        by_frame=pace == "by-frame",
-        haptics=may_feel,
-        inputs=rig.inputs,
-        guard=guard,
-        trace=trace,
-        complete=[*(part.shown for part in (sinks, rig.steering, station) if part is not None), shown],
-        endless=rig.steering is not None or station is not None,
-        tried=lambda t_ns, frame: tests.frame(
-            t_ns, frame, refused=partial(_untried, guard, haptics), bus=rig.bus
+        hand=HandOutput(model, sinks.hands, bus=rig.bus, reflex=reflex, trace=trace),
+        vest=VestOutput(
+            touch,
+            sinks.vests,
+            live_vests=sinks.live_vests,
+            bus=rig.bus,
+            now_ns=pacer.elapsed_ns,
+            rate_hz=config.vest.rate_hz,
+            by_frame=pace == "by-frame",
+            haptics=lambda: controls.haptics() and guard.felt,
+            tests=controls.motor_tests,
+            trace=trace,
         ),
-        sent=lambda t_ns, sent: tests.sent(t_ns, sent, rig.bus),
-        reflex=open_reflex(
-            config,
+        bus=rig.bus,
+        guard=guard,
+        inputs=rig.inputs,
+        moments=Moments(
             rig.bus,
-            prepared.fingers,
-            active=lambda: guard.state == "active",
-            hand=sinks.steered,
-            authority=authority,
+            None if muscles is None else model,
+            inputs=rig.inputs,
+            guard=guard,
+            trace=trace,
+            complete=_displayed(rig, reflex),
         ),
         look=prepared.look
         or open_looks(config, hand=sinks.steered, arm=rig.steering, now_ns=pacer.elapsed_ns),
@@ -190,16 +182,27 @@ def run_loop(
 
     def conclude(error: BaseException | None) -> dict[str, Any]:
         flows.close()  # a source is not asked how it was while its thread reads on
-        facts = RunFacts(rig, layout, pace, loop.report, pacer.report(), trace, real_time, loop.reflex)
+        facts = RunFacts(rig, layout, pace, loop.report, pacer.report(), trace, real_time, reflex)
         return _conclude(stack, facts, error, n_waits=pacer.n_waits)
 
     duration_ns = None if session.duration_s is None else round(session.duration_s * 1e9)
     try:
-        loop.run(duration_ns=duration_ns, stop=stop)
+        endless = rig.steering is not None or any(part.endless for part in rig.parts)
+        loop.run(duration_ns=duration_ns, stop=controls.stop, endless=endless)
     except BaseException as error:
         conclude(error)
         raise
     return conclude(None)
+
+
+def _displayed(rig: Rig, reflex: ReflexArc | None) -> list[Callable[[LoopView], LoopView]]:
+    """Return what adds to a view of the loop what the loop does not know."""
+    return [
+        *([] if reflex is None else [reflex.shown]),
+        rig.sinks.shown,
+        *([] if rig.steering is None else [rig.steering.shown]),
+        *(part.shown for part in rig.parts),
+    ]
 
 
 def _untried(guard: Guard, haptics: Callable[[], bool]) -> str:
@@ -216,7 +219,7 @@ def _metric(rig: Rig, name: str) -> Metric:
     return finger_metric(config.stages, config.session.preset, name, baseline, calibration)
 
 
-def _tell(bus: Bus, pacer: Pacer, guard: Guard, trace: LatencyTrace | None) -> None:
+def _publish_states(bus: Bus, pacer: Pacer, guard: Guard, trace: LatencyTrace | None) -> None:
     """Publish the run's states, what is wrong, and how long the vest's motors take to start."""
 
     def changed(change: Transition) -> None:
@@ -226,15 +229,14 @@ def _tell(bus: Bus, pacer: Pacer, guard: Guard, trace: LatencyTrace | None) -> N
     guard.alert_observers.append(
         lambda name, said: bus.publish(Alert(t_ns=pacer.tick_ns, name=name, said=said))
     )
-    if trace is not None and trace.motor is not None:
-        bus.publish(Value(t_ns=0, name=trace.motor.stage, value=trace.motor.ms))
+    if trace is not None:
+        guard.watch("latency", lambda: trace.warning)
+        if trace.motor is not None:
+            bus.publish(Value(t_ns=0, name=trace.motor.stage, value=trace.motor.ms))
 
 
 def _steer(flows: ExitStack, rig: Rig, start_ns: int) -> None:
-    """Let the arm follow, and the scene cameras film, until the run ends."""
-    if rig.cameras is not None:
-        rig.cameras.begin(start_ns)
-        flows.callback(rig.cameras.end)
+    """Let the arm follow until the run ends."""
     if rig.steering is not None:
         rig.steering.start(rig.bus, start_ns, may_move=lambda: rig.guard.state == "active")
         flows.callback(rig.steering.stop)
@@ -253,19 +255,12 @@ def _pace(rig: Rig, clock: Clock) -> tuple[Pace, Bell | None]:
 def _conclude(
     stack: ExitStack, state: RunFacts, error: BaseException | None, *, n_waits: int
 ) -> dict[str, Any]:
-    """Close what is open and write down what was."""
-    recording, markers = state.rig.recording, state.rig.markers
+    """Close everything that is open, and have the parts complete and keep the summary, the first part last."""
     summary = summarise(state, error=error)
-    out_dir = state.rig.config.session.out_dir
-    try:
-        if out_dir is not None or recording is not None:
-            stack.pop_all().close()  # the tables are complete before the summary says so
-    finally:
-        if markers is not None:
-            summary["markers"] = markers.summary()  # with those that came last
-        if recording is not None:
-            recording.ended(state.loop, n_waits)
-            summary["recording"] = recording.finish(summary)
-    if out_dir is not None:
-        write_summary(summary, out_dir / "summary.json")
+    with ExitStack() as ending:
+        for part in state.rig.parts:
+            ending.callback(part.finish, summary)
+        for part in state.rig.parts:
+            ending.callback(part.ended, state.loop, n_waits)
+        stack.pop_all().close()  # tables and recordings are complete before the summary says so
     return summary

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
 
-from tega.errors import ConfigError
+from tega.loop.controls import Controls
 from tega.loop.gc_pause import settled
 from tega.loop.opening import Opening, reached
 from tega.records.bus import Bus
@@ -16,77 +16,46 @@ from tega.runtime.threads import realtime, short_turns
 if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.loop.inbox.prepared import Prepared
-    from tega.loop.moment import LoopView
-    from tega.loop.motor_tests import MotorTests
+    from tega.loop.parts import Part
     from tega.loop.prepare import Progress
     from tega.runtime.clock import Clock
-    from tega.safety.states import Transition
 
 
 def run_session(
     config: SessionConfig,
     *,
     clock: Clock | None = None,
-    observer: Callable[[LoopView], None] | None = None,
-    progress: Progress = lambda _what, _done, _total: None,
-    stop: Callable[[], bool] = lambda: False,
-    on_prepared: Callable[[Prepared], Prepared] = lambda prepared: prepared,
-    haptics: Callable[[], bool] = lambda: True,
-    settings: str = "SETTINGS.toml",
-    go: Callable[[], bool] = lambda: True,
-    on_state: Callable[[Transition], None] = lambda _change: None,
-    prepared: Prepared | None = None,
-    tell: Callable[[str], None] = lambda _said: None,
     bus: Bus | None = None,
-    motor_tests: MotorTests | None = None,
-    shown: Callable[[LoopView], LoopView] = lambda view: view,
-    authority: Callable[[], float | None] = lambda: None,
+    controls: Controls | None = None,
+    parts: Sequence[Part] = (),
+    prepared: Prepared | None = None,
+    progress: Progress = lambda _what, _done, _total: None,
+    settings: str = "SETTINGS.toml",
 ) -> dict[str, Any]:
     """Run a session from its settings.
 
     Args:
         config: The settings.
-        clock: The session's clock; ``None`` for the one its pace asks for.
-        observer: Called once per vest tick with what a display may show.
-        progress: Told how preparation goes.
-        stop: Asked all the time whether to end; whatever was sent to is then left silent.
-        on_prepared: Given what the run starts with; returns what it is to start with.
-        haptics: Asked at every vest tick; every motor rests while it says no.
-        settings: How the settings file is named in the commands that an error suggests.
-        go: Asked all the time whether an armed run may become active.
-        on_state: Told of every change of the run's state, in the loop's thread.
-        prepared: What to start with instead of the sources of the settings.
-        tell: Told in a sentence where earlier results are kept, and what happens on the link to the other station; the
-            latter in any thread.
-        bus: Told of everything that comes in and goes out, as :mod:`tega.records`; give one with your own
-            subscribers.
-        motor_tests: Wishes to feel a motor of the vest, heard while the run is armed.
-        shown: Completes each moment for a display with what the loop does not know.
-        authority: Asked at each tick of the hand what authority a page gives the reflex, 0 to 1; ``None`` for what the
-            settings and the button of ``input.reflex`` say.
+        clock: The session's clock; ``None`` for the one that its pace needs.
+        bus: Bus of the run; subscribe to records, to :class:`~tega.loop.moment.Moment` for displays, and to
+            :class:`~tega.records.display.Notice` for sentences to the person who runs the session.
+        controls: Answers whether to stop, to begin, to vibrate; ``None`` for a run that ends with its sources.
+        parts: Parts of the caller, which join after those of features.
+        prepared: Inputs to use instead of the sources of the settings.
+        progress: Reports preparation: ``progress(activity, done, total)``.
+        settings: Name of the settings file in the commands that an error suggests.
 
     Returns:
-        The summary, as it was written to ``summary.json`` where there is a folder for it.
+        The summary, as it was written to ``summary.json`` where there is an output folder.
 
     Raises:
-        TegaError: Whatever is wrong with settings, recordings, calibration or devices.
-        KeyboardInterrupt: ``stop`` said so before the loop had begun.
+        TegaError: Settings, recordings, calibration or devices are at fault.
+        KeyboardInterrupt: ``controls.stop`` asked for it before the loop had begun.
     """
-    session, fingers = config.session, config.tactile.in_use()
-    alone = config.net is None
-    if not fingers and config.emg is None and config.arm is None and prepared is None and alone:
-        raise ConfigError(
-            "no input: neither a tactile source nor EMG is set, nor an arm",
-            "set at least one, such as [tactile.thumb], [emg] or [arm]",
-        )
+    session = config.session
     if clock is None:
         clock = SystemClock() if session.pace == "real" else ManualClock()
-    if session.out_dir is not None:
-        from tega.recording import prepare_folder
-
-        kept = prepare_folder(session.out_dir)
-        if kept is not None:
-            tell(f"the earlier results in {session.out_dir} are kept in {kept}")
+    controls = Controls() if controls is None else controls
     with ExitStack() as stack:
         stack.enter_context(realtime(allowed=session.realtime))
         if isinstance(clock, SystemClock):
@@ -95,7 +64,6 @@ def run_session(
         reached("settings read")
         opening = Opening(stack, config, sources=prepared is None)
         # Loaded while the devices open.
-        from tega.loop.motor_tests import MotorTests
         from tega.loop.rig import open_rig
         from tega.loop.run import run_loop
 
@@ -105,22 +73,9 @@ def run_session(
             Bus() if bus is None else bus,
             opening=opening,
             prepared=prepared,
-            on_prepared=on_prepared,
+            parts=parts,
             progress=progress,
-            stop=stop,
+            controls=controls,
             settings=settings,
-            go=go,
-            on_state=on_state,
-            tell=tell,
         )
-        return run_loop(
-            stack,
-            rig,
-            clock=clock,
-            observer=observer,
-            stop=stop,
-            haptics=haptics,
-            tests=motor_tests or MotorTests(),
-            shown=shown,
-            authority=authority,
-        )
+        return run_loop(stack, rig, clock=clock, controls=controls)

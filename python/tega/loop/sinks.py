@@ -12,7 +12,6 @@ from tega.errors import ConfigError
 from tega.hand import split_level
 from tega.loop.inbox.inputs import Inputs, Seat
 from tega.loop.pacing import refuse_live
-from tega.loop.tables import open_tables
 from tega.loop.worn_vest import dose_file, worn_vest
 from tega.records import HandExchange, bus_frames
 
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.devices.base import DeviceInfo
     from tega.hand.link import Received
-    from tega.loop.inbox.prepared import Prepared
     from tega.loop.moment import LoopView
     from tega.records.bus import Bus
     from tega.wire import CanFrame
@@ -69,11 +67,10 @@ def _open_vest(stack: ExitStack, config: SessionConfig) -> VestSink | None:
 def open_sinks(
     stack: ExitStack,
     config: SessionConfig,
-    prepared: Prepared,
     bus: Bus,
     hand: HandDriver | SteeredHand | None,
 ) -> Sinks:
-    """Open the outputs of a run: vest and hand, then the tables of the output folder."""
+    """Open the outputs of a run: vest and hand."""
     live_vests: list[VestSink] = []
     vests: list[VestSink] = []
     hands: list[HandDriver] = []
@@ -94,8 +91,7 @@ def open_sinks(
             steered = hand
         else:
             hands.append(hand)
-    tables = open_tables(stack, config, prepared, bus)
-    return Sinks(live_vests, vests, hands, steered, tables)
+    return Sinks(live_vests, vests, hands, steered)
 
 
 def _listen(hand: Any, bus: Bus) -> None:

@@ -5,16 +5,12 @@ No time of day, host or folder is in a summary, so that equal runs give equal by
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from tega.devices.base import optional
 from tega.errors import TegaError
 from tega.loop.hand import HAND_TICK_NS, ModelledAllegro
 from tega.loop.touch import STALE_NS
-from tega.recording.folder import SUMMARY_FORMAT
-from tega.runtime.files.whole_file import write_whole
 
 if TYPE_CHECKING:
     from tega.config import Pace
@@ -25,6 +21,9 @@ if TYPE_CHECKING:
     from tega.loop.pacing import PacingReport
     from tega.loop.reflex import ReflexArc
     from tega.loop.rig import Rig
+
+
+SUMMARY_FORMAT = "tega-run"
 
 
 class RunFacts(NamedTuple):
@@ -109,10 +108,8 @@ def summarise(state: RunFacts, *, error: BaseException | None = None) -> dict[st
         summary["inputs"] = inputs
     if state.rig.steering is not None:
         summary["arm"] = state.rig.steering.summary()
-    if state.rig.station is not None:
-        summary["net"] = state.rig.station.summary()
-    if state.rig.cameras is not None:
-        summary["scene"] = state.rig.cameras.summary()
+    for part in state.rig.parts:
+        summary |= part.summary()
     if config.session.pace == "real":
         pacing = state.pacing
         summary["pacing"] = {
@@ -196,14 +193,14 @@ def _drivers(state: RunFacts, kind: Literal["vest", "hand"]) -> list[str]:
 def _notes(state: RunFacts) -> list[str]:
     """Say in sentences what a reader of the tables has to know."""
     notes = []
-    end_ns, net = state.loop.end_ns, state.rig.config.net
-    robot = net is not None and net.station == "robot"
+    end_ns = state.loop.end_ns
+    elsewhere = any(part.origin for part in state.rig.parts)
     if not state.rig.prepared.calibration_name:
         notes.append(f"maxima {state.rig.prepared.calibration.origin}")
     notes += state.rig.prepared.warnings
     for name, finger in state.rig.prepared.fingers.items():
         maxima = state.rig.prepared.calibration.touch(name)
-        if robot and maxima is None:
+        if elsewhere and maxima is None:
             pass  # the vest is somewhere else, and so is what counts as full
         elif maxima is None or maxima.eda_max is None:
             notes.append(f"{name}: no press was seen, so it has no maxima and its columns stay silent")
@@ -227,10 +224,7 @@ def _notes(state: RunFacts) -> list[str]:
         notes.append(state.trace.last_warning)
     notes += [f"vest: {note}" for vest in state.rig.sinks.live_vests for note in vest.info.notes]
     notes += state.rig.inputs.notes()
-    if state.rig.cameras is not None:
-        notes += state.rig.cameras.notes()
-    elif state.rig.config.scene:
-        notes.append("scene: no camera was opened: the run was neither recorded nor shown")
+    notes += [note for part in state.rig.parts for note in part.notes()]
     if state.rig.steering is not None:
         notes += [f"arm: {note}" for note in state.rig.steering.notes()]
     return notes
@@ -250,6 +244,10 @@ def _repeats(name: str, report: SourceReport, *, live: bool) -> list[str]:
         notes.append(
             f"{name}: {report.n_unfit} pictures were dark or torn; not used, and the finger was silent"
         )
+    if report.n_rezeroed:
+        notes.append(f"{name}: {report.n_rezeroed} new baselines taken on request")
+    if report.n_rezero_refused:
+        notes.append(f"{name}: {report.n_rezero_refused} new baselines refused: another finger bore a load")
     if report.n_duplicate and not live:  # a live source may well be asked faster than it takes pictures
         notes.append(f"{name}: {report.n_duplicate} frames came again under the same number; used once")
     if report.n_stuck:
@@ -274,8 +272,3 @@ def _ending(name: str, report: SourceReport, run_end_ns: int, then: str) -> list
     if report.end_ns is not None and report.end_ns < run_end_ns:
         return [f"{name}: ended at {report.end_ns / 1e9:.3f} s, {then}"]
     return []
-
-
-def write_summary(summary: dict[str, Any], path: Path) -> None:
-    """Write a summary as JSON, keys in their order, one newline at the end."""
-    write_whole(path, json.dumps(summary, indent=2, ensure_ascii=False) + "\n")

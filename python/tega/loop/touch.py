@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Sequence
 from collections.abc import Mapping as AnyMapping
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
+from msgspec.structs import replace
 
 from tega import _native
 from tega.errors import InvalidValueError
@@ -16,7 +17,6 @@ from tega.haptics.motor_layout import find_layout
 from tega.records import Event
 from tega.stages.base import Mapping, VestSetup
 from tega.stages.columns import ColumnsMapping, ColumnsOptions
-from tega.stages.metrics import contact_record
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from tega.haptics import FeltMap, Layout, Mirror
     from tega.records import Contact, HandLook
     from tega.stages.events import DetectedEvent, Detector
-    from tega.tactile import ContactMetrics
 
 
 # A frame older than this says nothing about the present: the finger's columns fall silent.
@@ -35,27 +34,8 @@ STALE_NS = 100_000_000
 _MOST_EVENTS = 1024
 
 
-class TouchMoment(NamedTuple):
-    """Shares and intensities that one frame gives the wearer.
-
-    Attributes:
-        cci_norm: CCI as a share of its maximum, 0 to 1.
-        eda_norm: EDA as a share of its maximum, 0 to 1.
-        front: Intensity of the finger's front column, 0 to 100 (Eq 7, 8); 0 where the mapping shows no columns.
-        back: Intensity of its back column, 0 to 100 (Eq 9).
-    """
-
-    cci_norm: float
-    eda_norm: float
-    front: float
-    back: float
-
-
-_NOTHING = TouchMoment(0.0, 0.0, 0.0, 0.0)
-
-
 class TouchLoop:
-    """Turns contact metrics into vest frames, by a mapping.
+    """Turns contacts into vest frames, by a mapping.
 
     A finger whose newest frame is older than 100 ms is not shown to the mapping. With the columns of Eq 7 to 9, one
     that is not in contact or that has no maximum is silent: intensity 0, not the 1 that Eq 7 gives at rest.
@@ -100,7 +80,7 @@ class TouchLoop:
         self.found: Sequence[Event] = ()
         if self.mapping.wants_events:
             self.find_events()
-        self._newest: dict[str, tuple[int, TouchMoment, Contact]] = {}
+        self._newest: dict[str, Contact] = {}
 
     def find_events(self) -> None:
         """Look for events from now on, whether or not the mapping wants them."""
@@ -108,30 +88,30 @@ class TouchLoop:
 
         self._detector = self._detector or Detector()
 
-    def update(self, finger: str, t_ns: int, metrics: ContactMetrics) -> TouchMoment:
+    def update(self, finger: str, contact: Contact) -> Contact:
         """Take one measured frame.
 
         Args:
-            finger: Whose it is.
-            t_ns: Its time in nanoseconds.
-            metrics: What was measured.
+            finger: The finger.
+            contact: Contact in the frame, as its metric gives it.
 
         Returns:
-            What it means to the wearer as long as it is fresh.
+            The contact with the finger, its shares of the maxima and its columns; 0 all of them without contact.
         """
-        contact = contact_record(finger, t_ns, metrics)
-        felt = _NOTHING
-        if metrics.in_contact:
+        cci_norm = eda_norm = front = back = 0.0
+        if contact.in_contact:
             maxima = self._maxima[finger]
-            cci_norm = _share(metrics.cci, maxima.get("cci"))
-            eda_norm = _share(float(metrics.eda), maxima.get("eda"))
-            felt = TouchMoment(cci_norm, eda_norm, *self.mapping.columns(finger, contact))
-        self._newest[finger] = (t_ns, felt, contact)
+            cci_norm = _share(contact.cci, maxima.get("cci"))
+            eda_norm = _share(float(contact.eda), maxima.get("eda"))
+        contact = replace(contact, finger=finger, cci_norm=cci_norm, eda_norm=eda_norm, front=0.0, back=0.0)
+        if contact.in_contact:
+            front, back = self.mapping.columns(finger, contact)
+        self._newest[finger] = contact
         if self._detector is not None:
-            self.found = _events(self._detector, finger, t_ns, metrics)
+            self.found = _events(self._detector, contact)
             if self.mapping.wants_events:
                 self._events.extend(self.found)
-        return felt
+        return replace(contact, front=front, back=back)
 
     def look(self, look: HandLook) -> Sequence[Event]:
         """Take in a look at hand and arm; return the slips that it shows."""
@@ -149,16 +129,9 @@ class TouchLoop:
             self._events.extend(slips)
         return slips
 
-    def fresh(self, t_ns: int) -> Sequence[TouchMoment]:
-        """Return what each finger feels at a time, thumb first; nothing where its frame is too old."""
-        fresh = [_NOTHING] * len(FINGERS)
-        for finger, (_, felt, _) in self._seen_lately(t_ns):
-            fresh[FINGERS.index(finger)] = felt
-        return fresh
-
     def fresh_contacts(self, t_ns: int) -> dict[str, Contact]:
         """Return the newest contact of every finger whose frame is not too old at a time."""
-        return {finger: contact for finger, (_, _, contact) in self._seen_lately(t_ns)}
+        return {name: contact for name, contact in self._newest.items() if t_ns - contact.t_ns <= STALE_NS}
 
     def frame(self, t_ns: int) -> MotorLevels:
         """Return the vest frame for a time.
@@ -199,18 +172,15 @@ class TouchLoop:
         intensities.flags.writeable = False
         return MotorLevels(self._layout, intensities)
 
-    def _seen_lately(self, t_ns: int) -> list[tuple[str, tuple[int, TouchMoment, Contact]]]:
-        """Return the fingers whose newest frame is not too old; a finger without one is not felt."""
-        return [(finger, newest) for finger, newest in self._newest.items() if t_ns - newest[0] <= STALE_NS]
 
-
-def _events(detector: Detector, finger: str, t_ns: int, metrics: ContactMetrics) -> Sequence[Event]:
-    """Return the events that a frame shows."""
+def _events(detector: Detector, contact: Contact) -> Sequence[Event]:
+    """Return the events that a contact shows."""
     from tega.stages.events import ShearFrame, TouchFrame
 
-    if (shear := ShearFrame.of({value.name: value.value for value in metrics.more})) is not None:
+    t_ns, finger = contact.t_ns, contact.finger
+    if (shear := ShearFrame.of({value.name: value.value for value in contact.more})) is not None:
         detector.shear(t_ns / 1e9, finger, shear)
-    touch = TouchFrame(metrics.in_contact, metrics.eda, metrics.mass, metrics.peak, *metrics.centroid_xy)
+    touch = TouchFrame(contact.in_contact, contact.eda, contact.mass, contact.peak, *contact.centroid_xy)
     return [_event(found, t_ns) for found in detector.touch(t_ns / 1e9, finger, touch)]
 
 

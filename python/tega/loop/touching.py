@@ -13,7 +13,7 @@ from tega.loop.touch import STALE_NS
 if TYPE_CHECKING:
     from tega.devices.base import DeviceInfo, TactileFrame, TactileSource
     from tega.loop.inbox.prepared import Finger
-    from tega.loop.inbox.sources import Contact
+    from tega.records import Contact
     from tega.stages.base import Metric
 
 
@@ -84,14 +84,14 @@ class RecordedFingers:
             metric: Measures its pictures.
             see: Told of each picture and when it was received, before it is measured, when the metric knows whether it
                 is ``loaded``.
-            tell: Told of each picture that was measured, with what was measured.
+            tell: Called with each picture that was measured and its contact.
         """
 
         def look_beside(frame: TactileFrame) -> None:
             metric.loaded = self._touching.beside(name, frame.t_ns)
 
         def tell_others(frame: TactileFrame, contact: Contact) -> None:
-            self._touching.note(name, contact[0], bears_load=metric.bears_load)
+            self._touching.note(name, contact.t_ns, bears_load=metric.bears_load)
             tell(frame, contact)
 
         self._pictures[name] = pictures = _TimedPictures(name, finger.source)

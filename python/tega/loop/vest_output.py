@@ -12,29 +12,44 @@ if TYPE_CHECKING:
     from tega.devices.base import VestSink
     from tega.haptics import MotorLevels
     from tega.loop.latency import LatencyTrace
-    from tega.loop.loop_report import LoopReport
+    from tega.loop.sink import Sink
     from tega.loop.touch import TouchLoop
     from tega.records.bus import Bus
 
 
-class _Writes(Protocol):
-    def write(self, t_ns: int, sent: MotorLevels, /) -> object: ...
+class MotorTrials(Protocol):
+    """Trials of single motors, which change frames on their way to the vest.
+
+    Attributes:
+        active: Whether a motor is tried now, or a trial is asked for.
+    """
+
+    @property
+    def active(self) -> bool: ...  # noqa: D102  # above
+
+    def frame(self, t_ns: int, frame: MotorLevels) -> MotorLevels:
+        """Return the frame of a tick, with the motor that is tried now."""
+        ...
+
+    def sent(self, t_ns: int, sent: MotorLevels | None) -> None:
+        """Note what a real vest was sent; ``None`` where there is none."""
+        ...
 
 
 class VestOutput:
-    """Makes vest frames and hands them on.
+    """Makes vest frames and writes them to every vest.
 
     Args:
-        touch: What the fingers feel.
-        report: Counted up along the way.
-        vests: Where every frame goes.
-        live_vests: Real vests, which get every frame, too; what they were sent is published.
-        haptics: Asked for each frame; every motor rests while it says no.
-        trace: Follows camera frames through the loop.
-        bus: Told of every frame, of what real vests were sent, and of when motors may turn.
-        now_ns: Time since the start of the session.
-        tried: Given each frame; returns it with the motor that somebody tries.
-        sent: Told what a real vest was sent of a frame; ``None`` where there is none.
+        touch: Turns contacts into frames.
+        vests: Outputs that every frame is written to.
+        live_vests: Real vests, which get every frame, too; the frames that they sent are published.
+        bus: Bus on which frames, frames that real vests sent, and changes of ``haptics`` are published.
+        now_ns: Returns the time since the start of the session.
+        rate_hz: Ticks of the vest per second.
+        by_frame: Whether a picture between two ticks wakes the loop; the pacer needs a bell that its source rings.
+        haptics: Called for each frame; every motor rests while it returns false.
+        tests: Trials of single motors.
+        trace: Follows camera frames to the vest.
 
     Attributes:
         frame: The newest frame; ``None`` before the first.
@@ -43,19 +58,18 @@ class VestOutput:
     def __init__(
         self,
         touch: TouchLoop,
-        report: LoopReport,
+        vests: Sequence[Sink[MotorLevels]] = (),
         *,
-        vests: Sequence[_Writes],
         live_vests: Sequence[VestSink] = (),
-        haptics: Callable[[], bool] = lambda: True,
-        trace: LatencyTrace | None = None,
         bus: Bus,
         now_ns: Callable[[], int],
-        tried: Callable[[int, MotorLevels], MotorLevels] = lambda _t_ns, frame: frame,
-        sent: Callable[[int, MotorLevels | None], None] = lambda _t_ns, _sent: None,
+        rate_hz: float = 30.0,
+        by_frame: bool = False,
+        haptics: Callable[[], bool] = lambda: True,
+        tests: MotorTrials | None = None,
+        trace: LatencyTrace | None = None,
     ) -> None:
         self._touch = touch
-        self._report = report
         self._vests = vests
         self._live_vests = live_vests
         self._in_steps = bool(live_vests) and all(optional(vest, "in_steps") for vest in live_vests)
@@ -63,24 +77,22 @@ class VestOutput:
         self._trace = trace
         self._bus = bus
         self._now_ns = now_ns
-        self._tried, self._sent = tried, sent
+        self.rate_hz, self.by_frame = rate_hz, by_frame
+        self._tests = tests
         self._n_asked, self._on = 0, True
         self.frame: MotorLevels | None = None
 
     def refresh(self, t_ns: int) -> None:
-        """Make the frame of a tick, and give it to everyone."""
+        """Make the frame of a tick, and write it to every vest."""
         self._make(t_ns, only_news=False)
-        self._report.n_vest_ticks += 1
 
     def follow(self, t_ns: int) -> bool:
-        """Make a frame because something new is felt, and give it on unless it equals the one before.
+        """Make a frame between two ticks, and write it unless it equals the one before.
 
         Returns:
-            Whether it was given on.
+            Whether it was written.
         """
-        news = self._make(t_ns, only_news=True)
-        self._report.n_vest_between += news
-        return news
+        return self._make(t_ns, only_news=True)
 
     def silence(self, t_ns: int) -> list[BaseException]:
         """Let every motor rest, whatever happens; return what went wrong."""
@@ -88,7 +100,7 @@ class VestOutput:
         silence = self._touch.silence()
         for vest in self._live_vests:
             try:
-                self._tell(records.SentFrame, t_ns, vest.write(t_ns, silence))
+                self._publish(records.SentFrame, t_ns, vest.write(t_ns, silence))
             except BaseException as error:  # a panic of native code, too; reported by the caller
                 problems.append(error)
         for sink in self._vests:
@@ -97,13 +109,13 @@ class VestOutput:
             except BaseException as error:  # likewise
                 problems.append(error)
         try:
-            self._tell(records.VestFrame, t_ns, silence)
+            self._publish(records.VestFrame, t_ns, silence)
         except Exception as error:  # of a vital subscriber
             problems.append(error)
         return problems
 
     def _allowed(self, t_ns: int) -> bool:
-        """Ask whether motors may turn, and tell when the answer changes."""
+        """Return whether motors may turn, and publish a change."""
         on = self._haptics()
         if on != self._on:
             self._on = on
@@ -117,7 +129,7 @@ class VestOutput:
             return bool(self._live_vests)
         return frame != before and not (self._in_steps and _same_steps(frame, before))
 
-    def _tell(self, kind: type[records.VestRecord], t_ns: int, frame: MotorLevels) -> None:
+    def _publish(self, kind: type[records.VestRecord], t_ns: int, frame: MotorLevels) -> None:
         if self._bus.wants(kind):
             percent = tuple(frame.intensities.tolist())
             self._bus.publish(
@@ -128,7 +140,9 @@ class VestOutput:
         trace = self._trace
         began_ns = 0 if trace is None else trace.now_ns()
         frame = self._touch.frame(t_ns) if self._allowed(t_ns) else self._touch.silence()
-        frame = self._tried(t_ns, frame)
+        trial = self._tests if self._tests is not None and self._tests.active else None
+        if trial is not None:
+            frame = trial.frame(t_ns, frame)
         made_ns = 0 if trace is None else trace.now_ns()
         before = self.frame
         if news := before is None or not only_news or frame != before:
@@ -136,14 +150,15 @@ class VestOutput:
             sent = None
             for vest in self._live_vests:
                 sent = vest.write(t_ns, frame)
-                self._tell(records.SentFrame, t_ns, sent)
-            self._sent(t_ns, sent)
+                self._publish(records.SentFrame, t_ns, sent)
+            if trial is not None:
+                trial.sent(t_ns, sent)
         if trace is not None:
             trace.vest(t_ns, began_ns, made_ns, changed=self._changes(before, frame))
         if news:
             for sink in self._vests:
                 sink.write(t_ns, frame)
-            self._tell(records.VestFrame, t_ns, frame)
+            self._publish(records.VestFrame, t_ns, frame)
         return news
 
 

@@ -16,12 +16,9 @@ if TYPE_CHECKING:
     from tega.loop.condition import MuscleAlert
     from tega.loop.inbox.prepared import Prepared
     from tega.loop.inbox.sources import SourceReport
+    from tega.loop.parts import Part
     from tega.loop.sinks import Sinks
-    from tega.recording.session import Recording
     from tega.records.bus import Bus
-    from tega_link.station import Station
-    from tega_markers import RunMarkers
-    from tega_scene.filmed_run import RunCameras
 
 
 def watch_over(
@@ -29,18 +26,15 @@ def watch_over(
     prepared: Prepared,
     sinks: Sinks,
     bus: Bus,
-    recording: Recording | None,
+    parts: Sequence[Part],
     *,
-    markers: RunMarkers | None,
     go: Callable[[], bool],
     steering: Steering | None,
-    station: Station | None,
     condition: MuscleAlert | None = None,
-    cameras: RunCameras | None = None,
 ) -> Guard:
-    """Make the guard of the live devices; recordings are not lost and need nobody.
+    """Make the guard of the live devices; recordings cannot be lost and need none.
 
-    ``go`` is asked all the time whether an armed run may become active; the others are what the run has open.
+    ``go`` returns whether an armed run may become active; the other arguments are open devices and parts.
     """
     alerts: dict[str, Callable[[], str]] = {"subscribers": bus.problem}
     streams = [
@@ -64,12 +58,9 @@ def watch_over(
     needs: dict[str, Callable[[], str]] = {}
     worn = sinks.live_vests
     vests = {"vest": lambda: all(optional(vest, "reached") for vest in worn)} if worn else {}
-    if recording is not None:
-        alerts["recording"] = recording.problem
-    if cameras is not None:
-        alerts["scene"] = cameras.problem
-    if markers is not None:
-        alerts["markers"] = markers.problem
+    for part in parts:
+        alerts |= part.alerts()
+        needs |= part.needs()
     if config.session.pace == "real":
         alerts["clock"] = ClockStep()
     if steering is not None:
@@ -78,9 +69,6 @@ def watch_over(
     if hands:
         alerts["hand"] = lambda: _first(hands, "problem")
         needs["hand's guard"] = lambda: _first(hands, "guard_problem")
-    if station is not None:
-        needs["link"], alerts["station"] = station.missing, station.alert
-        alerts["sending"] = station.unsent
     return Guard(config.safety, streams=streams, vests=vests, go=go, alerts=alerts, needs=needs)
 
 

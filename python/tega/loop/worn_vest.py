@@ -7,8 +7,12 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from filelock import FileLock, Timeout
+
 from tega.devices.base import BudgetedVest, RepeatingVest
 from tega.devices.registry import driver_class
+from tega.errors import DeviceUnavailableError
+from tega.runtime.files.lock import LOCK_SUFFIX
 from tega.safety.dose_file import KeptDose
 
 if TYPE_CHECKING:
@@ -31,6 +35,25 @@ def dose_file(calibration: CalibrationConfig) -> Path | None:
 
 
 @contextmanager
+def _alone(file: Path) -> Iterator[None]:
+    """Hold a wearer's dose for this program: two would each count a day of their own, and heat the same motors."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    lock = FileLock(file.with_name(file.name + LOCK_SUFFIX), timeout=0)
+    try:
+        lock.acquire()
+    except Timeout as error:
+        wearer = "a wearer without a name" if file.name == NAMELESS else file.parent.name
+        raise DeviceUnavailableError(
+            f"the vest of {wearer} is in use by another program",
+            "end that program first; one program at a time may make a vest vibrate",
+        ) from error
+    try:
+        yield
+    finally:
+        lock.release()
+
+
+@contextmanager
 def worn_vest(section: VestConfig, file: Path | None) -> Iterator[VestSink]:
     """Open the vest of some settings, with what is left of its wearer's day.
 
@@ -43,6 +66,7 @@ def worn_vest(section: VestConfig, file: Path | None) -> Iterator[VestSink]:
 
     Raises:
         CalibrationError: The file cannot be read.
+        DeviceUnavailableError: Another program has this wearer's vest open, or may have.
         TegaError: The vest cannot be opened.
     """
     vest: VestSink = driver_class(str(section.driver), "vest")(section.options)
@@ -50,7 +74,12 @@ def worn_vest(section: VestConfig, file: Path | None) -> Iterator[VestSink]:
         vest.keep_alive_s = section.keep_alive_s
     with ExitStack() as stack:
         if isinstance(vest, BudgetedVest) and file is not None:
-            # Who is not named may be any of those who are, and begins where the one who had most of it left off.
+            # A person without a name may be any of those who are named, and begins where the one who had most left off.
             may_be = sorted(file.parent.glob("people/*/vest-dose.json")) if file.name == NAMELESS else []
+            for own in (file, *may_be):
+                stack.enter_context(_alone(own))
+            if file.name != NAMELESS:
+                with _alone(file.parents[2] / NAMELESS):
+                    pass  # a program without a name may have this person's vest
             stack.enter_context(KeptDose(file, vest.budget, may_be=may_be))
         yield stack.enter_context(vest)

@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from tega.errors import RecordingError
+from tega.recording.copies import note_copy
+from tega.recording.foreign import no_session
 from tega.recording.mcap_copy import McapCopy, McapItem, McapRecords
 from tega.recording.mcap_folder import SessionFolder, recorded_task, session_files
 from tega.recording.mcap_reader import Message, open_recording, read_picture
@@ -36,6 +38,7 @@ def encode_session(session: Path, *, out: Path, quality: int) -> list[Path]:
     new_session(out)
     made = []
     for number, path in enumerate(files, start=1):
+        note_copy(path, out)
         target = out / f"trial-{number:03d}.mcap"
         _encode(path, target, quality)
         made.append(target)
@@ -46,7 +49,7 @@ def encode_session(session: Path, *, out: Path, quality: int) -> list[Path]:
 def _encode(source: Path, target: Path, quality: int) -> None:
     tables = _tables(source)
     if "epoch_ns" not in tables.get("tega", {}):
-        raise RecordingError(f"{source.name}: no recording of a session", "name a file made with --record")
+        raise no_session(source, tables)
     name, step = origin(tables, source, made_by=f"encode --quality {quality}", part=span(tables))
     pictures = _SmallerPictures(quality)
     with open_recording(source) as old, new_file(target) as file:

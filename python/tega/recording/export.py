@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from tega.errors import ConfigError
+from tega.recording.copies import note_copy
 from tega.recording.mcap_reader import McapReader, Message
 from tega.recording.origin import LEAD_IN
 from tega.runtime.files.csv_writer import CsvWriter, cell_text
@@ -47,6 +48,7 @@ def export_file(
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise ConfigError(f"{str(folder)!r} is not empty, or is a file", "name a new folder with --out")
     folder.mkdir(parents=True, exist_ok=True)
+    note_copy(path, folder)
     reader = McapReader(path)
     tables: dict[str, list[Row]] = {}
     waiting: dict[str, Message] = {}
@@ -102,7 +104,9 @@ def _columns(value: Any) -> Iterator[tuple[str, Any]]:
         if field.containing_oneof is not None and not value.HasField(field.name):
             continue
         if field.message_type is not None and field.message_type.name == "NamedValue":
-            yield from ((named.name, named.value) for named in content)
+            # One that is named as a column of the record is not that column.
+            own = {"log_ns", *value.DESCRIPTOR.fields_by_name}
+            yield from ((f"more.{one.name}" if one.name in own else one.name, one.value) for one in content)
         elif not hasattr(content, "extend"):
             yield field.name, str(content) if field.message_type is not None else content
         elif field.message_type is not None and field.message_type.name == "ArmPose":

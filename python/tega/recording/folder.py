@@ -13,11 +13,11 @@ from typing import Literal
 import msgspec
 
 from tega.errors import ConfigError, RecordingError
+from tega.loop.summary import SUMMARY_FORMAT
 from tega.recording.tables import TABLES
 from tega.runtime.files.foreign_file import parse_json, read_words
 from tega.runtime.files.whole_file import write_whole
 
-SUMMARY_FORMAT = "tega-run"
 OUTPUT_NAMES = (*TABLES.values(), "vest.csv", "can.csv", "summary.json", "calibration.toml", "picture.png")
 NOT_ENDED = "not yet, or it was killed"
 
@@ -46,6 +46,20 @@ def prepare_folder(folder: Path, *, also: Sequence[Path] = ()) -> Path | None:
     Raises:
         ConfigError: It is a file, or holds something that is not an earlier run.
     """
+    check_folder(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    kept = _keep_earlier(folder, also)
+    begun = {"format": SUMMARY_FORMAT, "version": 1, "ended": NOT_ENDED}
+    write_whole(folder / "summary.json", json.dumps(begun, indent=2) + "\n")
+    return kept
+
+
+def check_folder(folder: Path) -> None:
+    """Check that a folder can take a run's outputs, and change nothing.
+
+    Raises:
+        ConfigError: It is a file, or holds something that is not an earlier run.
+    """
     if folder.exists() and not folder.is_dir():
         raise ConfigError(f"output folder {folder.name!r} is a file", "name a folder")
     if folder.is_dir() and any(folder.iterdir()) and not _holds_a_run(folder):
@@ -53,11 +67,6 @@ def prepare_folder(folder: Path, *, also: Sequence[Path] = ()) -> Path | None:
             f"output folder {folder.name!r} is not empty and holds no earlier run",
             "name a new or empty folder, or one whose summary.json was written by TEGA",
         )
-    folder.mkdir(parents=True, exist_ok=True)
-    kept = _keep_earlier(folder, also)
-    begun = {"format": SUMMARY_FORMAT, "version": 1, "ended": NOT_ENDED}
-    write_whole(folder / "summary.json", json.dumps(begun, indent=2) + "\n")
-    return kept
 
 
 def _keep_earlier(folder: Path, also: Sequence[Path]) -> Path | None:

@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 
 from tega.config.motor_onset import STAGE
+from tega.loop.inbox.histogram import LEAST_SAMPLES
 from tega.recording.mcap_reader import McapReader, Message
 from tega.recording.origin import origins, span
 from tega.records import Latency as LatencyRecord
@@ -50,13 +51,13 @@ class StreamFacts(msgspec.Struct, frozen=True):
 
 
 class StageLatency(msgspec.Struct, frozen=True):
-    """Latency of one stage, milliseconds."""
+    """Latency of one stage, milliseconds; fewer than 100 samples have no percentiles."""
 
     stage: str
     n: int
-    p50_ms: float
-    p95_ms: float
-    p99_ms: float
+    p50_ms: float | None
+    p95_ms: float | None
+    p99_ms: float | None
     worst_ms: float
 
 
@@ -242,12 +243,11 @@ class _Messages:
 
 
 class _Stages:
-    """Follows each picture to the first vest frame made with it."""
+    """Follows each picture into the loop; its way to the vest is in the run's own record of it."""
 
     def __init__(self, stages: dict[str, list[int]]) -> None:
         self._stages = stages
         self._received: dict[tuple[str, int], int] = {}
-        self._waiting: list[tuple[int, int]] = []
 
     def frame(self, finger: str, value: Any) -> None:
         self._received[finger, value.t_ns] = value.received_ns
@@ -258,14 +258,9 @@ class _Stages:
         if received_ns is None:
             return
         self._stages["picture: received to taken in"].append(value.known_ns - received_ns)
-        self._waiting.append((value.t_ns, received_ns))
 
     def vest(self, value: Any) -> None:
         self._stages["vest frame: deadline to handed over"].append(value.handed_ns - value.t_ns)
-        for captured_ns, received_ns in self._waiting:
-            self._stages["picture received to vest frame handed over"].append(value.handed_ns - received_ns)
-            self._stages["picture captured to vest frame handed over"].append(value.handed_ns - captured_ns)
-        self._waiting.clear()
 
 
 def _facts(name: str, topic: _Topic, dropped: int) -> StreamFacts:
@@ -303,10 +298,16 @@ def _with_skin(stages: list[StageLatency]) -> list[StageLatency]:
     if motor is None or whole is None:
         return stages
     rest = [s for s in stages if s is not motor]
-    skin = [v + motor.p50_ms for v in (whole.p50_ms, whole.p95_ms, whole.p99_ms, whole.worst_ms)]
-    return [*rest, motor, StageLatency("camera to skin, with that", whole.n, *skin)]
+    # The motor's onset is one number, measured beforehand: its worst is its only one.
+    onset_ms = motor.worst_ms
+    p50, p95, p99 = (None if v is None else v + onset_ms for v in (whole.p50_ms, whole.p95_ms, whole.p99_ms))
+    skin = StageLatency("camera to skin, with that", whole.n, p50, p95, p99, whole.worst_ms + onset_ms)
+    return [*rest, motor, skin]
 
 
 def _latency(stage: str, times_ns: list[int]) -> StageLatency:
-    p50, p95, p99, worst = (float(v) / 1e6 for v in np.percentile(times_ns, (50, 95, 99, 100)))
-    return StageLatency(stage, len(times_ns), p50, p95, p99, worst)
+    worst_ms = max(times_ns) / 1e6
+    if len(times_ns) < LEAST_SAMPLES:
+        return StageLatency(stage, len(times_ns), None, None, None, worst_ms)
+    p50, p95, p99 = (float(v) / 1e6 for v in np.percentile(times_ns, (50, 95, 99)))
+    return StageLatency(stage, len(times_ns), p50, p95, p99, worst_ms)

@@ -61,15 +61,17 @@ class SessionFolder:
 
     Args:
         path: The folder; made if need be.
+        to_read: Whether an unfinished file that cannot be finished may stay as it is.
 
     Raises:
         ConfigError: It is a file, or holds something that is not a session.
 
     Attributes:
         recovered: What was finished on opening.
+        unfinished: Files that could not be finished, for lack of room or of the right to write.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, to_read: bool = False) -> None:
         if path.exists() and not path.is_dir():
             raise ConfigError(f"session folder {path.name!r} is a file", "name a folder")
         self.path = path
@@ -79,6 +81,8 @@ class SessionFolder:
                 "name a new or empty folder, or one with the session.json of an earlier recording",
             )
         path.mkdir(parents=True, exist_ok=True)
+        self.unfinished: list[Path] = []
+        self._to_read = to_read
         self.recovered = self._recover()
 
     def new_trial(self) -> Path:
@@ -173,19 +177,26 @@ class SessionFolder:
         for part in sorted(self.path.glob(f"trial-*.mcap{_PART}")):
             if part.is_symlink() or not part.is_file():
                 continue  # nothing that a recording left behind
-            with part.open("rb") as file:
-                if not _lock_soon(file, part):
-                    continue  # somebody is writing it
-                take_tail(part)
-            recovered = recover_file(part, part.with_suffix(""))
-            part.unlink()
-            done.append(recovered)
-            facts = {"state": "recovered", "messages": recovered.n_messages, "problem": recovered.problem}
-            with contextlib.suppress(
-                RecordingError
-            ):  # a damaged index keeps no recording from being finished
-                self.note(recovered.path.name, facts)
+            try:
+                done += self._recover_one(part)
+            except OSError:
+                if not self._to_read:
+                    raise
+                self.unfinished.append(part)
         return done
+
+    def _recover_one(self, part: Path) -> list[Recovered]:
+        """Finish one file; none where somebody is writing it."""
+        with part.open("rb") as file:
+            if not _lock_soon(file, part):
+                return []
+            take_tail(part)
+        recovered = recover_file(part, part.with_suffix(""))
+        part.unlink()
+        facts = {"state": "recovered", "messages": recovered.n_messages, "problem": recovered.problem}
+        with contextlib.suppress(RecordingError):  # a damaged index keeps no recording from being finished
+            self.note(recovered.path.name, facts)
+        return [recovered]
 
 
 def _lock_soon(file: IO[bytes], path: Path) -> bool:
@@ -252,11 +263,16 @@ def recover_file(source: Path, target: Path) -> Recovered:
 def session_files(path: Path) -> list[Path]:
     """Return the recordings that a path names: a file, or all of a session's folder, unfinished ones finished first.
 
+    Where there is no room to finish one, or no right to write, it is returned as it was left: it can be read up to its
+    end.
+
     Raises:
         RecordingError: There are none.
     """
     if path.is_dir():
-        files = sorted(SessionFolder(path).path.glob("*.mcap"), key=lambda file: in_order(file.name))
+        folder = SessionFolder(path, to_read=True)
+        files = [*path.glob("*.mcap"), *(part for part in folder.unfinished if part.exists())]
+        files.sort(key=lambda file: in_order(file.name.removesuffix(_PART)))
         if not files:
             raise RecordingError(
                 f"{path.name}: holds no recording", "name a session's folder, or a file in it"

@@ -7,8 +7,9 @@ import time
 from collections import Counter, deque
 from typing import NamedTuple, Self
 
-from tega.records import Picture, Record, SceneVideo
+from tega.records import Picture, Record
 from tega.records.bus import told_drops
+from tega.records.video import VideoPacket
 
 __all__ = ["BoundedQueue", "Item"]
 
@@ -72,7 +73,7 @@ class BoundedQueue:
         """Add an item; returns at once (unless told to wait) whether there was room."""
         limit = (
             self._most_bytes
-            if isinstance(item.record, Picture | SceneVideo)
+            if isinstance(item.record, Picture | VideoPacket)
             else self._most_bytes + RESERVE_BYTES
         )
         while True:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
 from tega.errors import RecordingError
+from tega.recording.foreign import no_session
 from tega.recording.mcap_schemas import decoder
 from tega.runtime.files.foreign_file import MIB, check_file
 from tega.runtime.lifecycle import require
@@ -82,6 +83,7 @@ class McapReader:
         self.files: dict[str, bytes] = {}
         self.cut = ""
         self.late_ns = 0
+        self._own = False
 
     def messages(
         self, wanted: Callable[[str], bool] = lambda _topic: True, *, since_ns: int = 0
@@ -94,12 +96,14 @@ class McapReader:
                 what is left may still begin earlier.
 
         Raises:
-            RecordingError: The file cannot be opened, or is no MCAP.
+            RecordingError: The file cannot be opened, is no MCAP, or was not recorded by TEGA.
             MissingExtraError: A package of the extra ``record`` is not installed.
         """
         reading = require("mcap.stream_reader", driver="replay", extra="record")
         records = require("mcap.records", driver="replay", extra="record")
         faults = require("mcap.exceptions", driver="replay", extra="record")
+        if self._data is None and self.path.is_file() and not self.path.stat().st_size:
+            raise no_session(self.path, ())
         with open_recording(self.path) if self._data is None else io.BytesIO(self._data) as file:
             begins = file.seek(self._place(since_ns))
             source = iter(
@@ -129,12 +133,14 @@ class McapReader:
                     self.cut = type(error).__name__
                     return
                 if record is None:
+                    self._check_own()
                     return
                 self._note(begins, [one.log_time for one in inside if isinstance(one, records.Message)])
                 for one in inside:
                     if not isinstance(one, records.Message):
                         self._keep(one, records)
                         continue
+                    self._check_own()
                     try:
                         message = _message(one, self._channels[one.channel_id], self._schemas, wanted)
                     except Exception as error:  # of a damaged schema or message, or one of an unknown channel
@@ -165,6 +171,17 @@ class McapReader:
             self.metadata.setdefault(record.name, {}).update(record.metadata)
         elif isinstance(record, records.Attachment):
             self.files[record.name] = record.data
+        elif isinstance(record, records.Header):
+            self._own = record.library == "tega"  # one that was recovered or copied, whatever is left of it
+
+    def _check_own(self) -> None:
+        """Refuse a file that another program wrote; a part of a recording is not asked."""
+        if self._own or self._data is not None:
+            return
+        names = [*self.metadata, *(schema.name for schema in self._schemas.values())]
+        if not any(name.startswith("tega") for name in names):
+            raise no_session(self.path, names)
+        self._own = True
 
 
 def _message(record: Any, channel: Any, schemas: dict[int, Any], wanted: Callable[[str], bool]) -> Message:

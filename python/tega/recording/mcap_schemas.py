@@ -10,8 +10,9 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
-from tega.records import RECORDS, Record
+from tega.records import Record
 from tega.records.schema import Part, fields, own_schema, parts, schema_name, units, values
+from tega.records.types import record_types
 from tega.runtime.lifecycle import require
 
 PACKAGE = "tega"
@@ -21,7 +22,7 @@ _EXTRA = "record"
 def _messages() -> dict[str, Part]:
     """Return the struct behind every message, those that others are made of first."""
     found: dict[str, Part] = {}
-    for kind in filter(own_schema, RECORDS):
+    for kind in filter(own_schema, record_types()):
         for part in parts(kind):
             found.setdefault(schema_name(part), part)
         found.setdefault(schema_name(kind), kind)

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from tega.errors import RecordingError
+from tega.recording.copies import note_copy
+from tega.recording.foreign import no_session
 from tega.recording.mcap_copy import McapCopy, McapRecords
 from tega.recording.mcap_folder import SessionFolder, session_files
 from tega.recording.mcap_reader import MOST_RECORD, open_recording
@@ -59,7 +61,7 @@ def merge_sessions(sessions: list[Path], *, out: Path) -> list[Path]:
         The new recordings.
 
     Raises:
-        RecordingError: One cannot be read, two overlap in time, or they differ in versions, calibration, vest
+        RecordingError: One cannot be read, two hold the same time, or they differ in versions, calibration, vest
             or inputs.
         ConfigError: ``out`` holds something.
         MissingExtraError: A package of the extra ``record`` is not installed.
@@ -70,18 +72,29 @@ def merge_sessions(sessions: list[Path], *, out: Path) -> list[Path]:
     first = parts[0]
     for before, part in pairwise(parts):
         _fit(first, part)
-        if part.from_ns < before.to_ns:
+        if _share_time(before, part):
             over_s = (min(before.to_ns, part.to_ns) - part.from_ns) / 1e9
             raise RecordingError(
                 f"{before.name} and {part.name} overlap by {over_s:.3f} s of the same time",
                 "leave one of them out, or trim them apart",
             )
     new_session(out)
+    for part in parts:
+        note_copy(part.path, out)
     return [_copy(part, out / f"trial-{k:03d}.mcap") for k, part in enumerate(parts, 1)]
 
 
 def _begin(part: _Part) -> int:
     return part.from_ns
+
+
+def _share_time(before: _Part, part: _Part) -> bool:
+    """Whether two parts hold the same time; a run that did not wait for the clock counts a time of its own, from 0."""
+    if part.from_ns >= before.to_ns:
+        return False
+    heads = [one.tables["tega"] for one in (before, part)]
+    waited = all(head.get("start_ns", "") != "0" for head in heads)
+    return waited or heads[0]["epoch_ns"] == heads[1]["epoch_ns"]
 
 
 def _part(path: Path) -> _Part:
@@ -101,7 +114,7 @@ def _part(path: Path) -> _Part:
             f"{name}: cannot be read: {type(error).__name__}", "name its session's folder to have it finished"
         ) from error
     if "epoch_ns" not in tables.get("tega", {}):
-        raise RecordingError(f"{name}: no recording of a session", "name a file made with --record")
+        raise no_session(path, tables)
     if summary is None or summary.statistics is None:
         raise RecordingError(f"{name}: has no index", "name its session's folder to have it finished")
     there, times = span(tables), summary.statistics

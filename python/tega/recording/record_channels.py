@@ -10,8 +10,9 @@ import numpy as np
 
 from tega.hand import JOINT_NAMES
 from tega.recording.mcap_schemas import MESSAGES, PACKAGE, encoded, message_class, schema_bytes
-from tega.records import Joints, LogLine, Picture, PoseRecord, SceneVideo, TrackerAxes
+from tega.records import Joints, LogLine, Picture, PoseRecord, TrackerAxes
 from tega.records.schema import schema_name
+from tega.records.video import VideoPacket
 from tega.runtime.lifecycle import require
 from tega.runtime.threads import give_way
 
@@ -65,7 +66,7 @@ class RecordChannels:
         match record:
             case Picture():
                 self._picture(record, log_ns)
-            case SceneVideo():
+            case VideoPacket():
                 self._video(record, log_ns)
             case Joints():
                 self._joints(record, log_ns)
@@ -131,7 +132,7 @@ class RecordChannels:
         summed = msgspec.structs.replace(record, pixels_crc32=zlib.crc32(pixels))
         self._message(_frame_topic(record), summed, log_ns)
 
-    def _video(self, record: SceneVideo, log_ns: int) -> None:
+    def _video(self, record: VideoPacket, log_ns: int) -> None:
         message = self._messages.CompressedVideo(
             timestamp=self._stamp(record.t_ns), frame_id=record.camera, data=record.data, format=record.video
         )

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from tega.errors import RecordingError
 from tega.recording.mcap_queue import BoundedQueue, Item
-from tega.runtime.child_process import end_child, own_group, python_command, python_environment
+from tega.runtime.child_process import end_child, start_child
 from tega.runtime.object_pipe import receive_object, send_object, widen_pipe
 from tega.runtime.threads import run_realtime
 
@@ -70,13 +70,7 @@ class RecorderProcess:
         self._told_dropped: Counter[str] = Counter()
         self._answers: SimpleQueue[tuple[str, Any]] = SimpleQueue()
         self._closing = threading.Event()
-        self._process = subprocess.Popen(
-            python_command("tega.recording.recorder_program"),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            env=python_environment(),
-            **own_group(),
-        )
+        self._process = start_child("tega.recording.recorder_program", stdout=subprocess.PIPE)
         assert isinstance(self._process.stdin, io.BufferedWriter)
         assert isinstance(self._process.stdout, io.BufferedReader)
         self._asked, self._said = self._process.stdin, self._process.stdout

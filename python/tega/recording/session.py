@@ -7,7 +7,7 @@ import json
 import logging
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from hashlib import sha256
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +17,9 @@ import numpy as np
 from tega.config.attached import attached_files
 from tega.config.calibration.store import calibration_text
 from tega.config.choose import metric_told
+from tega.config.guests import guest_files
 from tega.config.text import config_text
+from tega.loop.parts import Part, PartContext, RunStart
 from tega.recording.log_records import LogRecords
 from tega.recording.mcap_folder import SessionFolder
 from tega.recording.mcap_recorder import McapRecorder
@@ -34,19 +36,18 @@ if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.config.calibration.store import Calibration
     from tega.loop.loop_report import LoopReport
-    from tega.loop.rig import Rig
     from tega.records.bus import Bus
     from tega.runtime.device_items import DeviceInfo
 
 __all__ = ["FORMAT", "Recording"]
 
 FORMAT = "tega-recording"
-VERSION = "2"
+VERSION = "3"
 
 _LOG = logging.getLogger(__name__)
 
 
-class Recording:
+class Recording(Part):
     """Records one run; make it before the devices are opened, so that what is missing is told first.
 
     Args:
@@ -76,28 +77,20 @@ class Recording:
         self._lock = threading.Lock()
         self._start_ns: int | None = None
         self._early: list[HandExchange] = []
+        self.trial = self._recorder.path.stem
         bus.subscribe(Record, self._take, name="recording")
 
-    @property
-    def name(self) -> str:
-        """Name of the trial."""
-        return self._recorder.path.stem
+    def alerts(self) -> Mapping[str, Callable[[], str]]:
+        """Return the alert of the recording."""
+        return {"recording": self.problem}
 
-    def head(self, rig: Rig, *, layout: str, pace: str, observed: bool) -> None:
-        """Write what a reader has to know first, before the session starts.
-
-        Args:
-            rig: What the run is made of.
-            layout: Which motors the vest has.
-            pace: When the vest is told.
-            observed: Whether somebody looks on, for whom there are ticks of the vest without touch, too.
-        """
-        config, prepared = rig.config, rig.prepared
+    def head(self, run: RunStart) -> None:
+        """Write the file's head, before the session starts: everything that a reader needs first."""
+        config, prepared = run.config, run.prepared
         infos = {name: finger.source.info for name, finger in prepared.fingers.items()}
         if prepared.muscles is not None:
             infos["emg"] = prepared.muscles.source.info
-        if rig.steering is not None:
-            infos |= rig.steering.infos
+        infos |= run.arm_infos
         self.describe(
             config,
             calibration=prepared.calibration,
@@ -105,11 +98,11 @@ class Recording:
             baselines={name: finger.baseline for name, finger in prepared.fingers.items()},
             sources=infos,
             facts={
-                "layout": layout,
-                "pace": pace,
-                "live_vest": str(bool(rig.sinks.live_vests)).lower(),
-                "steered": str(rig.sinks.steered is not None).lower(),
-                "observed": str(observed).lower(),
+                "layout": run.layout,
+                "pace": run.pace,
+                "live_vest": str(bool(run.sinks.live_vests)).lower(),
+                "steered": str(run.sinks.steered is not None).lower(),
+                "observed": str(run.observed).lower(),
             },
         )
 
@@ -163,13 +156,16 @@ class Recording:
             files["poses.toml"] = ("application/toml", poses.read_bytes())
         for name, data in attached_files(config.stages).items():
             files[name] = ("application/octet-stream", data)
-        for camera in config.scene:
-            for name, path in camera.files().items():
-                files[name] = ("application/octet-stream", path.read_bytes())
+        for name, path in guest_files(config).items():
+            files[name] = ("application/octet-stream", path.read_bytes())
         self._recorder.head(told, files)
 
-    def begin(self, start_ns: int, now_ns: int) -> None:
+    def begin(self, run: RunStart) -> None:
         """Begin, at the start of the session or just after, by the session's clock."""
+        self.start(run.start_ns, run.now_ns)
+
+    def start(self, start_ns: int, now_ns: int) -> None:
+        """Begin at a time of the session's clock, nanoseconds."""
         # The time of day is looked at once: a step of that clock while recording moves nothing.
         self._recorder.begin(start_ns, time.time_ns() - (now_ns - start_ns))
         self._log.start_ns = time.monotonic_ns() - (now_ns - start_ns)
@@ -189,8 +185,12 @@ class Recording:
         """Record how the loop ended, and after how many deadlines."""
         self._recorder.put(End(end_ns=report.end_ns, ended=report.ended, n_waits=n_waits))
 
-    def finish(self, summary: Mapping[str, Any]) -> dict[str, Any]:
-        """Finish the file, and return what became of it."""
+    def finish(self, summary: dict[str, Any]) -> None:
+        """Finish the file, and add its report to the summary."""
+        summary["recording"] = self.close(summary)
+
+    def close(self, summary: Mapping[str, Any]) -> dict[str, Any]:
+        """Finish the file, and return its report."""
         logging.getLogger("tega").removeHandler(self._log)
         return self._recorder.finish(json.dumps(summary, ensure_ascii=False).encode())
 
@@ -210,3 +210,13 @@ class Recording:
             self._recorder.put(record, t_ns=record.t_ns - start_ns)
         elif self._start_ns is not None:
             self._recorder.put(record)
+
+
+def open_part(context: PartContext) -> Recording | None:
+    """Make the recording before devices are opened, so that what is missing is reported first; ``None``: not asked."""
+    folder = context.config.recording.dir
+    if folder is None:
+        return None
+    recording = Recording(context.config, folder, context.bus)
+    context.stack.callback(recording.abandon)
+    return recording

@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from tega.errors import RecordingError
+from tega.recording.copies import note_copy
+from tega.recording.foreign import no_session
 from tega.recording.mcap_copy import McapCopy, McapItem, McapRecords
 from tega.recording.mcap_folder import SessionFolder, session_files
 from tega.recording.mcap_reader import open_recording
@@ -75,6 +77,7 @@ def trim_session(
         raise RecordingError(f"the span {part} holds nothing", "--to has to be after --from")
     look = _Look(source, part)
     new_session(out)
+    note_copy(source, out)
     target = out / "trial-001.mcap"
     with new_file(target) as file:
         _copy(source, look, McapCopy(file), lead_in=look.lead_in if lead_in else b"")
@@ -142,9 +145,7 @@ class _Look:
 
     def _begun(self, source: Path) -> None:
         if "epoch_ns" not in self.tables.get("tega", {}):
-            raise RecordingError(
-                f"{source.name}: no recording of a session", "name a file made with --record, or its folder"
-            )
+            raise no_session(source, self.tables)
 
     def _message(self, source: Path, item: McapItem, copy: McapCopy) -> None:
         self._begun(source)

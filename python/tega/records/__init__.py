@@ -40,7 +40,6 @@ from tega.records.run import (
     Skip,
     Value,
 )
-from tega.records.scene import SceneVideo
 from tega.records.touch import Contact, Event, NamedValue, Picture
 from tega.records.vest import SentFrame, TriedMotor, VestFrame, VestRecord
 
@@ -84,7 +83,6 @@ __all__ = [
     "RecorderStatus",
     "ReflexGrip",
     "RunState",
-    "SceneVideo",
     "SentFrame",
     "Skip",
     "TrackerAxes",
@@ -98,7 +96,6 @@ __all__ = [
 RECORDS: tuple[type[Record], ...] = (
     Picture,
     Contact,
-    SceneVideo,
     EmgSamples,
     Intent,
     VestFrame,

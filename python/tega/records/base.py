@@ -10,7 +10,7 @@ open, and what they do not say is the default.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Self
 
 import msgspec
 
@@ -74,6 +74,10 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
         """Time at which the fact came to be known, nanoseconds since the session's start: files are in this order."""
         t_ns: int = getattr(self, "t_ns", 0)
         return t_ns
+
+    def current(self) -> Self:
+        """Return this record as the newest version spells it."""
+        return self
 
     @property
     def n_bytes(self) -> int:

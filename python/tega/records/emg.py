@@ -59,8 +59,8 @@ class Intent(Record, frozen=True, kw_only=True):
 
     topic: ClassVar[str] = "/emg/levels"
     schema: ClassVar[str] = "Levels"
-    version: ClassVar[int] = 2
-    table: ClassVar[tuple[str, ...]] = ("t_s", "channels", "level")
+    version: ClassVar[int] = 3
+    table: ClassVar[tuple[str, ...]] = ("t_s", "channels", "level", "closure", "confidence")
 
     t_ns: Ns
     taken_ns: Ns = 0

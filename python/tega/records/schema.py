@@ -180,4 +180,5 @@ def read(kind: type[_Struct], message: Any, **unwritten: Any) -> _Struct:
             said[field.attribute] = np.array(value) if field.array else tuple(value)
         else:
             said[field.attribute] = value
-    return kind(**said, **{name: tuple(pair) for name, pair in pairs.items()})
+    record = kind(**said, **{name: tuple(pair) for name, pair in pairs.items()})
+    return record.current() if isinstance(record, Record) else record

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final
 
 import msgspec
 
@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 
 _NAN = math.nan
 
+# Fields that version 2 spelled as values of the metric's own.
+_ONCE_NAMED = {"area_mm2": "mm²", "depth_mm": "mm", "force_n": "N", "strength": "1", "broad": "1"}
+
 
 class Picture(Record, frozen=True, kw_only=True):
     """One picture of a fingertip camera, as it was read.
@@ -42,11 +45,12 @@ class Picture(Record, frozen=True, kw_only=True):
         name: What to call it in an error.
         pixels_crc32: Of its pixels; a file tells it, a camera does not.
         loaded: Whether another finger was in contact when it was measured.
+        rezeroed: Whether the picture before it was taken for a new baseline.
     """
 
     topic: ClassVar[str] = "/tactile/{finger}/image"
     schema: ClassVar[str] = "Frame"
-    version: ClassVar[int] = 2
+    version: ClassVar[int] = 3
     unwritten: ClassVar[tuple[str, ...]] = ("finger", "image")
 
     finger: str
@@ -57,6 +61,7 @@ class Picture(Record, frozen=True, kw_only=True):
     name: str
     pixels_crc32: Annotated[int, quantity("1", "uint32")] = 0
     loaded: bool = False
+    rezeroed: bool = False
 
     @property
     def log_ns(self) -> int:
@@ -86,8 +91,9 @@ class NamedValue(msgspec.Struct, frozen=True):
 class Contact(Record, frozen=True, kw_only=True):
     """Contact in one picture of a fingertip, and what of it the wearer is to feel.
 
-    A metric gives ``finger``, ``t_ns``, ``in_contact`` and what else it knows; the loop adds when it took the contact
-    in and what it means to the wearer. Without contact, places and lengths are NaN, and ``eda`` and ``cci`` 0.
+    A metric gives ``finger``, ``t_ns``, ``in_contact`` and what else it knows; the loop adds ``taken_ns``,
+    ``known_ns``, ``cci_norm``, ``eda_norm``, ``front`` and ``back``. Without contact, places and lengths are NaN, and
+    ``eda`` and ``cci`` 0.
 
     Attributes:
         finger: Whose it is.
@@ -116,7 +122,7 @@ class Contact(Record, frozen=True, kw_only=True):
     """
 
     topic: ClassVar[str] = "/tactile/{finger}/contact"
-    version: ClassVar[int] = 2
+    version: ClassVar[int] = 3
     unwritten: ClassVar[tuple[str, ...]] = ("finger",)
     table: ClassVar[tuple[str, ...]] = (
         "t_s",
@@ -129,6 +135,11 @@ class Contact(Record, frozen=True, kw_only=True):
         "in_contact",
         "front",
         "back",
+        "area_mm2",
+        "depth_mm",
+        "force_n",
+        "strength",
+        "broad",
     )
 
     finger: str
@@ -160,6 +171,22 @@ class Contact(Record, frozen=True, kw_only=True):
         """Time at which the loop took the contact in."""
         return self.taken_ns
 
+    def current(self) -> Contact:
+        """Return the contact with each named value that has a field of its name and unit in that field."""
+        named = {
+            one.name: one.value
+            for one in self.more
+            if _ONCE_NAMED.get(one.name) == one.unit and getattr(self, one.name) is None
+        }
+        if not named:
+            return self
+        more = tuple(one for one in self.more if one.name not in named)
+        return msgspec.structs.replace(self, more=more, **named)
+
+
+CERTAIN: Final[float] = 0.5
+"""Confidence from which an event counts as certain."""
+
 
 class Event(Record, frozen=True, kw_only=True):
     """An event of touch: a finger makes contact, lets go, or the object slips, as :mod:`tega.stages.events` finds it.
@@ -168,7 +195,7 @@ class Event(Record, frozen=True, kw_only=True):
         t_ns: Time of the picture, or the tick of the look at the hand, that showed it, since the start of the session.
         finger: Whose it is; ``""`` for the whole hand.
         kind: ``contact``, ``release`` or ``slip``.
-        confidence: 0 to 1; half where it is just an event.
+        confidence: 0 to 1; half where it is just an event. A slip on a rig that cannot observe slips has less.
         began_ns: When it began, as far as can be told.
         taken_ns: The loop's tick at which it was found.
     """
@@ -189,6 +216,12 @@ class Event(Record, frozen=True, kw_only=True):
         return self.taken_ns
 
     @property
+    def certain(self) -> bool:
+        """Whether the event is certain enough to be shown to the wearer."""
+        return self.confidence >= CERTAIN
+
+    @property
     def words(self) -> str:
         """Words for the event: what happened, and to which finger."""
-        return f"{self.kind}: {self.finger}" if self.finger else self.kind
+        kind = self.kind if self.certain else f"{self.kind}?"
+        return f"{kind}: {self.finger}" if self.finger else kind

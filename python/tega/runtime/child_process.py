@@ -1,5 +1,9 @@
 """Start programs of TEGA's own beside this one, and end them: by their input's end, by force only when they stay.
 
+A log-out, ``systemctl stop`` or a shutdown sends SIGTERM and SIGHUP to every process at once. A program that
+:func:`start_child` starts ignores both, as it ignores Ctrl-C: it ends in good order when its parent closes its input or
+is gone.
+
 ``python -m`` would put the working folder first on the import path, where a file ``can.py`` or ``select.py`` would be
 run instead of the package. A program that is started here finds the packages that this one finds, and nothing in the
 working folder, however TEGA was installed.
@@ -18,9 +22,14 @@ from typing import Any, Final
 _NEW_GROUP: Final = 0x200  # CREATE_NEW_PROCESS_GROUP, which `subprocess` names on Windows only
 # The package's folder goes last: where it is the working folder itself, as in a checkout, nothing else there is
 # found before the standard library and the installed packages.
-_BEGIN = (
+_BEGIN: Final = (
     "import sys; root, module = sys.argv[1:3]; root in sys.path or sys.path.append(root); sys.argv[:3] = [module]; "
     "import runpy; runpy.run_module(module, run_name='__main__', alter_sys=True)"
+)
+# Before anything else is imported. Windows has SIGBREAK, which a closed console sends as well.
+_IGNORE: Final = (
+    "import signal; [signal.signal(getattr(signal, name), signal.SIG_IGN) for name in "
+    "('SIGHUP', 'SIGINT', 'SIGTERM', 'SIGQUIT', 'SIGBREAK') if hasattr(signal, name)]; "
 )
 
 
@@ -35,6 +44,22 @@ def python_command(module: str, *arguments: str) -> list[str]:
     """
     root = str(Path(__file__).resolve().parents[1])
     return [sys.executable, "-P", "-c", _BEGIN, root, module, *arguments]
+
+
+def start_child(module: str, *arguments: str, **popen: Any) -> subprocess.Popen[bytes]:
+    """Start a module of TEGA as a program that only the end of its input ends.
+
+    The program has a process group of its own and ignores HUP, INT, TERM and QUIT, from before its first import. Its
+    children inherit that. The module has to read its standard input and end in good order when that ends.
+
+    Args:
+        module: Full name of the module.
+        arguments: Words for it.
+        popen: Further arguments of ``subprocess.Popen``, such as ``stdout``.
+    """
+    words = python_command(module, *arguments)
+    words[words.index(_BEGIN)] = _IGNORE + _BEGIN
+    return subprocess.Popen(words, stdin=subprocess.PIPE, env=python_environment(), **own_group(), **popen)
 
 
 def python_environment(environment: Mapping[str, str] | None = None) -> dict[str, str]:
@@ -73,6 +98,24 @@ def isolated_workers() -> Iterator[None]:
             del os.environ["PYTHONSAFEPATH"]
         else:
             os.environ["PYTHONSAFEPATH"] = before
+
+
+def is_running(pid: int, module: str) -> bool:
+    """Return whether a process runs a module of TEGA now: neither ended, stopped nor replaced by another program.
+
+    Where the system does not say (no ``/proc``), the answer is no.
+
+    Args:
+        pid: Number of the process.
+        module: Full name of the module that it was started with.
+    """
+    folder = Path(f"/proc/{pid}")
+    try:
+        state = folder.joinpath("stat").read_text("ascii", "replace").rpartition(") ")[2][:1]
+        words = folder.joinpath("cmdline").read_bytes().split(b"\0")
+    except OSError:
+        return False
+    return module.encode() in words and state not in {"T", "t", "Z", "X"}
 
 
 def end_child(child: subprocess.Popen[bytes] | subprocess.Popen[str], patience_s: float) -> int:

@@ -11,11 +11,58 @@ Example:
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable
 from typing import Protocol
 
 _PAUSE_LOOK_S = 0.02
+_TOGETHER_S = 0.001
+
+
+def since_boot_s() -> float:
+    """Return the time since some moment, seconds, with all the time that the computer slept."""
+    if sys.platform == "win32":
+        return time.monotonic()  # which goes on in a sleep there
+    if sys.platform == "linux":
+        return time.clock_gettime(time.CLOCK_BOOTTIME)
+    return time.clock_gettime(time.CLOCK_MONOTONIC)
+
+
+def _boot_and_asleep_s() -> tuple[float, float]:
+    """Return the time since boot, and how far it is ahead of the clock that stands still in a sleep."""
+    while True:
+        before_s, boot_s, after_s = time.monotonic(), since_boot_s(), time.monotonic()
+        if after_s - before_s < _TOGETHER_S:  # else the program was stopped between the two clocks
+            return boot_s, boot_s - before_s
+
+
+class Standstill:
+    """Detects that this program did not run: it was stopped, got no processor, or the computer slept.
+
+    Args:
+        longest_s: Time between two calls of :meth:`pulse` that is no standstill yet, seconds.
+
+    Attributes:
+        slept_s: Time that the computer slept in the last standstill, seconds.
+    """
+
+    def __init__(self, longest_s: float) -> None:
+        self._longest_s = longest_s
+        self._last_s, self._asleep_s = _boot_and_asleep_s()
+        self.slept_s = 0.0
+
+    def pulse(self) -> bool:
+        """Take note that the program runs; return whether it stood still since the last call."""
+        now_s, asleep_s = _boot_and_asleep_s()
+        stood_s, slept_s = now_s - self._last_s, asleep_s - self._asleep_s
+        self._last_s, self._asleep_s = now_s, asleep_s
+        self.slept_s = slept_s if slept_s > self._longest_s else 0.0
+        return stood_s > self._longest_s
+
+    def is_over(self) -> bool:
+        """Return whether the last call of :meth:`pulse` was longer ago than that."""
+        return since_boot_s() - self._last_s > self._longest_s
 
 
 class Clock(Protocol):

@@ -11,6 +11,8 @@ from typing import Any
 from tega.runtime.lifecycle import require
 
 _LOOKS = 5
+# A second stream of one name answers about as soon as the first.
+_ALONE_S = 0.5
 
 EXTRA = "lsl"
 
@@ -30,6 +32,26 @@ def load_lsl(who: str) -> Any:
         # Read once, when the library is loaded.
         os.environ.setdefault("LSLAPICFG", str(quiet))
     return require("pylsl", driver=who, extra=EXTRA)
+
+
+def find_streams(lsl: Any, by: str, value: str, timeout_s: float) -> list[Any]:
+    """Return all streams of a name, type or identifier; after the first, half a second is waited for others.
+
+    Args:
+        lsl: The library.
+        by: ``name``, ``type`` or ``source_id``.
+        value: It.
+        timeout_s: How long the first may take.
+    """
+    found = lsl.resolve_byprop(by, value, minimum=1, timeout=timeout_s)
+    if len(found) == 1:
+        found = lsl.resolve_byprop(by, value, minimum=2, timeout=_ALONE_S) or found
+    return list({stream.uid(): stream for stream in found}.values())
+
+
+def hosts_of(streams: list[Any]) -> str:
+    """Return the names of the machines that streams come from, for a message."""
+    return ", ".join(sorted(stream.hostname() for stream in streams))
 
 
 def to_monotonic_s(lsl: Any) -> float:

@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import os
 import pickle
-import signal
 import struct
 import sys
 import threading
@@ -43,11 +42,8 @@ class AnswerPipe:
 def program_pipes() -> tuple[BufferedReader, AnswerPipe]:
     """Return what the run asks through and is answered through, in a program that it has started.
 
-    A key press or a shutdown ends the run, which then ends the program: signals do not. What a library prints goes to
-    the terminal, since it is no answer.
+    What a library prints goes to the terminal, since it is no answer.
     """
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.SIG_IGN)
     said = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     return os.fdopen(os.dup(sys.stdin.fileno()), "rb"), AnswerPipe(said)

@@ -66,10 +66,15 @@ def read_image(path: Path, *, driver: str) -> NDArray[np.uint8]:
         ) from error
     if path.suffix.lower() == ".npy":
         return _npy_image(path, data)
-    if data.startswith(_PNG_SIGNATURE) and (image := _png(path, data)) is not None:
+    return decode_image(data, path.name, driver=driver)
+
+
+def decode_image(data: bytes, name: str, *, driver: str) -> NDArray[np.uint8]:
+    """Return the picture that a file's content is; arguments, result and errors as of :func:`read_image`."""
+    if data.startswith(_PNG_SIGNATURE) and (image := _png(name, data)) is not None:
         return image
     if (fault := _fault(data)) is not None:
-        raise RecordingError(f"{path.name}: {fault}", _AGAIN)
+        raise RecordingError(f"{name}: {fault}", _AGAIN)
     cv2 = load_cv2(driver)
     flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
     try:
@@ -78,19 +83,19 @@ def read_image(path: Path, *, driver: str) -> NDArray[np.uint8]:
         image = None
     if image is None:
         raise RecordingError(
-            f"{path.name}: not a picture that can be decoded ({len(data)} bytes)",
+            f"{name}: not a picture that can be decoded ({len(data)} bytes)",
             _AGAIN,
         )
     decoded: NDArray[np.uint8] = image
     return decoded
 
 
-def _png(path: Path, data: bytes) -> NDArray[np.uint8] | None:
+def _png(name: str, data: bytes) -> NDArray[np.uint8] | None:
     """Decode a PNG file, or refuse it where it is not whole; 16 bits or a palette: ``None``."""
     try:
         return _native.decode_png(data)
     except RecordingError as error:
-        raise RecordingError(f"{path.name}: PNG cut short or damaged: {error.message}", _AGAIN) from error
+        raise RecordingError(f"{name}: PNG cut short or damaged: {error.message}", _AGAIN) from error
 
 
 def _npy_image(path: Path, data: bytes) -> NDArray[np.uint8]:

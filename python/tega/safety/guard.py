@@ -158,6 +158,10 @@ class Guard:
             for observer in self.alert_observers:
                 observer(name, said)
 
+    def watch(self, name: str, problem: Callable[[], str]) -> None:
+        """Alert by this name from now on whenever ``problem`` returns a text; it is called at every look."""
+        self._alerts[name] = problem
+
     def due(self, t_ns: int, late_ns: int) -> bool:
         """Tell whether it is time to look again: soon after the last time, at once if the loop is late."""
         return t_ns >= self._next_ns or self._too_late(late_ns)

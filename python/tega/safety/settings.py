@@ -22,6 +22,7 @@ class SafetySection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
         settle_ms: So long nothing may be wrong before the run arms or goes on.
         lowest_rate_share: A stream has to come at this share of its rate before the run arms.
         latency_budget_ms: What our own part of the way from camera to vest may take, 99 frames of 100.
+        joint_budget_ms: Time from a muscle's sample to the first motion of a joint; beyond it an alert names the stage.
     """
 
     emg_lost_ms: Annotated[float, msgspec.Meta(ge=20, le=5000)] = 150.0
@@ -33,3 +34,4 @@ class SafetySection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
     settle_ms: _Ms = 200.0
     lowest_rate_share: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.5
     latency_budget_ms: Annotated[float, msgspec.Meta(gt=0, le=1000)] = 5.0
+    joint_budget_ms: Annotated[float, msgspec.Meta(gt=0, le=5000)] = 300.0

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from tega.haptics import FeltMap
     from tega.haptics.motor_layout import MotorLayout
     from tega.records import Contact, Event, Intent
-    from tega.tactile import ContactMetrics
 
 
 class StageOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -193,6 +192,14 @@ class Metric(_Stage, ABC):
         """
         raise NotImplementedError
 
+    def rezero(self) -> bool:
+        """Take the picture that was measured last for that of the untouched gel; return whether it was taken.
+
+        Called before :meth:`update` when a new baseline is asked for and no other finger bears a load. The request is
+        recorded with the picture that follows. A metric without such a baseline returns False.
+        """
+        return False
+
     def touch_map(self) -> TouchMap | None:
         """Return the map and the outline of the frame that was measured last; called only where it is drawn.
 
@@ -208,17 +215,13 @@ class MeasuredPicture(msgspec.Struct, frozen=True, kw_only=True):
     map asks the metric for it before it returns: the metric goes on to the next picture then.
 
     Attributes:
-        finger: Whose it is.
-        t_ns: When it was taken, since the start of the session.
         image: uint8 (H, W, 3), blue, green, red; borrowed, nobody writes into it.
-        metrics: What was measured in it.
+        contact: Contact in it, with finger and time.
         metric: The stage that measured it.
     """
 
-    finger: str
-    t_ns: int
     image: NDArray[np.uint8]
-    metrics: ContactMetrics
+    contact: Contact
     metric: Metric
 
 

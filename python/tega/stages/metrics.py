@@ -37,33 +37,6 @@ def contact_record(finger: str, t_ns: int, metrics: ContactMetrics) -> Contact:
     return Contact(finger=finger, t_ns=t_ns, **metrics._asdict())
 
 
-# Numbers of a contact that the kernels' own result has no place for.
-_FURTHER = {"area_mm2": "mm²", "depth_mm": "mm", "force_n": "N", "strength": "1", "broad": "1"}
-
-
-def contact_metrics_of(contact: Contact) -> ContactMetrics:
-    """Return a record in the form that the loop passes on; what the kernels do not know becomes a named value."""
-    further = tuple(
-        [
-            NamedValue(name, value, unit)
-            for name, unit in _FURTHER.items()
-            if (value := getattr(contact, name)) is not None
-        ]
-    )
-    return ContactMetrics(
-        contact.mass,
-        contact.centroid_xy,
-        contact.spread,
-        contact.threshold,
-        contact.eda,
-        contact.cci,
-        contact.peak,
-        contact.peak_xy,
-        contact.in_contact,
-        further + contact.more,
-    )
-
-
 class PaperMetric(Metric):
     """Eq 1 to 6 on the masked, blurred difference: :func:`tega.tactile.read_contact` with ``reading="paper"``."""
 
@@ -116,7 +89,7 @@ class LiveMetric(Metric):
 
     summary: ClassVar[str] = "every contact in grades, without flicker; CCI rises with the press"
     memory: ClassVar[bool] = True
-    version: ClassVar[int] = 6
+    version: ClassVar[int] = 7
     options_type: ClassVar[type[StageOptions]] = LiveOptions
 
     @classmethod
@@ -156,6 +129,10 @@ class LiveMetric(Metric):
     def bears_load(self) -> bool:
         """Whether the last frame showed a contact that has not just fallen."""
         return self._tracker.bears_load
+
+    def rezero(self) -> bool:
+        """Take the last picture for that of the untouched gel."""
+        return self._tracker.rezero()
 
     def update(self, frame: NDArray[np.uint8], t_ns: int) -> Contact:
         """Measure a frame."""

@@ -51,7 +51,9 @@ class _Pulse(NamedTuple):
 
 
 class PulsesMapping(Mapping):
-    """Pulses of the events of touch.
+    """Pulses of the events of touch that are certain.
+
+    A rig without the hand's joints and the arm's height cannot observe slips: it has no pulses for them.
 
     A finger without a fresh frame tells nothing: its pulses end, and what it shows when it is back is taken for what it
     was, not for an event.
@@ -92,7 +94,7 @@ class PulsesMapping(Mapping):
         o = self._options
         level = {"contact": o.contact, "release": o.release, "slip": o.slip}.get(event.kind, 0.0)
         key = event.kind, event.finger
-        if not level or event.t_ns < self._free_ns.get(key, event.t_ns):
+        if not (level and event.certain) or event.t_ns < self._free_ns.get(key, event.t_ns):
             return
         end_ns = event.t_ns + round(o.duration_s * 1e9)
         self._free_ns[key] = end_ns + round(o.gap_s * 1e9)

@@ -52,7 +52,9 @@ class _Told(NamedTuple):
 
 
 class SlipRowMapping(ColumnsMapping):
-    """Columns as in ``columns``, and a row of motors that carries slips alone.
+    """Columns as in ``columns``, and a row of motors that carries slips alone, those that are certain.
+
+    A rig without the hand's joints and the arm's height cannot observe slips: its row stays silent.
 
     A slip of one finger is shown in that finger's column of the row, one of the whole hand in those of all fingers that
     are seen. For a burst's length b and rest r it is on while ``(t - t_event) mod (b + r) < b``, n times.
@@ -106,7 +108,7 @@ class SlipRowMapping(ColumnsMapping):
         again_ns, period_s = round(o.slip_again_s * 1e9), o.slip_burst_s + o.slip_rest_s
         lasts_ns = round((o.slip_bursts * period_s - o.slip_rest_s) * 1e9)
         for event in events:
-            if event.kind != "slip":
+            if event.kind != "slip" or not event.certain:
                 continue
             if any(
                 told.finger == event.finger and event.t_ns < told.end_ns + again_ns for told in self._told

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, TypeAlias, ca
 
 from tega import _native
 from tega.errors import ShapeError
-from tega.records.touch import NamedValue
 from tega.tactile.tracker import (
     GelLight,
     Order,
@@ -85,8 +84,6 @@ class ContactMetrics(NamedTuple):
     """Where it is; the first in row order."""
     in_contact: bool = False
     """False where there is nothing to report."""
-    more: tuple[NamedValue, ...] = ()
-    """Values of a metric of one's own (:mod:`tega.stages`)."""
 
 
 _contact: Final[Callable[[tuple[object, ...]], ContactMetrics]] = partial(tuple.__new__, ContactMetrics)

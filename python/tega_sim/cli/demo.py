@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.ui.cli.options import NameList, json_option, loop_options, loop_sets
+from tega.ui.cli.options import NameList, json_option
 from tega.ui.cli.page import view_options
+from tega_sim.cli.options import loop_options, loop_sets
 
 if TYPE_CHECKING:
     from tega.ui.view.state import ViewState
@@ -111,7 +112,7 @@ def demo(
     import msgspec
 
     from tega.errors import MissingExtraError
-    from tega.recording import prepare_folder
+    from tega.recording.folder import prepare_folder
     from tega.runtime.threads import short_turns
     from tega.safety.ctrl_c import CtrlC
     from tega.ui.cli.install_line import with_origin

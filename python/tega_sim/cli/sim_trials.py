@@ -7,14 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.ui.cli.options import (
-    NameList,
-    chosen_objects,
-    json_option,
-    loop_options,
-    loop_sets,
-    object_options,
-)
+from tega.ui.cli.options import NameList, json_option
+from tega_sim.cli.options import chosen_objects, loop_options, loop_sets, object_options
 from tega_sim.conditions import CONDITIONS
 
 if TYPE_CHECKING:

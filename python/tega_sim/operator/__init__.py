@@ -15,7 +15,7 @@ from tega_sim.operator.person import (
     load_parameters,
     typical_person,
 )
-from tega_sim.operator.rules import Rules, RulesVersion, people_digest, rules_digest
+from tega_sim.operator.rules import Rules, RulesVersion, people_digest
 from tega_sim.operator.scripted import ScriptedOperator
 from tega_sim.operator.shams import SHAMS, Sham, sham_vest
 from tega_sim.operator.vision import VIEWS, ViewName
@@ -44,7 +44,6 @@ __all__ = [
     "draw_person",
     "load_parameters",
     "people_digest",
-    "rules_digest",
     "sham_vest",
     "typical_person",
 ]

@@ -1,13 +1,12 @@
-"""Name the rules that the simulated person follows, and the digest of what people follow them with."""
+"""Name the rules that the simulated person follows, and the people by their parameters and that name."""
 
 from __future__ import annotations
 
 import hashlib
-from importlib.resources import files
 from typing import Literal, NamedTuple, TypeAlias
 
 RulesVersion: TypeAlias = Literal[1, 2, 3]
-"""Version of the rules: 1 is the default everywhere."""
+"""Version of the rules: 1 is the default everywhere. A change in what a person does is another version."""
 
 
 class Rules(NamedTuple):
@@ -28,21 +27,10 @@ class Rules(NamedTuple):
     version: RulesVersion = 1
 
 
-_MODULES: dict[RulesVersion, tuple[str, ...]] = {
-    2: ("panels.py", "renewing.py"),
-    3: ("panels.py", "renewing.py", "settled.py"),
-}
-
-
-def rules_digest(version: RulesVersion = 2) -> str:
-    """Return the SHA-256 of the modules that hold a version of the rules, one after the other."""
-    folder = files("tega_sim.operator")
-    source = b"".join((folder / name).read_bytes() for name in _MODULES[version])
-    return hashlib.sha256(source.replace(b"\r\n", b"\n")).hexdigest()
-
-
 def people_digest(parameters: str, version: RulesVersion) -> str:
-    """Return the SHA-256 that says who the people are: their numbers, and from version 2 on their rules as well.
+    """Return the SHA-256 that names the people: their parameters, and from version 2 on the version of their rules.
+
+    No source text is in it: people with the same parameters and rules are the same, however the program is written.
 
     Args:
         parameters: SHA-256 of the parameter file; by version 1 that is all.
@@ -50,4 +38,4 @@ def people_digest(parameters: str, version: RulesVersion) -> str:
     """
     if version == 1:
         return parameters
-    return hashlib.sha256(f"{parameters} {rules_digest(version)}".encode()).hexdigest()
+    return hashlib.sha256(f"{parameters} rules {version}".encode()).hexdigest()

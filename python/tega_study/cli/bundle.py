@@ -93,6 +93,6 @@ def open_(*, bundle: Path, out: Path | None, as_json: bool) -> None:
             )
         same = "the same" if opened.same else "NOT the same as where the bundle was written"
         click.echo(f"{len(trials)} trials, worked out again: {same}")
-        click.echo(f"tega-teleop study report {folder} --interim makes its tables and figures")
+        click.echo(f"tega-teleop study report {folder} --unblind makes its tables and figures")
     if not opened.same:
         sys.exit(1)

@@ -1,4 +1,4 @@
-"""Find lift-off, slip and deformation in the signals of trials: ``tega-teleop study detect``."""
+"""Find lift-off and slip in the signals of trials: ``tega-teleop study detect``."""
 
 from __future__ import annotations
 
@@ -21,12 +21,13 @@ if TYPE_CHECKING:
 )
 @json_option
 def detect(*, folder: Path, participants: tuple[str, ...], live: bool, as_json: bool) -> None:
-    """Find lift-off, slip and deformation in the signals of the trials that were run.
+    """Find lift-off and slip in the signals of the trials that were run.
 
     Fingertips, hand and arm are looked at, and nothing that anybody has said. Each event has a time and a confidence of
     0 to 1; they are written beside the session (sessions/ID/detected.jsonl) and compared with observers by study score
     and study report. They replace no observer's counts. With --json: {"trials": [{"participant", "trial", "attempt",
-    "object", "events": [{"kind", "t_s", "confidence", "known_s", "finger"}], "missing"}]}.
+    "object", "events": [{"kind", "t_s", "confidence", "known_s", "finger"}], "missing",
+    "unobservable"}]}.
     """
     import msgspec
 
@@ -37,6 +38,7 @@ def detect(*, folder: Path, participants: tuple[str, ...], live: bool, as_json: 
         rows = msgspec.to_builtins(found)
         for row, one in zip(rows, found, strict=True):
             row["events"] = [event._asdict() for event in one.events]
+            row["unobservable"] = one.unobservable
         echo_json({"trials": rows})
         return
     for one in found:
@@ -48,8 +50,8 @@ def detect(*, folder: Path, participants: tuple[str, ...], live: bool, as_json: 
 
 
 _LACKS = {
-    "closure": "closure of the hand on record: no deformation is found in them",
-    "height": "height of the arm on record: no lift-off is found in them, and slips in the fingertips alone",
+    "closure": "closure of the hand on record: slips are not observable on this rig",
+    "height": "height of the arm on record: lift-off and slips are not observable on this rig",
 }
 
 

@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from tega.errors import InvalidValueError
 from tega.ui.cli.options import NameList, echo_json, json_option
 
 if TYPE_CHECKING:
     from tega_study.order import Layout
+    from tega_study.plan import ScoredBy, StudyPlan
 
 
 _FOLDER = click.Path(path_type=Path, file_okay=False)
@@ -67,6 +69,19 @@ _FOLDER = click.Path(path_type=Path, file_okay=False)
     "--probe", is_flag=True, help="A second task in every trial: beeps to be answered with a pedal."
 )
 @click.option(
+    "--scored-by",
+    type=click.Choice(["session", "camera"]),
+    default="session",
+    show_default=True,
+    help="Outcome of a trial that counts: the session's and its raters', or the scene camera's if it measured it.",
+)
+@click.option("--anyway", is_flag=True, help="Write a plan with too few people for a significant result.")
+@click.option(
+    "--behaviours",
+    type=NameList(),
+    help="Behaviours that raters code besides lift-off, slip, deformation and drop, such as regrasp,contact.",
+)
+@click.option(
     "--simulated", is_flag=True, help="For rehearsals on simulated and emulated devices, not for people."
 )
 @json_option
@@ -81,6 +96,9 @@ def plan(
     layout: Layout,
     rest_s: float,
     probe: bool,
+    scored_by: ScoredBy,
+    anyway: bool,
+    behaviours: list[str] | None,
     simulated: bool,
     as_json: bool,
 ) -> None:
@@ -90,7 +108,7 @@ def plan(
     """
     import msgspec
 
-    from tega_study import make_plan, write_plan
+    from tega_study.plan import make_plan, write_plan
 
     made = make_plan(
         participants=participants,
@@ -102,7 +120,12 @@ def plan(
         layout=layout,
         rest_s=rest_s,
         probe=probe,
+        scored_by=scored_by,
+        behaviours=behaviours or (),
     )
+    warning = _too_few(made)
+    if warning and not (anyway or simulated):
+        raise InvalidValueError(warning, "plan more people, or add --anyway")
     write_plan(made, out)
     first = made.of(made.participants[0])
     rests_s = sum(trial.rest_s for trial in first)
@@ -114,10 +137,24 @@ def plan(
     click.echo(
         f"rests alone take {rests_s / 60:.0f} min a person; with 15 s a trial {rests_s / 60 + len(first) / 4:.0f} min"
     )
-    if participants < 6:
-        click.echo(
-            f"note: with {participants} people no test over people can reach p = 0.05; six can", err=True
-        )
+    if warning:
+        click.echo(f"warning: {warning}", err=True)
+
+
+def _too_few(made: StudyPlan) -> str:
+    """Return in words which tests cannot become significant with the people of a plan; ``""`` if all can."""
+    from tega_study.power import MOST_PEOPLE, too_few
+
+    settings = made.settings
+    few = too_few(settings.family, people=settings.participants, alpha=settings.alpha)
+    if not few:
+        return ""
+    words = {"duration_s": "time"}
+    least = ", ".join(f"{words.get(name, name)} {n or f'over {MOST_PEOPLE}'}" for name, n in few.items())
+    return (
+        f"with {settings.participants} people these tests cannot be significant at p = {settings.alpha:g}, "
+        f"however large the effect; least number of people, {len(settings.family)} tests corrected by Holm: {least}"
+    )
 
 
 @click.command(epilog="Example: tega-teleop study status my-study")
@@ -125,13 +162,14 @@ def plan(
 @json_option
 def status(*, folder: Path, as_json: bool) -> None:
     """Show how far everybody is, and which trial comes next. What comes next is not shown to who recruits."""
-    from tega_study import read_plan
-    from tega_study.journal import read_events
-    from tega_study.privacy import withdrawn_ids
-    from tega_study.state import derive, events_path
+    from tega_study.journal import events_path, read_events
+    from tega_study.plan import read_plan
+    from tega_study.state import derive
+    from tega_study.withdrawn import withdrawn_ids
 
     made, gone = read_plan(folder), withdrawn_ids(folder)
     rows: list[dict[str, Any]] = []
+    said: dict[str, str] = {}
     for person in made.participants:
         mine = made.of(person)
         if person in gone:
@@ -145,12 +183,15 @@ def status(*, folder: Path, as_json: bool) -> None:
             "state": what,
             "over": state.n_over,
             "trials": len(mine),
+            "without_data": list(state.without_data),
+            "broken_off": state.broken_off,
         }
         if state.next is not None and events:
             number, attempt = state.next
             trial = mine[number - 1]
             row |= {"next": number, "attempt": attempt, "object": trial.object, "condition": trial.condition}
         rows.append(row)
+        said[person] = state.said()
     if as_json:
         echo_json({"participants": rows})
         return
@@ -161,4 +202,6 @@ def status(*, folder: Path, as_json: bool) -> None:
         if "next" in row:
             again = ", again" if row["attempt"] > 1 else ""
             text += f"  next: trial {row['next']}, {row['object']}, {row['condition']}{again}"
+        if said.get(row["participant"]):
+            text += f"  ({said[row['participant']]})"
         click.echo(text)

@@ -1,4 +1,4 @@
-"""Estimate how many people a study needs: ``tega-teleop study power``."""
+"""Compute how many people a study needs: ``tega-teleop study power``."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from typing import Any
 import click
 
 from tega.ui.cli.options import echo_json, json_option
+
+_SIZES = (6, 9, 12, 18, 24)
 
 
 @click.command(epilog="Example: tega-teleop study power --slips 5.9,2.8 --trials 10")
@@ -24,50 +26,66 @@ from tega.ui.cli.options import echo_json, json_option
 @click.option(
     "--tests",
     type=click.IntRange(1, 100),
-    default=1,
+    default=7,
     show_default=True,
-    help="Number of tests, for Holm's correction.",
+    help="Number of tests in the plan's family, for Holm's correction. The others find nothing.",
 )
 @click.option(
     "--seed", type=click.IntRange(0, 2**31), default=1, show_default=True, help="Seed of the simulation."
 )
 @json_option
 def power(*, slips: str, trials: int, alpha: float, tests: int, seed: int, as_json: bool) -> None:
-    """Estimate how many people a study needs to find a difference in counts.
+    """Compute how many people a study needs to find a difference in counts.
 
-    Simulates studies with people who hardly differ, who differ, and who differ a lot. With --tests the level is that of
-    Holm's first step.
+    Draws studies with people who hardly differ, who differ, and who differ a lot, and analyses each as the report does:
+    sign-flips of people's means, corrected by Holm's method.
     """
-    from tega_study.power import SPREADS, count_power, people_for
+    from tega_study.power import MOST_PEOPLE, SPREADS, PlannedTest, least_people, people_for, power_of
 
     try:
         reference, mean = (float(part) for part in slips.split(","))
     except ValueError as error:
         raise click.BadParameter("give two numbers, such as 5.9,2.8", param_hint="--slips") from error
-    level = alpha / tests
+    family = [
+        PlannedTest("slips", mean, reference),
+        *[PlannedTest("slips", reference, reference)] * (tests - 1),
+    ]
+    least = least_people("slips", tests=tests, alpha=alpha)
     rows: list[dict[str, Any]] = []
     for name, spread in SPREADS.items():
-        needed = people_for(mean, reference, trials=trials, spread=spread, alpha=level, seed=seed)
+        needed = people_for(family, trials=trials, spread=spread, alpha=alpha, seed=seed)
         some = [
-            count_power(mean, reference, people=n, trials=trials, spread=spread, alpha=level, seed=seed)
-            for n in (6, 8, 10, 12)
+            power_of(family, people=n, trials=trials, spread=spread, alpha=alpha, seed=seed) for n in _SIZES
         ]
         rows.append(
             {
                 "people_differ": name,
-                "people_for_80": None if needed is None else needed[0],
-                "power": {one.people: {"paired_t": one.paired_t, "sign_flip": one.sign_flip} for one in some},
+                "people_for_80": None if needed is None else needed.people,
+                "power": {one.people: one.found for one in some},
             }
         )
     if as_json:
-        echo_json({"reference": reference, "mean": mean, "trials": trials, "alpha": level, "rows": rows})
+        echo_json(
+            {
+                "reference": reference,
+                "mean": mean,
+                "trials": trials,
+                "alpha": alpha,
+                "tests": tests,
+                "least_people": least,
+                "rows": rows,
+            }
+        )
         return
     click.echo(
-        f"{reference:g} against {mean:g} per trial, {trials} trials per condition, two-sided {level:.3g}"
+        f"{reference:g} against {mean:g} per trial, {trials} trials per condition; sign-flips over people, "
+        f"Holm over {tests} tests, p < {alpha:g}"
     )
-    click.echo("people differ   for 80 %   power (paired t / sign-flip) with 6, 8, 10, 12 people")
+    said = f"over {MOST_PEOPLE}" if least is None else str(least)
+    click.echo(f"least number of people: {said}; with fewer no result can be significant")
+    click.echo(f"people differ   for 80 %   power with {', '.join(map(str, _SIZES))} people")
     for row in rows:
-        needed_text = "over 30" if row["people_for_80"] is None else str(row["people_for_80"])
-        text = "  ".join(f"{one['paired_t']:.2f}/{one['sign_flip']:.2f}" for one in row["power"].values())
+        needed_text = f"over {MOST_PEOPLE}" if row["people_for_80"] is None else str(row["people_for_80"])
+        text = "  ".join(f"{found:.2f}" for found in row["power"].values())
         click.echo(f"{row['people_differ']:<14}  {needed_text:>8}   {text}")
     click.echo("effects seen in a small pilot are too large on average: plan for less")

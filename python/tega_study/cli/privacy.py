@@ -22,7 +22,7 @@ def withdraw(*, folder: Path, participant: str, yes: bool, as_json: bool) -> Non
     Links are deleted and not followed. What they led to, what lies elsewhere, such as the person's calibration, and
     files of others that bear the id are listed: look at them, and at backups and copies, by hand.
     """
-    from tega_study import read_plan
+    from tega_study.plan import read_plan
     from tega_study.privacy import withdraw as delete
 
     read_plan(folder).of(participant)

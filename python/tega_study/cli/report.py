@@ -19,20 +19,24 @@ _FOLDER = click.Path(path_type=Path, file_okay=False)
 @click.command(epilog="Example: tega-teleop study report my-study")
 @click.argument("source", type=click.Path(path_type=Path))
 @click.option("--out", type=_FOLDER, help="Folder for report.html and report/; the study's own unless given.")
-@click.option("--interim", is_flag=True, help="Show p-values although the plan is not done yet.")
+@click.option(
+    "--unblind",
+    is_flag=True,
+    help="Compare conditions before the plan is complete; the study's journal and report keep that.",
+)
 @json_option
-def report(*, source: Path, out: Path | None, interim: bool, as_json: bool) -> None:
+def report(*, source: Path, out: Path | None, unblind: bool, as_json: bool) -> None:
     """Analyse a study's folder, or a file of sim trials, and write one HTML page with tables and figures.
 
-    Everything comes from the folder; the same folder gives the same bytes. --json prints {page, tables, table1,
-    tests}, tests as in report/tests.csv.
+    Everything comes from the folder; the same folder gives the same bytes. Until the plan is complete the report says
+    who took part and no result. --json prints {page, tables, blind, table1, tests}, tests as in report/tests.csv.
     """
     import msgspec
 
     from tega_study.report import write_report
     from tega_study.tables import table_1
 
-    done = write_report(source, out, interim=interim)
+    done = write_report(source, out, unblind=unblind)
     if as_json:
         tests = [
             test for test in done.analysis.tests if f"{test.metric}:{test.object}" in done.analysis.family
@@ -41,7 +45,8 @@ def report(*, source: Path, out: Path | None, interim: bool, as_json: bool) -> N
             {
                 "page": str(done.page),
                 "tables": str(done.tables),
-                "table1": table_1(done.analysis),
+                "blind": done.analysis.blind,
+                "table1": [] if done.analysis.blind else table_1(done.analysis),
                 "tests": msgspec.to_builtins(tests),
             }
         )
@@ -58,6 +63,11 @@ def _print(analysis: Analysis) -> None:
     from tega_study.tables import table_1
 
     out = Console(highlight=False, width=110)
+    if analysis.interim:
+        results = "results are withheld (--unblind shows them)" if analysis.blind else "results shown early"
+        out.print(f"interim: {analysis.flow.complete} people complete; {results}")
+    if analysis.blind:
+        return
     head, *rows = table_1(analysis)
     title = "Table I, simulated" if analysis.simulated else "Table I"
     shown = Table(title=f"{title}: means, time in seconds", title_justify="left", box=SIMPLE)
@@ -66,6 +76,3 @@ def _print(analysis: Analysis) -> None:
     for row in rows:
         shown.add_row(*row)
     out.print(shown)
-    if analysis.interim:
-        text = "p-values are withheld" if not analysis.p_shown else "p-values shown early"
-        out.print(f"interim: {analysis.flow.complete} people complete; {text}")

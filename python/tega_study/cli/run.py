@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
-from tega.ui.cli.options import echo_json, json_option, loop_sets, shear_option
+from tega.ui.cli.options import echo_json, json_option
+from tega_sim.cli.options import loop_sets, shear_option
 
 if TYPE_CHECKING:
     from tega_sim.seams import Shear
@@ -103,9 +104,9 @@ def run(
     --json: {"participant", "over", "trials", "next"}.
     """
     from tega.safety.ctrl_c import CtrlC
-    from tega_study import read_plan
     from tega_study.lead import lead_session
     from tega_study.lead.experimenter import desk_for
+    from tega_study.plan import read_plan
 
     if (lab is not None) + emulated + simulated != 1:
         raise click.UsageError("give one of --lab LAB.toml, --emulated and --simulated")
@@ -162,8 +163,8 @@ def run(
 @contextmanager
 def _masking(bench: TrialBench, plan: StudyPlan) -> Iterator[MaskingSound | None]:
     """Play what masks the motors of the lab's vest, where its settings set a level, and the plan's beeps."""
-    from tega.config.sections import MaskingSection
     from tega_study.lead.benches import LabBench
+    from tega_study.masking_settings import MaskingSection
     from tega_study.masking_sound import MaskingSound
 
     settings = bench.masking if isinstance(bench, LabBench) else MaskingSection()

@@ -17,8 +17,15 @@ from tega.ui.cli.options import echo_json, json_option
 )  # fmt: skip
 @click.option("--boris", type=click.Path(path_type=Path), metavar="OUT.boris", help="Write a BORIS project.")
 @click.option(
+    "--elan",
+    type=click.Path(path_type=Path),
+    metavar="FOLDER",
+    help="Write an ELAN file for each trial into a new folder.",
+)
+@click.option(
     "--import", "taken", type=click.Path(path_type=Path), metavar="FILE",
-    help="Take in a BORIS project, or its tabular events as TSV or CSV.",
+    help="Events to import: a BORIS project (.boris, .boris.gz), its tabular or aggregated events as TSV or CSV, or an "
+    "ELAN file or a folder of them.",
 )  # fmt: skip
 @click.option(
     "--rater", metavar="ID", help="With --import: code of the rater whose events they are; it must be new."
@@ -29,6 +36,7 @@ def score(
     folder: Path,
     tolerance_s: float,
     boris: Path | None,
+    elan: Path | None,
     taken: Path | None,
     rater: str | None,
     as_json: bool,
@@ -36,32 +44,49 @@ def score(
     """Compare raters, experimenter and, in simulation, the truth on the same trials.
 
     F1 of matched events with its chance level, delay, Cohen's kappa in bins of a second, ICC of the counts. With
-    --json: {"agreements": [...], "imported": {person: trials}, "boris": file}.
+    --json: {"agreements": [...], "imported": {person: trials}, "boris": file, "elan": folder}.
     """
     import msgspec
 
-    from tega_study import read_plan
-    from tega_study.score import agreements, export_boris, import_boris
+    from tega_study.plan import read_plan
+    from tega_study.score import agreements, export_boris, export_elan, import_boris
 
     if (taken is None) != (rater is None):
         raise click.UsageError("--import FILE and --rater ID belong together")
     read_plan(folder)
     imported = {} if taken is None or rater is None else import_boris(folder, taken, rater)
     written = 0 if boris is None else export_boris(folder, boris)
+    n_elan = 0 if elan is None else export_elan(folder, elan)
     found = agreements(folder, tolerance_s=tolerance_s)
     if as_json:
         rows = msgspec.to_builtins(found)
-        echo_json({"agreements": rows, "imported": imported, "boris": None if boris is None else str(boris)})
+        files = {"boris": None if boris is None else str(boris), "elan": None if elan is None else str(elan)}
+        echo_json({"agreements": rows, "imported": imported, **files})
         return
     for person, n in imported.items():
         click.echo(f"{person}: {n} trials of rater {rater} taken in")
     if boris is not None:
         click.echo(f"{boris}: {written} observations")
+    if elan is not None:
+        click.echo(f"{elan}: {n_elan} ELAN files")
     if not found:
         click.echo("nobody to compare: two accounts of the same trials are needed, such as two raters")
         return
     click.echo(f"events within {tolerance_s:g} s are one; delay: second less first")
-    head = ("event", "first", "second", "trials", "n", "n", "F1", "chance", "delay s", "kappa 1 s", "ICC")
+    head = (
+        "event",
+        "first",
+        "second",
+        "trials",
+        "n first",
+        "n second",
+        "F1",
+        "chance",
+        "delay s",
+        "kappa 1 s",
+        "ICC",
+        "",
+    )
     rows = [head] + [
         (
             one.kind,
@@ -75,6 +100,7 @@ def score(
             _number(one.delay_s),
             _number(one.kappa),
             _number(one.icc),
+            one.note,
         )
         for one in found
     ]

@@ -53,8 +53,8 @@ def sensitivity(
     to a sham, the readings to those printed; each change is a small study in FOLDER/sensitivity. The table goes into
     FOLDER's report. Run it again to go on where it was stopped.
     """
-    from tega_study import read_plan
     from tega_study.cli.apart import report_apart
+    from tega_study.plan import read_plan
     from tega_study.silico import unfinished
     from tega_study.silico.sensitivity import VARIED, run_sensitivity
 

@@ -11,15 +11,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
-from tega.ui.cli.options import (
-    NameList,
-    chosen_objects,
-    echo_json,
-    json_option,
-    loop_options,
-    loop_sets,
-    object_options,
-)
+from tega.ui.cli.options import NameList, echo_json, json_option
+from tega_sim.cli.options import chosen_objects, loop_options, loop_sets, object_options
 
 if TYPE_CHECKING:
     from tega_sim.operator import ViewName

@@ -29,8 +29,8 @@ def tell(*, folder: Path, participant: str, command: Command, as_json: bool) -> 
     FOLDER/sessions/ID/told.jsonl.
     """
     from tega.runtime.clock import SystemClock
-    from tega_study import read_plan
     from tega_study.lead.tell import tell as give
+    from tega_study.plan import read_plan
 
     read_plan(folder).of(participant)
     board = give(folder, participant, command, clock=SystemClock())

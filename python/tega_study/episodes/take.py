@@ -12,7 +12,10 @@ import msgspec
 
 from tega.errors import TegaError
 from tega.loop import run_session
+from tega.loop.controls import Controls
+from tega.loop.moment import Moment
 from tega.recording.mcap_folder import SessionFolder
+from tega.records import RunState
 from tega.records.bus import Bus
 from tega_study.episodes.journal import EpisodeJournal
 from tega_study.episodes.pedal import EpisodePedal, pedal_names
@@ -27,7 +30,6 @@ if TYPE_CHECKING:
 
     from tega.config import SessionConfig
     from tega.loop.moment import LoopView
-    from tega.safety.states import Transition
     from tega_study.episodes.journal import EpisodeLine, EpisodeStep
 
 GO_ON, DISCARD, AGAIN = "g", "x", "r"
@@ -48,15 +50,16 @@ class _Running:
         self.state, self.alerts = "devices start", tuple[str, ...]()
         self.file = ""
 
+        bus.subscribe(Moment, lambda moment: self._see(moment.view), name="episodes", vital=True)
+        bus.subscribe(RunState, self._change, name="episodes", vital=True)
+
         def run() -> None:
             summary = run_session(
                 config,
                 bus=bus,
-                observer=self._see,
+                controls=Controls(stop=self._over.is_set),
                 progress=self._prepare,
-                stop=self._over.is_set,
                 settings=settings,
-                on_state=self._change,
             )
             self.file = summary["recording"]["file"].removesuffix(".part")
 
@@ -69,7 +72,7 @@ class _Running:
     def _see(self, view: LoopView) -> None:
         self.alerts = tuple(view.alerts)
 
-    def _change(self, change: Transition) -> None:
+    def _change(self, change: RunState) -> None:
         self.state = change.state
         if change.state == "active" and self._began_s is None:
             self._began_s = time.monotonic()

@@ -2,7 +2,6 @@
 
 ::
 
-    lift_rule.py           when an object counts as lifted: 0.2 m, held for a second, begun within the window
     running_trial.py       one trial between the bench's thread and the session's
     benches.py             the lab's devices, or the simulated bench: a trial runs on them
     beeps.py               the second task's beeps, where the plan has one

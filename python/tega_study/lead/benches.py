@@ -13,17 +13,18 @@ from tega.config.sections import StageConfig
 from tega.config.text import config_text
 from tega.errors import InvalidValueError
 from tega.hand.poses import ClosureScale, load_poses
+from tega.runtime.files.whole_file import write_whole
+from tega_scene.settings import cameras_of
 from tega_sim.streams import Streams
+from tega_study.masking_settings import MaskingSection
+from tega_study.state import Where
 
 if TYPE_CHECKING:
     from tega.config import SessionConfig
-    from tega.safety.states import Transition
     from tega_sim.seams import Act, Percept, Shear
     from tega_study.lead.rest_tasks import RestTask
     from tega_study.lead.running_trial import Going
     from tega_study.plan import PlannedTrial, StudyPlan
-from tega.runtime.files.whole_file import write_whole
-from tega_study.state import Where
 
 _LOOK_S = 0.01
 _CONDITIONS = ("haptic", "non-haptic", "event-gated")
@@ -42,7 +43,8 @@ class TrialBench(Protocol):
     """Place of a trial: the lab's devices, or the simulated bench.
 
     Attributes:
-        sees_height: Whether it says how high the object is; otherwise a person marks it.
+        sees_height: Whether it knows how high the object is; otherwise that is measured, or a person marks it.
+        measures_height: Whether the arm's height is measured, so that lift and drop are measured with the fingertips.
         own_time: Whether it has a time of its own.
         closure: Reads how closed the hand is off its joints; ``None`` where they are not measured.
         where: What the devices are, which the session's events say.
@@ -52,6 +54,7 @@ class TrialBench(Protocol):
 
     where: Where
     sees_height: bool
+    measures_height: bool
     own_time: bool
     closure: ClosureScale | None
     rest_tasks: Sequence[RestTask]
@@ -111,8 +114,9 @@ class LabBench:
         self.rest_tasks: Sequence[RestTask] = (squeeze_task(config, settings=settings),)
         if config.arm is not None and config.arm.start is not None:
             self.rest_tasks = (*self.rest_tasks, start_task(config))
-        self.masking = config.masking
-        self.measurable = any(camera.lens is not None for camera in config.scene)
+        self.masking: MaskingSection = config.guests.get("masking", MaskingSection())
+        self.measurable = any(camera.lens is not None for camera in cameras_of(config))
+        self.measures_height = config.arm is not None
         self._settings = settings
         self.where: Where = where
         self.closure: ClosureScale | None = None
@@ -131,7 +135,9 @@ class LabBench:
     def run(self, trial: PlannedTrial, going: Going, folder: Path) -> None:
         """Run a session of the devices for as long as the trial lasts."""
         from tega.loop import run_session
-        from tega.records import MuscleCondition
+        from tega.loop.controls import Controls
+        from tega.loop.moment import Moment
+        from tega.records import MuscleCondition, RunState
         from tega.records.bus import Bus
 
         bus = Bus()
@@ -147,21 +153,19 @@ class LabBench:
             recording=replace(self._config.recording, dir=folder.absolute()),
         )
 
-        def changed(change: Transition) -> None:
+        def changed(change: RunState) -> None:
             going.tell(change.state, change.reason)
             if change.state == "active":
                 going.begin(change.t_ns)
 
+        bus.subscribe(Moment, lambda moment: going.view(moment.view), name="study", vital=True)
+        bus.subscribe(RunState, changed, name="study", vital=True)
         run_session(
             config,
             bus=bus,
-            observer=going.view,
+            controls=Controls(stop=going.over, haptics=going.feel, go=going.may_go),
             progress=going.preparing,
-            stop=going.over,
-            haptics=going.feel,
             settings=self._settings,
-            go=going.may_go,
-            on_state=changed,
         )
 
 
@@ -179,6 +183,7 @@ class SimulatedBench:
 
     where: Where = "simulated"
     sees_height = True
+    measures_height = False
     own_time = True
     rest_tasks: Sequence[RestTask] = ()
     measurable = False

@@ -7,11 +7,15 @@ from typing import TYPE_CHECKING
 from tega_study.beep_score import said_of_beeps
 from tega_study.journal import Journal, counting
 from tega_study.lead.trial import EXPERIMENTER, undo_last
-from tega_study.state import MAX_ATTEMPTS, REPEATABLE
+from tega_study.state import REPEATABLE
 
 if TYPE_CHECKING:
     from tega.runtime.clock import Clock
     from tega_study.lead.experimenter import Desk
+
+
+GIVE_UP = "k"
+"""Key that gives up a trial that was broken off, or that was to be done again."""
 
 
 class TrialBefore:
@@ -21,10 +25,14 @@ class TrialBefore:
         journal: The session's events.
         desk: What the experimenter sees and presses.
         clock: The session's.
+
+    Attributes:
+        following: Number and attempt of the trial that comes next; ``None`` after the last.
     """
 
     def __init__(self, journal: Journal, desk: Desk, clock: Clock) -> None:
         self._journal, self._desk, self._clock = journal, desk, clock
+        self.following: tuple[int, int] | None = None
 
     @property
     def which(self) -> tuple[int, int] | None:
@@ -38,8 +46,8 @@ class TrialBefore:
         Args:
             now_ns: The time now, which it is where that cannot be known.
         """
-        ends = (event.t_ns for event in reversed(self._journal.events) if event.kind == "trial_end")
-        ended_ns = next(ends, None)
+        ended = (event for event in reversed(self._journal.events) if event.kind == "trial_end")
+        ended_ns = next((event.t_ns for event in ended if event.status != "skipped"), None)
         if ended_ns is None:
             return None
         # After a restart of the machine its clock begins anew: nobody knows how long ago the end was.
@@ -50,6 +58,8 @@ class TrialBefore:
     def keys(self) -> list[tuple[str, str]]:
         """Keys that :meth:`take` knows now, and what they do."""
         keys = [("n", "note")]
+        if self._repeated is not None:
+            keys.append((GIVE_UP, f"give up trial {self._repeated[0]}"))
         if self.which is not None:
             keys = [
                 ("y", "it was a success"),
@@ -60,11 +70,18 @@ class TrialBefore:
             ]
         return keys
 
+    @property
+    def _repeated(self) -> tuple[int, int] | None:
+        """The trial that comes next, if that is a repetition."""
+        return None if self.following is None or self.following[1] == 1 else self.following
+
     def take(self, key: str) -> None:
         """Take in a correction, or a note."""
         if key == "n":
             self.note(self._desk.line("note:"), source=EXPERIMENTER)
             return
+        if key == GIVE_UP and self._repeated is not None:
+            self._give_up(*self._repeated)
         if self.which is None:
             return
         trial, attempt = self.which
@@ -83,14 +100,11 @@ class TrialBefore:
         """Have the trial done once more; the reason is kept, and the attempt that took place does not count."""
         events = counting(self._journal.events, trial, attempt)
         ended = next((event.status for event in events if event.kind == "trial_end"), None)
-        if (
-            ended not in REPEATABLE
-            or attempt >= MAX_ATTEMPTS
-            or any(event.kind == "redo" for event in events)
-        ):
-            self._desk.say(
-                f"trial {trial} cannot be done again: {'twice is the most' if attempt > 1 else ended}"
-            )
+        twice = any(
+            e.kind == "redo" for n in range(1, attempt + 1) for e in counting(self._journal.events, trial, n)
+        )
+        if ended not in REPEATABLE or twice:
+            self._desk.say(f"trial {trial} cannot be done again: {'twice is the most' if twice else ended}")
             return
         if why := self._desk.line(f"why trial {trial} is done again (empty: it is not):").strip():
             self._journal.add(
@@ -102,6 +116,21 @@ class TrialBefore:
                 text=why,
             )
             self._desk.say(f"trial {trial} comes again at the end of its block; this attempt does not count")
+
+    def _give_up(self, trial: int, attempt: int) -> None:
+        """Give up a trial that was broken off: it is not repeated, and has no data."""
+        if why := self._desk.line(f"why trial {trial} is given up (empty: it is not):").strip():
+            self._journal.add(
+                "trial_end",
+                t_ns=self._clock.now_ns(),
+                trial=trial,
+                attempt=attempt,
+                status="skipped",
+                success=False,
+                source=EXPERIMENTER,
+                text=why,
+            )
+            self._desk.say(f"trial {trial} is given up and has no data")
 
     def note(self, text: str, *, source: str = "auto") -> None:
         """Write a note; before the first trial it belongs to none."""
@@ -119,8 +148,9 @@ class TrialBefore:
         end = next((event for event in events if event.kind == "trial_end"), None)
         if end is None or end.status is None:
             return []
-        if end.status.startswith("aborted"):
-            return [f"trial {trial}: {end.status.replace('_', ' ')}, {end.text}"]
+        if end.status not in REPEATABLE:
+            how = "given up" if end.status == "skipped" else end.status.replace("_", " ")
+            return [f"trial {trial}: {how}, {end.text}"]
         success = bool(end.success)
         for event in events:
             if event.kind == "override" and event.success is not None:

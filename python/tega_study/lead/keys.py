@@ -5,9 +5,10 @@ from __future__ import annotations
 END = "e"
 
 
-def keys_of(*, sees_height: bool) -> list[tuple[str, str]]:
+def keys_of(*, sees_height: bool, measures_height: bool = False) -> list[tuple[str, str]]:
     """Return the keys of a running trial and what they do."""
-    mark = [] if sees_height else [("space", "left the table, then at the mark")]
+    words = ("correct: " if measures_height else "") + "left the table, then at the mark"
+    mark = [] if sees_height else [("space", words)]
     return [
         *mark,
         ("s", "slip"),

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 _PRESSED: Final = ((ENTER, " "), (END,), ("s",), ("d",), ("r",))
 """What each pedal presses: go on and mark the height, end the trial, slip, deformation, do it again."""
-_BETWEEN: Final = frozenset("yfurnq ")
+_BETWEEN: Final = frozenset("yfurnqk ")
 
 
 def pedal_keys(pedals: str, tasks: Iterable[RestTask]) -> dict[str, tuple[str, ...]]:

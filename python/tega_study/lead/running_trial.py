@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 
 from tega.hand.tips import tip_heights_mm
-from tega.haptics import FINGERS
+from tega.stages.events.settings import SETTINGS
 from tega_study.coupling import TouchCourse
 from tega_study.hand_rows import HandRow
+from tega_study.lead.arm_lift import ARM, ArmLift
 from tega_study.touch_rows import TouchRow
 
 if TYPE_CHECKING:
@@ -32,11 +33,13 @@ class TrialSeen(NamedTuple):
         kind: ``height``, ``drop``, ``slip``, ``deformation`` or ``mark`` (a pedal).
         t_s: Since the trial's start, seconds.
         value: Of a height, metres.
+        source: ``auto`` if the bench knows it, ``arm`` if it was measured by arm and fingertips.
     """
 
     kind: SeenKind
     t_s: float
     value: float = 0.0
+    source: str = "auto"
 
 
 class Going:
@@ -47,6 +50,7 @@ class Going:
         feel: Whether the vest shows touch in this trial.
         own_time: Whether time is the bench's own (simulated), not the clock's.
         closure: Reads how closed the hand is off its joints; ``None`` where they are not measured.
+        measure_lift: Whether to measure lift and drop by arm and fingertips.
 
     Attributes:
         state: Of the bench: what it prepares, then ``armed``, then ``active``.
@@ -57,9 +61,16 @@ class Going:
     """
 
     def __init__(
-        self, clock: Clock, *, feel: bool, own_time: bool = False, closure: ClosureScale | None = None
+        self,
+        clock: Clock,
+        *,
+        feel: bool,
+        own_time: bool = False,
+        closure: ClosureScale | None = None,
+        measure_lift: bool = False,
     ) -> None:
         self._clock = clock
+        self._lift = ArmLift() if measure_lift else None
         self._closure = closure
         self._hand: list[HandRow] = []
         self._feel = feel
@@ -115,7 +126,8 @@ class Going:
         self._newest_ns = view.t_ns
         if self._presses > pressed:
             self._seen.append(TrialSeen("mark", t_s))
-        for finger, (at_ns, contact) in view.contacts.items():
+        for finger, contact in view.contacts.items():
+            at_ns = contact.t_ns
             if self._newest_touch.get(finger) != at_ns >= self._view_zero_ns:
                 self._newest_touch[finger] = at_ns
                 self._touch.append(
@@ -129,16 +141,27 @@ class Going:
                         *contact.centroid_xy,
                     )
                 )
-        self._hand.append(self._hand_row(t_s, view))
-        if view.block is not None:
-            touching = [
-                felt
-                for felt, finger in zip(view.felt, FINGERS, strict=True)
-                if finger in view.contacts and view.contacts[finger][1].in_contact
-            ]
-            cci = sum(felt.cci_norm for felt in touching) / max(len(touching), 1)
-            eda = sum(felt.eda_norm for felt in touching) / max(len(touching), 1)
-            self._rows.append((t_s, cci, eda, view.block[2] - 1.0))
+        row = self._hand_row(t_s, view)
+        self._hand.append(row)
+        fresh_ns = view.t_ns - round(SETTINGS.stale_s * 1e9)
+        now = [contact.in_contact for contact in view.contacts.values() if contact.t_ns >= fresh_ns]
+        self._measure(row, touching=any(now) if now else None)
+        if view.intent is not None:
+            touching = [contact for contact in view.felt.values() if contact.in_contact]
+            cci = sum(contact.cci_norm for contact in touching) / max(len(touching), 1)
+            eda = sum(contact.eda_norm for contact in touching) / max(len(touching), 1)
+            self._rows.append((t_s, cci, eda, view.intent.level - 1.0))
+
+    def _measure(self, row: HandRow, *, touching: bool | None) -> None:
+        """Measure height and drop, if the arm's height is known now."""
+        if self._lift is None or row.height_m is None:
+            return
+        height_m, dropped_s = self._lift.look(
+            row.t_s, row.height_m, touching=touching, level=row.level, closure=row.closure
+        )
+        self._seen.append(TrialSeen("height", row.t_s, height_m, ARM))
+        if dropped_s is not None:
+            self._seen.append(TrialSeen("drop", dropped_s, source=ARM))
 
     def _hand_row(self, t_s: float, view: LoopView) -> HandRow:
         closure = tips_mm = None
@@ -146,7 +169,7 @@ class Going:
             angles_rad = np.asarray(view.angles_rad)
             if np.isfinite(angles_rad).all():  # a hand that has told none yet has NaN
                 closure, tips_mm = self._closure(angles_rad), tip_heights_mm(angles_rad)
-        level = None if view.block is None else view.block[2]
+        level = None if view.intent is None else view.intent.level
         return HandRow(t_s, level, closure, view.arm_height_m, tips_mm)
 
     def see(self, kind: SeenKind, t_ns: int, value: float = 0.0) -> None:

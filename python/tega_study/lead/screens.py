@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from tega_study.beep_score import said_of_beeps
 from tega_study.lead.experimenter import Screen
 from tega_study.lead.keys import keys_of
 
 if TYPE_CHECKING:
+    from tega_study.journal import JournalEvent
+    from tega_study.lead.benches import TrialBench
     from tega_study.lead.rest_tasks import RunningTask
     from tega_study.lead.trial import LedTrial
 
@@ -45,14 +48,14 @@ def doing(heading: str, running: RunningTask) -> Screen:
     return Screen("task", heading, running.prompt + left, [running.task.words], [("a", "end it")])
 
 
-def running(heading: str, led: LedTrial, window_s: float, *, sees_height: bool) -> Screen:
+def running(heading: str, led: LedTrial, window_s: float, *, bench: TrialBench) -> Screen:
     """Return the screen of a trial from the moment its devices start.
 
     Args:
         heading: Where in the session this is.
         led: The trial.
         window_s: Time in which the object has to be lifted, seconds.
-        sees_height: Whether the bench knows the object's height.
+        bench: What it runs on.
     """
     going = led.going
     big = {
@@ -62,19 +65,30 @@ def running(heading: str, led: LedTrial, window_s: float, *, sees_height: bool) 
     lines = [] if led.phase != "trial" else [_about(led)]
     if going.state == "hold":
         lines.append(f"hold: {going.reason}")
-    keys = keys_of(sees_height=sees_height) if led.phase == "trial" else [("a", "break off")]
+    keys = [("a", "break off")]
+    if led.phase == "trial":
+        keys = keys_of(sees_height=bench.sees_height, measures_height=bench.measures_height)
     if led.phase == "trial" and led.beeps is not None:
         keys.append((led.beeps.key, "participant heard a beep"))
     return Screen(led.phase, heading, big, lines, keys, going.alerts)
 
 
+def ended(led: LedTrial, end: JournalEvent) -> list[str]:
+    """Return what is said once a trial has ended."""
+    status = "" if end.status == "done" else f" ({end.status})"
+    said = [f"trial {led.trial.trial}: {end.text}{status}{said_of_beeps(led.events(), end.t_ns)}"]
+    if led.lift_off_s is None and any(event.kind == "slip" for event in led.events()):
+        said.append("No lift-off was marked, so the slips of this trial count as before lift-off.")
+    return said
+
+
 def _about(led: LedTrial) -> str:
     rule = led.rule
-    if rule.held_s is not None:
+    if rule.lifted:
         how = "lifted and held"
     elif rule.since_s is not None:
         how = "at the mark"
-    elif rule.lift_off_s is not None:
+    elif led.lift_off_s is not None:
         how = "off the table"
     else:
         how = "on the table"

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 from tega.errors import DeviceUnavailableError
 from tega.runtime.clock import Clock, SystemClock
-from tega_study.beep_score import said_of_beeps
 from tega_study.journal import Journal
 from tega_study.lead.asking import BlockQuestions
 from tega_study.lead.beeps import Beeps, check_answer_key
@@ -19,7 +18,7 @@ from tega_study.lead.fatigue import said_of_muscles, said_of_squeezes
 from tega_study.lead.pedals import pedal_keys
 from tega_study.lead.questions import blocks_to_ask
 from tega_study.lead.rest_tasks import RestTask, RunningTask
-from tega_study.lead.screens import doing, running, waiting
+from tega_study.lead.screens import doing, ended, running, waiting
 from tega_study.lead.session_progress import Telling
 from tega_study.lead.status_file import SessionBoard, board_path
 from tega_study.lead.tell import CommandFile, told_path
@@ -40,6 +39,8 @@ INSTRUCTION = (
 """Read to the participant, the same in every condition; kept with the session's events."""
 
 _POLL_S = 0.02
+_BROKEN_ALONE = 3
+"""Attempts after which a trial that breaks off again stops a session without an experimenter."""
 
 
 def lead_session(
@@ -144,8 +145,7 @@ class _Lead:
         self._folder, self._plan, self._participant = folder, plan, participant
         self._mine = plan.of(participant)
         self._journal, self._bench, self._desk, self._clock = journal, bench, desk, clock
-        self._task, self._scale, self._pedals = task, time_scale, pedals
-        self._answer_key = answer_key
+        self._task, self._scale, self._pedals, self._answer_key = task, time_scale, pedals, answer_key
         self._auto, self._stop, self._masking = auto, stop, masking
         self._before = TrialBefore(journal, desk, clock)
         self._telling = Telling(desk, board_path(folder, participant))
@@ -181,6 +181,8 @@ class _Lead:
             n_done += self._trial(trial, attempt)
             self._check_masking(f" in trial {trial.trial}")
         state = self._state
+        if said := state.said():
+            self._desk.say(said)
         if state.next is None:
             self._desk.say("All trials are over. Thank the participant; take off vest and electrodes.")
         return state
@@ -221,6 +223,7 @@ class _Lead:
         quitting = False
         tasks = {} if trial is None else {task.key: task for task in self._bench.rest_tasks}
         offered = [(key, task.words) for key, task in tasks.items()]
+        self._before.following = None if trial is None else (trial.trial, attempt)
         if ended_ns is not None:
             self._by_itself(list(tasks.values()), heading)
         while True:
@@ -297,6 +300,7 @@ class _Lead:
             clock=self._clock,
             task=self._task,
             window_s=window_s,
+            stable=self._plan.settings.stable,
             time_scale=self._scale,
             beeps=self._beeps(trial, attempt),
         )
@@ -305,7 +309,7 @@ class _Lead:
             going = led.going
             until_ns = None if going.started_ns is None else going.started_ns + round(window_s * 1e9)
             self._telling.show(
-                running(heading, led, window_s, sees_height=self._bench.sees_height),
+                running(heading, led, window_s, bench=self._bench),
                 self._as_board(
                     led.phase,
                     trial,
@@ -318,19 +322,18 @@ class _Lead:
             )
             time.sleep(_POLL_S)
         self._led = None
+        if led.broke and self._auto:
+            raise DeviceUnavailableError(f"trial {trial.trial} cannot begin: {led.broke}")
         if led.broke:
-            if self._auto:
-                raise DeviceUnavailableError(f"trial {trial.trial} cannot begin: {led.broke}")
             self._desk.say(f"The trial did not begin: {led.broke}")
             return False
         end = next(e for e in reversed(self._journal.events) if e.kind == "trial_end")
-        self._desk.say(
-            f"trial {trial.trial}: {end.text}"
-            + ("" if end.status == "done" else f" ({end.status})")
-            + said_of_beeps(led.events(), end.t_ns)
-        )
-        if led.rule.lift_off_s is None and any(e.kind == "slip" for e in led.events()):
-            self._desk.say("No lift-off was marked, so the slips of this trial count as before lift-off.")
+        for said in ended(led, end):
+            self._desk.say(said)
+        if self._auto and end.status == "aborted_technical" and attempt >= _BROKEN_ALONE:
+            raise DeviceUnavailableError(
+                f"trial {trial.trial} broke off {attempt} times: {end.text}", "the same command goes on"
+            )
         return True
 
     def _beeps(self, trial: PlannedTrial, attempt: int) -> Beeps | None:

@@ -15,9 +15,9 @@ import msgspec
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.runtime.files.foreign_file import check_file, parse_json
 from tega.runtime.files.whole_file import open_to_append
+from tega_study.journal import events_path
 from tega_study.lead.experimenter import ENTER
 from tega_study.lead.status_file import SessionBoard, board_path, read_board
-from tega_study.state import events_path
 
 if TYPE_CHECKING:
     from tega.runtime.clock import Clock

@@ -9,12 +9,13 @@ import msgspec
 
 from tega.errors import TegaError
 from tega.runtime.files.whole_file import write_whole
+from tega.stages.events.outcomes import LIFT_M, OFF_TABLE_M, LiftRule, StableReading, success
 from tega_study.coupling import TouchCourse, write_course
 from tega_study.hand_rows import write_hand
 from tega_study.journal import Journal, JournalEvent, Kind, Status, counting
+from tega_study.lead.arm_lift import ARM
 from tega_study.lead.fatigue import trial_medians
 from tega_study.lead.keys import END
-from tega_study.lead.lift_rule import LIFT_M, OFF_TABLE_M, LiftRule
 from tega_study.lead.running_trial import Going, in_thread
 from tega_study.touch_rows import touch_path, write_touch
 from tega_study.trials import course_path
@@ -67,6 +68,7 @@ class LedTrial:
         clock: The session's.
         task: ``lift`` is over when the object has been held up; ``place`` when it has been put down as well.
         window_s: Time in which it has to be lifted, seconds.
+        stable: Reading of "stably raised" (:data:`tega.stages.events.outcomes.StableReading`).
         time_scale: Of the countdown.
         beeps: The second task; ``None`` where there is none.
 
@@ -88,6 +90,7 @@ class LedTrial:
         clock: Clock,
         task: Task,
         window_s: float,
+        stable: StableReading = "begun",
         time_scale: float = 1.0,
         beeps: Beeps | None = None,
     ) -> None:
@@ -97,14 +100,29 @@ class LedTrial:
         self._countdown_ns = round(COUNTDOWN_S * time_scale * 1e9)
         self.beeps = beeps
         self._since_ns: int | None = None
-        self.rule = LiftRule(window_s=window_s)
+        self._observed, self._keyed = (LiftRule(window_s=window_s, stable=stable) for _ in range(2))
+        self._keyed_height = not (bench.sees_height or bench.measures_height)
         self.going = Going(
-            clock, feel=bench.felt(trial.condition), own_time=bench.own_time, closure=bench.closure
+            clock,
+            feel=bench.felt(trial.condition),
+            own_time=bench.own_time,
+            closure=bench.closure,
+            measure_lift=bench.measures_height,
         )
         self.phase, self.left_s, self.broke = "preparing", 0.0, ""
-        self._kept: set[Kind] = set()
+        self._kept: set[tuple[Kind, str]] = set()
         where = recording_folder(folder, trial, attempt)
         self._thread, self._raised = in_thread(lambda: bench.run(trial, self.going, where))
+
+    @property
+    def rule(self) -> LiftRule:
+        """The rule that counts: of the keys if the height was keyed, else of what was observed."""
+        return self._keyed if self._keyed_height else self._observed
+
+    @property
+    def lift_off_s(self) -> float | None:
+        """When the object left the table, as keyed, else as observed; ``None`` before."""
+        return self._observed.lift_off_s if self._keyed.lift_off_s is None else self._keyed.lift_off_s
 
     def step(self, keys: list[str]) -> bool:
         """Take in keys and what the bench saw; write what follows from it into the journal.
@@ -121,8 +139,7 @@ class LedTrial:
         end = self._press(keys)
         seen_end = self._look()
         t_s = going.elapsed_s()
-        if not self._bench.sees_height:
-            self.rule.look(t_s)
+        self._keyed.look(t_s)
         if self.beeps is not None:
             self.beeps.look(t_s, self._note_beep)
         self._note_lift()
@@ -211,18 +228,20 @@ class LedTrial:
         """Take in a press of space or pedal: off the table, at the height, below it again, and so on."""
         if self._bench.sees_height:
             return
-        up = self.rule.lift_off_s is not None and self.rule.since_s is None
-        self.rule.height(t_s, LIFT_M if up else OFF_TABLE_M)
+        up = self._keyed.lift_off_s is not None and self._keyed.since_s is None
+        self._keyed_height = self._keyed_height or up
+        self._keyed.height(t_s, LIFT_M if up else OFF_TABLE_M)
 
     def _look(self) -> _TrialEnd | None:
         for seen in self.going.seen():
             if seen.kind == "height":
-                self.rule.height(seen.t_s, seen.value)
+                self._observed.height(seen.t_s, seen.value)
             elif seen.kind == "mark":
                 self._mark(seen.t_s)
             elif seen.kind == "drop":
-                self._add("drop", seen.t_s, "auto")
-                return _TrialEnd(seen.t_s, "failed_task", "dropped")
+                self._add("drop", seen.t_s, seen.source)
+                measured = ", measured by arm and fingertips" if seen.source == ARM else ""
+                return _TrialEnd(seen.t_s, "failed_task", f"dropped{measured}")
             elif seen.kind in {"slip", "deformation"}:
                 self._add(seen.kind, seen.t_s, "auto")
         return None
@@ -233,16 +252,17 @@ class LedTrial:
         self._journal.add("beep", t_ns=at_ns, trial=self.trial.trial, attempt=self.attempt, source="auto")
 
     def _note_lift(self) -> None:
-        who = "auto" if self._bench.sees_height else EXPERIMENTER
-        held = self.rule.held_s
-        found: tuple[tuple[Kind, float | None], ...] = (
-            ("lift_off", self.rule.lift_off_s),
-            ("lifted", None if held is None else held[1]),
-        )
-        for kind, t_s in found:
-            if t_s is not None and kind not in self._kept:
-                self._kept.add(kind)
-                self._add(kind, t_s, who)
+        """Keep lift-off and stable height, as observed and as keyed."""
+        observed = ARM if self._bench.measures_height else "auto"
+        for rule, source in ((self._observed, observed), (self._keyed, EXPERIMENTER)):
+            found: tuple[tuple[Kind, float | None], ...] = (
+                ("lift_off", rule.lift_off_s),
+                ("lifted", rule.held_s[1] if rule.held_s is not None and rule.lifted else None),
+            )
+            for kind, t_s in found:
+                if t_s is not None and (kind, source) not in self._kept:
+                    self._kept.add((kind, source))
+                    self._add(kind, t_s, source)
 
     def _ended(self, t_s: float, *, gone: bool) -> _TrialEnd | None:
         verdict = self.rule.verdict(t_s)
@@ -283,10 +303,9 @@ class LedTrial:
         write_hand(where.with_name("hand.csv"), rows)
         if self._raised and end.status in {"done", "failed_task"}:
             end = end._replace(status="aborted_technical", why=_told(self._raised[0]))
-        dropped = any(event.kind == "drop" for event in self.events())
-        success = self.rule.held_s is not None and not dropped
+        lifted = success(self.rule, (event.kind for event in self.events()))
         status = end.status
-        if status == "done" and not success:
+        if status == "done" and not lifted:
             status = "failed_task"
         self._journal.add(
             "trial_end",
@@ -294,7 +313,7 @@ class LedTrial:
             trial=self.trial.trial,
             attempt=self.attempt,
             status=status,
-            success=success,
+            success=lifted,
             source="auto",
             text=end.why,
         )
@@ -326,11 +345,12 @@ class LedTrial:
 
 
 def undo_last(journal: Journal, trial: int, attempt: int, *, t_ns: int) -> JournalEvent | None:
-    """Undo what the experimenter last added to an attempt; ``None`` where there is nothing."""
+    """Undo what the experimenter last added to an attempt, or a measured drop; ``None`` where there is nothing."""
     mine = [
         event
         for event in counting(journal.events, trial, attempt)
-        if event.source == EXPERIMENTER and event.kind in _OWN
+        if (event.source == EXPERIMENTER and event.kind in _OWN)
+        or (event.source == ARM and event.kind == "drop")
     ]
     if not mine:
         return None

@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import NamedTuple, Self
 
 from tega.errors import InvalidValueError, RecordingError
-from tega_study.journal import Journal, JournalEvent, Kind, counting, read_events
+from tega_study.journal import Journal, JournalEvent, Kind, counting, events_path, read_events
 from tega_study.lead.status_file import SessionBoard, board_path, read_board
 from tega_study.observers import PART, RECORDED, WHOLE, observer_path
 from tega_study.plan import PlannedTrial, read_plan
-from tega_study.state import events_path
 
 OBSERVED: tuple[Kind, ...] = ("lift_off", "slip", "deformation", "drop")
 """What a rater can see happen."""
@@ -72,7 +71,7 @@ class Observing:
     """
 
     def __init__(self, folder: Path, participant: str, rater: str, *, t_ns: int) -> None:
-        from tega_study.privacy import withdrawn_ids
+        from tega_study.withdrawn import withdrawn_ids
 
         self.rater = checked_rater(rater)
         plan = read_plan(folder)

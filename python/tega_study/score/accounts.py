@@ -7,18 +7,25 @@ from itertools import combinations
 from pathlib import Path
 from typing import NamedTuple
 
-from tega_study.detecting import DETECTOR, read_detected
-from tega_study.journal import JournalEvent, Kind, counting, read_events
+import msgspec
+
+from tega_study.detecting import DETECTOR, NOT_OBSERVABLE, read_detected
+from tega_study.journal import JournalEvent, Kind, counting, events_path, read_events
+from tega_study.lead.arm_lift import ARM
 from tega_study.measured import CAMERA, read_measured
 from tega_study.observers import read_observers, saw_whole, was_shown_proposals
 from tega_study.plan import read_plan
-from tega_study.privacy import withdrawn_ids
 from tega_study.score.agree import Agreement, agreement
 from tega_study.score.boris import attempts
-from tega_study.state import events_path
+from tega_study.withdrawn import withdrawn_ids
 
 TRUTH, EXPERIMENTER = "truth", "experimenter"
-_PLACES = {TRUTH: 0, EXPERIMENTER: 2, CAMERA: 3, DETECTOR: 4}
+_PLACES = {TRUTH: 0, EXPERIMENTER: 2, CAMERA: 3, ARM: 4, DETECTOR: 5}
+_NEVER: dict[str, frozenset[Kind]] = {
+    DETECTOR: frozenset({"deformation", "drop"}),
+    ARM: frozenset({"slip", "deformation"}),
+}
+"""Kinds of events that an account does not look for."""
 KINDS: tuple[Kind, ...] = ("lift_off", "slip", "deformation", "drop", "placed")
 TOLERANCE_S = 1.0
 """For a live rater: seeing, deciding and pressing take 0.25 to 0.6 s, more for what is rare."""
@@ -30,12 +37,15 @@ class Scored(NamedTuple):
     Attributes:
         key: Person, trial, attempt.
         length_s: From its start to its end, seconds.
-        times_s: Times of its events by kind, rising, seconds from its start; none before the start or after the end.
+        times_s: Times of its events by kind or by the name in the plan, rising, seconds from its start; none before the
+            start or after the end.
+        unobservable: Kinds that the account cannot have in this trial.
     """
 
     key: tuple[str, int, int]
     length_s: float
-    times_s: dict[Kind, list[float]]
+    times_s: dict[str, list[float]]
+    unobservable: frozenset[str] = frozenset()
 
 
 def scored_trials(folder: Path) -> dict[str, list[Scored]]:
@@ -72,24 +82,33 @@ def scored_trials(folder: Path) -> dict[str, list[Scored]]:
             for rater, events in raters.items():
                 if saw_whole(events, start.trial, start.attempt):
                     said[rater] = counting(events, start.trial, start.attempt)
+            if arm := [event for event in own if event.source == ARM]:
+                said[ARM] = arm
             if pressed:
                 said[EXPERIMENTER] = [event for event in own if event.source == EXPERIMENTER]
             for name, seen in said.items():
                 key = person, start.trial, start.attempt
-                accounts.setdefault(name, []).append(_scored(key, start, end, seen))
+                kinds = (*KINDS, *plan.settings.behaviours)
+                accounts.setdefault(name, []).append(_scored(key, start, end, seen, kinds))
     return accounts
 
 
 def _scored(
-    key: tuple[str, int, int], start: JournalEvent, end: JournalEvent, events: Sequence[JournalEvent]
+    key: tuple[str, int, int],
+    start: JournalEvent,
+    end: JournalEvent,
+    events: Sequence[JournalEvent],
+    kinds: Sequence[str],
 ) -> Scored:
     length_s = (end.t_ns - start.t_ns) / 1e9
-    times: dict[Kind, list[float]] = {kind: [] for kind in KINDS}
+    times: dict[str, list[float]] = {kind: [] for kind in kinds}
     for event in events:
-        if event.kind in times:
+        kind = event.item if event.kind == "behaviour" else event.kind
+        if kind in times:
             # A late press belongs to the trial, and within it.
-            times[event.kind].append(min(max((event.t_ns - start.t_ns) / 1e9, 0.0), length_s))
-    return Scored(key, length_s, {kind: sorted(found) for kind, found in times.items()})
+            times[kind].append(min(max((event.t_ns - start.t_ns) / 1e9, 0.0), length_s))
+    blind = frozenset(event.item for event in events if event.text == NOT_OBSERVABLE)
+    return Scored(key, length_s, {kind: sorted(found) for kind, found in times.items()}, blind)
 
 
 def _shown_proposals(folder: Path) -> set[str]:
@@ -117,7 +136,7 @@ def agreements(folder: Path, *, tolerance_s: float = TOLERANCE_S) -> list[Agreem
         RecordingError: The study is damaged.
     """
     accounts = scored_trials(folder)
-    shown = _shown_proposals(folder)
+    shown, own = _shown_proposals(folder), read_plan(folder).settings.behaviours
     names = sorted(accounts, key=lambda name: (_PLACES.get(name, 1), name))
     found = []
     for a, b in combinations(names, 2):
@@ -126,14 +145,32 @@ def agreements(folder: Path, *, tolerance_s: float = TOLERANCE_S) -> list[Agreem
         first = {one.key: one for one in accounts[a]}
         second = {one.key: one for one in accounts[b]}
         both = [key for key in first if key in second]
-        for kind in KINDS:
-            if kind == "drop" and DETECTOR in {a, b}:
-                continue  # it does not look for drops
+        for kind in (*KINDS, *own):
+            if kind in own and not {a, b}.isdisjoint(_PLACES):
+                continue  # only raters look for the behaviours that the plan names
+            if any(kind in _NEVER.get(name, ()) for name in (a, b)):
+                continue
             if kind == "placed" and {name.partition("+")[0] for name in (a, b)} != {CAMERA}:
                 continue  # who does not go by the camera does not look for it
-            times_a = [first[key].times_s[kind] for key in both]
-            times_b = [second[key].times_s[kind] for key in both]
-            if any(times_a) or any(times_b):
-                lengths_s = [first[key].length_s for key in both]
-                found.append(agreement(kind, (a, b), times_a, times_b, lengths_s, tolerance_s=tolerance_s))
+            able = [key for key in both if kind not in first[key].unobservable | second[key].unobservable]
+            times_a = [first[key].times_s[kind] for key in able]
+            times_b = [second[key].times_s[kind] for key in able]
+            blind = (
+                bool(both)
+                and not able
+                and any(second[key].times_s[kind] or first[key].times_s[kind] for key in both)
+            )
+            if any(times_a) or any(times_b) or blind:
+                lengths_s = [first[key].length_s for key in able]
+                one = agreement(kind, (a, b), times_a, times_b, lengths_s, tolerance_s=tolerance_s)
+                note = f"{DETECTOR}: {NOT_OBSERVABLE}" if blind else _why_empty(one)
+                found.append(msgspec.structs.replace(one, note=note))
     return found
+
+
+def _why_empty(one: Agreement) -> str:
+    """Return why two accounts have no event in common; ``""`` if they have."""
+    if one.matched:
+        return ""
+    without = [name for name, n in ((one.a, one.n_a), (one.b, one.n_b)) if not n]
+    return f"no event of {without[0]}" if without else f"none within {one.tolerance_s:g} s of the other's"

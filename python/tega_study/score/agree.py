@@ -13,7 +13,7 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from tega_study.packages import scipy_stats, statsmodels
+from tega.runtime.scientific import scipy_stats, statsmodels
 
 _EPS = 1e-9
 _TURNS = 60
@@ -47,6 +47,7 @@ class Agreement(msgspec.Struct, frozen=True, kw_only=True):
         icc: ICC(A,1) of the counts by trial.
         icc_low: Of its 95 % interval.
         icc_high: Likewise.
+        note: Why no event is matched, if none is.
     """
 
     kind: str
@@ -65,6 +66,7 @@ class Agreement(msgspec.Struct, frozen=True, kw_only=True):
     icc: float | None
     icc_low: float | None
     icc_high: float | None
+    note: str = ""
 
 
 def match_events(a: Sequence[float], b: Sequence[float], *, tolerance_s: float) -> list[tuple[int, int]]:
@@ -130,10 +132,10 @@ def icc(counts: Sequence[Sequence[float]]) -> Icc:
         counts: One row a trial, one column a rater.
     """
     table = np.asarray(counts, dtype=np.float64)
-    n, k = table.shape
     nothing = Icc(math.nan, math.nan, math.nan)
-    if n < 2 or k < 2:
+    if len(table) < 2 or table.shape[1] < 2:
         return nothing
+    n, k = table.shape
     mean = table.mean()
     msr = k * float(((table.mean(axis=1) - mean) ** 2).sum()) / (n - 1)
     msc = n * float(((table.mean(axis=0) - mean) ** 2).sum()) / (k - 1)

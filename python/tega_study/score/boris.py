@@ -1,32 +1,24 @@
-"""Export trials to BORIS and import events coded there: an observation for each trial and rater.
+"""Export trials to BORIS and ELAN, and import events coded there: an observation for each trial and rater.
 
-Format "7.0", as its source has it. The condition is left out: who codes must not know it. Columns of a tabular export
-are found by their names, since they differ between versions.
+The condition is left out: a rater must not know it.
 """
 
 from __future__ import annotations
 
-import csv
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from tega.errors import InvalidValueError, RecordingError
-from tega.runtime.files.foreign_file import read_words
+from tega.runtime.files.annotations import CodedEvent, check_times, known_code
+from tega.runtime.files.boris import BorisBehaviour, boris_observation, boris_project, read_boris
+from tega.runtime.files.eaf import read_eaf, write_eaf
 from tega_study.detecting import DETECTOR, read_detected
-from tega_study.journal import Journal, JournalEvent, Kind, counting, read_events
+from tega_study.journal import Journal, JournalEvent, Kind, counting, events_path, read_events
 from tega_study.observers import PART, WHOLE, observer_path, read_observers
-from tega_study.plan import read_plan
+from tega_study.plan import StudyPlan, read_plan
 from tega_study.privacy import note_elsewhere
-from tega_study.score.boris_file import (
-    BorisBehaviour,
-    CodedEvent,
-    boris_observation,
-    boris_project,
-    read_boris,
-)
-from tega_study.state import events_path
 
 CODES: dict[str, tuple[Kind, str]] = {
     "slip": ("slip", "s"),
@@ -53,74 +45,138 @@ def export_boris(folder: Path, path: Path) -> int:
     """
     if path.exists():
         raise InvalidValueError(f"{path}: is there already", "name a new file")
-    plan = read_plan(folder)
-    observations: dict[str, Any] = {}
-    for person in plan.participants:
-        main = read_events(events_path(folder, person))
-        accounts = read_observers(folder, person) or {"": []}
-        if detected := read_detected(folder, person):
-            accounts[DETECTOR] = detected
-        mine = {trial.trial: trial for trial in plan.of(person)}
-        for start, end in attempts(main):
-            trial = mine[start.trial]
-            stem = f"{person}_t{trial.trial:02d}_a{start.attempt}"
-            for rater, events in accounts.items():
-                found = [
-                    CodedEvent((e.t_ns - start.t_ns) / 1e9, "", e.kind)
-                    for e in counting(events, trial.trial, start.attempt)
-                    if e.kind in CODES
-                ]
-                observations[f"{stem}_{rater}" if rater else stem] = boris_observation(
-                    found,
-                    length_s=(end.t_ns - start.t_ns) / 1e9,
-                    variables={"participant": person, "trial": str(trial.trial), "object": trial.object},
-                )
+    accounts = list(_accounts(folder, read_plan(folder)))
+    states = _states([one.events for one in accounts])
+    behaviours = _behaviours(read_plan(folder))
     project = boris_project(
         name=folder.name,
         description="trials of a study; times count from each trial's start",
-        behaviours=[BorisBehaviour(code, key) for code, (_kind, key) in CODES.items()],
+        behaviours=[BorisBehaviour(c, key, is_state=c in states) for c, key in behaviours.items()],
         variables=("participant", "trial", "object"),
-        observations=observations,
+        observations={
+            one.name: boris_observation(
+                one.events, length_s=one.length_s, variables=one.variables, states=states
+            )
+            for one in accounts
+        },
     )
     path.write_bytes(project)
-    for person in dict.fromkeys(name.partition("_")[0] for name in observations):
+    for person in dict.fromkeys(one.variables["participant"] for one in accounts):
         note_elsewhere(folder, person, path)
-    return len(observations)
+    return len(accounts)
 
 
-def import_boris(folder: Path, path: Path, rater: str) -> dict[str, int]:
-    """Take in events coded in BORIS as those of a new rater.
+def export_elan(folder: Path, out: Path) -> int:
+    """Write an ELAN file for each trial, ``p01_t07_a1.eaf``, with a tier for each rater and behaviour.
 
     Args:
         folder: The study's folder.
-        path: A project (``.boris``), or a tabular export as TSV or CSV. Observations are named as
-            :func:`export_boris` names them. Of several of a trial the one that ends in the rater's code is taken,
-            else the one that ends in none, and the detector's only where there is no other.
+        out: A new or empty folder.
+
+    Returns:
+        How many files.
+
+    Raises:
+        InvalidValueError: The folder holds something already.
+    """
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise InvalidValueError(f"{out}: is there already", "name a new folder")
+    out.mkdir(parents=True, exist_ok=True)
+    plan = read_plan(folder)
+    trials: dict[str, dict[str, list[CodedEvent]]] = {}
+    for one in _accounts(folder, plan):
+        trials.setdefault(one.stem, {})[one.rater] = one.events
+        note_elsewhere(folder, one.variables["participant"], out)
+    for stem, raters in trials.items():
+        write_eaf(out / f"{stem}.eaf", raters, codes=list(_behaviours(plan)))
+    return len(trials)
+
+
+class _Account(NamedTuple):
+    """Events of a trial as one rater coded them; those of nobody yet have no rater."""
+
+    stem: str
+    rater: str
+    events: list[CodedEvent]
+    length_s: float
+    variables: dict[str, str]
+
+    @property
+    def name(self) -> str:
+        """Name of the observation."""
+        return f"{self.stem}_{self.rater}" if self.rater else self.stem
+
+
+def _accounts(folder: Path, plan: StudyPlan) -> Iterator[_Account]:
+    """Return the accounts of every trial that was run."""
+    for person in plan.participants:
+        raters = read_observers(folder, person) or {"": []}
+        if detected := read_detected(folder, person):
+            raters[DETECTOR] = detected
+        mine = {trial.trial: trial for trial in plan.of(person)}
+        for start, end in attempts(read_events(events_path(folder, person))):
+            trial = mine[start.trial]
+            variables = {"participant": person, "trial": str(trial.trial), "object": trial.object}
+            for rater, events in raters.items():
+                found = [
+                    CodedEvent(
+                        (e.t_ns - start.t_ns) / 1e9, "", _code(e), e.modifiers, e.text, e.duration_s or 0.0
+                    )
+                    for e in counting(events, trial.trial, start.attempt)
+                    if _code(e)
+                ]
+                length_s = (end.t_ns - start.t_ns) / 1e9
+                yield _Account(
+                    f"{person}_t{trial.trial:02d}_a{start.attempt}", rater, found, length_s, variables
+                )
+
+
+def _code(event: JournalEvent) -> str:
+    """Return the behaviour that an event is; ``""`` for another kind of event."""
+    return event.item if event.kind == "behaviour" else event.kind if event.kind in CODES else ""
+
+
+def _states(accounts: Sequence[Sequence[CodedEvent]]) -> list[str]:
+    """Return the behaviours of which an account has a state."""
+    return sorted({event.code for events in accounts for event in events if event.duration_s})
+
+
+def _behaviours(plan: StudyPlan) -> dict[str, str]:
+    """Return the behaviours of a study, each with its key."""
+    keys = {code: key for code, (_kind, key) in CODES.items()}
+    free = [key for key in "123456789abcefghijkmnopqrtuvwyz" if key not in keys.values()]
+    return keys | dict(zip(plan.settings.behaviours, free, strict=False))
+
+
+def import_boris(folder: Path, path: Path, rater: str) -> dict[str, int]:
+    """Take in events coded in BORIS or ELAN as those of a new rater.
+
+    Args:
+        folder: The study's folder.
+        path: A BORIS project (``.boris``, ``.boris.gz``), a tabular or aggregated export as TSV or CSV, or an ELAN file
+            (``.eaf``) or a folder of them, named by their trials. Observations are named as :func:`export_boris` names
+            them. Of several of a trial the one that ends in the rater's code is taken, else the one that ends in none,
+            and the detector's only where there is no other.
         rater: A code that nobody has used in these sessions.
 
     Returns:
         Number of trials taken in, by person.
 
     Raises:
-        RecordingError: The file cannot be read, or an observation or behaviour is not one of the study's.
+        RecordingError: The file cannot be read, an observation or behaviour is not one of the study's, or an event is
+            outside of its trial.
         InvalidValueError: The rater has a file already.
     """
-    if path.suffix == ".boris":
-        observed: dict[str, Sequence[tuple[float, str]]] = {
-            name: [(e.t_s, e.code) for e in events] for name, events in read_boris(path).items()
-        }
-    else:
-        observed = dict(_table(path))
     plan = read_plan(folder)
-    signed = plan.settings.plan_sha256
-    by_person: dict[str, dict[tuple[int, int], dict[str, Sequence[tuple[float, str]]]]] = {}
-    for name, coded in observed.items():
+    signed, known = plan.settings.plan_sha256, list(_behaviours(plan))
+    by_person: dict[str, dict[tuple[int, int], dict[str, Sequence[CodedEvent]]]] = {}
+    for name, coded in _observed(path, known).items():
         found = _ID.fullmatch(name)
         if found is None:
             raise RecordingError(f"{path.name}: observation {name!r} names no trial", "name it as p01_t07_a1")
         key, whose = (int(found[2]), int(found[3])), found[4] or ""
         by_person.setdefault(found[1], {}).setdefault(key, {})[whose] = coded
-    ready: dict[str, list[tuple[JournalEvent, JournalEvent, Sequence[tuple[float, str]]]]] = {}
+    ready: dict[str, list[CodedTrial]] = {}
     for person, trials in by_person.items():
         plan.of(person)
         if observer_path(folder, person, rater).exists():
@@ -129,18 +185,44 @@ def import_boris(folder: Path, path: Path, rater: str) -> dict[str, int]:
         for key, accounts in trials.items():
             if key not in ran:
                 raise RecordingError(f"{path.name}: trial {key[0]} of {person} was not run")
-            coded = _of_one(path, f"{person}_t{key[0]:02d}_a{key[1]}", accounts, rater)
-            for _t_s, code in coded:
-                if code not in CODES:
-                    raise RecordingError(
-                        f"{path.name}: behaviour {code!r} is not known", f"use {', '.join(CODES)}"
-                    )
-            ready.setdefault(person, []).append((*ran[key], coded))
+            name = f"{person}_t{key[0]:02d}_a{key[1]}"
+            start, end = ran[key]
+            coded = check_times(
+                _of_one(path, name, accounts, rater),
+                length_s=(end.t_ns - start.t_ns) / 1e9,
+                name=f"{path.name}: {name}",
+                hint="code each trial in an observation of its own, with times from the trial's start",
+            )
+            ready.setdefault(person, []).append(CodedTrial(start, end, _named(path, coded, known)))
     for person, rows in ready.items():
-        write_coded(
-            folder, person, rater, [CodedTrial(start, end, coded) for start, end, coded in rows], signed
-        )
+        write_coded(folder, person, rater, rows, signed)
     return {person: len(rows) for person, rows in ready.items()}
+
+
+def _observed(path: Path, known: Sequence[str]) -> dict[str, list[CodedEvent]]:
+    """Return the events of a file by observation."""
+    files = sorted(path.glob("*.eaf")) if path.is_dir() else [path] if path.suffix.lower() == ".eaf" else []
+    if not files:
+        return read_boris(path)
+    observed: dict[str, list[CodedEvent]] = {}
+    for file in files:
+        for rater, events in read_eaf(file, known).items():
+            observed[f"{file.stem}_{rater}" if rater else file.stem] = events
+    return observed
+
+
+def _named(path: Path, events: Sequence[CodedEvent], known: Sequence[str]) -> list[CodedEvent]:
+    """Return events with the names that the study has for their behaviours."""
+    named = []
+    for event in events:
+        code = known_code(event.code, known)
+        if code is None:
+            raise RecordingError(
+                f"{path.name}: behaviour {event.code!r} is not known",
+                f"use {', '.join(known)}, or plan the study with --behaviours {event.code}",
+            )
+        named.append(event._replace(code=code))
+    return named
 
 
 class CodedTrial(NamedTuple):
@@ -149,13 +231,13 @@ class CodedTrial(NamedTuple):
     Attributes:
         start: Of the attempt.
         end: Likewise.
-        events: Seconds from its start, and behaviours of :data:`CODES`.
+        events: Events, with behaviours of :data:`CODES` or of the plan.
         whole: Whether all of it was coded.
     """
 
     start: JournalEvent
     end: JournalEvent
-    events: Sequence[tuple[float, str]]
+    events: Sequence[CodedEvent]
     whole: bool = True
 
 
@@ -178,9 +260,19 @@ def write_coded(
         for start, end, coded, whole in trials:
             trial, attempt = start.trial, start.attempt
             journal.add("trial_start", t_ns=start.t_ns, trial=trial, attempt=attempt, source=rater)
-            for t_s, code in coded:
-                at_ns = start.t_ns + round(t_s * 1e9)
-                journal.add(CODES[code][0], t_ns=at_ns, trial=trial, attempt=attempt, source=rater)
+            for event in coded:
+                own = event.code in CODES
+                journal.add(
+                    CODES[event.code][0] if own else "behaviour",
+                    t_ns=start.t_ns + round(event.t_s * 1e9),
+                    trial=trial,
+                    attempt=attempt,
+                    source=rater,
+                    text=event.comment,
+                    item="" if own else event.code,
+                    duration_s=event.duration_s or None,
+                    modifiers=event.modifiers,
+                )
             text = WHOLE if whole else PART
             journal.add("trial_end", t_ns=end.t_ns, trial=trial, attempt=attempt, source=rater, text=text)
 
@@ -196,8 +288,8 @@ def attempts(events: Sequence[JournalEvent]) -> list[tuple[JournalEvent, Journal
 
 
 def _of_one(
-    path: Path, name: str, accounts: dict[str, Sequence[tuple[float, str]]], rater: str
-) -> Sequence[tuple[float, str]]:
+    path: Path, name: str, accounts: dict[str, Sequence[CodedEvent]], rater: str
+) -> Sequence[CodedEvent]:
     """Return what the rater coded: under that name, else under none, else what there is."""
     for whose in (rater, ""):
         if whose in accounts:
@@ -209,25 +301,3 @@ def _of_one(
             "name the rater's so, or leave those of one rater in the file",
         )
     return next(iter(people or accounts.values()))
-
-
-def _table(path: Path) -> dict[str, list[tuple[float, str]]]:
-    try:
-        text = read_words(path, most_mib=64)
-    except (OSError, UnicodeDecodeError) as error:
-        raise RecordingError(f"{path}: cannot be read: {error}") from error
-    if "\0" in text:
-        raise RecordingError(f"{path}: is no table of text", "export tabular events from BORIS")
-    rows = csv.DictReader(text.splitlines(), delimiter="\t" if "\t" in text.partition("\n")[0] else ",")
-    needed = {"Observation id", "Behavior", "Time"}
-    if missing := needed - set(rows.fieldnames or ()):
-        raise RecordingError(
-            f"{path.name}: has no column {', '.join(sorted(missing))}", "export tabular events from BORIS"
-        )
-    observed: dict[str, list[tuple[float, str]]] = {}
-    for row in rows:
-        try:
-            observed.setdefault(row["Observation id"], []).append((float(row["Time"]), row["Behavior"]))
-        except (TypeError, ValueError) as error:
-            raise RecordingError(f"{path.name}: line {rows.line_num}: {error}", "export it again") from error
-    return observed

@@ -17,27 +17,23 @@ import msgspec
 from tega.config import FINGERS
 from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError
 from tega.recording.mcap_reader import McapReader
+from tega.runtime.files.annotations import CodedEvent
+from tega.runtime.files.boris import BorisBehaviour, boris_observation, boris_project
 from tega.runtime.files.foreign_file import parse_json, read_foreign
 from tega.runtime.files.plain_name import plain_name
 from tega.runtime.files.whole_file import write_whole
 from tega_scene.own_film import filmed_cameras, own_recording
 from tega_study.detecting import DETECTOR, read_detected
-from tega_study.journal import counting, read_events
+from tega_study.journal import counting, events_path, read_events
 from tega_study.observers import observer_path
 from tega_study.order import shuffled
 from tega_study.plan import read_plan
-from tega_study.privacy import note_elsewhere, withdrawn_ids
+from tega_study.privacy import note_elsewhere
 from tega_study.score.boris import CODES
-from tega_study.score.boris_file import (
-    BorisBehaviour,
-    CodedEvent,
-    boris_observation,
-    boris_project,
-)
 from tega_study.score.clip_video import RATE_HZ, write_clip
 from tega_study.score.recorded import RecordedTrial, recorded_trials
 from tega_study.score.scene_reel import SceneReel
-from tega_study.state import events_path
+from tega_study.withdrawn import withdrawn_ids
 
 RULE: Final = "rule"
 """Who proposes what the session's own rule found."""

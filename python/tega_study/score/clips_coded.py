@@ -9,13 +9,13 @@ from typing import Final
 import msgspec
 
 from tega.errors import InvalidValueError, RecordingError
-from tega_study.journal import read_events
+from tega.runtime.files.annotations import CodedEvent
+from tega.runtime.files.boris import read_boris
+from tega_study.journal import events_path, read_events
 from tega_study.observers import PROPOSED, RECORDED, observer_path
-from tega_study.privacy import withdrawn_ids
 from tega_study.score.boris import CODES, CodedTrial, attempts, write_coded
-from tega_study.score.boris_file import CodedEvent, read_boris
 from tega_study.score.clips import OPEN, VERDICTS, RaterClip, key_path, read_key
-from tega_study.state import events_path
+from tega_study.withdrawn import withdrawn_ids
 
 _SAME_S: Final = 0.05
 """Moved by less than that, an event was not moved: a picture and a half."""
@@ -80,8 +80,8 @@ def take_clips(folder: Path, path: Path, rater: str) -> TakenClips:
             decided.setdefault(clip.proposals[n].source, Counter())[verdict] += 1
         is_open = OPEN in verdicts.values()
         unfinished += [clip.name] * is_open
-        added += sum(n is None for n, _t_s, _code in events)
-        coded = [(t_s, code) for _n, t_s, code in events]
+        added += sum(n is None for n, _event in events)
+        coded = [CodedEvent(e.t_s, "", e.code, duration_s=e.duration_s) for _n, e in events]
         ready.setdefault(clip.participant, []).append(CodedTrial(start, end, coded, whole=not is_open))
     item = PROPOSED if key.proposed else RECORDED
     for person, trials in ready.items():
@@ -100,9 +100,9 @@ def take_clips(folder: Path, path: Path, rater: str) -> TakenClips:
 
 def _coded(
     path: Path, clip: RaterClip, events: list[CodedEvent]
-) -> tuple[list[tuple[int | None, float, str]], dict[int, str]]:
+) -> tuple[list[tuple[int | None, CodedEvent]], dict[int, str]]:
     """Return the events that count, with the number of their proposal, and what became of each proposal."""
-    found: list[tuple[int | None, float, str]] = []
+    found: list[tuple[int | None, CodedEvent]] = []
     verdicts = dict.fromkeys(range(len(clip.proposals)), "rejected")  # one that was deleted
     for event in events:
         if event.code not in CODES:
@@ -113,7 +113,7 @@ def _coded(
             raise RecordingError(f"{path.name}: {clip.name} has an event at {event.t_s:g} s, outside of it")
         n = _number(event.comment, clip)
         if n is None:
-            found.append((None, event.t_s, event.code))
+            found.append((None, event))
             continue
         verdict = next((m for m in event.modifiers if m in VERDICTS), OPEN)
         apart = abs(event.t_s - clip.proposals[n].t_s) > _SAME_S
@@ -123,8 +123,8 @@ def _coded(
             verdict = "confirmed"
         verdicts[n] = verdict
         if verdict in {"confirmed", "moved"}:
-            found.append((n, event.t_s, event.code))
-    return sorted(found, key=lambda one: one[1]), verdicts
+            found.append((n, event))
+    return sorted(found, key=lambda one: one[1].t_s), verdicts
 
 
 def _number(comment: str, clip: RaterClip) -> int | None:

@@ -9,11 +9,10 @@ import msgspec
 
 from tega.errors import RecordingError
 from tega.runtime.files.foreign_file import parse_json, read_foreign
-from tega_study.journal import read_events
+from tega_study.journal import events_path, read_events
 from tega_study.lead.trial import recording_folder
 from tega_study.plan import read_plan
 from tega_study.score.boris import attempts
-from tega_study.state import events_path
 
 
 class RecordedTrial(NamedTuple):

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from tega.recording.replay.followed_file import FollowedFile, PlayedMoment
-from tega.recording.replay.played_scene import followed_scene
 from tega.records.bus import Bus
-from tega_scene.decode import ScenePicture
+from tega.records.display import DisplayPicture
+from tega_scene.played import followed_scene
 
 if TYPE_CHECKING:
     import numpy as np
@@ -26,17 +26,17 @@ class _FilmFile:
 
     def __init__(self, path: Path) -> None:
         self._bus = Bus()
-        self._bus.subscribe(ScenePicture, self._see, vital=True)
+        self._bus.subscribe(DisplayPicture, self._see, vital=True)
         self.file: FollowedFile = followed_scene(
             path, self._bus, start_ns=0, end_ns=_EVER_NS, behind_ns=_EVER_NS
         )
         self.names = [one.name for one in self.file.followers]
         self.newest: dict[str, NDArray[np.uint8]] = {}
 
-    def _see(self, one: ScenePicture) -> None:
-        self.newest.pop(one.camera, None)
+    def _see(self, one: DisplayPicture) -> None:
+        self.newest.pop(one.name, None)
         if one.image is not None:
-            self.newest[one.camera] = one.image
+            self.newest[one.name] = one.image
 
 
 class SceneReel:

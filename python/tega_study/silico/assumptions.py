@@ -42,7 +42,8 @@ class Assumptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
         preset: Readings of the loop.
         settings: Of the loop, as ``key=value``, see :class:`tega_sim.plan.TrialPlan`.
         rules: Version of the rules that the people followed.
-        people_sha256: Of the people's numbers, and by version 2 of their rules as well; empty in older studies.
+        people_sha256: Of the people's parameters and, from version 2, the version of their rules; empty in older
+            studies.
         objects: What was lifted, attributes by name, as in :class:`tega_sim.world.ObjectSpec`.
         view: Sight of the hand while it held, see :data:`tega_sim.operator.VIEWS`.
         shear: Of the gels, see :class:`tega_sim.gel.Gel`.

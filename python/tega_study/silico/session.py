@@ -18,10 +18,9 @@ import msgspec
 import numpy as np
 
 from tega_study.coupling import TouchCourse, write_course
-from tega_study.journal import Journal
+from tega_study.journal import Journal, events_path
 from tega_study.plan import PlannedTrial, StudySettings
 from tega_study.silico.assumptions import Assumptions
-from tega_study.state import events_path
 from tega_study.touch_picture import FingerPicture, picture_path, write_touch_picture
 from tega_study.trials import course_path
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from tega.errors import InvalidValueError
-from tega_study.journal import read_events
+from tega_study.journal import events_path, read_events
 from tega_study.plan import StudyPlan, make_plan, read_plan, write_plan
 from tega_study.silico.assumptions import (
     PARAMETERS,
@@ -18,7 +18,7 @@ from tega_study.silico.assumptions import (
 )
 from tega_study.silico.session import RUNNING, SessionJob
 from tega_study.silico.spread import Progress, run_sessions
-from tega_study.state import derive, events_path
+from tega_study.state import derive
 
 if TYPE_CHECKING:
     from tega_sim.operator import RulesVersion, ViewName

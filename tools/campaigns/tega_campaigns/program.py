@@ -30,9 +30,12 @@ from typing import Any
 from tega.config import load_config
 from tega.errors import TegaError
 from tega.loop import run_session
-from tega.loop.moment import LoopView
+from tega.loop.controls import Controls
+from tega.loop.moment import LoopView, Moment
+from tega.records import RunState
+from tega.records.bus import Bus
+from tega.records.display import Notice
 from tega.safety.ctrl_c import CtrlC
-from tega.safety.states import Transition
 from tega_emulators.hid_port import HidBoard, HidPort
 
 __all__ = ["REFUSED", "main", "noted_tick_ns"]
@@ -95,7 +98,7 @@ def _say(**what: Any) -> None:
     sys.stdout.flush()
 
 
-def _change(change: Transition) -> None:
+def _change(change: RunState) -> None:
     _say(state=change.state, reason=change.reason)
 
 
@@ -144,13 +147,11 @@ def main() -> int:
         try:
             config = load_config(given.settings, environ={}).config
             _say(said="begins")
-            summary = run_session(
-                config,
-                observer=_Teller(progress, counts).look,
-                on_state=_change,
-                stop=stop,
-                tell=lambda said: _say(said=said),
-            )
+            bus, teller = Bus(), _Teller(progress, counts)
+            bus.subscribe(Moment, lambda moment: teller.look(moment.view), name="display", vital=True)
+            bus.subscribe(RunState, _change, name="states", vital=True)
+            bus.subscribe(Notice, lambda notice: _say(said=notice.text), name="notices")
+            summary = run_session(config, controls=Controls(stop=stop), bus=bus)
         except Exception as error:
             _say(ended=f"{type(error).__name__}: {error}")
             if isinstance(error, TegaError):

@@ -90,6 +90,8 @@ class AllegroNode:
         """Torque frames that were above either."""
         self.n_torques = 0
         """Torque frames heard."""
+        self.pushed_s = self.zero_s = self.off_s = -math.inf
+        """Times of the last torque that was not zero, of the last change to zero torque, and of the last SERVO OFF."""
         self.answers_s: list[float] = []
         """How long after each set of positions the torques that answer it were complete, while the servo is on."""
         self._unanswered_s: list[float] = []
@@ -137,13 +139,19 @@ class AllegroNode:
             self.servo_on = True
         elif message == 0x41 and not data:
             self.servo_on = False
+            self.off_s = t_s
             self._unanswered_s.clear()
         elif 0x60 <= message <= 0x63 and len(data) == 8:
             first = 4 * (message - 0x60)
             duties = np.array(struct.unpack("<4h", data)) / 1200
             self.n_torques += 1
             self._check(first, duties, t_s)
+            pushed = bool(self.duties.any())
             self.duties[first : first + 4] = duties
+            if duties.any():
+                self.pushed_s = t_s
+            if pushed and not self.duties.any():
+                self.zero_s = t_s
             if message == 0x63:
                 self.answers_s += [t_s - sent_s for sent_s in self._unanswered_s]
                 self._unanswered_s.clear()

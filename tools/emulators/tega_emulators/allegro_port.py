@@ -4,7 +4,9 @@
 obeys lines on its standard input: the name of a fault, ``clear``, ``limit SLEW`` and 16 torques (what to count as too
 much), ``answers`` (how long after each set of positions since the last such question its torques came in), or
 ``look``; it answers each with the hand's state (``servo_on``, ``duties`` and ``angles_rad`` of the 16 joints,
-``torques``: frames heard, ``over``: those beyond a limit, ``reports``: whether it sends positions).
+``torques``: frames received, ``over``: those beyond a limit, ``reports``: whether it sends positions, ``pushed_s``,
+``zero_s`` and ``off_s``: the machine's monotonic time of the last torque that was not zero, of the last change to zero
+torque, and of the last SERVO OFF).
 
 Options: ``--hardware 0x0500``, ``--side left``, ``--device-id``, ``--seed``, ``--position-ms``, and
 ``--interface udp_multicast --channel 239.74.163.2`` for a bus of python-can's instead of a terminal, ``--channel
@@ -273,6 +275,9 @@ def _act(node: AllegroNode, port: SlcanPort | BusPort, line: list[str]) -> dict[
         "duties": [float(duty) for duty in node.duties],
         "angles_rad": node.angles_rad,
         "reports": node.next_s() < float("inf"),
+        "pushed_s": max(node.pushed_s, 0.0),
+        "zero_s": max(node.zero_s, 0.0),
+        "off_s": max(node.off_s, 0.0),
     }
 
 

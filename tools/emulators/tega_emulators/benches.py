@@ -70,6 +70,53 @@ def _images(folder: Path) -> _Options:
 
 
 @contextmanager
+def _stack(folder: Path) -> _Options:
+    np.save(folder / "s.npy", np.random.default_rng(1).integers(0, 256, (5, 24, 32, 3), dtype=np.uint8))
+    yield {"file": folder / "s.npy"}
+
+
+_IMAGE = """std_msgs/Header header
+uint32 height
+uint32 width
+string encoding
+uint8 is_bigendian
+uint32 step
+uint8[] data
+================
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+================
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+"""
+_ARRAY = "float32[] data\n"
+
+
+@contextmanager
+def _bag(folder: Path) -> _Options:
+    from mcap_ros2.writer import Writer
+
+    rng = np.random.default_rng(1)
+    with (folder / "bag.mcap").open("wb") as file:
+        writer: Any = Writer(file)
+        image = writer.register_msgdef("sensor_msgs/msg/Image", _IMAGE)
+        array = writer.register_msgdef("lab_msgs/msg/Samples", _ARRAY)
+        for k in range(5):
+            stamp = {"sec": 1, "nanosec": k * 20_000_000}
+            picture = {
+                "header": {"stamp": stamp, "frame_id": ""}, "height": 24, "width": 32, "encoding": "bgr8",
+                "is_bigendian": 0, "step": 96, "data": rng.bytes(24 * 96),
+            }  # fmt: skip
+            t_ns = 1_000_000_000 + k * 20_000_000
+            writer.write_message("/gel", image, picture, log_time=t_ns, publish_time=t_ns)
+            writer.write_message("/emg", array, {"data": [1.0, float(k)]}, log_time=t_ns, publish_time=t_ns)
+        writer.finish()
+    yield {"file": folder / "bag.mcap"}
+
+
+@contextmanager
 def _video(folder: Path) -> _Options:
     import cv2
 
@@ -231,10 +278,13 @@ BENCHES: dict[str, EmulatedDriver] = {
         partial(_input, "pedal-keyboard", (0x0C45, 0x7403)),
         unix=True,
     ),
+    "picture-stack": EmulatedDriver("a file", _stack),
     "poses-file": EmulatedDriver("a file", _poses),
     "python-can": EmulatedDriver(
         "python-can's virtual bus", partial(_with, {"interface": "virtual", "channel": "contract"})
     ),
+    "ros2-emg": EmulatedDriver("a file", _bag, ("mcap_ros2",)),
+    "ros2-pictures": EmulatedDriver("a file", _bag, ("mcap_ros2",)),
     "serial-emg": EmulatedDriver(
         f"{_PROCESS}, pseudo-terminal",
         partial(_serial, "ascii_board", {"rate_hz": 500.0, "bits": 10}),

@@ -14,14 +14,13 @@ remembers it), ``wrong-version`` (has no motor characteristic), ``garbage`` (an 
 from __future__ import annotations
 
 import asyncio
-import tempfile
-from pathlib import Path
 from typing import Any, ClassVar
 
 from dbus_fast import Message, MessageType, Variant
 from dbus_fast.aio import MessageBus
 
 from tega_emulators import vest_process
+from tega_emulators.message_bus import PrivateBus
 from tega_emulators.vest_process import Motors
 
 _ADAPTER = "/org/bluez/hci0"
@@ -63,27 +62,12 @@ class BluezVest:
         self._fault = ""
         self._connected = False
         self._discovering = False
-        self._folder = tempfile.TemporaryDirectory(prefix="bluez")
-        self._daemon: asyncio.subprocess.Process | None = None
+        self._private = PrivateBus()
         self._tasks: set[asyncio.Task[None]] = set()
 
     async def start(self) -> dict[str, Any]:
         """Start the bus and appear on it."""
-        path = Path(self._folder.name) / "bus"
-        self._daemon = await asyncio.create_subprocess_exec(
-            "dbus-daemon",
-            "--session",
-            "--nofork",
-            "--nopidfile",
-            f"--address=unix:path={path}",
-            "--print-address",
-            stdin=asyncio.subprocess.DEVNULL,
-            stdout=asyncio.subprocess.PIPE,
-            stderr=asyncio.subprocess.DEVNULL,
-        )
-        if self._daemon.stdout is None:
-            raise OSError("dbus-daemon has no output")
-        address = (await self._daemon.stdout.readline()).decode().strip()
+        address = await self._private.start()
         self._bus = await MessageBus(bus_address=address).connect()
         self._bus.add_message_handler(self._answer)
         await self._bus.request_name("org.bluez")
@@ -92,9 +76,7 @@ class BluezVest:
 
     def stop(self) -> None:
         """End the bus."""
-        if self._daemon is not None:
-            self._daemon.terminate()
-        self._folder.cleanup()
+        self._private.stop()
 
     async def fault(self, name: str) -> None:
         """Switch a fault on."""

@@ -30,15 +30,27 @@ class CytonBoard(EmulatedBoard):
         firmware: Its version; before 3 it confirms no setting.
         board_off: Whether only the dongle has power.
         streaming: Whether a program that crashed has left it streaming.
+        daisy: Of a Daisy on the board: ``obeys`` is in the banner and taken off by ``c``, ``deaf`` is in the banner and
+            stays, ``hidden`` is in no banner and stays; ``""`` for none. Its inputs are open, 11 mV off.
+        shifted: Share of packets to which a radio of another version adds a second header byte, 0x41.
     """
 
     baud = 115_200
     rate_hz = 250.0
 
     def __init__(
-        self, signal: Signal, *, firmware: str = "v3.1.2", board_off: bool = False, streaming: bool = False
+        self,
+        signal: Signal,
+        *,
+        firmware: str = "v3.1.2",
+        board_off: bool = False,
+        streaming: bool = False,
+        daisy: str = "",
+        shifted: float = 0.0,
     ) -> None:
         self._signal, self._firmware, self._board_off = signal, firmware, board_off
+        self._daisy, self._daisy_on, self._shifted = daisy, bool(daisy), shifted
+        self._rng = random.Random(1)
         self._left_streaming = streaming
         self._n, self._typed, self._on = 0, b"", [True] * 8
 
@@ -57,8 +69,12 @@ class CytonBoard(EmulatedBoard):
         # The accelerometer has a new reading at 25 Hz: 1 g on its third axis.
         aux = bytes([0, 0, 0, 0, 0x1F, 0x40]) if self._n % 10 == 0 else bytes(6)
         counter = self._n % 256
+        if self._daisy_on and counter % 2 == 0:
+            open_inputs = (round(self._rng.gauss(500_000, 50)) for _ in range(8))
+            body = b"".join(counts.to_bytes(3, "big", signed=True) for counts in open_inputs)
         self._n += 1
-        return bytes([0xA0, counter]) + body + aux + b"\xc0"
+        packet = bytes([0xA0, counter]) + body + aux + b"\xc0"
+        return bytes([0xA0, 0x41]) + packet[1:31] + b"\xc0" if self._rng.random() < self._shifted else packet
 
     def hear(self, data: bytes) -> bytes:
         """Obey commands as soon as they are whole."""
@@ -83,8 +99,10 @@ class CytonBoard(EmulatedBoard):
         elif first == b"s":
             self.streaming = False
         elif first == b"v":
-            self.streaming, self._on = False, [True] * 8
+            self.streaming, self._on, self._daisy_on = False, [True] * 8, bool(self._daisy)
             answer = self._banner()
+        elif first == b"c":
+            answer = self._take_daisy_off()
         elif first == b"V":
             answer = self._firmware.encode() + b"$$$"
         elif first == b"d":
@@ -97,6 +115,13 @@ class CytonBoard(EmulatedBoard):
         elif not self._firmware.startswith(("v1", "v2")):
             answer = self._confirm(command)
         return answer
+
+    def _take_daisy_off(self) -> bytes:
+        """Take the Daisy off, where there is one and it obeys."""
+        if self._daisy in {"deaf", "hidden"}:
+            return b""
+        was_on, self._daisy_on = self._daisy_on, False
+        return b"daisy removed$$$" if was_on else b"no daisy to remove!$$$"
 
     def _confirm(self, command: bytes) -> bytes:
         """Carry out a setting and say so."""
@@ -112,8 +137,9 @@ class CytonBoard(EmulatedBoard):
         return b"Success: Channel set for " + channel + b"$$$"
 
     def _banner(self) -> bytes:
+        daisy = "On Daisy ADS1299 Device ID: 0x3E\r\n" if self._daisy in {"obeys", "deaf"} else ""
         return (
-            "OpenBCI V3 8-16 channel\r\nOn Board ADS1299 Device ID: 0x3E\r\nLIS3DH Device ID: 0x33\r\n"
+            f"OpenBCI V3 8-16 channel\r\nOn Board ADS1299 Device ID: 0x3E\r\n{daisy}LIS3DH Device ID: 0x33\r\n"
             f"Firmware: {self._firmware}\r\n$$$"
         ).encode()
 
@@ -125,11 +151,20 @@ def main() -> None:
     parser.add_argument("--firmware", default="v3.1.2")
     parser.add_argument("--board-off", action="store_true", help="only the dongle answers")
     parser.add_argument("--streaming", action="store_true", help="left streaming by a crashed program")
+    parser.add_argument("--daisy", choices=("obeys", "deaf", "hidden"), default="", help="it has 16 channels")
+    parser.add_argument(
+        "--shifted", type=float, default=0.0, help="share of packets with a second header byte"
+    )
     options = parser.parse_args()
     rng = random.Random(options.seed)
     signal = Signal(CytonBoard.rate_hz, rng, options.signal)
     board = CytonBoard(
-        signal, firmware=options.firmware, board_off=options.board_off, streaming=options.streaming
+        signal,
+        firmware=options.firmware,
+        board_off=options.board_off,
+        streaming=options.streaming,
+        daisy=options.daisy,
+        shifted=options.shifted,
     )
     serve(board, signal, Faults(rng), options)
 

@@ -73,7 +73,7 @@ if TYPE_CHECKING:
 
 __all__ = ["JudgedTrial", "KeptTrial", "compare", "judge", "main", "run"]
 
-KINDS = ("lift_off", "slip", "deformation")
+KINDS = ("lift_off", "slip")
 WAYS = ("record", "live", "live, touch only", "live, without joints")
 _SPEEDS_MM_S = (5, 6, 8)
 _SHEAR = ("stages.metric.name=shear", f"stages.metric.options.mm_per_px={1 / PX_PER_MM:.6g}")

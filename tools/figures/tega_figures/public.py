@@ -27,7 +27,6 @@ PUBLIC: Final = (
     "tega.config.calibration",
     "tega.config",
     "tega.setup.contract",
-    "tega.decoders",
     "tega.stages.events",
     "tega.devices",
     "tega.emg",
@@ -37,9 +36,12 @@ PUBLIC: Final = (
     "tega.haptics.motor_layout",
     "tega.records",
     "tega.recording.replay",
+    "tega.runtime.features",
     "tega.stages",
+    "tega.stages.learned",
     "tega.tactile",
     "tega.loop",
+    "tega.loop.parts",
     "tega.wire",
 )
 """The modules that others may import from, by their ``__all__``."""

@@ -20,19 +20,22 @@ from typing import Any, Final
 import click
 import msgspec
 import numpy as np
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from tega.config.calibration import TouchMaxima
 from tega.haptics import FINGERS
 from tega.loop.hand import ModelledAllegro
-from tega.loop.inbox.sources import EmgBlock
+from tega.loop.hand_output import HandOutput
 from tega.loop.inbox.stream import PulledStream
-from tega.loop.inbox.stuck_frames import LastFrame
+from tega.loop.inbox.stuck_frames import is_repeat, kept_picture
 from tega.loop.loop import DualLoop
 from tega.loop.pacing import Pacer
 from tega.loop.touch import TouchLoop
+from tega.loop.vest_output import VestOutput
+from tega.records import Contact, Intent
+from tega.records.bus import Bus
 from tega.runtime.clock import ManualClock
-from tega.tactile import ContactMetrics
 from tega.tactile.tracker import TouchTracker
 from tega.wire import x40_ble_frame
 from tega_figures.bench.machine import describe_machine
@@ -45,7 +48,9 @@ PROJECT: Final = Path(__file__).resolve().parents[3]
 RESULTS: Final = PROJECT / "benches" / "skips.json"
 PAGE: Final = PROJECT / "docs" / "evidence" / "skips.md"
 MINUTE_NS: Final = 60_000_000_000
-TOUCH: Final = ContactMetrics(
+TOUCH: Final = Contact(
+    finger="thumb",
+    t_ns=0,
     mass=1.0,
     centroid_xy=(1.0, 1.0),
     spread=1.0,
@@ -110,15 +115,14 @@ def _reading() -> dict[Says, tuple[Callable[[], object], Callable[[], object]]]:
         rest.update(gel.frame([], k))
         touched.update(pressed)
     untouched = gel.frame([], 40)
-    last, constant = LastFrame(), LastFrame()
     copy = pressed.copy()
-    last.keep(pressed, TOUCH)
+    last = kept_picture(pressed, TOUCH)
     shown = still.copy()
     shown.flags.writeable = False
-    constant.keep(shown, TOUCH)
+    constant = kept_picture(shown, TOUCH)
     loop = TouchLoop({finger: TouchMaxima(cci_max=1.0, eda_max=20_000.0) for finger in FINGERS}, layout="x40")
     for finger in FINGERS:
-        loop.update(finger, 0, TOUCH)
+        loop.update(finger, TOUCH)
     frame, again = loop.frame(1), loop.frame(1)
     return {
         Says(
@@ -141,13 +145,13 @@ def _reading() -> dict[Says, tuple[Callable[[], object], Callable[[], object]]]:
             "nothing; counted as `identical`",
             "`test_repeats.py::test_equal_pixels_are_measured_once_and_give_the_same`, "
             "`test_pictures_are_equal_exactly_when_every_pixel_is`",
-        ): (partial(last.repeat, copy), partial(touched.update, pressed)),
+        ): (partial(is_repeat, copy, last), partial(touched.update, pressed)),
         Says(
             "a picture that is the very array of the one before, in memory that cannot be written",
             "comparing it, reading it",
             "nothing; counted as `identical`",
             "`test_repeats.py::test_a_buffer_that_is_filled_again_is_not_taken_for_a_stuck_sensor`",
-        ): (partial(constant.repeat, shown), partial(rest.update, untouched)),
+        ): (partial(is_repeat, shown, constant), partial(rest.update, untouched)),
         Says(
             "the vest shows this frame already",
             "its packet, and a write to the radio link, which is not in these times",
@@ -204,17 +208,18 @@ def _read_picture(gel: Gel, pressing: list[Indenter], tracker: TouchTracker) -> 
 
 
 def _minute(*, emg: bool) -> object:
-    contacts = [(k * 16_666_667, TOUCH) for k in range(3600)]
-    blocks = [EmgBlock(k * 100_000_000, (2,), 2) for k in range(1, 600)]
+    contacts = [replace(TOUCH, t_ns=k * 16_666_667) for k in range(3600)]
+    blocks = [Intent(t_ns=k * 100_000_000, channels=(2,), level=2) for k in range(1, 600)]
+    pacer, bus = Pacer(ManualClock()), Bus()
+    touch = TouchLoop({"thumb": TouchMaxima(cci_max=1.0, eda_max=100.0)}, layout="x40")
     loop = DualLoop(
-        pacer=Pacer(ManualClock()),
-        touch=TouchLoop({"thumb": TouchMaxima(cci_max=1.0, eda_max=100.0)}, layout="x40"),
+        pacer=pacer,
+        touch=touch,
         contacts={"thumb": PulledStream(contacts, end_ns=MINUTE_NS)},
         levels=PulledStream(blocks, end_ns=MINUTE_NS) if emg else None,
-        hand=ModelledAllegro(),
-        vests=[Nowhere()],
-        hands=[Nowhere()],
-        live_vests=[],
+        hand=HandOutput(ModelledAllegro(), [Nowhere()], bus=bus),
+        vest=VestOutput(touch, [Nowhere()], bus=bus, now_ns=pacer.elapsed_ns),
+        bus=bus,
     )
     loop.run()
     return loop

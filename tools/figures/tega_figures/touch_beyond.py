@@ -107,15 +107,16 @@ class _Misses(Streams):
 
     def picture_of(self, picture: MeasuredPicture) -> None:
         super().picture_of(picture)
-        finger, gel = picture.finger, self._gels[picture.finger]
+        shown = picture.contact
+        finger, t_ns, gel = shown.finger, shown.t_ns, self._gels[shown.finger]
         last_ns = self._last_ns.get(finger)
-        self._last_ns[finger] = picture.t_ns
+        self._last_ns[finger] = t_ns
         contact = self._trackers[finger].update(
             picture.image,
-            dt_s=None if last_ns is None else (picture.t_ns - last_ns) / 1e9,
+            dt_s=None if last_ns is None else (t_ns - last_ns) / 1e9,
             loaded=picture.metric.loaded,
         )
-        if contact.in_contact != picture.metrics.in_contact:
+        if contact.in_contact != shown.in_contact:
             raise RuntimeError(f"{finger}: another tracker on the same pictures says something else")
         if contact.in_contact:
             self._peak[finger] = np.fmax(self._peak[finger], contact.difference)
@@ -125,7 +126,7 @@ class _Misses(Streams):
         share = contact.difference / self._peak[finger]
         if not touches and not contact.in_contact:
             self._peak[finger] = np.nan
-        t_s = (picture.t_ns - CAMERA_DELAY_NS) / 1e9
+        t_s = (t_ns - CAMERA_DELAY_NS) / 1e9
         self.seen[finger].append(
             Seen(t_s, _LOAD_NOT_KNOWN, touches, contact.in_contact, contact.difference, share, *changed)
         )

@@ -78,10 +78,11 @@ class _Kept(Streams):
     def picture_of(self, picture: MeasuredPicture) -> None:
         """Keep time, contact, EDA, whether something touches, and how much of where it does is in the picture."""
         super().picture_of(picture)
-        gel, found = self._lab.gels[picture.finger], picture.metrics
-        t_s = (picture.t_ns - CAMERA_DELAY_NS) / 1e9
+        found = picture.contact
+        gel = self._lab.gels[found.finger]
+        t_s = (found.t_ns - CAMERA_DELAY_NS) / 1e9
         self.seen.append(
-            (picture.finger, t_s, found.in_contact, float(found.eda), gel.truth.touches, gel.in_view)
+            (found.finger, t_s, found.in_contact, float(found.eda), gel.truth.touches, gel.in_view)
         )
 
 

@@ -6,21 +6,24 @@
 #![allow(unsafe_code)]
 
 mod levels;
+mod tail;
 
 use std::arch::x86_64::{
     __m256i, _mm_add_epi64, _mm_cvtsi128_si32, _mm_cvtsi128_si64, _mm_max_epi32, _mm_max_epu16,
     _mm_min_epi32, _mm_minpos_epu16, _mm_set1_epi32, _mm_shuffle_epi32, _mm_unpackhi_epi64, _mm_xor_si128,
-    _mm256_add_epi32, _mm256_add_epi64, _mm256_castsi256_si128, _mm256_cmpeq_epi16, _mm256_cmpgt_epi32,
-    _mm256_cvtepi32_epi64, _mm256_extracti128_si256, _mm256_loadu_si256, _mm256_max_epi32, _mm256_max_epu16,
-    _mm256_min_epi32, _mm256_movemask_epi8, _mm256_mul_epi32, _mm256_or_si256, _mm256_packus_epi32,
-    _mm256_set1_epi16, _mm256_set1_epi32, _mm256_setzero_si256, _mm256_srli_epi64, _mm256_storeu_si256,
-    _mm256_sub_epi32,
+    _mm256_add_epi32, _mm256_add_epi64, _mm256_and_si256, _mm256_castsi256_si128, _mm256_cmpeq_epi16,
+    _mm256_cmpgt_epi32, _mm256_cvtepi32_epi64, _mm256_extracti128_si256, _mm256_loadu_si256,
+    _mm256_max_epi32, _mm256_max_epu16, _mm256_min_epi32, _mm256_movemask_epi8, _mm256_mul_epi32,
+    _mm256_or_si256, _mm256_packus_epi32, _mm256_set1_epi16, _mm256_set1_epi32, _mm256_setzero_si256,
+    _mm256_srli_epi64, _mm256_storeu_si256, _mm256_sub_epi32,
 };
 
-use levels::{BYTES, GROUPS, LANES, PIXELS, Products, STEP, levels, levels_of_eight};
+use levels::{GROUPS, LANES, PIXELS, Products, levels, levels_of_eight};
+
+use tail::Tail;
 
 use super::factors::Factors;
-use super::{ABSOLUTE, Kernel, RECTIFIED, Row, SIGNED};
+use super::{ABSOLUTE, Images, Kernel, RECTIFIED, Row, SIGNED, kept_in_row};
 use crate::frame::Difference;
 
 /// Puts each 32 columns into the order of [`levels`], or back into that of the row.
@@ -71,15 +74,20 @@ impl Lanes {
         Self { sum: zero, squares: zero, min: _mm256_set1_epi32(i32::MAX), max }
     }
 
+    /// Takes eight levels `n`; `range` is the same, whose smallest and largest are looked for.
     #[target_feature(enable = "avx2")]
     #[inline]
-    fn take<const DIFFERENCE: u8, const SQUARES: bool, const KEPT: bool>(&mut self, n: __m256i) {
+    fn take<const DIFFERENCE: u8, const SQUARES: bool, const KEPT: bool>(
+        &mut self,
+        n: __m256i,
+        range: __m256i,
+    ) {
         self.sum = _mm256_add_epi32(self.sum, n);
         if DIFFERENCE == SIGNED && !KEPT {
-            self.min = _mm256_min_epi32(self.min, n);
+            self.min = _mm256_min_epi32(self.min, range);
         }
         if !KEPT {
-            self.max = _mm256_max_epi32(self.max, n);
+            self.max = _mm256_max_epi32(self.max, range);
         }
         if SQUARES {
             let odd = _mm256_srli_epi64::<32>(n);
@@ -143,143 +151,175 @@ fn keep(kept: &mut [u16; 2 * LANES], largest: &mut __m256i, [low, high]: [__m256
 
 /// See [`Kernel::rows`].
 #[target_feature(enable = "avx2")]
-pub(super) fn rows(
+pub(super) fn rows<'r>(
     kernel: &Kernel,
-    frame: &[u8],
-    baseline: &[u8],
+    images: &mut impl Iterator<Item = Images<'r>>,
     columns: &mut [i32],
     rows: &mut [Row],
     kept: &mut [u16],
 ) {
-    order(columns.as_chunks_mut::<PIXELS>().0, true);
     if let Some(factors) = kernel.factors {
         let products = &Products::of([factors]);
         if kept.is_empty() {
-            rows_by_reading!(kernel, rows_of::<false, 1>(products, frame, baseline, columns, rows, kept));
+            rows_by_reading!(kernel, rows_of::<false, 1>(products, images, columns, rows, kept));
         } else {
-            rows_by_reading!(kernel, rows_of::<true, 1>(products, frame, baseline, columns, rows, kept));
+            rows_by_reading!(kernel, rows_of::<true, 1>(products, images, columns, rows, kept));
         }
     } else {
         let products = &Products::of(Factors::both(kernel.weights));
-        rows_by_reading!(kernel, rows_of::<false, 2>(products, frame, baseline, columns, rows, kept));
+        rows_by_reading!(kernel, rows_of::<false, 2>(products, images, columns, rows, kept));
     }
-    order(columns.as_chunks_mut::<PIXELS>().0, false);
 }
 
 /// Rows whose levels are kept as words where asked for.
 #[target_feature(enable = "avx2")]
-fn rows_of<const DIFFERENCE: u8, const SQUARES: bool, const KEPT: bool, const SETS: usize>(
+fn rows_of<'r, const DIFFERENCE: u8, const SQUARES: bool, const KEPT: bool, const SETS: usize>(
     kernel: &Kernel,
     products: &Products<SETS>,
-    frame: &[u8],
-    baseline: &[u8],
+    images: &mut impl Iterator<Item = Images<'r>>,
     columns: &mut [i32],
     rows: &mut [Row],
     kept: &mut [u16],
 ) {
-    let (width, least) = (columns.len(), kernel.least());
-    let mut kept = kept.chunks_exact_mut(width);
-    let images = frame.chunks_exact(3 * width).zip(baseline.chunks_exact(3 * width));
-    for ((frame, baseline), row) in images.zip(rows) {
-        let kept = kept.next().unwrap_or_default();
-        let lanes = steps::<DIFFERENCE, SQUARES, KEPT, SETS>(products, frame, baseline, columns, kept);
-        *row = lanes.row::<DIFFERENCE, SQUARES, KEPT>(least);
-        // A word of 0 may stand for less, one of 65,535 for more.
-        if KEPT && (row.max == i32::from(u16::MAX) || (DIFFERENCE == SIGNED && row.max == 0)) {
-            row.max = largest::<DIFFERENCE, SETS>(products, frame, baseline, kept, row.max as u16);
-        }
-        if !width.is_multiple_of(PIXELS) {
-            rest::<DIFFERENCE, SQUARES, KEPT, SETS>(kernel, products, frame, baseline, columns, kept, row);
-        }
+    let width = columns.len();
+    let in_row = if KEPT { kept_in_row(width) } else { 0 };
+    let mut block = Block::<SETS> {
+        products,
+        tail: Tail::of(width),
+        columns: columns.as_chunks_mut().0,
+        last_columns: [[0; LANES]; GROUPS],
+        least: kernel.least(),
+    };
+    order(block.columns, true);
+    let mut rest = kept;
+    for (row, images) in rows.iter_mut().zip(images) {
+        let (kept, others) = rest.split_at_mut(in_row);
+        *row = block.sum_up::<DIFFERENCE, SQUARES, KEPT>(&images, kept);
+        rest = others;
+    }
+    order(block.columns, false);
+    let (from, last_columns) = (block.tail.from, block.last_columns);
+    for (column, sum) in columns[from..].iter_mut().zip(last_columns.as_flattened()) {
+        *column += sum;
     }
 }
 
-/// The whole steps of a row.
-#[target_feature(enable = "avx2")]
-#[inline]
-fn steps<const DIFFERENCE: u8, const SQUARES: bool, const KEPT: bool, const SETS: usize>(
-    products: &Products<SETS>,
-    frame: &[u8],
-    baseline: &[u8],
-    columns: &mut [i32],
-    kept: &mut [u16],
-) -> Lanes {
-    let mut lanes = Lanes::none::<KEPT>();
-    let mut kept = kept.as_chunks_mut::<{ 2 * LANES }>().0.iter_mut();
-    let pixels = frame.as_chunks::<STEP>().0.iter().zip(baseline.as_chunks::<STEP>().0);
-    for ((f, b), columns) in pixels.zip(columns.as_chunks_mut::<PIXELS>().0) {
-        let n = levels::<DIFFERENCE, SETS>(f, b, products);
-        for (n, columns) in n.iter().zip(columns.as_chunks_mut::<LANES>().0) {
-            lanes.take::<DIFFERENCE, SQUARES, KEPT>(*n);
-            add(columns, *n);
+/// What the rows of a picture share.
+struct Block<'b, const SETS: usize> {
+    products: &'b Products<SETS>,
+    tail: Tail,
+    /// Columns of the whole steps, in the order of [`levels`].
+    columns: &'b mut [[i32; PIXELS]],
+    /// Columns of the tail's eights, as they lie.
+    last_columns: [[i32; LANES]; GROUPS],
+    /// What no level falls below.
+    least: i32,
+}
+
+impl<const SETS: usize> Block<'_, SETS> {
+    /// Sums up a row, and keeps its levels where asked for.
+    #[target_feature(enable = "avx2")]
+    #[inline]
+    fn sum_up<const DIFFERENCE: u8, const SQUARES: bool, const KEPT: bool>(
+        &mut self,
+        images: &Images<'_>,
+        kept: &mut [u16],
+    ) -> Row {
+        let mut lanes = Lanes::none::<KEPT>();
+        self.steps::<DIFFERENCE, SQUARES, KEPT>(images, kept, &mut lanes);
+        if self.tail.eights > 0 {
+            self.eights::<DIFFERENCE, SQUARES, KEPT>(images, kept, &mut lanes);
         }
-        if KEPT {
-            for n in n.as_chunks::<2>().0 {
-                if let Some(kept) = kept.next() {
+        let mut row = lanes.row::<DIFFERENCE, SQUARES, KEPT>(self.least);
+        // A word of 0 may stand for less, one of 65,535 for more.
+        if KEPT && (row.max == i32::from(u16::MAX) || (DIFFERENCE == SIGNED && row.max == 0)) {
+            row.max = self.largest::<DIFFERENCE>(images, kept, row.max as u16);
+        }
+        row
+    }
+
+    /// The whole steps of a row.
+    #[target_feature(enable = "avx2")]
+    #[inline]
+    fn steps<const DIFFERENCE: u8, const SQUARES: bool, const KEPT: bool>(
+        &mut self,
+        [frame, baseline]: &Images<'_>,
+        kept: &mut [u16],
+        lanes: &mut Lanes,
+    ) {
+        let (frame, baseline) = (frame.as_chunks().0, baseline.as_chunks().0);
+        let kept = kept.as_chunks_mut::<PIXELS>().0;
+        let steps = self.columns.len().min(frame.len()).min(baseline.len());
+        for step in 0..if KEPT { steps.min(kept.len()) } else { steps } {
+            // SAFETY: neither image has fewer steps, and there are as many columns.
+            let (f, b, columns) = unsafe {
+                (
+                    frame.get_unchecked(step),
+                    baseline.get_unchecked(step),
+                    self.columns.get_unchecked_mut(step),
+                )
+            };
+            let n = levels::<DIFFERENCE, SETS>(f, b, self.products);
+            for (n, columns) in n.iter().zip(columns.as_chunks_mut().0) {
+                lanes.take::<DIFFERENCE, SQUARES, KEPT>(*n, *n);
+                add(columns, *n);
+            }
+            if KEPT {
+                // SAFETY: nor fewer kept.
+                let kept = unsafe { kept.get_unchecked_mut(step) };
+                for (n, kept) in n.as_chunks::<2>().0.iter().zip(kept.as_chunks_mut().0) {
                     keep(kept, &mut lanes.max, *n);
                 }
             }
         }
     }
-    lanes
-}
 
-/// What a row has beyond its whole steps.
-#[target_feature(enable = "avx2")]
-#[inline(never)]
-fn rest<const DIFFERENCE: u8, const SQUARES: bool, const KEPT: bool, const SETS: usize>(
-    kernel: &Kernel,
-    products: &Products<SETS>,
-    frame: &[u8],
-    baseline: &[u8],
-    columns: &mut [i32],
-    kept: &mut [u16],
-    row: &mut Row,
-) {
-    let whole = columns.len() / PIXELS * PIXELS;
-    let (frame, baseline, columns) = (&frame[3 * whole..], &baseline[3 * whole..], &mut columns[whole..]);
-    let (f_eights, f) = frame.as_chunks::<BYTES>();
-    let (b_eights, b) = baseline.as_chunks::<BYTES>();
-    let (eights, last) = columns.as_chunks_mut::<LANES>();
-    let mut lanes = Lanes::none::<false>();
-    for ((f, b), columns) in f_eights.iter().zip(b_eights).zip(eights) {
-        let n = levels_of_eight::<DIFFERENCE, SETS>(f, b, products);
-        lanes.take::<DIFFERENCE, SQUARES, false>(n);
-        add(columns, n);
-    }
-    let begun = if whole == 0 { i32::MIN } else { row.max };
-    let others = [lanes.row::<DIFFERENCE, SQUARES, false>(row.min), kernel.row(f, b, last)];
-    row.max = others.iter().map(|other| other.max).fold(begun, i32::max);
-    for other in others {
-        row.sum += other.sum;
-        row.squares += other.squares;
-        row.min = row.min.min(other.min);
-    }
-    if KEPT {
-        kernel.keep_plain(frame, baseline, &mut kept[whole..]);
-    }
-}
-
-/// The largest level of a row's whole steps, sought where the largest of their words are.
-#[target_feature(enable = "avx2")]
-#[inline(never)]
-fn largest<const DIFFERENCE: u8, const SETS: usize>(
-    products: &Products<SETS>,
-    frame: &[u8],
-    baseline: &[u8],
-    kept: &[u16],
-    word: u16,
-) -> i32 {
-    let pixels = frame.as_chunks::<STEP>().0.iter().zip(baseline.as_chunks::<STEP>().0);
-    let mut max = _mm256_set1_epi32(i32::MIN);
-    for ((f, b), kept) in pixels.zip(kept.as_chunks().0) {
-        if holds(kept, word) {
-            for n in levels::<DIFFERENCE, SETS>(f, b, products) {
-                max = _mm256_max_epi32(max, n);
+    /// What a row has beyond its whole steps: eights up to its end, of which the first overlaps the steps.
+    #[target_feature(enable = "avx2")]
+    #[inline]
+    fn eights<const DIFFERENCE: u8, const SQUARES: bool, const KEPT: bool>(
+        &mut self,
+        [frame, baseline]: &Images<'_>,
+        kept: &mut [u16],
+        lanes: &mut Lanes,
+    ) {
+        let eights = self.tail.of_row(frame).iter().zip(self.tail.of_row(baseline));
+        let mut masked = [_mm256_setzero_si256(); GROUPS];
+        let mut new = self.tail.not_had();
+        for (((f, b), columns), masked) in eights.zip(&mut self.last_columns).zip(&mut masked) {
+            let n = levels_of_eight::<DIFFERENCE, SETS>(f, b, self.products);
+            *masked = _mm256_and_si256(n, new);
+            // Levels of pixels that the steps have had change no largest and no smallest one.
+            lanes.take::<DIFFERENCE, SQUARES, KEPT>(*masked, n);
+            add(columns, *masked);
+            new = _mm256_set1_epi32(-1);
+        }
+        if KEPT {
+            let kept = kept.get_mut(self.tail.whole..).unwrap_or_default();
+            for (n, kept) in masked.as_chunks::<2>().0.iter().zip(kept.as_chunks_mut().0) {
+                keep(kept, &mut lanes.max, *n);
             }
         }
     }
-    fold_lanes!(max, _mm_max_epi32)
+
+    /// The largest level of a row, sought where the largest of its words are.
+    #[target_feature(enable = "avx2")]
+    #[inline(never)]
+    fn largest<const DIFFERENCE: u8>(&self, [frame, baseline]: &Images<'_>, kept: &[u16], word: u16) -> i32 {
+        let mut max = _mm256_set1_epi32(i32::MIN);
+        let steps = frame.as_chunks().0.iter().zip(baseline.as_chunks().0);
+        for ((f, b), kept) in steps.zip(kept.as_chunks().0) {
+            if holds(kept, word) {
+                for n in levels::<DIFFERENCE, SETS>(f, b, self.products) {
+                    max = _mm256_max_epi32(max, n);
+                }
+            }
+        }
+        for (f, b) in self.tail.of_row(frame).iter().zip(self.tail.of_row(baseline)) {
+            max = _mm256_max_epi32(max, levels_of_eight::<DIFFERENCE, SETS>(f, b, self.products));
+        }
+        fold_lanes!(max, _mm_max_epi32)
+    }
 }
 
 /// Whether one of a step's words is `word`.
@@ -301,42 +341,52 @@ pub(super) fn count_kept(kept: &[u16], first: u16) -> u32 {
 
 /// See [`Kernel::count`].
 #[target_feature(enable = "avx2")]
-pub(super) fn count(kernel: &Kernel, frame: &[u8], baseline: &[u8], kept: &[u16], first: i32) -> u32 {
+pub(super) fn count<'r>(
+    kernel: &Kernel,
+    images: impl Iterator<Item = Images<'r>>,
+    width: usize,
+    kept: &[u16],
+    first: i32,
+) -> u32 {
     if let Some(factors) = kernel.factors {
         let products = &Products::of([factors]);
-        count_by_reading!(kernel, count_of::<1>(products, frame, baseline, kept, first))
+        count_by_reading!(kernel, count_of::<1>(products, images, width, kept, first))
     } else {
         let products = &Products::of(Factors::both(kernel.weights));
-        count_by_reading!(kernel, count_of::<2>(products, frame, baseline, kept, first))
+        count_by_reading!(kernel, count_of::<2>(products, images, width, kept, first))
     }
 }
 
 #[target_feature(enable = "avx2")]
-fn count_of<const DIFFERENCE: u8, const SETS: usize>(
-    kernel: &Kernel,
+fn count_of<'r, const DIFFERENCE: u8, const SETS: usize>(
     products: &Products<SETS>,
-    frame: &[u8],
-    baseline: &[u8],
+    images: impl Iterator<Item = Images<'r>>,
+    width: usize,
     kept: &[u16],
     first: i32,
 ) -> u32 {
-    let (steps, rest) = frame.as_chunks::<STEP>();
-    let (baseline_steps, baseline_rest) = baseline.as_chunks::<STEP>();
-    let border = _mm256_set1_epi32(first);
-    let mut below = [_mm256_setzero_si256(); GROUPS];
-    let mut looked_at = 0;
-    let mut kept = kept.as_chunks::<PIXELS>().0.iter();
-    for (f, b) in steps.iter().zip(baseline_steps) {
-        // Only a word of 65,535 may stand for as much.
-        if first > i32::from(u16::MAX) && kept.next().is_some_and(|kept| !holds(kept, u16::MAX)) {
-            continue;
+    let (tail, border) = (Tail::of(width), _mm256_set1_epi32(first.saturating_sub(1)));
+    let mut above = [_mm256_setzero_si256(); GROUPS];
+    let mut kept = kept.chunks_exact(kept_in_row(width));
+    for [frame, baseline] in images {
+        let mut kept = kept.next().unwrap_or_default().as_chunks::<PIXELS>().0.iter();
+        for (f, b) in frame.as_chunks().0.iter().zip(baseline.as_chunks().0) {
+            // Only a word of 65,535 may stand for as much.
+            if first > i32::from(u16::MAX) && kept.next().is_some_and(|kept| !holds(kept, u16::MAX)) {
+                continue;
+            }
+            for (above, n) in above.iter_mut().zip(levels::<DIFFERENCE, SETS>(f, b, products)) {
+                // A true comparison is −1, so subtracting it counts.
+                *above = _mm256_sub_epi32(*above, _mm256_cmpgt_epi32(n, border));
+            }
         }
-        looked_at += 1;
-        for (below, n) in below.iter_mut().zip(levels::<DIFFERENCE, SETS>(f, b, products)) {
-            // A true comparison is −1, so subtracting it counts.
-            *below = _mm256_sub_epi32(*below, _mm256_cmpgt_epi32(border, n));
+        let mut new = tail.not_had();
+        for (f, b) in tail.of_row(frame).iter().zip(tail.of_row(baseline)) {
+            let n = levels_of_eight::<DIFFERENCE, SETS>(f, b, products);
+            above[0] = _mm256_sub_epi32(above[0], _mm256_and_si256(new, _mm256_cmpgt_epi32(n, border)));
+            new = _mm256_set1_epi32(-1);
         }
     }
-    let below: i32 = below.iter().flat_map(|lanes| lanes_i32(*lanes)).sum();
-    looked_at * PIXELS as u32 - below as u32 + kernel.count_plain(rest, baseline_rest, first)
+    let above: i32 = above.iter().flat_map(|lanes| lanes_i32(*lanes)).sum();
+    above as u32
 }

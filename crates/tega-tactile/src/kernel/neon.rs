@@ -1,23 +1,23 @@
 //! Row kernels for arm64: sixteen pixels a step, each channel in a vector of its own.
 //!
 //! The load that takes interleaved bytes apart gives the three channels; each is widened to 16 bits and multiplied on to
-//! 32-bit sums. Every arm64 processor has these instructions, so nothing need be asked.
+//! 32-bit sums. A row's last step overlaps the one before it, where its pixels are not a multiple of sixteen. Every arm64 processor has these instructions, so nothing need be asked.
 
 #![allow(unsafe_code)]
 
 use std::arch::aarch64::{
-    int16x8_t, int32x4_t, uint8x16_t, vabdq_u8, vaddlvq_s32, vaddq_s32, vaddq_s64, vaddvq_s64, vaddvq_u32,
-    vcgeq_s32, vdupq_n_s32, vdupq_n_s64, vdupq_n_u32, vget_high_s16, vget_high_u8, vget_low_s16,
-    vget_low_s32, vget_low_u8, vld1q_s32, vld3q_u8, vmaxq_s32, vmaxvq_s32, vminq_s32, vminvq_s32,
-    vmlal_high_s32, vmlal_n_s16, vmlal_s32, vmovl_u8, vqsubq_u8, vreinterpretq_s16_u16, vst1q_s32, vsubl_u8,
-    vsubq_u32,
+    int16x8_t, int32x4_t, int64x2_t, uint8x16_t, vabdq_u8, vaddlvq_s32, vaddq_s32, vaddq_s64, vaddvq_s64,
+    vaddvq_u32, vandq_s32, vandq_u32, vcgeq_s32, vdupq_n_s32, vdupq_n_s64, vdupq_n_u32, vget_high_s16,
+    vget_high_u8, vget_low_s16, vget_low_s32, vget_low_u8, vld1q_s32, vld3q_u8, vmaxq_s32, vmaxvq_s32,
+    vminq_s32, vminvq_s32, vmlal_high_s32, vmlal_n_s16, vmlal_s32, vmovl_u8, vqsubq_u8,
+    vreinterpretq_s16_u16, vreinterpretq_u32_s32, vst1q_s32, vsubl_u8, vsubq_u32,
 };
 
-use super::{ABSOLUTE, Kernel, RECTIFIED, Row, SIGNED};
+use super::{ABSOLUTE, Images, Kernel, RECTIFIED, Row, SIGNED};
 use crate::frame::Difference;
 
 /// Pixels a step.
-const LANES: usize = 16;
+pub(super) const LANES: usize = 16;
 /// Bytes a step.
 const BYTES: usize = 3 * LANES;
 
@@ -58,78 +58,149 @@ unsafe fn difference<const DIFFERENCE: u8>(f: uint8x16_t, b: uint8x16_t) -> [int
 }
 
 /// See [`Kernel::rows`].
-pub(super) fn rows(kernel: &Kernel, frame: &[u8], baseline: &[u8], columns: &mut [i32], rows: &mut [Row]) {
-    rows_by_reading!(kernel, rows_of(frame, baseline, columns, rows));
+pub(super) fn rows<'r>(
+    kernel: &Kernel,
+    images: &mut impl Iterator<Item = Images<'r>>,
+    columns: &mut [i32],
+    rows: &mut [Row],
+) {
+    rows_by_reading!(kernel, rows_of(images, columns, rows));
 }
 
-fn rows_of<const DIFFERENCE: u8, const SQUARES: bool>(
+/// Sums and range of a row's levels.
+#[derive(Clone, Copy)]
+struct Lanes {
+    sums: [int32x4_t; 4],
+    squares: int64x2_t,
+    min: int32x4_t,
+    max: int32x4_t,
+}
+
+impl Lanes {
+    fn none() -> Self {
+        // SAFETY: computes on registers only.
+        unsafe {
+            let zero = vdupq_n_s32(0);
+            let (min, max) = (vdupq_n_s32(i32::MAX), vdupq_n_s32(i32::MIN));
+            Self { sums: [zero; 4], squares: vdupq_n_s64(0), min, max }
+        }
+    }
+
+    /// Takes sixteen levels; those whose pixels are not `new` are in the sums already.
+    #[inline(always)]
+    fn take<const DIFFERENCE: u8, const SQUARES: bool>(
+        &mut self,
+        levels: [int32x4_t; 4],
+        new: [int32x4_t; 4],
+        columns: &mut [i32; LANES],
+    ) {
+        let quarters = self.sums.iter_mut().zip(columns.as_chunks_mut::<4>().0);
+        for ((n, new), (sum, column)) in levels.into_iter().zip(new).zip(quarters) {
+            // SAFETY: loads and stores stay within the four columns; the rest computes on registers.
+            unsafe {
+                self.max = vmaxq_s32(self.max, n);
+                if DIFFERENCE == SIGNED {
+                    self.min = vminq_s32(self.min, n);
+                }
+                let n = vandq_s32(n, new);
+                vst1q_s32(column.as_mut_ptr(), vaddq_s32(vld1q_s32(column.as_ptr()), n));
+                *sum = vaddq_s32(*sum, n);
+                if SQUARES {
+                    let low = vmlal_s32(vdupq_n_s64(0), vget_low_s32(n), vget_low_s32(n));
+                    self.squares = vaddq_s64(self.squares, vmlal_high_s32(low, n, n));
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn row<const DIFFERENCE: u8>(&self, least: i32) -> Row {
+        // SAFETY: computes on registers only.
+        unsafe {
+            Row {
+                // The lanes' total may pass `i32`; the lanes themselves do not.
+                sum: self.sums.into_iter().map(|lanes| vaddlvq_s32(lanes)).sum::<i64>(),
+                squares: vaddvq_s64(self.squares),
+                min: if DIFFERENCE == SIGNED { vminvq_s32(self.min) } else { least },
+                max: vmaxvq_s32(self.max),
+            }
+        }
+    }
+}
+
+fn rows_of<'r, const DIFFERENCE: u8, const SQUARES: bool>(
     kernel: &Kernel,
-    frame: &[u8],
-    baseline: &[u8],
+    images: &mut impl Iterator<Item = Images<'r>>,
     columns: &mut [i32],
     rows: &mut [Row],
 ) {
     // Weights of this path fit 14 bits.
-    let weights = kernel.weights.map(|weight| weight as i16);
-    let bytes = 3 * columns.len();
-    let (column_steps, columns_rest) = columns.as_chunks_mut::<LANES>();
-    let images = frame.chunks_exact(bytes).zip(baseline.chunks_exact(bytes));
-    for ((frame, baseline), row) in images.zip(rows) {
-        let (steps, rest) = frame.as_chunks::<BYTES>();
-        let (baseline_steps, baseline_rest) = baseline.as_chunks::<BYTES>();
-        let tail = kernel.row(rest, baseline_rest, columns_rest);
-        // SAFETY: loads and stores stay within the sixteen columns of a step; the rest computes on registers.
-        *row = unsafe {
-            let mut sums = [vdupq_n_s32(0); 4];
-            let mut squares = vdupq_n_s64(0);
-            let (mut min, mut max) = (vdupq_n_s32(i32::MAX), vdupq_n_s32(i32::MIN));
-            for ((f, b), column) in steps.iter().zip(baseline_steps).zip(column_steps.iter_mut()) {
-                let n = levels::<DIFFERENCE>(f, b, weights);
-                for (quarter, (n, column)) in n.into_iter().zip(column.as_chunks_mut::<4>().0).enumerate() {
-                    vst1q_s32(column.as_mut_ptr(), vaddq_s32(vld1q_s32(column.as_ptr()), n));
-                    sums[quarter] = vaddq_s32(sums[quarter], n);
-                    max = vmaxq_s32(max, n);
-                    if DIFFERENCE == SIGNED {
-                        min = vminq_s32(min, n);
-                    }
-                    if SQUARES {
-                        let low = vmlal_s32(vdupq_n_s64(0), vget_low_s32(n), vget_low_s32(n));
-                        squares = vaddq_s64(squares, vmlal_high_s32(low, n, n));
-                    }
-                }
-            }
-            let least = if DIFFERENCE == SIGNED { vminvq_s32(min) } else { kernel.least() };
-            Row {
-                // The lanes' total may pass `i32`; the lanes themselves do not.
-                sum: tail.sum + sums.into_iter().map(|lanes| vaddlvq_s32(lanes)).sum::<i64>(),
-                squares: tail.squares + vaddvq_s64(squares),
-                min: least.min(tail.min),
-                max: vmaxvq_s32(max).max(tail.max),
-            }
-        };
+    let (weights, least) = (kernel.weights.map(|weight| weight as i16), kernel.least());
+    let overlaps = !columns.len().is_multiple_of(LANES);
+    let (all, new) = (lanes(&[-1; LANES]), lanes(&new_of(columns.len())));
+    for (row, images) in rows.iter_mut().zip(images) {
+        let mut lanes = Lanes::none();
+        let [f, b] = images.map(|row| row.as_chunks::<BYTES>().0.iter());
+        for ((f, b), columns) in f.zip(b).zip(columns.as_chunks_mut().0) {
+            lanes.take::<DIFFERENCE, SQUARES>(levels::<DIFFERENCE>(f, b, weights), all, columns);
+        }
+        let last = (images[0].last_chunk(), images[1].last_chunk(), columns.last_chunk_mut());
+        if let (true, (Some(f), Some(b), Some(columns))) = (overlaps, last) {
+            lanes.take::<DIFFERENCE, SQUARES>(levels::<DIFFERENCE>(f, b, weights), new, columns);
+        }
+        *row = lanes.row::<DIFFERENCE>(least);
     }
 }
 
-/// See [`Kernel::count`].
-pub(super) fn count(kernel: &Kernel, frame: &[u8], baseline: &[u8], first: i32) -> u32 {
-    count_by_reading!(kernel, count_of(frame, baseline, first))
+/// Which of a row's last sixteen pixels its whole steps have not had: all bits or none.
+fn new_of(width: usize) -> [i32; LANES] {
+    let left = width % LANES;
+    std::array::from_fn(|pixel| if pixel + left >= LANES { -1 } else { 0 })
 }
 
-fn count_of<const DIFFERENCE: u8>(kernel: &Kernel, frame: &[u8], baseline: &[u8], first: i32) -> u32 {
+/// Sixteen numbers as vectors.
+fn lanes(numbers: &[i32; LANES]) -> [int32x4_t; 4] {
+    // SAFETY: each load is four of the sixteen.
+    [0, 4, 8, 12].map(|at| unsafe { vld1q_s32(numbers[at..].as_ptr()) })
+}
+
+/// See [`Kernel::count`].
+pub(super) fn count<'r>(
+    kernel: &Kernel,
+    images: impl Iterator<Item = Images<'r>>,
+    width: usize,
+    first: i32,
+) -> u32 {
     let weights = kernel.weights.map(|weight| weight as i16);
-    let (steps, rest) = frame.as_chunks::<BYTES>();
-    let (baseline_steps, baseline_rest) = baseline.as_chunks::<BYTES>();
+    let new = lanes(&new_of(width));
+    count_by_reading!(kernel, count_of(images, weights, new, first))
+}
+
+fn count_of<'r, const DIFFERENCE: u8>(
+    images: impl Iterator<Item = Images<'r>>,
+    weights: [i16; 3],
+    new: [int32x4_t; 4],
+    first: i32,
+) -> u32 {
     // SAFETY: computes on registers only.
-    let above = unsafe {
+    unsafe {
         let border = vdupq_n_s32(first);
         let mut above = vdupq_n_u32(0);
-        for (f, b) in steps.iter().zip(baseline_steps) {
-            for n in levels::<DIFFERENCE>(f, b, weights) {
-                // A true comparison is −1, so subtracting it counts.
-                above = vsubq_u32(above, vcgeq_s32(n, border));
+        for images in images {
+            let [f, b] = images.map(|row| row.as_chunks::<BYTES>().0.iter());
+            for (f, b) in f.zip(b) {
+                for n in levels::<DIFFERENCE>(f, b, weights) {
+                    // A true comparison is −1, so subtracting it counts.
+                    above = vsubq_u32(above, vcgeq_s32(n, border));
+                }
+            }
+            if let (Some(f), Some(b)) = (images[0].last_chunk(), images[1].last_chunk()) {
+                for (n, new) in levels::<DIFFERENCE>(f, b, weights).into_iter().zip(new) {
+                    let counted = vandq_u32(vcgeq_s32(n, border), vreinterpretq_u32_s32(new));
+                    above = vsubq_u32(above, counted);
+                }
             }
         }
         vaddvq_u32(above)
-    };
-    above + kernel.count_plain(rest, baseline_rest, first)
+    }
 }

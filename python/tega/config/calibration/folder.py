@@ -6,7 +6,6 @@
         gels/D20641/20261121-150405.png     every baseline taken of this sensor,
         gels/D20641/20261121-150405.toml    and what it was like
         vests/127.0.0.1_15881/20261121-150405-motor07.toml   how long that motor takes to start
-        cameras/front.json                  the lens of the scene camera that is called front
         people/p01/person.toml              which hand is the person's own: set once
         people/p01/touch-D20641.toml        one file per person and device, the newest
         people/p01/emg-ttyUSB0.toml
@@ -52,7 +51,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tega.devices.base import DeviceInfo
-    from tega_scene.lens import Lens
 
 
 Part = Literal["touch", "emg", "vest", "arm"]
@@ -180,28 +178,6 @@ class CalibrationFolder:
             if record.device == device:
                 newest[record.motor] = record
         return [newest[motor] for motor in sorted(newest)]
-
-    # Scene cameras, whoever is filmed.
-
-    def keep_lens(self, camera: str, lens: Lens, made: datetime) -> Path:
-        """Keep a scene camera's lens, and return the file; the one before goes into ``before/``.
-
-        Raises:
-            UnsafeNameError: The camera's name cannot be a file's.
-        """
-        from tega_scene.lens import save_lens
-
-        path = self.lens_file(camera)
-        if path.is_file():
-            before = path.parent / "before" / f"{path.stem}.until-{made.strftime(_STAMP)}.json"
-            write_whole(before, path.read_bytes(), sync=True)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        save_lens(path, lens)
-        return path
-
-    def lens_file(self, camera: str) -> Path:
-        """Return where a scene camera's lens is kept."""
-        return self.path / "cameras" / f"{plain_name(camera, what='camera', source='calibration')}.json"
 
     # People.
 

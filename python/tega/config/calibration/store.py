@@ -32,6 +32,7 @@ import tomlkit
 from tega.config.errors import explain
 from tega.errors import CalibrationError, ConfigError
 from tega.runtime.files.foreign_file import parse_toml, read_words
+from tega.runtime.files.toml_hint import toml_hint
 from tega.runtime.files.toml_text import tree_item
 from tega.runtime.files.whole_file import write_whole
 from tega.tactile.tracker import DEPTH_LAW
@@ -215,7 +216,7 @@ def parse_calibration(text: str, name: str) -> Calibration:
     try:
         tree = parse_toml(text)
     except ValueError as error:
-        raise CalibrationError(f"{name}: not valid TOML: {error}", "see https://toml.io") from error
+        raise CalibrationError(f"{name}: not valid TOML: {error}", toml_hint(text, error)) from error
     try:
         return msgspec.convert(tree, Calibration)
     except msgspec.ValidationError as error:

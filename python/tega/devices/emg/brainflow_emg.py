@@ -5,15 +5,20 @@ from __future__ import annotations
 import contextlib
 import time
 import warnings
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final
 
 import msgspec
 import numpy as np
 
 from tega.devices.base import Options
+from tega.devices.cyton_check import AlternationCheck
 from tega.devices.emg.live_emg import Arrived, LiveEmg, LiveEmgOptions
 from tega.errors import DeviceUnavailableError
+from tega.runtime.evidence import Contradiction, Evidence, refuse
 from tega.runtime.lifecycle import require
+from tega.runtime.stamp_check import LATE_S, StampCheck
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -24,6 +29,8 @@ _BUFFER_S: Final = 10
 # samples share a number, or it repeats elsewhere, and only BrainFlow's arrival times are left.
 _COUNTS_TO_256: Final = frozenset({"SYNTHETIC_BOARD", "CYTON_BOARD"})
 _TURN: Final = 256
+# One step of a Cyton's converter at gain 24, which BrainFlow sets.
+_CYTON_STEP_UV: Final = 0.0224
 
 
 class BrainFlowOptions(LiveEmgOptions, frozen=True, kw_only=True):
@@ -66,6 +73,15 @@ class BrainFlowEmg(LiveEmg):
     requires: ClassVar[tuple[str, ...]] = ("brainflow",)
     options_type: ClassVar[type[Options]] = BrainFlowOptions
     counter_turn: ClassVar[int | None] = _TURN
+    compared: ClassVar[Mapping[Evidence, str]] = MappingProxyType(
+        {
+            "counter": "of boards whose counter is known (Cyton, synthetic): each number follows the one before",
+            "banner": "the board of that name has EMG or EEG channels",
+            "stamp": "samples reach BrainFlow less than 0.25 s before they are read",
+            "rate": "the board's rate is the measured one",
+            "values": "of a Cyton: packets of even and odd number show the same electrodes",
+        }
+    )
 
     def __init__(self, options: BrainFlowOptions) -> None:
         super().__init__(options)
@@ -75,6 +91,9 @@ class BrainFlowEmg(LiveEmg):
         self._rows: list[int] = []
         self._counter_row: int | None = None
         self._last_count: int | None = None
+        self._stamp_row: int | None = None
+        self._stamps = StampCheck()
+        self._alternation: AlternationCheck | None = None
         self._stated_hz: float | None = None
 
     def _start(self) -> None:
@@ -108,7 +127,11 @@ class BrainFlowEmg(LiveEmg):
             self._rows = list(said.get("emg_channels") or said.get("eeg_channels") or ())
             self._stated_hz = float(said["sampling_rate"])
             self._counter_row = said.get("package_num_channel") if described in _COUNTS_TO_256 else None
-            self._last_count = None
+            self._last_count, self._stamps = None, StampCheck()
+            is_cyton = described == "CYTON_BOARD"
+            self._alternation = AlternationCheck(range(1, 9), step_uv=_CYTON_STEP_UV) if is_cyton else None
+            # Another program's stream has that program's stamps, perhaps of another machine.
+            self._stamp_row = None if o.master_board else said.get("timestamp_channel")
             self._board = shim.BoardShim(board_id, parameters)
             self._board.prepare_session()
             self._board.start_stream(max(1, round(_BUFFER_S * self._stated_hz)), "")
@@ -133,7 +156,28 @@ class BrainFlowEmg(LiveEmg):
         if not table.shape[1]:
             return None
         samples = np.ascontiguousarray(table[self._rows].T, np.float64)
-        return Arrived(samples, self._missing(table), time.monotonic_ns())
+        if self._stamp_row is not None:
+            self._contradictions.note("stamp", self._late(float(table[self._stamp_row, -1])))
+        missing = self._missing(table)
+        if self._alternation is not None and self._counter_row is not None:
+            self._alternation.take(table[self._counter_row].astype(np.uint8), samples[:, :8])
+            if found := self._alternation.found:
+                hint = "take the Daisy off the board, or set board to CYTON_DAISY_BOARD"
+                refuse(self.name, self._label(), Contradiction("values", found, hint))
+        return Arrived(samples, missing, time.monotonic_ns())
+
+    def _undecided(self) -> bool:
+        return self._alternation is not None and not self._alternation.is_decided
+
+    def _late(self, stamp_s: float) -> Contradiction | None:
+        """Compare the time at which BrainFlow had the newest sample with now; the arrival is what is used."""
+        now_s = time.time()  # BrainFlow's own clock
+        self._stamps.believes(stamp_s, now_s)
+        delay_s = self._stamps.delay_s
+        if delay_s is None or delay_s <= LATE_S:
+            return self._stamps.contradiction
+        found = f"samples are read {delay_s:.2f} s after BrainFlow had them"
+        return Contradiction("stamp", found, "end other programs that keep this machine busy")
 
     def _missing(self, table: NDArray[np.float64]) -> NDArray[np.int64] | None:
         """Return how many samples the board's counter says are missing before each."""

@@ -10,6 +10,8 @@ from __future__ import annotations
 import itertools
 import re
 import time
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Annotated, ClassVar, NamedTuple
 
 import msgspec
@@ -20,6 +22,7 @@ from tega.devices.emg.live_emg import Arrived
 from tega.devices.emg.live_serial import BaudRate, LiveSerialEmg, LiveSerialOptions
 from tega.devices.serial_port import POLL_S, SerialPort
 from tega.errors import DeviceUnavailableError
+from tega.runtime.evidence import Evidence
 
 # Bytes that show how many channels a packet has: at least three packets of the largest board.
 _LOOK_BYTES = 256
@@ -79,6 +82,14 @@ class Chords(LiveSerialEmg):
     summary: ClassVar[str] = "a board with Chords firmware (BioAmp, NPG Lite, UNO R4, ...)"
     options_type: ClassVar[type[Options]] = ChordsOptions
     counter_turn: ClassVar[int | None] = 256
+    compared: ClassVar[Mapping[Evidence, str]] = MappingProxyType(
+        {
+            "counter": "the number of each packet follows the one before; damaged packets are left out",
+            "banner": "the board's name is known, or its rate and bits are set",
+            "rate": "the board's rate is the measured one",
+            "values": "packets have one number of channels; no value is beyond the converter's bits",
+        }
+    )
     stop_command: ClassVar[bytes] = b"STOP\n"
 
     def __init__(self, options: ChordsOptions) -> None:

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 
 from tega.devices.base import Found, Options
+from tega.devices.cyton_check import AlternationCheck
 from tega.devices.emg.live_emg import Arrived
 from tega.devices.emg.live_serial import LiveSerialEmg, LiveSerialOptions
 from tega.devices.serial_boards import find_boards
 from tega.devices.serial_port import SerialPort
 from tega.errors import DeviceUnavailableError
+from tega.runtime.evidence import Contradiction, Evidence, refuse
+
+if TYPE_CHECKING:
+    from tega.wire import CytonBatch
 
 _BAUD = 115_200
 _RATE_HZ = 250.0
@@ -19,6 +26,9 @@ _GAIN_DIGIT = {1: 0, 2: 1, 4: 2, 6: 3, 8: 4, 12: 5, 24: 6}
 _END = b"$$$"
 _ANSWER_S = 1.5
 _RESET_S = 4.0
+# A board without a Daisy may answer nothing to the command that takes the Daisy off.
+_NO_DAISY_S = 0.3
+_DAISY_HINT = "take the Daisy off the board, or update the firmware; its channels 9 to 16 are not read"
 
 
 class CytonOptions(LiveSerialOptions, frozen=True, kw_only=True):
@@ -40,12 +50,23 @@ class Cyton(LiveSerialEmg):
     summary: ClassVar[str] = "OpenBCI Cyton over its USB dongle, microvolts at 250 Hz"
     options_type: ClassVar[type[Options]] = CytonOptions
     counter_turn: ClassVar[int | None] = 256
+    counter_hint: ClassVar[str] = (
+        "update the radio firmware of board and dongle to one version: their packets are shifted against each other"
+    )
     stop_command: ClassVar[bytes] = b"s"
+    compared: ClassVar[Mapping[Evidence, str]] = MappingProxyType(
+        {
+            "counter": "the number of each packet follows the one before; damaged packets are left out",
+            "banner": "an OpenBCI board with firmware 3; a Daisy is switched off, or refused",
+            "rate": "the board confirms 250 Hz, and sends it",
+            "values": "packets of even and odd number show the same electrodes; unused channels stay off",
+        }
+    )
 
     def __init__(self, options: CytonOptions) -> None:
         super().__init__(options)
         self._options = options
-        self._firmware = ""
+        self._firmware, self._has_daisy = "", False
 
     @classmethod
     def discover(cls, timeout_s: float) -> list[Found]:  # noqa: ARG003  # the system knows at once
@@ -71,15 +92,22 @@ class Cyton(LiveSerialEmg):
         port.drain(quiet_s=0.1, timeout_s=1.0)
         self._firmware = self._reset(port)
         self._set(port, b"d", "default settings")
+        self._take_daisy_off(port)
         for channel in range(1, 9):
             if channel in self._columns():
                 digits = f"{channel}0{_GAIN_DIGIT[o.gain]}01{0 if o.bipolar else 1}0"
                 self._set(port, f"x{digits}X".encode(), f"channel {channel}")
             else:
                 port.write(str(channel).encode())
-        self._set(port, b"~6", "250 samples/s")
+        confirmed = self._set(port, b"~6", "250 samples/s")
+        if "Sample rate is " in confirmed and "250Hz" not in confirmed.replace(" ", ""):
+            found = f"the board answers {_short(confirmed)} where 250 Hz was set"
+            refuse(self.name, self._label(), Contradiction("rate", found, "update the board's firmware"))
         port.drain(quiet_s=0.05, timeout_s=0.5)
-        self._decoder = CytonDecoder(o.gain)
+        self._decoder, self._check = (
+            CytonDecoder(o.gain),
+            AlternationCheck(self._columns(), step_uv=4.5e6 / o.gain * 2**-23),
+        )
         port.write(b"b")
 
     def _reset(self, port: SerialPort) -> str:
@@ -100,10 +128,21 @@ class Cyton(LiveSerialEmg):
             raise DeviceUnavailableError(
                 f"cyton: what answers on {port.name} is no Cyton: {_short(said)}", "check the port"
             )
+        self._has_daisy = "daisy" in said.lower()
         _, _, version = said.partition("Firmware:")
         return version.split()[0].rstrip("$") if version.split() else "unknown version"
 
-    def _set(self, port: SerialPort, command: bytes, what: str) -> None:
+    def _take_daisy_off(self, port: SerialPort) -> None:
+        """Take the second eight channels off, which otherwise replace the first eight in every second packet."""
+        port.write(b"c")
+        said = port.read_until(_END, _ANSWER_S if self._has_daisy else _NO_DAISY_S).decode("ascii", "replace")
+        if self._has_daisy and ("removed" not in said.lower() or "Failure" in said):
+            answer = f"answers {_short(said)}" if said else "does not answer"
+            found = f"a Daisy is attached, and the board {answer} to the command that takes it off"
+            refuse(self.name, self._label(), Contradiction("banner", found, _DAISY_HINT))
+
+    def _set(self, port: SerialPort, command: bytes, what: str) -> str:
+        """Send a setting and return the board's confirmation."""
         port.write(command)
         said = port.read_until(_END, _ANSWER_S).decode("ascii", "replace")
         if _END.decode() not in said or "Failure" in said:
@@ -113,11 +152,18 @@ class Cyton(LiveSerialEmg):
                 "firmware 3 or later is needed, so that the gain is certain; switch the board off and on, "
                 "or update it",
             )
+        return said
 
     def _arrived(self) -> Arrived | None:
         data, arrival_ns = self._received()
-        batch = self._decoder.feed(data)
+        batch: CytonBatch = self._decoder.feed(data)
+        self._check.take(batch.counters, batch.microvolts)
+        if (found := self._check.found) and self._order.contradiction is None:
+            refuse(self.name, self._label(), Contradiction("values", found, _DAISY_HINT))
         return Arrived(batch.microvolts, batch.missing.astype(np.int64), arrival_ns) if len(batch) else None
+
+    def _undecided(self) -> bool:
+        return not self._check.is_decided
 
     def _rate_hz(self) -> float:
         return _RATE_HZ
@@ -139,7 +185,8 @@ class Cyton(LiveSerialEmg):
     def _own_notes(self) -> tuple[str, ...]:
         notes = super()._own_notes()
         if self._firmware:
-            notes += (f"Cyton firmware {self._firmware}, gain {self._options.gain}",)
+            daisy = ", its Daisy switched off" if self._has_daisy else ""
+            notes += (f"Cyton firmware {self._firmware}, gain {self._options.gain}{daisy}",)
         if self._port is not None and (n := self._decoder.skipped_bytes):
             notes += (f"{n} bytes belonged to no packet",)
         return notes

@@ -12,14 +12,18 @@ import msgspec
 from tega.devices.at_exit import closes_on_exit, release
 from tega.devices.base import DeviceInfo, EmgChunk, Kind, Options
 from tega.devices.emg.emg_health import EmgHealth
-from tega.devices.packet_order import PacketOrder, believed_losses
+from tega.devices.packet_order import PacketOrder
 from tega.devices.sample_clock import SampleClock
 from tega.devices.sample_rate import LEAST_RATE_HZ, LOST_TOLERANCE, RATE_TOLERANCE, too_slow, wrong_rate
 from tega.devices.serial_port import POLL_S
+from tega.devices.value_check import ValueCheck
 from tega.errors import DeviceUnavailableError
+from tega.runtime.evidence import Contradiction, Contradictions, Evidence, refuse
 from tega.runtime.lifecycle import Opened
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     import numpy as np
     from numpy.typing import NDArray
 
@@ -75,11 +79,21 @@ class Arrived(NamedTuple):
 
 
 class LiveEmg(Opened):
-    """A live EMG source; a driver adds how to start, what has arrived, and how to stop."""
+    """A live EMG source; a driver adds how to start, what has arrived, and how to stop.
+
+    Attributes:
+        counter_turn: After how many samples the device's own counter repeats; ``None`` for a device that has none.
+        counter_hint: The next step where the device's numbers are no counter.
+        free_columns: Whether the settings alone say which columns are muscles.
+        compared: The evidence that the stream carries, and what each is compared with (:mod:`tega.runtime.evidence`).
+    """
 
     kind: ClassVar[Kind] = "emg"
     name: ClassVar[str]
     counter_turn: ClassVar[int | None] = None
+    counter_hint: ClassVar[str] = "check cable and power; end other programs that read this device"
+    free_columns: ClassVar[bool] = False
+    compared: ClassVar[Mapping[Evidence, str]] = {}
 
     def __init__(self, options: LiveEmgOptions) -> None:
         self._settings = options
@@ -91,7 +105,9 @@ class LiveEmg(Opened):
         self._begun = False
         self._next_index = 0
         self._n_fresh = 0
-        self._order = PacketOrder(self.counter_turn or 0)
+        self._order = PacketOrder(self.counter_turn or 1)
+        self._contradictions = Contradictions()
+        self._values: ValueCheck | None = None
         self._silent_s = 0.0
         self._looked_at_s = 0.0
         self._checked_at_s = 0.0
@@ -130,6 +146,10 @@ class LiveEmg(Opened):
         """Return what it is called."""
         raise NotImplementedError
 
+    def _undecided(self) -> bool:
+        """Whether opening has to wait for more samples before the stream's evidence can be judged."""
+        return False
+
     def _instead(self) -> str:
         """Say what came instead of samples."""
         return ""
@@ -150,6 +170,9 @@ class LiveEmg(Opened):
             notes += (said,)
         if order.n_repeated:
             notes += (f"{order.n_repeated} packets came twice; used once",)
+        if order.n_damaged:
+            notes += (f"{order.n_damaged} packets had a number that cannot be true; not used",)
+        notes += tuple(str(one) for one in self._contradictions.seen if one.evidence != "rate")
         if health is not None:
             notes += health.words()
         return DeviceInfo(
@@ -180,9 +203,14 @@ class LiveEmg(Opened):
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """Faults of the newest second of the signal, one sentence each."""
+        """Contradictions of the stream, then faults of the newest second of the signal, one sentence each."""
         health = self._health
-        return () if health is None else health.now
+        return (*map(str, self._contradictions.now), *(() if health is None else health.now))
+
+    @property
+    def contradictions(self) -> tuple[Contradiction, ...]:
+        """Differences between the stream's own evidence and the settings that leave the samples usable."""
+        return self._contradictions.now
 
     @property
     def limits(self) -> tuple[float, float] | None:
@@ -196,10 +224,13 @@ class LiveEmg(Opened):
             DeviceUnavailableError: It is not there, does not answer, or sends no sample; or this machine is too busy to
                 measure its rate.
             SampleRateError: It is too slow for the filter, or not as fast as it is said to be.
+            StreamContradictionError: Its own evidence says that its samples cannot be used.
             MissingExtraError: A package it needs is not installed.
         """
         self.close()
-        self._open, self._lost, self._order = True, None, PacketOrder(self.counter_turn or 0)
+        self._open, self._lost = True, None
+        self._order = PacketOrder(self.counter_turn or 1, hint=self.counter_hint)
+        self._contradictions = Contradictions()
         # Any way out of the program that runs Python code switches the stream off, SIGTERM too.
         closes_on_exit(self.close)
         try:
@@ -228,6 +259,7 @@ class LiveEmg(Opened):
         Raises:
             DeviceUnavailableError: The source is not open, was unplugged, or has been silent for too long.
             SampleRateError: It has become too slow or too fast.
+            StreamContradictionError: Its own evidence says that its samples cannot be used.
         """
         if not self._open:
             raise DeviceUnavailableError(f"{self.name} {self._label()!r} is not open", "open it first")
@@ -261,14 +293,18 @@ class LiveEmg(Opened):
         self._new_health()
 
     def _new_health(self) -> None:
-        names = tuple(f"ch{c}" for c in self._columns())
-        self._health = EmgHealth(self._rate_hz() or 0.0, names, limits=self._limits())
+        names, rate_hz = tuple(f"ch{c}" for c in self._columns()), self._rate_hz() or 0.0
+        self._health = EmgHealth(rate_hz, names, limits=self._limits())
+        self._values = ValueCheck(rate_hz, names, limits=self._limits(), free_columns=self.free_columns)
 
     def _collect(self) -> None:
         """Put what has arrived in the queue, cut where samples are missing."""
         arrived, clock, now_s = self._arrived(), self._clock, time.monotonic()
-        if arrived is not None and arrived.missing is not None:
-            arrived = Arrived(*self._order.once(arrived.samples, arrived.missing), arrived.arrival_ns)
+        if arrived is not None and arrived.missing is not None and self.counter_turn is not None:
+            room = 2**31 if clock is None else clock.room(len(arrived.samples), arrived.arrival_ns)
+            arrived = Arrived(*self._order.once(arrived.samples, arrived.missing, room), arrived.arrival_ns)
+            if (contradiction := self._order.contradiction) is not None:
+                refuse(self.name, self._label(), contradiction)
         self._n_fresh += 0 if arrived is None else len(arrived.samples)
         away_s, self._looked_at_s = now_s - self._looked_at_s, now_s
         self._silent_s += min(away_s, _LOOKED_AWAY_S)
@@ -281,8 +317,6 @@ class LiveEmg(Opened):
         if arrived is None or clock is None or not len(arrived.samples):
             return
         samples, missing = arrived.samples, arrived.missing
-        if missing is not None:
-            missing = believed_losses(missing, clock.room(len(samples), arrived.arrival_ns))
         n_missing = 0 if missing is None else int(missing.sum())
         stamp = clock.take(len(samples), arrived.arrival_ns, n_missing)
         columns = [c - 1 for c in self._columns()]
@@ -293,8 +327,9 @@ class LiveEmg(Opened):
             chunk = EmgChunk(stamp.t_ns, self._next_index, samples[first:last][:, columns])
             self._next_index += last - first
             self._chunks.append(chunk)
-            if self._health is not None:
+            if self._health is not None and self._values is not None:
                 self._health.take(chunk)
+                self._values.take(chunk.samples, self._contradictions)
         if self._health is not None and now_s - self._checked_at_s > 1.0:
             self._checked_at_s = now_s
             self._check_running(clock)
@@ -335,9 +370,9 @@ class LiveEmg(Opened):
             self._chunks.clear()
             if waited_s > wait_s:
                 raise self._silent(wait_s)
-            if measured_s > 0 and clock.proves(rate_hz, RATE_TOLERANCE):
+            if measured_s > 0 and clock.proves(rate_hz, RATE_TOLERANCE) and not self._undecided():
                 return
-            if measured_s > self._settings.measure_s:
+            if measured_s > self._settings.measure_s and not (self._undecided() and measured_s <= patience_s):
                 measured_hz = clock.measured_hz or 0.0
                 if abs(measured_hz / rate_hz - 1) <= RATE_TOLERANCE:
                     return
@@ -356,6 +391,9 @@ class LiveEmg(Opened):
             return
         if measured_hz < LEAST_RATE_HZ or abs(measured_hz / rate_hz - 1) > LOST_TOLERANCE:
             raise wrong_rate(f"{self.name}: {self._label()}", measured_hz, rate_hz)
+        words = self._rate_words()
+        hint = "set the board, or rate_hz and a new calibration, to the measured rate"
+        self._contradictions.note("rate", Contradiction("rate", words, hint) if words else None)
 
     def _rate_words(self) -> str:
         rate_hz, measured_hz = self._rate_hz(), self.measured_hz

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import msgspec
@@ -10,8 +12,12 @@ import numpy as np
 
 from tega.devices.base import Found, Options
 from tega.devices.emg.live_emg import Arrived, LiveEmg, LiveEmgOptions
+from tega.devices.lsl_columns import undeclared
 from tega.errors import DeviceUnavailableError
-from tega.runtime.lsl import EXTRA, load_lsl, to_monotonic_s
+from tega.runtime.evidence import Contradiction, Evidence, refuse
+from tega.runtime.lsl import EXTRA, find_streams, hosts_of, load_lsl, to_monotonic_s
+from tega.runtime.lsl_clock import ClockCorrection
+from tega.runtime.stamp_check import LATE_S, StampCheck
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -49,6 +55,15 @@ class LslEmg(LiveEmg):
     extra: ClassVar[str] = EXTRA
     requires: ClassVar[tuple[str, ...]] = ("pylsl",)
     options_type: ClassVar[type[Options]] = LslEmgOptions
+    free_columns: ClassVar[bool] = True
+    compared: ClassVar[Mapping[Evidence, str]] = MappingProxyType(
+        {
+            "banner": "one stream of that name; its channels are declared as muscles, or not declared",
+            "stamp": "the sender's clock, corrected every second, is this machine's; else arrival times are used",
+            "rate": "the stated rate is the measured one",
+            "values": "no channel is a counter or a time stamp; limits hold, where they are set",
+        }
+    )
 
     def __init__(self, options: LslEmgOptions) -> None:
         super().__init__(options)
@@ -58,7 +73,9 @@ class LslEmg(LiveEmg):
         self._n_channels = 0
         self._stated_hz = options.rate_hz
         self._last_s: float | None = None
-        self._correction_s = 0.0
+        self._arrived_s = 0.0
+        self._correction: ClockCorrection | None = None
+        self._stamps = StampCheck()
         self._to_monotonic_s = 0.0
 
     @classmethod
@@ -90,19 +107,18 @@ class LslEmg(LiveEmg):
         """
         o = self._options
         lsl = load_lsl(LslEmg.name)
-        found = lsl.resolve_byprop(o.by, o.value, minimum=1, timeout=o.start_s)
-        if len(found) != 1:
-            said = (
-                "no stream"
-                if not found
-                else f"{len(found)} streams, from {', '.join(f.hostname() for f in found)},"
-            )
+        found = find_streams(lsl, o.by, o.value, o.start_s)
+        if not found:
             raise DeviceUnavailableError(
-                f"lsl-emg: {said} with {o.by} {o.value!r} on the network after {o.start_s:g} s",
-                "start the sender, and see that no firewall blocks it (UDP 16571, TCP 16572 to 16604)"
-                if not found
-                else "name one of them by its source_id",
+                f"lsl-emg: no stream with {o.by} {o.value!r} on the network after {o.start_s:g} s",
+                "start the sender, and see that no firewall blocks it (UDP 16571, TCP 16572 to 16604)",
             )
+        if len(found) > 1:
+            said = f"{len(found)} streams have the {o.by} {o.value!r}, from {hosts_of(found)}"
+            hint = "end the senders that are not meant" + (
+                "" if o.by == "source_id" else ", or name a source_id"
+            )
+            refuse(self.name, self._label(), Contradiction("banner", said, hint))
         stream = found[0]
         if stream.channel_format() == lsl.cf_string:
             raise DeviceUnavailableError(
@@ -118,14 +134,17 @@ class LslEmg(LiveEmg):
             self._inlet = lsl.StreamInlet(stream, max_buflen=_BUFFER_S, recover=False)
             self._lost_error = lsl.util.LostError
             self._inlet.open_stream(timeout=o.start_s)
-            self._correction_s = float(self._inlet.time_correction(timeout=o.start_s))
+            first_s = float(self._inlet.time_correction(timeout=o.start_s))
+            declared = undeclared(self._inlet.info(timeout=o.start_s), self._columns())
         except (RuntimeError, TimeoutError) as error:
             raise DeviceUnavailableError(
                 f"lsl-emg: {o.value!r} was found, but did not connect: {error}",
                 "see that no firewall blocks TCP 16572 to 16604",
             ) from error
         self._to_monotonic_s = to_monotonic_s(lsl)
-        self._last_s = None
+        self._correction = ClockCorrection(self._label(), first_s, time.monotonic())
+        self._stamps, self._last_s = StampCheck(), None
+        self._contradictions.note("declared", declared)
 
     def _arrived(self) -> Arrived | None:
         if self._inlet is None:
@@ -140,19 +159,36 @@ class LslEmg(LiveEmg):
         if not stamps:
             return None
         samples: NDArray[np.float64] = np.asarray(rows, np.float64).reshape(len(stamps), self._n_channels)
-        taken_s = np.asarray(stamps, np.float64) + self._correction_s
-        missing = self._missing(taken_s)
-        arrival_ns = min(round((taken_s[-1] + self._to_monotonic_s) * 1e9), time.monotonic_ns())
-        return Arrived(samples, missing, arrival_ns)
+        now_s, inlet, clock = time.monotonic(), self._inlet, self._correction
+        correction_s = clock.follow(lambda: inlet.time_correction(timeout=0.1), now_s) if clock else 0.0
+        taken_s = np.asarray(stamps, np.float64) + (correction_s + self._to_monotonic_s)
+        is_believed = self._stamps.believes(float(taken_s[-1]), now_s)
+        self._contradictions.note("stamp", self._stamps.contradiction)
+        if not is_believed:
+            self._last_s = None
+            return Arrived(samples, None, time.monotonic_ns())
+        delay_s = self._stamps.delay_s
+        if delay_s is not None and delay_s > LATE_S:
+            said = f"samples come {delay_s:.2f} s after their stamps"
+            hint = "let the sender send at once, or stamp with its own lsl_local_clock()"
+            refuse(self.name, self._label(), Contradiction("stamp", said, hint))
+        missing = self._missing(taken_s, now_s)
+        return Arrived(samples, missing, min(round(taken_s[-1] * 1e9), time.monotonic_ns()))
 
-    def _missing(self, taken_s: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Return how many samples the sender's stamps say are missing before each."""
+    def _missing(self, taken_s: NDArray[np.float64], now_s: float) -> NDArray[np.int64]:
+        """Return how many samples the sender's stamps say are missing before each, if there was time for so many."""
         before = self._last_s if self._last_s is not None else taken_s[0]
-        self._last_s = float(taken_s[-1])
+        pause_s, self._arrived_s, self._last_s = now_s - self._arrived_s, now_s, float(taken_s[-1])
         rate_hz = self._stated_hz or 1.0
         steps = np.diff(taken_s, prepend=before)
-        lost = np.rint(steps * rate_hz).astype(np.int64) - 1
-        return np.where(steps > _GAP_S, np.maximum(lost, 0), 0)
+        lost = np.where(steps > _GAP_S, np.maximum(np.rint(steps * rate_hz).astype(np.int64) - 1, 0), 0)
+        return lost if lost.sum() <= (pause_s + _GAP_S) * rate_hz else np.zeros_like(lost)
+
+    def _undecided(self) -> bool:
+        return self._stamps.contradiction is None and self._stamps.delay_s is None
+
+    def _own_notes(self) -> tuple[str, ...]:
+        return () if self._correction is None else (self._correction.words(),)
 
     def _stop(self) -> None:
         if self._inlet is not None:

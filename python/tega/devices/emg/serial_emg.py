@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Annotated, ClassVar
 
 import msgspec
@@ -10,6 +12,7 @@ from tega.devices.base import Found, Options
 from tega.devices.emg.live_emg import Arrived
 from tega.devices.emg.live_serial import BaudRate, LiveSerialEmg, LiveSerialOptions
 from tega.devices.serial_boards import find_boards
+from tega.runtime.evidence import Evidence
 
 
 class SerialEmgOptions(LiveSerialOptions, frozen=True, kw_only=True):
@@ -39,6 +42,13 @@ class SerialEmg(LiveSerialEmg):
     name: ClassVar[str] = "serial-emg"
     summary: ClassVar[str] = "a board that prints samples as lines of numbers (Arduino, MyoWare, ...)"
     options_type: ClassVar[type[Options]] = SerialEmgOptions
+    free_columns: ClassVar[bool] = True
+    compared: ClassVar[Mapping[Evidence, str]] = MappingProxyType(
+        {
+            "rate": "lines per second are those of rate_hz",
+            "values": "each line has the fields that are set; no column is a counter or a time stamp; bits hold",
+        }
+    )
 
     def __init__(self, options: SerialEmgOptions) -> None:
         super().__init__(options)

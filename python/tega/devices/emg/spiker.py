@@ -8,6 +8,8 @@ each of three.
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Annotated, ClassVar, Final
 
 import msgspec
@@ -18,6 +20,7 @@ from tega.devices.emg.live_emg import Arrived
 from tega.devices.emg.live_serial import BaudRate, LiveSerialEmg, LiveSerialOptions
 from tega.devices.serial_port import POLL_S, SerialPort
 from tega.errors import DeviceUnavailableError
+from tega.runtime.evidence import Evidence
 
 _STEPS_HZ: Final = 2_000_000.0
 _STEPS_A_CHANNEL: Final = 199
@@ -50,6 +53,12 @@ class Spiker(LiveSerialEmg):
     name: ClassVar[str] = "spiker"
     summary: ClassVar[str] = "Backyard Brains Muscle SpikerShield or SpikerBox"
     options_type: ClassVar[type[Options]] = SpikerOptions
+    compared: ClassVar[Mapping[Evidence, str]] = MappingProxyType(
+        {
+            "rate": "the rate of the sketch's timer is the measured one",
+            "values": "frames have the channels that were asked for; no value is beyond ten bits",
+        }
+    )
 
     def __init__(self, options: SpikerOptions) -> None:
         super().__init__(options)

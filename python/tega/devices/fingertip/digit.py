@@ -6,6 +6,7 @@ import os
 import threading
 import time
 from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import msgspec
@@ -14,11 +15,13 @@ import numpy as np
 from tega.devices.at_exit import closes_on_exit, release
 from tega.devices.base import DeviceInfo, Found, Kind, Options, TactileFrame
 from tega.devices.fingertip.digit_search import find_digits
-from tega.devices.fingertip.picture_check import WORDS, PictureCheck
-from tega.devices.fingertip.picture_origin import PictureOrigin
+from tega.devices.fingertip.picture_check import WORDS, JudgedPicture, PictureTally, judge_picture
+from tega.devices.fingertip.picture_origin import SensorBands, sensor_bands
 from tega.devices.fingertip.video_nodes import camera_place, find_node
+from tega.devices.jpeg_stream import at_own_size
 from tega.errors import ConfigError, DeviceUnavailableError
 from tega.runtime.device_items import CameraCounts
+from tega.runtime.evidence import Evidence
 from tega.runtime.lifecycle import Opened
 from tega.runtime.opencv import load_cv2
 from tega.runtime.reopening import Reopening
@@ -86,6 +89,14 @@ class Digit(Opened):
     extra: ClassVar[str] = "lab"
     requires: ClassVar[tuple[str, ...]] = ("cv2",)
     options_type: ClassVar[type[Options]] = DigitOptions
+    compared: ClassVar[Mapping[Evidence, str]] = MappingProxyType(
+        {
+            "banner": "the serial number; size and rate that the camera agrees to",
+            "stamp": "the kernel's time of a picture lies in the second before it arrives; else the arrival counts",
+            "rate": "pictures a second are at least 80 % of those agreed",
+            "values": "each picture has the size that was set, is new, whole, lit and this sensor's own",
+        }
+    )
 
     def __init__(self, options: DigitOptions) -> None:
         self._options = options
@@ -100,7 +111,9 @@ class Digit(Opened):
         self._notes: tuple[str, ...] = ()
         self._trouble = ""
         self.counts = CameraCounts()
-        self._check = PictureCheck(self.counts)
+        self._tally = PictureTally(self.counts)
+        self._last: NDArray[np.uint8] | None = None
+        self._baselines: SensorBands | None = None
         self._window = (0, 0)
         self._starved_hz: float | None = None
 
@@ -145,7 +158,8 @@ class Digit(Opened):
         os.environ.setdefault("OPENCV_LOG_LEVEL", "ERROR")
         self._cv2 = load_cv2("digit")
         self.counts = CameraCounts()
-        self._check = PictureCheck(self.counts)
+        self._tally = PictureTally(self.counts)
+        self._last = self._baselines = None
         self._newest, self._given, self._trouble = None, -1, ""
         self._starved_hz = None
         capture = self._capture()
@@ -173,7 +187,7 @@ class Digit(Opened):
             others: The other sensors' baselines, likewise, by what to call them in a note.
         """
         turns = -1 if self._options.orientation == "upright" else 0
-        self._check.origin = PictureOrigin(
+        self._baselines = sensor_bands(
             np.rot90(own, turns), {name: np.rot90(other, turns) for name, other in others.items()}
         )
 
@@ -188,7 +202,7 @@ class Digit(Opened):
     @property
     def faults(self) -> tuple[str, ...]:
         """Reason why the newest picture was not given; nothing while good ones come, or none."""
-        wrong = WORDS.get(self._check.newest)
+        wrong = WORDS.get(self._tally.newest)
         return (f"those that come are {wrong}",) if wrong else ()
 
     @property
@@ -243,7 +257,7 @@ class Digit(Opened):
             except DeviceUnavailableError:
                 capture.release()
                 raise
-        return capture
+        return capture if local else at_own_size(cv2, capture)
 
     def _set_up(self, capture: Any, *, revision: int, lights: bool) -> None:
         o, cv2 = self._options, self._cv2
@@ -320,7 +334,7 @@ class Digit(Opened):
         notes = [
             f"pictures showed lines of the sensor of {other} (up to {100 * share:.0f} % of a picture): not used; "
             "give the sensors USB controllers of their own or a lower rate"
-            for other, share in list(self._check.foreign_shares.items())  # the camera's thread adds to it
+            for other, share in list(self._tally.foreign_shares.items())  # the camera's thread adds to it
         ]
         if self.counts.unlike:
             notes.append(
@@ -331,7 +345,7 @@ class Digit(Opened):
 
     def _drain(self, capture: Any) -> bool:
         """Read one capture until it fails; return whether it gave anything."""
-        check, any_came = self._check, False
+        tally, any_came = self._tally, False
         opened_ns, last_ns, n_at_once = time.monotonic_ns(), 0, 0
         self._window = (opened_ns, 0)
         while not self._leaving.is_set():
@@ -356,13 +370,12 @@ class Digit(Opened):
             last_ns = t_ns
             image: NDArray[np.uint8] = np.asarray(sent, np.uint8)
             if image.ndim != 3 or image.shape[:2] != (self._options.height, self._options.width):
-                self.counts.received += 1
-                self.counts.odd_size += 1
-                check.newest = "odd_size"
+                tally.count(JudgedPicture("odd_size" if image.size else "torn"))
                 continue
-            verdict = check.judge(image)
+            judged, self._last = judge_picture(image, self._last, self._baselines), image
+            good = tally.count(judged)
             self._count_rate(t_ns)
-            if verdict == "good" and time.monotonic_ns() - opened_ns >= self._options.warm_up_s * 1e9:
+            if good and time.monotonic_ns() - opened_ns >= self._options.warm_up_s * 1e9:
                 self._give(t_ns, image)
         return any_came
 

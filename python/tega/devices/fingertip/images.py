@@ -2,45 +2,45 @@
 
 from __future__ import annotations
 
-import re
-from collections import Counter
 from pathlib import Path
 from typing import Annotated, ClassVar
 
 import msgspec
+import numpy as np
 
 from tega.devices.base import DeviceInfo, Kind, Options, TactileFrame
 from tega.errors import DeviceUnavailableError, RecordingError
+from tega.runtime.files.picture_names import name_times_s, sorted_names, without_strays
 from tega.runtime.lifecycle import Opened
 from tega.runtime.opencv import IMAGE_SUFFIXES, load_cv2, read_image
 
-# So few pictures with names of another kind are no part of the recording.
-_STRAY_SHARE = 0.1
+_USUAL_HZ = 60.0
 
 
 class ImageFolderOptions(Options, frozen=True):
     """Settings of :class:`ImageFolder`.
 
     Attributes:
-        folder: The folder; its sub-folders are not looked into.
-        rate_hz: Pictures per second they were taken with.
+        folder: The folder; its sub-folders are not read.
+        rate_hz: Pictures per second. By default the times in the names count where they are seconds, milliseconds,
+            microseconds or nanoseconds since 1970; else 60.
         exclude: Files in it that are no frames, such as the baseline.
     """
 
     folder: Path
-    rate_hz: Annotated[float, msgspec.Meta(gt=0, le=100_000)] = 60.0
+    rate_hz: Annotated[float, msgspec.Meta(gt=0, le=100_000)] | None = None
     exclude: tuple[Path, ...] = ()
 
 
 class ImageFolder(Opened):
-    """The pictures of a folder in natural order (``frame_2`` before ``frame_10``), frame k at k/rate.
+    """The pictures of a folder by the numbers in their names, frame k at k/rate or at the time in its name.
 
     Other files are ignored, hidden ones too, and so is a picture named unlike nearly all others; a note says which.
-    All pictures have to have the size of the first.
+    All pictures have to have the size of the first. A folder without pictures may hold ``.npy`` arrays, one a picture.
     """
 
     kind: ClassVar[Kind] = "tactile"
-    summary: ClassVar[str] = "a folder of pictures, in natural order, at a stated rate"
+    summary: ClassVar[str] = "a folder of pictures, in the order of the numbers in their names"
     extra: ClassVar[str] = "lab"
     requires: ClassVar[tuple[str, ...]] = ("cv2",)
     options_type: ClassVar[type[Options]] = ImageFolderOptions
@@ -51,6 +51,8 @@ class ImageFolder(Opened):
         self._next = 0
         self._notes: tuple[str, ...] = ()
         self._shape: tuple[int, ...] | None = None
+        self._times_s: list[float] | None = None
+        self._rate_hz = options.rate_hz or _USUAL_HZ
 
     @property
     def info(self) -> DeviceInfo:
@@ -60,7 +62,7 @@ class ImageFolder(Opened):
             kind="tactile",
             label=self._options.folder.name,
             live=False,
-            rate_hz=self._options.rate_hz,
+            rate_hz=self._rate_hz,
             unit="counts of 255",
             n_items=None if self._files is None else len(self._files),
             notes=self._notes,
@@ -81,21 +83,21 @@ class ImageFolder(Opened):
                 f"looked for {folder}; give a folder or a video file",
             )
         excluded = {path.resolve() for path in self._options.exclude}
-        files = [
+        there = [
             path
             for path in folder.iterdir()
-            if path.suffix.lower() in IMAGE_SUFFIXES
-            and not path.name.startswith(".")
-            and path.is_file()
-            and path.resolve() not in excluded
+            if not path.name.startswith(".") and path.is_file() and path.resolve() not in excluded
         ]
+        files = [path for path in there if path.suffix.lower() in IMAGE_SUFFIXES]
+        files = files or [path for path in there if path.suffix.lower() == ".npy"]
         if not files:
             raise RecordingError(
                 f"{folder.name}: holds no picture that is a frame",
                 f"frames are files ending in {', '.join(sorted(IMAGE_SUFFIXES))}, the baseline apart",
             )
-        files, self._notes = _without_strays(files)
-        self._files = sorted(files, key=lambda path: _natural(path.name))
+        files, self._notes = without_strays(files)
+        self._files = sorted_names(files)
+        self._use_names([path.stem for path in self._files])
         self._next = 0
         self._shape = None
 
@@ -134,25 +136,24 @@ class ImageFolder(Opened):
                 f"{self._shape[1]}×{self._shape[0]}",
                 "a recording has one size; take the file out of the folder or name it as the baseline",
             )
-        return TactileFrame(round(seq * 1_000_000_000 / self._options.rate_hz), seq, image, path.name)
+        t_s = seq / self._rate_hz if self._times_s is None else self._times_s[seq]
+        return TactileFrame(round(t_s * 1e9), seq, image, path.name)
 
-
-def _without_strays(files: list[Path]) -> tuple[list[Path], tuple[str, ...]]:
-    """Leave out pictures named unlike nearly all others, and say so: as frames they would set the maximum."""
-    shapes = {path: re.sub("[0-9]+", "#", path.stem.casefold()) for path in files}
-    usual, n_usual = Counter(shapes.values()).most_common(1)[0]
-    if n_usual == len(files) or len(files) - n_usual > _STRAY_SHARE * len(files):
-        return files, ()
-    strays = sorted(path.name for path, shape in shapes.items() if shape != usual)
-    return [path for path, shape in shapes.items() if shape == usual], (
-        f"{', '.join(strays[:3])}{' and others' if len(strays) > 3 else ''}: not named as the {n_usual} other pictures "
-        f"({usual}), so no frame and not used; rename what is one",
-    )
-
-
-def _natural(name: str) -> list[tuple[int, int, str]]:
-    """Sort key under which numbers inside a name count as numbers."""
-    parts = re.split(r"([0-9]+)", name)
-    key = [(0, int(part), "") if i % 2 else (1, 0, part.casefold()) for i, part in enumerate(parts)]
-    # Equal but for case or leading zeros: the name itself decides, so that the order never depends on the disk.
-    return [*key, (2, 0, name)]
+    def _use_names(self, stems: list[str]) -> None:
+        """Take the times in the names where there are some, or note that a given rate differs from them."""
+        given_hz, times_s = self._options.rate_hz, name_times_s(stems)
+        self._times_s, self._rate_hz = None, given_hz or _USUAL_HZ
+        if times_s is None:
+            return
+        mean_hz = (len(times_s) - 1) / times_s[-1]
+        if given_hz is None:
+            self._times_s, self._rate_hz = times_s, mean_hz
+            longest_s = float(np.diff(times_s).max())
+            self._notes += (
+                f"the names state the times: {mean_hz:.4g} pictures per second, at most {longest_s:.3g} s apart",
+            )
+        elif abs(mean_hz - given_hz) > 0.01 * given_hz:
+            self._notes += (
+                f"the names state {mean_hz:.4g} pictures per second, {given_hz:g} is used; leave rate_hz out to use "
+                "theirs",
+            )

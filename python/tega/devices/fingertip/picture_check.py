@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Final, Literal
+from typing import TYPE_CHECKING, Final, Literal, NamedTuple
 
 import numpy as np
 
-from tega.devices.fingertip.picture_origin import PictureOrigin
+from tega.devices.fingertip.picture_origin import Origin, SensorBands, picture_origin
 from tega.runtime.device_items import CameraCounts
 
 if TYPE_CHECKING:
@@ -37,68 +37,75 @@ WORDS: Final[Mapping[Verdict, str]] = MappingProxyType(
 """What is wrong with pictures that cannot be used."""
 
 
-class PictureCheck:
-    """Judges pictures as they come.
-
-    Args:
-        counts: Counted up along the way.
+class JudgedPicture(NamedTuple):
+    """Verdict on a picture.
 
     Attributes:
-        origin: Tells whether a picture is another sensor's; ``None`` for no such check.
+        verdict: Whether the picture can be used, or the reason why not.
+        origin: Sensor that the picture comes from; ``None`` where that was not compared.
+    """
+
+    verdict: Verdict
+    origin: Origin | None = None
+
+
+def judge_picture(
+    image: NDArray[np.uint8], last: NDArray[np.uint8] | None, baselines: SensorBands | None = None
+) -> JudgedPicture:
+    """Judge whether a picture can be used.
+
+    Args:
+        image: uint8 (H, W, 3), rows in the order the sensor sends them.
+        last: The picture before, likewise; ``None`` for the first.
+        baselines: Bands of this and other sensors, to find another sensor's lines; ``None`` for no such check.
+    """
+    if last is not None and image.shape != last.shape:
+        return JudgedPicture("odd_size")
+    if last is not None and _equal(image, last):
+        return JudgedPicture("duplicate")
+    sample = image[::_SAMPLE, ::_SAMPLE]
+    if np.add.reduce(sample, axis=None) < _BLACK * sample.size:
+        return JudgedPicture("black")
+    n_rows = max(2, len(image) // _TAIL_SHARE)
+    tail = image[-n_rows:]
+    if _of_one_colour(tail) or (last is not None and _equal(tail, last[-n_rows:])):
+        return JudgedPicture("torn")
+    origin = None if baselines is None else picture_origin(image, baselines)
+    return JudgedPicture("foreign" if origin is not None and origin.other else "good", origin)
+
+
+class PictureTally:
+    """Counts judged pictures.
+
+    Args:
+        counts: Counts that go up.
+
+    Attributes:
         foreign_shares: Of each sensor whose lines were seen, the largest share of a picture.
-        newest: What the newest picture was.
+        newest: Verdict on the newest picture.
     """
 
     def __init__(self, counts: CameraCounts) -> None:
         self._counts = counts
-        self._last: NDArray[np.uint8] | None = None
         self._n_equal = 0
-        self.origin: PictureOrigin | None = None
         self.foreign_shares: dict[str, float] = {}
         self.newest: Verdict = "good"
 
-    def judge(self, image: NDArray[np.uint8]) -> Verdict:
-        """Tell whether a picture can be used; the reason is counted.
-
-        Args:
-            image: uint8 (H, W, 3), rows in the order the sensor sends them. It is kept: do not change it.
-        """
-        self.newest = self._judged(image)
-        return self.newest
-
-    def _judged(self, image: NDArray[np.uint8]) -> Verdict:
-        counts, last = self._counts, self._last
+    def count(self, judged: JudgedPicture) -> bool:
+        """Count a picture; return whether it can be used."""
+        counts, verdict, origin = self._counts, judged.verdict, judged.origin
+        self.newest = verdict
         counts.received += 1
-        if last is not None and image.shape != last.shape:
-            counts.odd_size += 1
-            return "odd_size"
-        self._last = image
-        if last is not None and _equal(image, last):
-            counts.duplicate += 1
-            self._n_equal += 1
-            counts.stuck += self._n_equal == _STUCK - 1
-            return "duplicate"
-        self._n_equal = 0
-        sample = image[::_SAMPLE, ::_SAMPLE]
-        if np.add.reduce(sample, axis=None) < _BLACK * sample.size:
-            counts.black += 1
-            return "black"
-        n_rows = max(2, len(image) // _TAIL_SHARE)
-        tail = image[-n_rows:]
-        if _of_one_colour(tail) or (last is not None and _equal(tail, last[-n_rows:])):
-            counts.torn += 1
-            return "torn"
-        if self.origin is not None:
-            origin = self.origin.judge(image)
-            if origin.other:
-                counts.foreign += 1
-                self.foreign_shares[origin.other] = max(
-                    origin.share, self.foreign_shares.get(origin.other, 0.0)
-                )
-                return "foreign"
+        name = "used" if verdict == "good" else verdict
+        setattr(counts, name, getattr(counts, name) + 1)
+        if verdict != "odd_size":
+            self._n_equal = self._n_equal + 1 if verdict == "duplicate" else 0
+            counts.stuck += verdict == "duplicate" and self._n_equal == _STUCK - 1
+        if origin is not None and origin.other:
+            self.foreign_shares[origin.other] = max(origin.share, self.foreign_shares.get(origin.other, 0.0))
+        elif origin is not None:
             counts.unlike += origin.unlike
-        counts.used += 1
-        return "good"
+        return verdict == "good"
 
 
 def _equal(one: NDArray[np.uint8], other: NDArray[np.uint8]) -> bool:

@@ -34,38 +34,50 @@ class Origin(NamedTuple):
     unlike: bool
 
 
-class PictureOrigin:
-    """Compares pictures with the sensor's own baseline and with those of the others, band by band.
+class SensorBands(NamedTuple):
+    """Bands of the baselines of several sensors.
 
-    A band is another's if it is far from the own baseline, close to the other's, and much closer to it: what
-    presses a gel changes a band, but into nobody else's light. Sensors whose baselines are alike cannot be told
-    apart.
+    Attributes:
+        shape: Shape of the sensor's own baseline.
+        own: Its bands.
+        others: Bands of the other sensors by name.
+    """
+
+    shape: tuple[int, ...]
+    own: bytes
+    others: Mapping[str, bytes]
+
+
+def sensor_bands(own: NDArray[np.uint8], others: Mapping[str, NDArray[np.uint8]]) -> SensorBands:
+    """Return the bands with which pictures are compared.
 
     Args:
         own: Baseline of the sensor, uint8 (H, W, 3), lines as the sensor sends them.
         others: Baselines of the others by name, likewise; those of another size are left out.
     """
+    alike = {name: picture_bands(b) for name, b in others.items() if b.shape == own.shape}
+    return SensorBands(own.shape, picture_bands(own), alike)
 
-    def __init__(self, own: NDArray[np.uint8], others: Mapping[str, NDArray[np.uint8]]) -> None:
-        self._shape = own.shape
-        self._own = picture_bands(own)
-        self._others = {name: picture_bands(b) for name, b in others.items() if b.shape == own.shape}
 
-    def judge(self, image: NDArray[np.uint8]) -> Origin:
-        """Tell where a picture comes from.
+def picture_origin(image: NDArray[np.uint8], baselines: SensorBands) -> Origin:
+    """Return which sensor a picture comes from, compared band by band.
 
-        Args:
-            image: uint8 (H, W, 3), lines as the sensor sends them.
-        """
-        if image.shape != self._shape:
-            return Origin("", 0.0, unlike=False)
-        bands = picture_bands(image)
-        own = band_distances(bands, self._own)
-        far = [k for k, distance in enumerate(own) if distance > _FAR]
-        best, share = "", 0.0
-        for name, other in self._others.items() if far else ():
-            theirs = band_distances(bands, other)
-            n = sum(theirs[k] < _NEAR and theirs[k] < _NEARER * own[k] for k in far)
-            if n / len(own) > share:
-                best, share = name, n / len(own)
-        return Origin(best, share, unlike=not best and len(far) >= _ALL_SHARE * len(own))
+    A band is another's if it is far from the own baseline, close to the other's, and much closer to it: a press
+    changes a band, but into no other sensor's light. Sensors whose baselines are alike cannot be told apart.
+
+    Args:
+        image: uint8 (H, W, 3), lines as the sensor sends them.
+        baselines: Bands of :func:`sensor_bands`.
+    """
+    if image.shape != baselines.shape:
+        return Origin("", 0.0, unlike=False)
+    bands = picture_bands(image)
+    own = band_distances(bands, baselines.own)
+    far = [k for k, distance in enumerate(own) if distance > _FAR]
+    best, share = "", 0.0
+    for name, other in baselines.others.items() if far else ():
+        theirs = band_distances(bands, other)
+        n = sum(theirs[k] < _NEAR and theirs[k] < _NEARER * own[k] for k in far)
+        if n / len(own) > share:
+            best, share = name, n / len(own)
+    return Origin(best, share, unlike=not best and len(far) >= _ALL_SHARE * len(own))

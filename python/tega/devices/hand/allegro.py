@@ -5,21 +5,23 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
+from typing import TYPE_CHECKING, ClassVar
 
 import msgspec
 import numpy as np
 
 from tega.devices.at_exit import closes_on_exit, last_words, release
 from tega.devices.base import DeviceInfo, Found, Kind, Options
+from tega.devices.hand.allegro_options import BITRATE, AllegroOptions
 from tega.devices.hand.can_links import can_links, link_trouble
 from tega.devices.hand.hand_alert import HandAlert
 from tega.devices.hand.hand_bus import bus_label
 from tega.devices.hand.hand_told import LET_GO
 from tega.errors import DeviceUnavailableError, InvalidValueError, WrongDeviceError
 from tega.hand import MOST_ADDED_LEVELS
+from tega.runtime.evidence import Evidence
 from tega.runtime.lifecycle import Opened
 
 if TYPE_CHECKING:
@@ -31,52 +33,11 @@ if TYPE_CHECKING:
     from tega.wire import CanFrame
 
 
-_BITRATE = 1_000_000
 _START_S = 10.0
 _KEPT = 16_384
 # The hand's process tells how it is 125 times a second.
 _UNHEARD_S = 0.1
 _REFUSED = frozenset({"wrong-version", "wrong-side"})
-
-_Share = Annotated[float, msgspec.Meta(gt=0, le=1)]
-
-
-class AllegroOptions(Options, frozen=True):
-    """Settings of :class:`Allegro`.
-
-    Attributes:
-        interface: The adapter's name in python-can, such as ``socketcan``, ``pcan``, ``slcan``, ``virtual``.
-        channel: Which of its buses.
-        bitrate: Bits per second; ``socketcan`` is set with ``ip link`` instead.
-        bus: Further options, passed to ``can.Bus`` as they are.
-        device_id: The hand's number on its bus, 0 from the factory.
-        side: Which hand is mounted; the other one is refused.
-        poses: Pose file of the closure levels; ``None`` for the built-in ones.
-        torque_share: Ceiling of every torque, as a share of the vendor's limits.
-        kp: Torque units per rad; ``None`` for the built-in gains, 1.5 and 2 for the thumb.
-        kd: Torque units per rad/s; ``None`` for 0.08.
-        torque: Switch the motors on; without it the hand is only read.
-        silent_after_ms: Without a set of positions for so long the motors go off.
-        lowest_rate_hz: Sets of positions a second that are needed; the hand sends 333.
-        reconnects: How often a silent hand is looked for again, once a second.
-        guard: Have a further process let go of the hand if the one that steers it, or this one, is lost.
-    """
-
-    interface: str
-    channel: str | int
-    bitrate: Annotated[int, msgspec.Meta(gt=0, le=1_000_000)] = _BITRATE
-    bus: dict[str, Any] = msgspec.field(default_factory=dict)
-    device_id: Annotated[int, msgspec.Meta(ge=0, le=3)] = 0
-    side: Literal["right", "left"] = "right"
-    poses: Path | None = None
-    torque_share: _Share = 1.0
-    kp: Annotated[float, msgspec.Meta(gt=0, le=10)] | None = None
-    kd: Annotated[float, msgspec.Meta(ge=0, le=1)] | None = None
-    torque: bool = True
-    silent_after_ms: Annotated[float, msgspec.Meta(ge=10, le=10_000)] = 30.0
-    lowest_rate_hz: Annotated[float, msgspec.Meta(ge=0, le=1000)] = 250.0
-    reconnects: Annotated[int, msgspec.Meta(ge=0, le=100)] = 5
-    guard: bool = True
 
 
 class Allegro(Opened):
@@ -98,6 +59,13 @@ class Allegro(Opened):
     options_type: ClassVar[type[Options]] = AllegroOptions
 
     label = "Allegro Hand v4: torques from the angles it reported"
+    compared: ClassVar[Mapping[Evidence, str]] = MappingProxyType(
+        {
+            "banner": "version 4 and the side that is set; after a silence, the same serial number",
+            "rate": "at least 250 sets of joint angles a second",
+            "values": "four frames make a set; no joint jumps, none stands still to the last bit, temperatures hold",
+        }
+    )
 
     def __init__(self, options: AllegroOptions) -> None:
         self._options = options
@@ -121,7 +89,7 @@ class Allegro(Opened):
         """List the CAN buses a hand may be on (Linux only); says nothing on them."""
         found = []
         for link in can_links():
-            problem, hint = link_trouble(link, bitrate=_BITRATE)
+            problem, hint = link_trouble(link, bitrate=BITRATE)
             options = {"interface": "socketcan", "channel": link.name}
             found.append(
                 Found(driver="allegro", label=link.name, options=options, problem=problem, hint=hint)
@@ -219,16 +187,17 @@ class Allegro(Opened):
 
     def _tell_of_the_end(self) -> None:
         """Tell, as the last words of the program, of a hand that has not confirmed that its motors are off."""
-        from tega.devices.hand.hand_guard import LONGEST_S
+        from tega.devices.hand.hand_guard import LONGEST_S, guard_runs
 
         seen, self._seen = self._seen, None
         if seen is None or seen.let_go:
             return
-        guarded = self._options.guard and self._options.interface != "virtual"
-        tries = f"; another process goes on telling it to, for {LONGEST_S / 60:g} minutes" if guarded else ""
+        tries = "no other process goes on switching it off"
+        if guard_runs(seen.guard_pid):
+            tries = f"process {seen.guard_pid} goes on switching it off, for {LONGEST_S / 60:g} minutes"
         last_words(
             f"USE THE HAND'S EMERGENCY SWITCH: {self._label}: the hand has not confirmed that its motors are off, "
-            f"so it may still be pushing{tries}"
+            f"so it may still be pushing; {tries}"
         )
 
     @property
@@ -352,7 +321,7 @@ class Allegro(Opened):
         if seen is not None and seen.fault is not None:
             wrong = WrongDeviceError if seen.fault.kind in _REFUSED else DeviceUnavailableError
             raise wrong(f"allegro: {seen.fault.message}{trouble}", seen.fault.hint)
-        lost = "the hand's loop has ended" if seen is not None and seen.ended else end.lost
+        lost = end.lost or ("the hand's loop has ended" if seen is not None and seen.ended else "")
         if lost:
             raise DeviceUnavailableError(f"allegro: {lost}{trouble}", "open it again")
         if not started:

@@ -1,8 +1,12 @@
 """Run a process that leaves a device safe when the program that uses the device is killed or stands still.
 
+Only the program ends it (:func:`tega.runtime.child_process.start_child`). It does not end before the device has
+confirmed, and writes to the system's log where the device does not.
+
 The program starts it before anything of the device is switched on, and waits until it says ``ready``. It then writes a
 line ``.`` ten times a second, which the process answers in kind. A line ``done`` ends the process; the end of its input
-without one means that the program is gone.
+without one means that the program is gone. The process then answers ``alone``, and ``off`` once the device has
+confirmed.
 """
 
 from __future__ import annotations
@@ -16,8 +20,9 @@ import time
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Final
 
+from tega.devices.system_log import Alarm
 from tega.errors import DeviceUnavailableError
-from tega.runtime.child_process import end_child, own_group, python_command, python_environment
+from tega.runtime.child_process import end_child, start_child
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -34,6 +39,7 @@ _READY_S: Final = 10.0
 _AGAIN_S: Final = 1.0
 _LEAVE_S: Final = 5.0
 _HAS_IT: Final = b"alone\n"
+_OFF: Final = b"off\n"
 # Processes that go on trying after this program has closed its device; kept so that nobody waits for them.
 _left: list[subprocess.Popen[bytes]] = []
 
@@ -52,14 +58,16 @@ class GuardProcess:
     Attributes:
         n_lost: How many were lost.
         problem: Why there is none now; ``""`` while there is one.
+        confirmed: Whether the device that was left to it has confirmed that it is safe.
     """
 
     def __init__(self, what: str, module: str, *arguments: str) -> None:
         self._what = what
-        self._words = python_command(module, *arguments)
+        self._module, self._arguments = module, arguments
         self._closing, self._safe = threading.Event(), False
         self._swap = threading.Lock()  # of the process, against the program's leaving
         self._next_s = 0.0
+        self._has_it, self._is_off = threading.Event(), threading.Event()
         self.n_lost = 0
         self.problem = ""
         self._asked_s = self._heard_s = time.monotonic()
@@ -89,17 +97,31 @@ class GuardProcess:
         self._leave(safe=True)
         self._thread.join(_LEAVE_S)
 
-    def leave_to_it(self) -> None:
+    def leave_to_it(self, *, confirm_s: float = 0.0) -> int:
         """Leave the device to the guard: to it this looks as if the program were gone, and it goes on trying.
 
-        Waits until a guard has said that it has the device. One that was lost is replaced first; one that stands still
-        is ended and replaced.
+        Waits until a guard has answered that it has the device. One that was lost is replaced first; one that stands
+        still is ended and replaced.
+
+        Args:
+            confirm_s: Time to wait then for the device to confirm, seconds.
+
+        Returns:
+            Number of the process that has the device; 0 where none has answered.
         """
         self._leave(safe=False)
-        self._thread.join(DEAF_S)
-        if self._thread.is_alive() and not self.problem:
-            self._process.kill()  # it stands still: the thread that watches it starts another
-        self._thread.join(_READY_S)
+        if not self._has_it.wait(DEAF_S):
+            if not self.problem:
+                self._process.kill()  # it stands still: the thread that watches it starts another
+            if not self._has_it.wait(_READY_S):
+                return 0
+        self._is_off.wait(confirm_s)
+        return self._process.pid
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether the device that was left to the guard has confirmed that it is safe."""
+        return self._is_off.is_set()
 
     def _leave(self, *, safe: bool) -> None:
         with self._swap:
@@ -119,13 +141,7 @@ class GuardProcess:
                 process.stdin.close()
 
     def _start(self) -> subprocess.Popen[bytes]:
-        process = subprocess.Popen(
-            self._words,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            **own_group(),
-            env=python_environment(),
-        )
+        process = start_child(self._module, *self._arguments, stdout=subprocess.PIPE)
         late = threading.Timer(_READY_S, process.kill)
         late.start()
         said = process.stdout.readline() if process.stdout else b""
@@ -151,12 +167,16 @@ class GuardProcess:
     def _watch(self) -> None:
         """Hear the answers, and start another process when this one is gone."""
         while True:
-            process, said = self._process, b""
+            process = self._process
             if process.stdout is not None:
                 while line := process.stdout.readline():
-                    self._heard_s, said = time.monotonic(), line
+                    self._heard_s = time.monotonic()
+                    if line == _HAS_IT and self._closing.is_set():
+                        self._has_it.set()
+                    elif line == _OFF:
+                        self._is_off.set()
                 process.stdout.close()
-            if self._closing.is_set() and (self._safe or said == _HAS_IT):
+            if self._closing.is_set() and (self._safe or self._has_it.is_set()):
                 return  # else it was lost as the device was left to it
             self.n_lost += 1
             self.problem = f"the process that {self._what} was lost; another is being started"
@@ -182,17 +202,17 @@ def _forget(process: subprocess.Popen[bytes]) -> None:
         process.stdout.close()
 
 
-def stand_by(let_go: Callable[[Callable[[], bool]], None]) -> None:
+def stand_by(device: str, let_go: Callable[[Callable[[], bool]], str]) -> None:
     """Wait, in the process, and leave the device safe if the program ends without a word or stands still.
 
-    Until it first hears something, nothing of the device is on, and it does nothing.
+    Before the first message of the program nothing of the device is on, and the process does nothing.
 
     Args:
-        let_go: Leaves the device safe, or tries until nobody needs that any more; it is given what tells whether the
-            program goes on.
+        device: The device, for the system's log.
+        let_go: Leaves the device safe, trying until the device confirms. Called with a function that returns whether
+            the program goes on. Returns ``""``, or the reason why the device has not confirmed.
     """
-    with contextlib.suppress(OSError):  # it has given up already, and its input has ended
-        os.write(sys.stdout.fileno(), b"ready\n")
+    _answer(b"ready\n")
     pieces = hear()
     heard, stuck, said = False, False, b""
     while True:
@@ -201,14 +221,18 @@ def stand_by(let_go: Callable[[Callable[[], bool]], None]) -> None:
         if b"done" in said:
             return
         if piece:
-            answer(piece)
+            _answer(b".\n" * piece.count(b"."))
             heard, stuck = True, False
             continue
         gone = piece is not None
         if gone:
             stay_alone()
         if heard:
-            let_go(_never if gone else lambda: not pieces.empty())
+            alarm = Alarm(device)
+            why = let_go(_never if gone else lambda: not pieces.empty())
+            alarm.end(why if gone else "")
+            if gone and not why:
+                _answer(_OFF)
         if gone:
             return
         stuck = True
@@ -245,19 +269,17 @@ def hear() -> SimpleQueue[bytes]:
 
 
 def stay_alone() -> None:
-    """Say, in the process, that the device is its own now, and let go of the outputs of the program that is gone.
+    """Answer, in the process, that the device is its own now, and let go of the error output of the parent.
 
-    Somebody may be reading them to their end.
+    Another program may be reading that to its end.
     """
-    with contextlib.suppress(OSError):
-        os.write(sys.stdout.fileno(), _HAS_IT)
+    _answer(_HAS_IT)
     nowhere = os.open(os.devnull, os.O_WRONLY)
-    for number in (1, 2):
-        os.dup2(nowhere, number)
+    os.dup2(nowhere, sys.stderr.fileno())
     os.close(nowhere)
 
 
-def answer(chunk: bytes) -> None:
-    """Answer, in the process, what was heard, unless nobody listens any more."""
+def _answer(line: bytes) -> None:
+    """Send a line to the parent, unless it is gone."""
     with contextlib.suppress(OSError):
-        os.write(sys.stdout.fileno(), b".\n" * chunk.count(b"."))
+        os.write(sys.stdout.fileno(), line)

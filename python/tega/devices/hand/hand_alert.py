@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from tega.errors import DeviceUnavailableError
 
 if TYPE_CHECKING:
-    from tega.devices.hand.allegro import Allegro
+    from tega.hand.link import HandState
 
 
 _LOOK_S = 0.1
@@ -25,6 +25,17 @@ _WORDS = {
 }
 
 
+class CountedHand(Protocol):
+    """A hand that counts its own faults."""
+
+    @property
+    def n_garbled(self) -> int:
+        """Messages that could not be decoded."""
+
+    def state(self) -> HandState:
+        """Return the newest state."""
+
+
 class HandAlert:
     """Looks at a hand's own counts.
 
@@ -32,7 +43,7 @@ class HandAlert:
         hand: The driver, open.
     """
 
-    def __init__(self, hand: Allegro) -> None:
+    def __init__(self, hand: CountedHand) -> None:
         self._hand = hand
         self._next_s = self._until_s = 0.0
         self._counts: dict[str, int] = {}

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import sys
 import time
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tega.devices.hand.can_open import open_can_bus
 from tega.devices.hand.slcan import slcan_bus
 from tega.errors import DeviceUnavailableError
 from tega.runtime.lifecycle import require
@@ -26,6 +28,7 @@ _ASK_S = 0.05
 _SEND_S = 0.01
 _REOPEN_S = 1.0
 _MOST_FRAMES = 64
+_MOST_DRAINED = 64
 # Buses that give their own frames back, which are then no other program's; python-can cannot tell them apart.
 _ECHOING = frozenset({"udp_multicast"})
 _MOST_ECHOES = 64
@@ -34,6 +37,23 @@ _MOST_ECHOES = 64
 def bus_label(interface: str, channel: str | int) -> str:
     """Return adapter and bus, without a path."""
     return f"{interface} {Path(str(channel)).name}"
+
+
+def load_can() -> None:
+    """Load python-can in a program of its own, which has no time for the log format that needs pandas.
+
+    python-can imports ``asammdf`` for MF4 logs where that is installed, which takes ten times as long as all the rest.
+    """
+    sys.modules.setdefault("asammdf", None)  # type: ignore[arg-type]  # an import of it then fails, which is allowed for
+    with contextlib.suppress(ImportError):  # opening the bus says what is missing
+        import can  # noqa: F401
+
+
+def off_frames(device_id: int) -> list[CanFrame]:
+    """Return the frames that leave a hand without force and silent: zero torque, SERVO OFF and no more reports."""
+    from tega.wire import allegro_limp_frames, allegro_set_period
+
+    return [*allegro_limp_frames(device_id=device_id), allegro_set_period(0, device_id=device_id)]
 
 
 def can_message(can: Any, frame: CanFrame) -> Any:
@@ -104,7 +124,7 @@ class HandBus:
         """Close the bus, whatever state it is in."""
         bus, self._bus = self._bus, None
         if bus is not None:
-            with contextlib.suppress(self._can.CanError, OSError):
+            with contextlib.suppress(Exception):  # adapters raise what they like
                 bus.shutdown()
 
     def receive(self, *, may_reopen: bool) -> list[Received]:
@@ -125,13 +145,13 @@ class HandBus:
         ):  # garbled ones too: an adapter that pours out noise must not hold up the loop
             try:
                 message = self._bus.recv(timeout=wait_s)
-            except (self._can.CanError, OSError) as error:
-                self.trouble = f" (the adapter failed: {error})"
-                self.drop()
-                break
             except (ValueError, IndexError):
                 self.n_garbled += 1
                 continue
+            except Exception as error:  # as above
+                self.trouble = f" (the adapter failed: {error})"
+                self.drop()
+                break
             if message is None:
                 break
             if self._echoes and self._is_echo(message):
@@ -148,12 +168,25 @@ class HandBus:
             wait_s = 0.0
         return frames
 
-    def send(self, frames: Sequence[CanFrame]) -> list[CanFrame]:
-        """Send frames and return those that the adapter took."""
+    def drain(self) -> None:
+        """Discard the frames that wait in the adapter."""
+        for _ in range(_MOST_DRAINED):
+            if len(self.receive(may_reopen=False)) < _MOST_FRAMES:
+                return
+
+    def send(
+        self, frames: Sequence[CanFrame], *, outdated: Callable[[], bool] = lambda: False
+    ) -> list[CanFrame]:
+        """Send frames and return those that the adapter took.
+
+        Args:
+            frames: The frames, in order.
+            outdated: Asked right before each is handed over; what is left is not sent once it returns true.
+        """
         sent: list[CanFrame] = []
         together = hasattr(self._bus, "send_together")
         for part in [frames] if together else [[frame] for frame in frames]:
-            if self._bus is None:
+            if self._bus is None or outdated():
                 break
             messages = [can_message(self._can, frame) for frame in part]
             try:
@@ -164,7 +197,7 @@ class HandBus:
                 sent += part
                 if self.settings["interface"] in _ECHOING:
                     self._echoes += [(frame.id, bytes(frame.data), frame.remote) for frame in part]
-            except (self._can.CanError, OSError):
+            except Exception:  # as above
                 self.n_unsent += len(part)
         return sent
 
@@ -223,15 +256,11 @@ class HandBus:
 
     def _opened(self) -> Any:
         settings = dict(self.settings)
-        try:
-            if settings["interface"] == "slcan":
-                del settings["interface"]
-                return slcan_bus()(settings.pop("channel"), **settings)
-            return self._can.Bus(**settings)
-        except (self._can.CanError, OSError, ValueError, TypeError, ImportError) as error:
-            raise DeviceUnavailableError(
-                f"allegro: interface {self.settings['interface']!r} did not open "
-                f"{self.label.split()[-1]!r}: {error}",
-                "check the adapter and its name; a socketcan bus has to be up: "
-                "ip link set can0 up type can bitrate 1000000 restart-ms 100",
-            ) from error
+        interface, channel = settings.pop("interface"), settings.pop("channel")
+
+        def make() -> Any:
+            if interface == "slcan":
+                return slcan_bus()(channel, **settings)
+            return self._can.Bus(interface=interface, channel=channel, **settings)
+
+        return open_can_bus("allegro", interface, make, can=self._can, channel=channel)

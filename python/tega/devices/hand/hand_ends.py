@@ -12,15 +12,16 @@ import time
 from io import BufferedReader, BufferedWriter
 from typing import TYPE_CHECKING, Final
 
+from tega.devices.hand.hand_guard import guard_runs, take_over
 from tega.devices.hand.hand_loop import LEAVE_S, HandLoop
-from tega.devices.hand.hand_told import WORD_S, HandOrders, Tell
+from tega.devices.hand.hand_told import WORD_S, HandNews, HandOrders, Tell
 from tega.errors import DeviceUnavailableError
-from tega.runtime.child_process import end_child, own_group, python_command, python_environment
+from tega.runtime.child_process import end_child, start_child
 from tega.runtime.object_pipe import receive_object, send_object, widen_pipe
 from tega.runtime.threads import realtime_allowed, run_realtime
 
 if TYPE_CHECKING:
-    from tega.devices.hand.allegro import AllegroOptions
+    from tega.devices.hand.allegro_options import AllegroOptions
 
 
 MAKES_READY: Final = "makes ready"
@@ -29,6 +30,7 @@ MAKES_READY: Final = "makes ready"
 _START_S: Final = 20.0
 _SILENT_S: Final = 1.0
 _AWAY_S: Final = 0.2
+_LOOK_S: Final = 0.1
 # Level and addition. What is so short a pipe takes as a whole or not at all.
 _WORD: Final = struct.Struct("<2d")
 
@@ -98,6 +100,7 @@ class HandProcess:
         self._word: tuple[float, float] = (1, 0.0)
         self._said_s = self._heard_s = self._looked_s = self._since_s = 0.0
         self._broke = ""
+        self._news: HandNews | None = None
 
     @property
     def pid(self) -> int:
@@ -106,13 +109,7 @@ class HandProcess:
 
     def warm_up(self) -> None:
         """Start it, and return at once; it makes ready, and touches nothing of the hand before :meth:`open`."""
-        self._process = subprocess.Popen(
-            python_command("tega.devices.hand.hand_program"),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            env=python_environment(),
-            **own_group(),
-        )
+        self._process = start_child("tega.devices.hand.hand_program", stdout=subprocess.PIPE)
         assert isinstance(self._process.stdin, BufferedWriter)
         widen_pipe(self._process.stdin)
         with contextlib.suppress(OSError):  # it has ended: told of when the hand is opened
@@ -168,9 +165,15 @@ class HandProcess:
             self._write()
 
     def join(self, timeout_s: float) -> None:
-        """Wait for the loop's end."""
-        if self._thread is not None:
-            self._thread.join(timeout_s)
+        """Wait for the loop's end; a process that says nothing any more is ended."""
+        until_s = time.monotonic() + timeout_s
+        while (
+            self._thread is not None
+            and self._thread.is_alive()
+            and (left_s := until_s - time.monotonic()) > 0
+        ):
+            self._thread.join(min(left_s, _LOOK_S))
+            _ = self.lost
 
     def end(self) -> None:
         """End the process, by force where it does not end; its guard then lets go of the hand."""
@@ -190,8 +193,10 @@ class HandProcess:
             self._since_s = now_s
         self._looked_s = now_s
         if (silent_s := now_s - max(self._since_s, self._heard_s)) > _SILENT_S:
-            return f"the hand's process has said nothing for {silent_s:.1f} s"
-        return ""
+            if self._process is not None:
+                self._process.kill()  # it must not go on later; the thread that listens has the hand let go
+            self._broke = f"the hand's process has said nothing for {silent_s:.1f} s"
+        return self._broke
 
     def _write(self) -> None:
         self._said_s = time.monotonic()
@@ -209,15 +214,29 @@ class HandProcess:
                 told = receive_object(said)
                 self._heard_s = time.monotonic()
                 if told:  # else that it goes on
+                    self._news = told[1]
                     self._tell(*told)
                 if self._heard_s - self._said_s >= WORD_S:
                     self._write()
         except (EOFError, OSError):
             process = self._process
             code = None if process is None else process.poll()
-            self._broke = "the hand's process has ended" + ("" if code is None else f" ({code})")
+            self._broke = self._broke or "the hand's process has ended" + (
+                "" if code is None else f" ({code})"
+            )
+            self._let_go_instead()
         except BaseException as error:  # of who is told; the next step can act on it
             self._broke = f"the hand's process is heard no more ({type(error).__name__}: {error})"
+
+    def _let_go_instead(self) -> None:
+        """Have the hand let go if the process has ended before the hand confirmed, and report how that went."""
+        news = self._news
+        if news is None or not self._options.torque or (news.ended and news.let_go):
+            return
+        if news.ended and guard_runs(news.guard_pid):
+            return  # it was left to its guard, which goes on
+        let_go, pid = take_over(self._options, news.guard_pid)
+        self._tell([], news._replace(ended=True, let_go=let_go, guard_pid=pid))
 
 
 HandEnd = HandThread | HandProcess

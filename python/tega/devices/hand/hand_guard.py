@@ -5,7 +5,8 @@ A hand is thought to keep its last torque for ever. So a process waits beside th
 When its input ends without a word, or it hears nothing for a second, it opens the bus itself and sends zero torque,
 SERVO OFF and no more reports, until the hand
 says that its motors are off: for ten minutes after the program is gone, or until a program that stood still goes on.
-Until it first hears something no motor is on, and it does nothing. Nothing helps where both are killed, the adapter is
+Until it first hears something no motor is on, and it does nothing. A run that has lost both processes starts a guard at
+once (:func:`take_over`). Nothing helps where the run is killed with them, the adapter is
 pulled out, or the machine loses power: mount a switch. On Windows a serial adapter belongs to one program at a time, so
 there it can be opened only when the program is gone, and a program that stands still keeps it (untried).
 """
@@ -20,16 +21,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from tega.devices.hand.guard_process import GuardProcess, stand_by
-from tega.devices.hand.hand_bus import HandBus
+from tega.devices.hand.hand_bus import HandBus, load_can, off_frames
 from tega.errors import DeviceUnavailableError
+from tega.runtime.child_process import is_running
 
 if TYPE_CHECKING:
+    from tega.devices.hand.allegro_options import AllegroOptions
     from tega.wire import CanFrame
 
 
 LONGEST_S: Final = 600.0
+_MODULE: Final = "tega.devices.hand.hand_guard"
 _REST_S: Final = 0.2
 _TRY_S: Final = 0.5
+_CONFIRM_S: Final = 3.0
+_LOOK_S: Final = 0.02
 
 
 def guard_hand(bus: Mapping[str, Any], frames: Sequence[CanFrame], *, device_id: int) -> GuardProcess:
@@ -44,7 +50,40 @@ def guard_hand(bus: Mapping[str, Any], frames: Sequence[CanFrame], *, device_id:
         DeviceUnavailableError: It does not start.
     """
     settings = {"bus": bus, "frames": [[f.id, f.data.hex()] for f in frames], "device_id": device_id}
-    return GuardProcess("lets go of the hand", "tega.devices.hand.hand_guard", json.dumps(settings))
+    return GuardProcess("lets go of the hand", _MODULE, json.dumps(settings))
+
+
+def guard_runs(pid: int) -> bool:
+    """Return whether a process that guards a hand runs now; ``False`` where the system does not say."""
+    return is_running(pid, _MODULE)
+
+
+def take_over(options: AllegroOptions, guard_pid: int) -> tuple[bool, int]:
+    """Have a hand let go whose own process is gone: by its guard if that runs, else by a new one.
+
+    A guard ends when the hand has confirmed, or when it is killed. So the hand is asked once more after its end.
+
+    Args:
+        options: The driver's settings.
+        guard_pid: Number of the guard's process; 0 for none.
+
+    Returns:
+        Whether the hand has confirmed that its motors are off, and the process that goes on trying; 0 for none.
+    """
+    until_s = time.monotonic() + _CONFIRM_S
+    while guard_runs(guard_pid):
+        if time.monotonic() > until_s:
+            return False, guard_pid
+        time.sleep(_LOOK_S)
+    o = options
+    bus = HandBus(o.interface, o.channel, bitrate=o.bitrate, more=o.bus)
+    try:
+        guard = guard_hand(bus.settings, off_frames(o.device_id), device_id=o.device_id)
+    except (DeviceUnavailableError, OSError):
+        return False, 0
+    guard.beat()
+    pid = guard.leave_to_it(confirm_s=_CONFIRM_S)
+    return guard.confirmed, pid
 
 
 class _Hand:
@@ -60,21 +99,30 @@ class _Hand:
         self._device_id = device_id
         self._node = self._seen()
 
-    def let_go(self, given_up: Callable[[], bool]) -> None:
-        """Tell it to let go until it has confirmed that it did, or nobody needs that any more."""
-        until_s = time.monotonic() + LONGEST_S
-        while time.monotonic() < until_s and not self._replaced():
+    @property
+    def label(self) -> str:
+        """Hand, adapter and bus."""
+        return f"robot hand on {self._bus.label}"
+
+    def let_go(self, given_up: Callable[[], bool]) -> str:
+        """Switch the motors off until the hand confirms or the program goes on; return why it has not confirmed."""
+        until_s, why = time.monotonic() + LONGEST_S, "no answer"
+        while time.monotonic() < until_s:
+            if self._replaced():
+                return "its adapter is gone"
             try:
                 self._bus.open()
                 if self._bus.switch_off(self._frames, device_id=self._device_id, patience_s=_TRY_S):
-                    return
-            except DeviceUnavailableError:
-                pass
+                    return ""
+                why = f"no answer{self._bus.trouble}"
+            except Exception as error:  # whatever an adapter's library raises, the hand may push
+                why = str(error)
             finally:
                 self._bus.drop()
             if given_up():
-                return
+                return "its program goes on"
             time.sleep(_REST_S)
+        return f"{why}, for {LONGEST_S / 60:g} minutes"
 
     def _replaced(self) -> bool:
         """Whether another program's terminal has the name now that an emulated adapter had."""
@@ -90,10 +138,9 @@ class _Hand:
 
 def main() -> None:
     """Wait, and let go of the hand if its program ends without a word or stands still."""
-    import can  # noqa: F401  # there is no time for that later
-
+    load_can()  # there is no time for that later
     hand = _Hand(**json.loads(sys.argv[1]))
-    stand_by(hand.let_go)
+    stand_by(hand.label, hand.let_go)
 
 
 if __name__ == "__main__":

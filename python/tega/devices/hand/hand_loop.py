@@ -10,17 +10,17 @@ import contextlib
 import time
 from typing import TYPE_CHECKING, Final
 
-from tega.devices.hand.hand_bus import HandBus
+from tega.devices.hand.hand_bus import HandBus, off_frames
 from tega.devices.hand.hand_guard import guard_hand
 from tega.devices.hand.hand_told import HandNews, HandOrders, HandSpoken, Tell
 from tega.hand.link import HandLink
+from tega.runtime.clock import Standstill
 from tega.runtime.threads import run_realtime
-from tega.wire import allegro_limp_frames, allegro_set_period
 
 if TYPE_CHECKING:
-    from tega.devices.hand.allegro import AllegroOptions
+    from tega.devices.hand.allegro_options import AllegroOptions
     from tega.devices.hand.guard_process import GuardProcess
-    from tega.hand.link import HandState
+    from tega.hand.link import HandState, Received
     from tega.wire import CanFrame
 
 
@@ -32,6 +32,7 @@ CONFIRM_S = 3.0
 """For so long the hand is asked whether its motors are off."""
 
 _STATE_S: Final = 0.02
+_STILL_OFF_S: Final = 0.5
 _TELL_S: Final = 0.008
 
 
@@ -54,14 +55,11 @@ class HandLoop:
         o = options
         self._options, self._orders, self._tell, self.whole = o, orders, tell, whole
         self._bus = HandBus(o.interface, o.channel, bitrate=o.bitrate, more=o.bus)
-        self._off: list[CanFrame] = [
-            *allegro_limp_frames(device_id=o.device_id),
-            allegro_set_period(0, device_id=o.device_id),
-        ]
+        self._off: list[CanFrame] = off_frames(o.device_id)
         self._link: HandLink
         self._warm = False
         self._guard: GuardProcess | None = None
-        self._n_guarded = 0
+        self._n_guarded = self._left_to = self._leave_ns = 0
         self._pushed, self._let_go, self._ready, self._died = False, True, False, ""
         self._spoken: list[HandSpoken] = []
         self._state: HandState | None = None
@@ -120,41 +118,23 @@ class HandLoop:
     @run_realtime("hand")
     def run(self) -> None:
         """Exchange frames until told to leave; then let go, and leave whatever happens."""
-        link, orders, leave_ns = self._link, self._orders, 0
+        link, orders = self._link, self._orders
+        standstill = Standstill(self._options.silent_after_ms * 1e-3)
         try:
-            while not (link.released or (leave_ns and time.monotonic_ns() > leave_ns)):
-                if orders.gone or (leave_ns and link.phase == "faulted"):
+            while not (link.released or (self._leave_ns and time.monotonic_ns() > self._leave_ns)):
+                if orders.gone or (self._leave_ns and link.phase == "faulted"):
                     break
-                if orders.still() and not self._stood_still():
-                    break
+                if orders.still():
+                    self._stand_by()
                 frames = self._bus.receive(may_reopen=not orders.leaving.is_set())
-                t_ns = time.monotonic_ns()
-                self._cpu_s = time.thread_time()
-                if orders.leaving.is_set() and not leave_ns:
-                    link.release(t_ns)
-                    self._note(HandSpoken(t_ns, 0, [], [], "release"))
-                    leave_ns = t_ns + round(LEAVE_S * 1e9)
-                level, added = orders.asked
-                before = link.phase
-                out = link.exchange(frames, t_ns, level, added)
-                taken = self._bus.send(out) if out else []
-                answers = len(out) >= 4 and link.phase == "running"
-                left_ns = time.monotonic_ns() if answers else 0
-                if link.phase == "silent" != before:
-                    # Whoever else let go of the hand, as the guard does, has closed the adapter behind itself.
-                    self._bus.drop()
-                if out or self.whole:
-                    self._note(HandSpoken(t_ns, level, frames, out, "exchange", taken, left_ns, added))
-                if link.phase == "running" and self._options.torque:
-                    self._pushed, self._let_go = True, False
-                self._ready = self._ready or link.phase in {"running", "faulted"}
-                n_words, _ = orders.pulse()
-                if self._guard is not None and self._ready and n_words != self._n_guarded:
-                    # It hears of the run, not of this loop alone.
-                    self._n_guarded = n_words
-                    self._guard.beat()
-                if link.phase != before or t_ns * 1e-9 - self._told_s > _TELL_S:
-                    self._flush(t_ns)
+                if standstill.pulse():
+                    if standstill.slept_s:
+                        self._died = f" (the computer slept for {standstill.slept_s:.0f} s)"
+                        break
+                    # They say nothing of the hand as it is now; without any the link takes it for silent.
+                    self._bus.drain()
+                    frames = []
+                self._exchange(frames, standstill)
         except (
             BaseException
         ) as error:  # a panic of native code, too; told by the next step, which can act on it
@@ -174,13 +154,47 @@ class HandLoop:
             self.dismiss()
             self._flush(time.monotonic_ns(), ended=True)
 
-    def _stood_still(self) -> bool:
-        """Wait for a run that stands still, as long as the guard sees to the hand; whether to go on."""
-        if self._guard is None or self._guard.problem:
-            return False
+    def _exchange(self, frames: list[Received], standstill: Standstill) -> None:
+        """Answer what was received, unless the answer is outdated before it is sent."""
+        link, orders, t_ns = self._link, self._orders, time.monotonic_ns()
+        self._cpu_s = time.thread_time()
+        if orders.leaving.is_set() and not self._leave_ns:
+            link.release(t_ns)
+            self._note(HandSpoken(t_ns, 0, [], [], "release"))
+            self._leave_ns = t_ns + round(LEAVE_S * 1e9)
+        level, added = orders.asked
+        before = link.phase
+        out = link.exchange(frames, t_ns, level, added)
+        pushes = link.phase in {"running", "releasing"}
+        taken = self._bus.send(out, outdated=standstill.is_over if pushes else _never) if out else []
+        answers = len(out) >= 4 and link.phase == "running"
+        left_ns = time.monotonic_ns() if answers else 0
+        if link.phase == "silent" != before:
+            # Whoever else let go of the hand, as the guard does, has closed the adapter behind itself.
+            self._bus.drop()
+        if out or self.whole:
+            self._note(HandSpoken(t_ns, level, frames, out, "exchange", taken, left_ns, added))
+        if link.phase == "running" and self._options.torque:
+            self._pushed, self._let_go = True, False
+        self._ready = self._ready or link.phase in {"running", "faulted"}
+        n_words, _ = orders.pulse()
+        if self._guard is not None and self._ready and n_words != self._n_guarded:
+            # It hears of the run, not of this loop alone.
+            self._n_guarded = n_words
+            self._guard.beat()
+        if link.phase != before or t_ns * 1e-9 - self._told_s > _TELL_S:
+            self._flush(t_ns)
+
+    def _stand_by(self) -> None:
+        """Let go of the hand and wait for a run that stands still."""
+        device_id, guard = self._options.device_id, self._guard
+        while self._pushed and self._orders.still():
+            if self._bus.switch_off(self._off, device_id=device_id, patience_s=_STILL_OFF_S):
+                break
+            if guard is not None and not guard.problem:
+                break  # it goes on trying
         self._bus.drop()  # the guard may need it
         self._orders.await_word()
-        return True
 
     def dismiss(self) -> None:
         """Dismiss the process that guards the hand if the hand has confirmed that its motors are off."""
@@ -189,7 +203,8 @@ class HandLoop:
             if guard is not None:
                 guard.dismiss()
         elif guard is not None:
-            guard.leave_to_it()
+            self._left_to = guard.leave_to_it()
+            self._let_go = guard.confirmed
 
     def _note(self, said: HandSpoken) -> None:
         self._spoken.append(said if self.whole else said._replace(received=[]))
@@ -211,12 +226,24 @@ class HandLoop:
                 angles_rad=link.angles_rad,
                 target_rad=link.target_rad,
                 ready=self._ready,
-                trouble=self._died or self._bus.trouble,
+                trouble=self._died or self._orders.reason or self._bus.trouble,
                 guard_problem="" if guard is None else guard.problem,
                 n_garbled=self._bus.n_garbled,
                 n_unsent=self._bus.n_unsent,
                 cpu_s=self._cpu_s,
                 ended=ended,
                 let_go=self._let_go,
+                guard_pid=self._guard_pid,
             ),
         )
+
+    @property
+    def _guard_pid(self) -> int:
+        """Return the number of the process that guards the hand; after the end, of the one that has it."""
+        if self._left_to or self._guard is None:
+            return self._left_to
+        return 0 if self._guard.problem else self._guard.pid
+
+
+def _never() -> bool:
+    return False

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import gc
 import os
-import signal
 import sys
 import threading
 from contextlib import suppress
@@ -17,11 +16,13 @@ from io import BufferedWriter, FileIO
 from queue import Empty, SimpleQueue
 from typing import Any
 
+from tega.devices.hand.hand_bus import load_can
 from tega.devices.hand.hand_ends import MAKES_READY, read_words
 from tega.devices.hand.hand_loop import HandLoop
 from tega.devices.hand.hand_told import WORD_S, HandNews, HandOrders, HandSpoken
 from tega.runtime.object_pipe import receive_object, send_object
 from tega.runtime.threads import realtime, run_realtime, short_turns
+from tega.safety.sleep_lock import SleepLock
 
 _LEAVE_S = 2.0
 
@@ -50,9 +51,11 @@ def _steer(options: Any, *, asked: FileIO, orders: HandOrders, said: BufferedWri
     """Make ready, wait until the run opens the hand, and steer it."""
     told: SimpleQueue[_Told | None] = SimpleQueue()
     loop = HandLoop(options, orders, lambda spoken, seen: told.put((spoken, seen)))
+    lock = SleepLock("a robot hand's motors are on", lambda: orders.leave(" (the computer goes to sleep)"))
     try:
         _makes_ready(said)
         loop.warm_up()
+        lock.load()
         _makes_ready(said)
         loop.whole = receive_object(asked)
         loop.open()
@@ -66,19 +69,20 @@ def _steer(options: Any, *, asked: FileIO, orders: HandOrders, said: BufferedWri
     threading.Thread(target=read_words, args=(sys.stdin.fileno(), orders), daemon=True).start()
     telling = threading.Thread(target=_pass_on, args=(told, said), daemon=True)
     telling.start()
+    if options.torque:
+        lock.take()
     gc.collect()
     gc.freeze()
     loop.run()
+    lock.release()
     told.put(None)
     telling.join(_LEAVE_S)
 
 
 def main() -> None:
     """Steer until the run says that it is over, or is no more."""
+    load_can()
     orders = HandOrders(heard=True)
-    # A key press ends the run, which then has the hand let go; a shutdown may ask this program as well.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, lambda *_: orders.leaving.set())
     said = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a library prints is no answer
     try:

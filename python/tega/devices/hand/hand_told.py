@@ -55,6 +55,7 @@ class HandNews(NamedTuple):
         cpu_s: Processor time of the loop's thread.
         ended: Whether the loop has ended.
         let_go: Whether no motor was switched on, or the hand has confirmed that they are off.
+        guard_pid: Number of the process that guards the hand; 0 while there is none.
     """
 
     state: HandState
@@ -69,6 +70,7 @@ class HandNews(NamedTuple):
     cpu_s: float = 0.0
     ended: bool = False
     let_go: bool = False
+    guard_pid: int = 0
 
 
 Tell = Callable[[list[HandSpoken], HandNews], None]
@@ -92,6 +94,7 @@ class HandOrders:
     Attributes:
         asked: Closure level asked for, and what is added to it.
         leaving: Set once the hand is to be let go.
+        reason: Why it is let go although the run goes on.
         gone: Whether the run has ended without a word.
     """
 
@@ -99,7 +102,7 @@ class HandOrders:
         self._heard = heard
         self.asked: tuple[float, float] = (1, 0.0)
         self.leaving = threading.Event()
-        self.gone = False
+        self.gone, self.reason = False, ""
         self._n_words = 0
         self._last_s = time.monotonic()
         self._word = threading.Event()
@@ -112,6 +115,12 @@ class HandOrders:
             self.asked = word, added
         self._last_s = time.monotonic()
         self._n_words += 1
+        self._word.set()
+
+    def leave(self, reason: str) -> None:
+        """Have the hand let go for a reason of this program's own."""
+        self.reason = reason
+        self.leaving.set()
         self._word.set()
 
     def lose(self) -> None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import msgspec
 
 from tega.devices.base import DeviceInfo, Kind, Options
+from tega.devices.hand.can_open import open_can_bus
 from tega.devices.hand.hand_bus import can_message
 from tega.errors import ConfigError, DeviceUnavailableError
 from tega.runtime.lifecycle import Opened, require
@@ -89,19 +91,20 @@ class PythonCan(Opened):
                 "use interface = 'virtual', or set open_loop = true with the hand's power off or nothing attached",
             )
         self._can = require("can", driver="python-can", extra="lab")
-        try:
-            self._bus = self._can.Bus(interface=o.interface, channel=o.channel, bitrate=o.bitrate, **o.bus)
-        except (self._can.CanError, OSError, ValueError, TypeError, ImportError) as error:
-            raise DeviceUnavailableError(
-                f"python-can: interface {o.interface!r}, channel {o.channel!r} did not open: {error}",
-                "check the adapter and the names; interface = 'virtual' needs no hardware",
-            ) from error
+        self._bus = open_can_bus(
+            "python-can",
+            o.interface,
+            lambda: self._can.Bus(interface=o.interface, channel=o.channel, bitrate=o.bitrate, **o.bus),
+            can=self._can,
+            channel=o.channel,
+        )
 
     def close(self) -> None:
         """Close the bus."""
-        if self._bus is not None:
-            self._bus.shutdown()
-        self._bus = None
+        bus, self._bus = self._bus, None
+        if bus is not None:
+            with contextlib.suppress(Exception):  # adapters raise what they like
+                bus.shutdown()
 
     def write(self, t_ns: int, frames: Sequence[CanFrame]) -> Sequence[CanFrame]:  # noqa: ARG002  # a bus has no past
         """Send frames in order.
@@ -114,7 +117,7 @@ class PythonCan(Opened):
         for frame in frames:
             try:
                 self._bus.send(can_message(self._can, frame), timeout=self._options.send_timeout_s)
-            except (self._can.CanError, OSError) as error:
+            except Exception as error:  # as above
                 raise DeviceUnavailableError(
                     f"python-can: frame {frame.id:#05x} was not sent within {self._options.send_timeout_s} s: {error}",
                     "check that the hand is powered, the bus terminated, and its rate 1 Mbit/s",

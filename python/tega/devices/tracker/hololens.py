@@ -6,6 +6,9 @@ import socket
 import struct
 import threading
 import time
+from collections import deque
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Annotated, ClassVar, Final, Literal
 
 import msgspec
@@ -15,6 +18,7 @@ from tega.devices.base import DeviceInfo, Options
 from tega.devices.device_clock import DeviceClock
 from tega.devices.tracker.tracker_thread import ThreadedTracker
 from tega.errors import DeviceUnavailableError, WrongDeviceError
+from tega.runtime.evidence import Evidence
 from tega.runtime.reopening import Reopening
 
 # One packet of the spatial input: time, size and validity, head and eyes, 26 joints of each hand.
@@ -34,6 +38,10 @@ _BACK_OFF_S: Final = (0.25, 2.0)
 # The origin is where the head was when the app began: after a reconnection the same numbers may be another place. So
 # long, together with the pause before, that whoever steers has been told "lost" and takes hold anew.
 _ANEW_NS: Final = 350_000_000
+# The app sends so many packets a second; a stream well below it is another one, or a bad network.
+_RATE_HZ: Final = 60.0
+_LEAST_SHARE: Final = 0.8
+_RATE_NS: Final = 2_000_000_000
 
 
 class HoloLensOptions(Options, frozen=True, kw_only=True):
@@ -100,6 +108,14 @@ class HoloLens(ThreadedTracker):
     extra: ClassVar[str] = ""
     requires: ClassVar[tuple[str, ...]] = ()
     options_type: ClassVar[type[Options]] = HoloLensOptions
+    compared: ClassVar[Mapping[Evidence, str]] = MappingProxyType(
+        {
+            "banner": "packets have the size of spatial input",
+            "stamp": "the headset's clock runs with the arrivals; after a leap no pose is used for 0.35 s",
+            "rate": "at least 80 % of 60 packets a second come",
+            "values": "a pose that repeats to the last bit is not used; a wrist is seen, not guessed",
+        }
+    )
     frame: ClassVar[str] = "openxr"
 
     def __init__(self, options: HoloLensOptions) -> None:
@@ -112,6 +128,7 @@ class HoloLens(ThreadedTracker):
         self._last: tuple[int, bytes] | None = None
         self._anew_until_ns = 0
         self._heard_ns = 0
+        self._arrivals_ns: deque[int] = deque(maxlen=1024)
         self.counts = HoloLensCounts()
 
     @property
@@ -124,12 +141,14 @@ class HoloLens(ThreadedTracker):
             notes.append(f"{c.lost} of {c.packets} packets had no {self._options.hand} hand")
         if c.connections > 1:
             notes.append(f"the connection was made anew {c.connections - 1} times")
+        if self._clock.n_leaps:
+            notes.append(f"stamp: the headset's clock was set {self._clock.n_leaps} times")
         return DeviceInfo(
             driver=self.driver,
             kind="tracker",
             label=f"HoloLens at {self._where}",
             live=True,
-            rate_hz=60.0,
+            rate_hz=_RATE_HZ,
             unit="m",
             notes=tuple(notes),
         )
@@ -141,7 +160,16 @@ class HoloLens(ThreadedTracker):
             if self._trouble:
                 return f"hololens: {self._trouble}"
             away_s = (time.monotonic_ns() - self._heard_ns) / 1e9
-        return f"hololens: no packet for {away_s:.1f} s" if self._thread and away_s > 0.25 else ""
+            arrivals = self._arrivals_ns
+            spans_s = (arrivals[-1] - arrivals[0]) / 1e9 if arrivals else 0.0
+            rate_hz = (len(arrivals) - 1) / spans_s if spans_s * 1e9 > 0.75 * _RATE_NS else _RATE_HZ
+        if not self._thread:
+            return ""
+        if away_s > 0.25:
+            return f"hololens: no packet for {away_s:.1f} s"
+        if rate_hz < _LEAST_SHARE * _RATE_HZ:
+            return f"hololens: rate: {rate_hz:.0f} packets a second come, {_RATE_HZ:g} are expected"
+        return ""
 
     def open(self) -> None:
         """Connect and wait for the first packet.
@@ -212,6 +240,7 @@ class HoloLens(ThreadedTracker):
         def anew() -> socket.socket:
             made = self._connect()
             self._clock.forget()
+            self._arrivals_ns.clear()
             self._last = None
             self._anew_until_ns = 0
             return made
@@ -271,6 +300,9 @@ class HoloLens(ThreadedTracker):
                 c.connections += 1
                 self._anew_until_ns = arrival_ns + (_ANEW_NS if c.connections > 1 else 0)
             self._heard_ns, self._trouble = arrival_ns, ""
+            self._arrivals_ns.append(arrival_ns)
+            while arrival_ns - self._arrivals_ns[0] > _RATE_NS:
+                self._arrivals_ns.popleft()
             c.packets += 1
             there = bool(bits & self._bit)
             if last is not None and (device_100ns == last[0] or (there and record == last[1])):

@@ -6,6 +6,8 @@ import os
 import queue
 import threading
 import time
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, ClassVar, Final
 
 import msgspec
@@ -16,6 +18,7 @@ from tega.devices.tracker.openxr_options import OpenXrOptions
 from tega.devices.tracker.openxr_session import Located, XrSession
 from tega.devices.tracker.tracker_thread import ThreadedTracker
 from tega.errors import DeviceUnavailableError
+from tega.runtime.evidence import Evidence
 from tega.runtime.lifecycle import require
 from tega.runtime.reopening import Reopening
 
@@ -76,6 +79,13 @@ class OpenXr(ThreadedTracker):
     extra: ClassVar[str] = "openxr"
     requires: ClassVar[tuple[str, ...]] = ("xr",)
     options_type: ClassVar[type[Options]] = OpenXrOptions
+    compared: ClassVar[Mapping[Evidence, str]] = MappingProxyType(
+        {
+            "banner": "the runtime has the controller, tracker or hand that is set",
+            "stamp": "the runtime converts its times to this machine's clock",
+            "values": "a pose is valid and tracked; one that repeats to the last bit is not used",
+        }
+    )
     frame: ClassVar[str] = "openxr"
 
     def __init__(self, options: OpenXrOptions) -> None:

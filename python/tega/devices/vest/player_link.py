@@ -30,6 +30,7 @@ _PROMPT_S: Final = 0.02  # one that answers within this is not slow: its own cli
 _MOST_ON_THE_WAY: Final = 8  # frames that it may not have read either
 _BLIND_S = 0.04  # between frames for a Player that does not say whether it has read them
 _CALL_S: Final = 1.5  # no frame may take longer to leave
+_MOST_HEARD: Final = 64  # messages taken in at once, whatever else is waiting
 _PROBE_S = 4.0  # its status is not sent regularly
 
 
@@ -145,6 +146,7 @@ class PlayerLink:
                 open_timeout=open_s,
                 close_timeout=0.3,
                 ping_interval=None,
+                create_connection=_held_back(client.ClientConnection),
             )
             connection.process_redirect = lambda error: error  # the key is for this address alone
             return await connection
@@ -238,6 +240,8 @@ class PlayerLink:
                     self._run(ws.send(self._version.stop()))
 
     def _forget(self, runner: asyncio.Runner) -> None:
+        if self._ws is not None:
+            self._ws.transport.abort()  # one that takes nothing is not closed by words
         self._ws = self._runner = None
         runner.close()
 
@@ -301,7 +305,27 @@ class PlayerLink:
             self._garbage += not heard(self._version, message)
 
     def _lost(self, error: Exception) -> DeviceUnavailableError:
-        return DeviceUnavailableError(f"the {self._where} ended the connection: {error}")
+        why = "it takes nothing any more" if isinstance(error, TimeoutError) else str(error)
+        return DeviceUnavailableError(f"the {self._where} ended the connection: {why}")
+
+
+def _held_back(connection: Any) -> Any:
+    """Return a type of connection that reads nothing while the other end takes nothing.
+
+    Each ping is answered at once; of a Player that floods with pings and reads no answer they would pile up.
+    """
+
+    class HeldBack(connection):  # type: ignore[misc]
+        def pause_writing(self) -> None:
+            super().pause_writing()
+            self.transport.pause_reading()
+
+        def resume_writing(self) -> None:
+            super().resume_writing()
+            if not getattr(self.recv_messages, "paused", False):
+                self.transport.resume_reading()
+
+    return HeldBack
 
 
 async def _within(work: Coroutine[Any, Any, Any], timeout_s: float) -> Any:
@@ -314,7 +338,7 @@ async def _come(ws: Any, timeout_s: float) -> list[str | bytes]:
     await asyncio.sleep(0)
     found: list[str | bytes] = []
     with contextlib.suppress(TimeoutError):
-        while True:
+        while len(found) < _MOST_HEARD:
             async with asyncio.timeout(0.0 if found else timeout_s):
                 found.append(await ws.recv())
     return found

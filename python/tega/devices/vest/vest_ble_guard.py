@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from tega.devices.at_exit import last_words
 from tega.devices.hand.guard_process import GuardProcess, stand_by
+from tega.runtime.child_process import is_running
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -27,6 +28,7 @@ MOTORS: Final = "6e40000a-b5a3-f393-e0a9-e50e24dcca9e"
 
 _LONGEST_S: Final = 600.0  # for so long it tries
 
+_MODULE: Final = "tega.devices.vest.vest_ble_guard"
 _CALL_S: Final = 5.0
 _REST_S: Final = 1.0
 
@@ -41,7 +43,7 @@ def guard_vest(address: str, path: str) -> GuardProcess:
     Raises:
         DeviceUnavailableError: It does not start.
     """
-    return GuardProcess("silences the vest", "tega.devices.vest.vest_ble_guard", address, path)
+    return GuardProcess("silences the vest", _MODULE, address, path)
 
 
 class VestWatch:
@@ -80,10 +82,15 @@ class VestWatch:
         if self.silent:
             guard.dismiss()
             return
-        guard.leave_to_it()
+        pid = guard.leave_to_it()
+        if guard.confirmed:
+            return
+        tries = "no other process goes on silencing it"
+        if is_running(pid, _MODULE):
+            tries = f"process {pid} goes on silencing it, for {_LONGEST_S / 60:g} minutes"
         last_words(
             f"USE THE VEST'S SWITCH: {self._of[0]}: it has not confirmed that its motors rest, so it may still be "
-            f"vibrating; another process goes on telling it to, for {_LONGEST_S / 60:g} minutes"
+            f"vibrating; {tries}"
         )
 
 
@@ -96,28 +103,28 @@ async def _silence(address: str, path: str) -> None:
         await client.write_gatt_char(MOTORS, bytes(20), response=False)
 
 
-def let_go(address: str, path: str, given_up: Callable[[], bool]) -> None:
-    """Silence the vest, or try that until nobody needs it any more."""
-    from bleak.exc import BleakError
-
-    until_s = time.monotonic() + _LONGEST_S
+def let_go(address: str, path: str, given_up: Callable[[], bool]) -> str:
+    """Silence the vest, or try until its program goes on; return why it has not taken the zeros."""
+    until_s, why = time.monotonic() + _LONGEST_S, ""
     while time.monotonic() < until_s:
         try:
             asyncio.run(_silence(address, path))
-        except (BleakError, OSError, EOFError, AssertionError):
+        except Exception as error:  # whatever the library raises, the vest may vibrate
             # A refusal comes at once; out of reach for a moment is not given up.
+            why = f"{type(error).__name__}: {error}"
             if given_up():
-                return
+                return "its program goes on"
             time.sleep(_REST_S)
             continue
-        return
+        return ""
+    return f"{why}, for {_LONGEST_S / 60:g} minutes"
 
 
 def main() -> None:
     """Wait, and silence the vest if its program ends without a word or stands still."""
     import bleak  # noqa: F401  # there is no time for that later
 
-    stand_by(partial(let_go, sys.argv[1], sys.argv[2]))
+    stand_by(f"vest {sys.argv[1]}", partial(let_go, sys.argv[1], sys.argv[2]))
 
 
 if __name__ == "__main__":

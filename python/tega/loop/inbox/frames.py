@@ -6,20 +6,21 @@ import time
 from collections.abc import Callable, Generator
 from typing import TYPE_CHECKING
 
+from msgspec.structs import replace
+
 from tega.errors import DeviceUnavailableError, RecordingError, TegaError
-from tega.loop.inbox.picture_votes import PictureVotes
+from tega.loop.inbox.picture_votes import CameraVote, picture_fault, untouched_lines
 from tega.loop.inbox.reader import READ_TIMEOUT_S, opened_again
-from tega.loop.inbox.sources import Contact, SourceReport
-from tega.loop.inbox.stuck_frames import STUCK_FRAMES, LastFrame
-from tega.stages.metrics import contact_metrics_of
+from tega.loop.inbox.sources import SourceReport
+from tega.loop.inbox.stuck_frames import STUCK_FRAMES, KeptPicture, is_repeat, kept_picture
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
     from tega.devices.base import TactileFrame, TactileSource
+    from tega.records import Contact
     from tega.stages.base import Metric
-    from tega.tactile import ContactMetrics
 
 __all__ = ["FrameMeter", "fed_contacts", "keeps_up", "measured_contacts"]
 
@@ -58,8 +59,10 @@ class FrameMeter:
         self._report = report
         self._live = live
         self._start_ns = start_ns if live else 0
-        self._last = LastFrame()
-        self._votes = PictureVotes(baseline)
+        self._last: KeptPicture | None = None
+        self._n_equal = 0
+        self._vote, self._untouched = CameraVote(), untouched_lines(baseline)
+        self._lines: list[bytes] = []
         self.seq: int | None = None
         self.next_seq = 0
 
@@ -70,41 +73,43 @@ class FrameMeter:
             frame: The next one of the source.
 
         Returns:
-            Its time and metrics; ``None`` for a frame that came again under its number, or of a live sensor without
+            The contact in it; ``None`` for a frame that came again under its number, or of a live sensor without
             a vote (:mod:`tega.loop.inbox.picture_votes`).
 
         Raises:
             RecordingError: The frame is not of the baseline's size.
         """
-        report, last = self._report, self._last
+        report, last, t_ns = self._report, self._last, frame.t_ns - self._start_ns
+        contact, may_vote = None, True
         if frame.seq == self.seq:
             report.n_duplicate += 1
             return None
         self.seq = frame.seq
-        metrics, may_vote = last.repeat(frame.image), True
-        if metrics is None:
+        if last is not None and is_repeat(frame.image, last):
+            contact = _stamped(last.contact, t_ns)
+            self._n_equal += 1
+            report.n_identical += 1
+        else:
             self._check_size(frame)
             # One that has no vote is not measured either: no metric learns from it.
-            may_vote = not self._live or self._votes.take(frame.image, frame.t_ns)
+            may_vote = not self._live or self._may_vote(frame)
             if may_vote:
-                metrics = self._measure(frame)
-                last.keep(frame.image, metrics)
-        else:
-            report.n_identical += 1
+                contact = _stamped(self.metric.update(frame.image, t_ns), t_ns)
+                self._last, self._n_equal = kept_picture(frame.image, contact), 1
         if self._live and self.next_seq == 0:
             # Pictures of a camera that came while it warmed up, or before anybody read, are not missing in the run.
             self.next_seq = frame.seq
         report.n_missing += max(0, frame.seq - self.next_seq)
         self.next_seq = frame.seq + 1
-        if self._live and last.n_equal >= STUCK_FRAMES:
+        if self._live and self._n_equal >= STUCK_FRAMES:
             report.n_stuck += 1
-            self._votes.frozen()
+            self._vote.frozen()
         report.n_unfit += not may_vote
-        report.faults = (self._votes.fault,) if self._votes.fault else ()
-        if metrics is None or self._votes.fault:
+        report.faults = (self._vote.fault,) if self._vote.fault else ()
+        if contact is None or self._vote.fault:
             return None
         report.n_items += 1
-        return frame.t_ns - self._start_ns, metrics
+        return contact
 
     def take_sums(self, seq: int, t_ns: int, sums: NDArray[np.int16]) -> Contact:
         """Measure a picture that is not painted, by its sums over cells; it is taken to differ from the one before.
@@ -115,18 +120,22 @@ class FrameMeter:
             sums: As for :meth:`tega.stages.Metric.update_sums` of a metric that ``reads_sums``.
 
         Returns:
-            Its time and metrics.
+            The contact in it.
         """
         report = self._report
         self.seq = seq
         report.n_missing += max(0, seq - self.next_seq)
         self.next_seq = seq + 1
         report.n_items += 1
-        return t_ns, contact_metrics_of(self.metric.update_sums(sums, t_ns))
+        return _stamped(self.metric.update_sums(sums, t_ns), t_ns)
 
     def restart(self) -> None:
         """Forget the numbers of a source that was opened again: it counts from wherever it likes."""
-        self.seq, self.next_seq, self._last = None, 0, LastFrame()
+        self.seq, self.next_seq, self._last, self._n_equal = None, 0, None, 0
+
+    def _may_vote(self, frame: TactileFrame) -> bool:
+        fault, self._lines = picture_fault(frame.image, self._untouched, self._lines)
+        return self._vote.take(fault, frame.t_ns)
 
     def _check_size(self, frame: TactileFrame) -> None:
         if frame.image.shape != self._shape:
@@ -134,9 +143,6 @@ class FrameMeter:
                 f"{frame.name}: {_size(frame.image.shape)} pixels, its baseline has {_size(self._shape)}",
                 "give the baseline taken with the same sensor and mode",
             )
-
-    def _measure(self, frame: TactileFrame) -> ContactMetrics:
-        return contact_metrics_of(self.metric.update(frame.image, frame.t_ns - self._start_ns))
 
 
 def fed_contacts(
@@ -155,13 +161,13 @@ def fed_contacts(
     Args:
         meter: Measures them.
         report: Counted up along the way.
-        take: Given time and metrics of each picture.
+        take: Given the contact in each picture.
         fail: Given what nobody expected; the sensor's thread goes on.
         stamp: Told of each measured picture: its time, and the monotonic time it was received at.
         prepare: Told of each picture, before it is looked at.
         see: Told of each picture and of the monotonic time it was received at, when it was measured and what was
             measured is on its way: whoever records it keeps nobody waiting.
-        tell: Told of each picture that was measured, with what was measured, in the thread that measures.
+        tell: Called with each picture that was measured and its contact, in the thread that measures.
     """
 
     def measure(frame: TactileFrame) -> None:
@@ -170,7 +176,7 @@ def fed_contacts(
             try:
                 prepare(frame)
                 if (contact := meter.take(frame)) is not None:
-                    stamp(contact[0], received_ns)
+                    stamp(contact.t_ns, received_ns)
                     take(contact)
                     tell(frame, contact)
             finally:
@@ -227,10 +233,10 @@ def measured_contacts(
         stamp: Told of each measured frame: its time, and the monotonic time it was received at.
         prepare: Told of each frame that was read, before it is looked at.
         see: Likewise, with the monotonic time it was received at.
-        tell: Told of each frame that was measured, with what was measured, in the thread that measures.
+        tell: Called with each frame that was measured and its contact, in the thread that measures.
 
     Yields:
-        Time and metrics of each frame.
+        The contact in each frame.
 
     Returns:
         When the source ended, in nanoseconds.
@@ -268,7 +274,7 @@ def measured_contacts(
             continue
         end_ns = frame.t_ns - start_ns if live else frame.t_ns
         if contact is not None:
-            stamp(contact[0], received_ns)
+            stamp(contact.t_ns, received_ns)
             tell(frame, contact)
             yield contact
     rate_hz = source.info.rate_hz
@@ -276,6 +282,13 @@ def measured_contacts(
         end_ns = round(meter.next_seq * 1_000_000_000 / rate_hz)
     report.end_ns = end_ns
     return end_ns
+
+
+def _stamped(contact: Contact, t_ns: int) -> Contact:
+    """Return a contact with the time of the picture that shows it, each of its values in the field of its name."""
+    if contact.more:
+        contact = contact.current()
+    return contact if contact.t_ns == t_ns else replace(contact, t_ns=t_ns)
 
 
 def _size(shape: tuple[int, ...]) -> str:

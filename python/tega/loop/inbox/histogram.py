@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import math
+from typing import Final
+
+LEAST_SAMPLES: Final = 100
+"""Fewer samples have no percentiles: of 50, the 99th would be the worst one, and any other a matter of chance."""
 
 
 class Histogram:
@@ -39,7 +43,7 @@ class Histogram:
         return math.nan
 
     def summary_ms(self) -> dict[str, float | int]:
-        """Return count, p50, p95, p99 and worst, milliseconds."""
-        shares = {"p50": 0.5, "p95": 0.95, "p99": 0.99}
-        found = {name: round(self.at(share) / 1e6, 3) for name, share in shares.items() if self.n}
+        """Return count and worst, milliseconds, and from :data:`LEAST_SAMPLES` on p50, p95 and p99."""
+        shares = {"p50": 0.5, "p95": 0.95, "p99": 0.99} if self.n >= LEAST_SAMPLES else {}
+        found = {name: round(self.at(share) / 1e6, 3) for name, share in shares.items()}
         return {"n": self.n, **found, "worst": round(self.worst_ns / 1e6, 3)}

@@ -20,7 +20,8 @@ from __future__ import annotations
 
 import operator
 from collections import deque
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -37,63 +38,83 @@ _FEWEST = 3
 _BACK_NS = 500_000_000
 
 
-class PictureVotes:
-    """Judges the pictures of one camera as they come.
+class Untouched(NamedTuple):
+    """Light and lines of an untouched picture.
+
+    Attributes:
+        light: Its mean light.
+        edges: Indices of the edge lines that are not of one colour by themselves.
+    """
+
+    light: float
+    edges: tuple[int, ...]
+
+
+def untouched_lines(baseline: NDArray[np.uint8]) -> Untouched:
+    """Return what the pictures of a camera are compared with.
 
     Args:
         baseline: The untouched picture, uint8 (H, W, 3).
+    """
+    light, lines = vote_lines(baseline)
+    spreads = [float(np.frombuffer(line, np.uint8).std()) for line in lines]
+    return Untouched(light, tuple(k for k, spread in enumerate(spreads) if spread >= _LEAST_SPREAD))
+
+
+def picture_fault(
+    image: NDArray[np.uint8], untouched: Untouched, before: Sequence[bytes]
+) -> tuple[str, list[bytes]]:
+    """Return the fault of a picture in words, ``""`` for none, and its edge lines for the next call.
+
+    Args:
+        image: uint8 (H, W, 3), of the baseline's size; not the picture before again.
+        untouched: Light and lines of the untouched picture.
+        before: Edge lines of the picture before; empty for the first.
+    """
+    light, lines = vote_lines(image)
+    now = [lines[k] for k in untouched.edges]
+    share = light / untouched.light if untouched.light else 1.0
+    if share < _DARK_SHARE:
+        return f"dark: {100 * share:.0f} % of the light of the untouched picture", now
+    of_one_colour = any(line == line[-3:] * (len(line) // 3) for line in now)
+    if of_one_colour or any(map(operator.eq, now, before)):
+        return "torn: part of each picture is missing, or of the one before", now
+    return "", now
+
+
+class CameraVote:
+    """Vote of one camera, by the faults of its pictures.
 
     Attributes:
         fault: Why the camera has no vote now, in words; ``""`` while it has.
 
     Example:
-        >>> lit = np.random.default_rng(1).integers(90, 110, (64, 48, 3), dtype=np.uint8)
-        >>> votes = PictureVotes(lit)
-        >>> [votes.take(lit // 4, k * 16_000_000) for k in range(3)], votes.fault
-        ([False, False, False], 'dark: 25 % of the light of the untouched picture')
+        >>> vote = CameraVote()
+        >>> [vote.take("dark", k * 16_000_000) for k in range(3)], vote.fault
+        ([False, False, False], 'dark')
     """
 
-    def __init__(self, baseline: NDArray[np.uint8]) -> None:
-        self._light, lines = vote_lines(baseline)
-        spreads = [float(np.frombuffer(line, np.uint8).std()) for line in lines]
-        self._edges = [k for k, spread in enumerate(spreads) if spread >= _LEAST_SPREAD]
-        self._last: list[bytes] = []
+    def __init__(self) -> None:
         self._bad_ns: deque[int] = deque(maxlen=_FEWEST)
         self._lost = False
         self.fault = ""
 
-    def take(self, image: NDArray[np.uint8], t_ns: int) -> bool:
-        """Judge the next picture that is not the one before it again.
+    def take(self, fault: str, t_ns: int) -> bool:
+        """Count the next picture, and return whether it may be used.
 
         Args:
-            image: uint8 (H, W, 3), of the baseline's size.
-            t_ns: Its time.
-
-        Returns:
-            Whether it may be used.
+            fault: Fault of the picture in words; ``""`` for none.
+            t_ns: Time of the picture.
         """
-        said = self._wrong(image)
-        if said:
+        if fault:
             self._bad_ns.append(t_ns)
             self._lost |= len(self._bad_ns) == _FEWEST and t_ns - self._bad_ns[0] <= _BACK_NS
         elif self._lost and t_ns - self._bad_ns[-1] >= _BACK_NS:
             self._lost = False
-        if said or not self._lost:
-            self.fault = said if self._lost else ""
-        return not (said or self._lost)
+        if fault or not self._lost:
+            self.fault = fault if self._lost else ""
+        return not (fault or self._lost)
 
     def frozen(self) -> None:
-        """Take note that the camera sends the same picture again and again; the next other one is judged anew."""
+        """Note that the camera sends the same picture again and again; the next other one is judged by itself."""
         self.fault = "frozen: it sends the same picture again and again"
-
-    def _wrong(self, image: NDArray[np.uint8]) -> str:
-        light, lines = vote_lines(image)
-        now, before = [lines[k] for k in self._edges], self._last
-        self._last = now
-        share = light / self._light if self._light else 1.0
-        if share < _DARK_SHARE:
-            return f"dark: {100 * share:.0f} % of the light of the untouched picture"
-        of_one_colour = any(line == line[-3:] * (len(line) // 3) for line in now)
-        if of_one_colour or any(map(operator.eq, now, before)):
-            return "torn: part of each picture is missing, or of the one before"
-        return ""

@@ -11,9 +11,9 @@ if TYPE_CHECKING:
 
     from tega.config.calibration import Calibration, EmgMaxima
     from tega.devices.base import EmgSource, TactileSource
-    from tega.loop.inbox.sources import Contact, EmgBlock, SourceReport
+    from tega.loop.inbox.sources import SourceReport
     from tega.loop.inbox.stream import Stream
-    from tega.records import HandLook
+    from tega.records import Contact, HandLook, Intent
     from tega.stages.base import Decoder
 
 
@@ -45,14 +45,14 @@ class Muscles(NamedTuple):
         maxima: Its maxima and the conditions they hold under.
         decoder: Samples to intents; ``None`` where they are made somewhere else.
         report: What becomes of the samples.
-        stream: The levels, where they are known from somewhere else; its source is then not read.
+        stream: The intents, where they are known from somewhere else; its source is then not read.
     """
 
     source: EmgSource
     maxima: EmgMaxima
     decoder: Decoder | None
     report: SourceReport
-    stream: Stream[EmgBlock] | None = None
+    stream: Stream[Intent] | None = None
 
 
 class Prepared(NamedTuple):

@@ -5,26 +5,24 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Generator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
+from msgspec.structs import replace
 
 from tega.devices.base import EmgChunk, EmgSource, TactileFrame
 from tega.emg.votes import ChannelVotes
 from tega.errors import DeviceUnavailableError, InvalidValueError, ShapeError
-from tega.hand import joined_level, nearest_level
+from tega.hand import nearest_level
 from tega.loop.inbox.reader import READ_TIMEOUT_S, opened_again
-from tega.records import EmgSamples, Picture
-from tega.tactile import ContactMetrics
+from tega.records import EmgSamples, Intent, Picture
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tega.config.calibration import EmgMaxima
     from tega.loop.emg_adaptation import ChannelAdaptation
-    from tega.records import Contact as ContactRecord
-    from tega.records import Intent
     from tega.stages.base import Decoder
 
 
@@ -38,37 +36,6 @@ _EVEN_HZ = frozenset({200.0, 250.0, 500.0, 1000.0, 2000.0, 4000.0})
 # The level before a fault is looked for among so many blocks; a fault is seen after two thirds of a second at most.
 _KEPT_BLOCKS = 256
 
-Contact = tuple[int, ContactMetrics]
-"""Time in nanoseconds, what was measured."""
-
-
-class EmgBlock(NamedTuple):
-    """Level or closure that a block of EMG asks for, as the loop passes it on.
-
-    Attributes:
-        t_ns: Time in nanoseconds.
-        channels: Level of each channel, 0 for one that cannot be believed.
-        level: Level of all together, 1 to 5.
-        closure: From 0 (open) to 1 (closed); ``None`` where the decoder knows levels only.
-        confidence: How sure the decoder is, 0 to 1; ``None`` where it does not say.
-    """
-
-    t_ns: int
-    channels: tuple[int, ...]
-    level: int
-    closure: float | None = None
-    confidence: float | None = None
-
-    @property
-    def wanted(self) -> float:
-        """Number that the hand is to be asked: the level, or the closure's place among the levels."""
-        return joined_level(self.level, self.closure)
-
-
-def metrics_of(contact: ContactRecord) -> ContactMetrics:
-    """Return the contact metrics of a contact's record."""
-    return ContactMetrics(**{name: getattr(contact, name) for name in ContactMetrics._fields})
-
 
 def picture_of(
     finger: str,
@@ -77,6 +44,7 @@ def picture_of(
     received_ns: int | None = None,
     start_ns: int = 0,
     loaded: bool = False,
+    rezeroed: bool = False,
 ) -> Picture:
     """Return the record of a picture.
 
@@ -86,6 +54,7 @@ def picture_of(
         received_ns: The monotonic time at which it was received; ``None`` for one out of a file.
         start_ns: The monotonic time at the start of the session.
         loaded: Whether another finger bore a load.
+        rezeroed: Whether a new baseline was taken before it was measured.
     """
     t_ns = frame.t_ns if received_ns is None else frame.t_ns - start_ns
     return Picture(
@@ -96,6 +65,7 @@ def picture_of(
         seq=frame.seq,
         name=frame.name,
         loaded=loaded,
+        rezeroed=rezeroed,
     )
 
 
@@ -125,6 +95,8 @@ class SourceReport(msgspec.Struct, kw_only=True):
         n_identical: Frames with a number of their own and exactly the pixels of the one before; not measured.
         n_stuck: Of those, from a live source, the third and later in a row: not used either.
         n_unfit: Frames of a live source that were dark, torn, or between such ones: neither measured nor used.
+        n_rezeroed: New baselines that were asked for and taken.
+        n_rezero_refused: Those that were refused, because another finger bore a load or the picture was dark.
         lost: Why the source went away; ``""`` while it is there.
         n_lost: How often it went away.
         last_lost: Why it did last.
@@ -139,6 +111,8 @@ class SourceReport(msgspec.Struct, kw_only=True):
     n_identical: int = 0
     n_stuck: int = 0
     n_unfit: int = 0
+    n_rezeroed: int = 0
+    n_rezero_refused: int = 0
     lost: str = ""
     n_lost: int = 0
     last_lost: str = ""
@@ -186,7 +160,7 @@ class BlockMeter:
         # The faults that the report tells.
         self._told = self._votes.faults
         # Blocks that had a vote, with the number of samples at their end.
-        self._sound: deque[tuple[int, EmgBlock]] = deque(maxlen=_KEPT_BLOCKS)
+        self._sound: deque[tuple[int, Intent]] = deque(maxlen=_KEPT_BLOCKS)
         self._names = maxima.channels
         self._report = report
         self._rate_hz = maxima.rate_hz
@@ -199,7 +173,7 @@ class BlockMeter:
         """Begin again with a source that was away: what it missed is a gap, whatever number it counts from."""
         self._next_index = -round(MOST_GAP_S * self._rate_hz)
 
-    def take(self, chunk: EmgChunk) -> list[EmgBlock]:
+    def take(self, chunk: EmgChunk) -> list[Intent]:
         """Take the next samples.
 
         Samples that are missing before them, by their numbers, take their time: they are held for a tenth of a
@@ -209,7 +183,7 @@ class BlockMeter:
             chunk: The next samples, (n, channels), in the unit of the source.
 
         Returns:
-            The blocks that they complete: none, one or more.
+            The intents of the blocks that they complete: none, one or more.
 
         Raises:
             ShapeError: The samples have another number of channels than the maxima.
@@ -221,7 +195,7 @@ class BlockMeter:
             samples = np.concatenate([np.full((n_told, *samples.shape[1:]), np.nan), samples])
         end_ns = chunk.t_ns - self._start_ns
         times_ns = self._times_ns(len(samples), end_ns, chunk.first_index + len(chunk.samples))
-        blocks, at = list[EmgBlock](), 0
+        intents, at = list[Intent](), 0
         while at < len(samples):
             part = slice(at, at + votes.room)
             voting = votes.take(samples[part])
@@ -231,7 +205,7 @@ class BlockMeter:
             made = [self._believed(intent) for intent in self._decoder.decode(given, times_ns[part])]
             if adaptation is not None:
                 adaptation.decoded(made, int(times_ns[at - 1]))
-            blocks += made
+            intents += made
         report.n_items += len(chunk.samples)
         report.n_missing += n_missing
         self._next_index = chunk.first_index + len(chunk.samples)
@@ -239,7 +213,7 @@ class BlockMeter:
         if votes.faults is not self._told:
             self._told = votes.faults
             report.faults = tuple(f"{name}: {why}" for name, why in self._told.items())
-        return blocks
+        return intents
 
     def _times_ns(self, n: int, end_ns: int, n_whole: int) -> NDArray[np.int64]:
         """Return the times of the next samples: of a live source when they came, of a recording when each was whole.
@@ -263,28 +237,27 @@ class BlockMeter:
         late_ns = end_ns - int(times_ns[-1]) if n else 0
         return times_ns + late_ns if abs(late_ns) > _ROUNDING_NS else times_ns
 
-    def _believed(self, intent: Intent) -> EmgBlock:
-        """Return what a decoder says, without the channels at fault; with none left, as before the fault began."""
-        faults = self._votes.faults
-        block = _block(intent, len(self._names))
+    def _believed(self, intent: Intent) -> Intent:
+        """Return a decoder's intent without the channels at fault; with none left, as before the fault began."""
+        intent, faults = _checked(intent, len(self._names)), self._votes.faults
         if faults:
-            levels = zip(self._names, block.channels, strict=True)
-            block = block._replace(channels=tuple(0 if name in faults else level for name, level in levels))
-        if any(block.channels) and self._sound and self._votes.still:
+            levels = zip(self._names, intent.channels, strict=True)
+            intent = replace(intent, channels=tuple(0 if name in faults else level for name, level in levels))
+        if any(intent.channels) and self._sound and self._votes.still:
             # The next block tells whether this is a fault; until then its low level is not passed on.
             last = self._sound[-1][1]
-            block = block._replace(level=last.level, closure=last.closure)
-        elif any(block.channels):
-            self._sound.append((self._n_samples, block))
+            intent = replace(intent, level=last.level, closure=last.closure)
+        elif any(intent.channels):
+            self._sound.append((self._n_samples, intent))
         elif (began := self._votes.began) is not None:
             # What was made of samples before the fault was seen must not be what the hand holds.
-            before = next((sound for n, sound in reversed(self._sound) if n <= began), block)
-            block = block._replace(level=before.level, closure=before.closure)
-        return block
+            before = next((sound for n, sound in reversed(self._sound) if n <= began), intent)
+            intent = replace(intent, level=before.level, closure=before.closure)
+        return intent
 
 
-def _block(intent: Intent, n_channels: int) -> EmgBlock:
-    """Return what a decoder says, checked: it may be anybody's.
+def _checked(intent: Intent, n_channels: int) -> Intent:
+    """Return a decoder's intent, checked: the decoder may be anybody's. A closure sets the level to the nearest.
 
     Raises:
         InvalidValueError: The level, the closure or the levels of the channels are out of range.
@@ -300,7 +273,7 @@ def _block(intent: Intent, n_channels: int) -> EmgBlock:
         raise InvalidValueError(
             f"the decoder gives {intent.channels!r} for {n_channels} channels", "give a level 0 to 5 for each"
         )
-    return EmgBlock(intent.t_ns, intent.channels, level, closure, intent.confidence)
+    return replace(intent, level=level)
 
 
 def grasp_blocks(
@@ -314,7 +287,7 @@ def grasp_blocks(
     stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None,
     see: Callable[[EmgChunk], None] = lambda _chunk: None,
     adaptation: ChannelAdaptation | None = None,
-) -> Generator[EmgBlock, None, int]:
+) -> Generator[Intent, None, int]:
     """Turn the samples of a source into levels, one per block.
 
     A block of a recording is stamped with the time at which its last sample was complete, n/rate, however the
@@ -334,7 +307,7 @@ def grasp_blocks(
         adaptation: Adapts what the decoder is given; ``None`` for samples as they came.
 
     Yields:
-        Time, level of each channel and fused level of each block.
+        The intent of each block.
 
     Returns:
         When the source ended, in nanoseconds.
@@ -348,7 +321,7 @@ def grasp_blocks(
                 continue
             received_ns = time.monotonic_ns()
             see(chunk)
-            blocks = meter.take(chunk)
+            intents = meter.take(chunk)
         except DeviceUnavailableError as error:
             if not live:
                 raise
@@ -363,8 +336,8 @@ def grasp_blocks(
                 raise
             report.drop()
             continue
-        for block in blocks:
-            stamp(block[0], received_ns)
-            yield block
+        for intent in intents:
+            stamp(intent.t_ns, received_ns)
+            yield intent
     report.end_ns = meter.end_ns
     return meter.end_ns

@@ -1,7 +1,7 @@
 """Give a loop its stamped items: a pulled stream computes them when asked, a live one is filled by somebody else.
 
-An item is a tuple that begins with a time in nanoseconds since the start of the session; a stream's items are in
-rising order of it.
+An item is a record with a time ``t_ns``, in nanoseconds since the start of the session; a stream's items are in rising
+order of it.
 """
 
 from __future__ import annotations
@@ -10,12 +10,22 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Generic, Protocol, TypeVar
 
 NEVER_NS = 2**63 - 1
 
-Item = TypeVar("Item", bound=tuple[Any, ...])
-Item_co = TypeVar("Item_co", bound=tuple[Any, ...], covariant=True)
+
+class Stamped(Protocol):
+    """A record with a time, such as :class:`tega.records.Contact` or :class:`tega.records.Intent`."""
+
+    @property
+    def t_ns(self) -> int:
+        """Time since the start of the session, nanoseconds."""
+        ...
+
+
+Item = TypeVar("Item", bound=Stamped)
+Item_co = TypeVar("Item_co", bound=Stamped, covariant=True)
 
 
 class Stream(Protocol[Item_co]):
@@ -83,8 +93,8 @@ class PulledStream(Generic[Item]):
             self._look_for_the_end()
         else:
             self._head = head
-            self.due_ns = head[0] if self._known is None else next(self._known)
-            self.end_ns = max(self.end_ns, head[0])
+            self.due_ns = head.t_ns if self._known is None else next(self._known)
+            self.end_ns = max(self.end_ns, head.t_ns)
 
     def _look_for_the_end(self) -> None:
         if self._over():
@@ -152,7 +162,7 @@ class LiveStream(Generic[Item]):
     def due_ns(self) -> int:
         """Before this time there is nothing to give."""
         try:
-            return self._items[0][0][0]  # type: ignore[no-any-return]
+            return self._items[0][0].t_ns
         except IndexError:
             return NEVER_NS if self.ended else self._next_ns
 
@@ -170,7 +180,7 @@ class LiveStream(Generic[Item]):
                 self._items.popleft()
             self._items.append((item, use_by_ns))
             self._next_ns = next_ns
-            self.end_ns = max(self.end_ns, item[0])
+            self.end_ns = max(self.end_ns, item.t_ns)
         if lost:
             self.on_loss()
         self.on_item()
@@ -195,7 +205,7 @@ class LiveStream(Generic[Item]):
         """
         while self._items:  # without the lock: there is mostly nothing
             with self._lock:
-                if not self._items or self._items[0][0][0] > t_ns:
+                if not self._items or self._items[0][0].t_ns > t_ns:
                     return None
                 item, use_by_ns = self._items.popleft()
             if use_by_ns == NEVER_NS or self._clock() <= use_by_ns:

@@ -6,13 +6,13 @@ therefore a sign that no picture is being taken any more, whatever the frame's n
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from tega.tactile import ContactMetrics
+    from tega.records import Contact
 
 
 # So many equal pictures in a row, the first included, and a live sensor is called stuck. Two may come of a camera
@@ -23,49 +23,42 @@ STUCK_FRAMES = 3
 _SAMPLE_STRIDE = 40
 
 
-class LastFrame:
-    """The newest measured picture, for telling whether the next one differs.
+class KeptPicture(NamedTuple):
+    """The newest measured picture.
 
     Attributes:
-        metrics: What was measured in it; ``None`` before the first.
-        n_equal: How many pictures in a row showed exactly this, the first included.
+        image: uint8 (H, W, 3).
+        sample: Copy of some of its pixels: a driver that wrongly gives one buffer again and again is not taken for a
+            stuck sensor.
+        contact: Contact in it.
     """
 
-    def __init__(self) -> None:
-        self.metrics: ContactMetrics | None = None
-        self.n_equal = 0
-        self._image: NDArray[np.uint8] | None = None
-        self._sample = b""
+    image: NDArray[np.uint8]
+    sample: bytes
+    contact: Contact
 
-    def repeat(self, image: NDArray[np.uint8]) -> ContactMetrics | None:
-        """Compare a picture with the newest one.
 
-        A picture that is the newest one itself, in memory that cannot be written, needs no comparison. Else the
-        sample decides where the pictures differ in it, which noise sees to; only where it agrees is every pixel
-        compared, so that the answer is exact. The sample is a copy: a driver that wrongly hands out one
-        buffer again and again is not taken for a stuck sensor.
+def kept_picture(image: NDArray[np.uint8], contact: Contact) -> KeptPicture:
+    """Return a measured picture, to be compared with the next one."""
+    return KeptPicture(image, _sample(image), contact)
 
-        Args:
-            image: uint8 (H, W, 3).
 
-        Returns:
-            What was measured in the newest one if every pixel is equal, and counts it; else ``None``.
-        """
-        last = self._image
-        if last is None or image.shape != last.shape:
-            return None
-        if not (image is last and _is_constant(image)):
-            if _sample(image) != self._sample:
-                return None
-            if image.tobytes() != last.tobytes():
-                return None
-        self.n_equal += 1
-        return self.metrics
+def is_repeat(image: NDArray[np.uint8], last: KeptPicture) -> bool:
+    """Return whether every pixel of a picture equals the newest one's.
 
-    def keep(self, image: NDArray[np.uint8], metrics: ContactMetrics) -> None:
-        """Take a picture that was measured as the newest one."""
-        self._image, self._sample = image, _sample(image)
-        self.metrics, self.n_equal = metrics, 1
+    A picture that is the newest one itself, in memory that cannot be written, needs no comparison. Else the sample
+    decides where the pictures differ in it, which noise sees to; only where it agrees is every pixel compared, so that
+    the answer is exact.
+
+    Args:
+        image: uint8 (H, W, 3).
+        last: The newest measured picture.
+    """
+    if image.shape != last.image.shape:
+        return False
+    if image is last.image and _is_constant(image):
+        return True
+    return _sample(image) == last.sample and image.tobytes() == last.image.tobytes()
 
 
 def _is_constant(image: NDArray[np.uint8]) -> bool:

@@ -15,6 +15,7 @@ from tega.arm.turn import Turn, lead
 from tega.errors import RecordingError
 from tega.recording.replay.compare import Comparison, compare
 from tega.recording.replay.recorded import Head, Recorded, read_recorded
+from tega.records import ArmTurn
 
 _POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 _SPEEDS = ("x", "y", "z", "about_x", "about_y", "about_z")
@@ -33,15 +34,16 @@ def compare_arm(recorded: Recorded, settings: ArmSettings) -> list[Comparison]:
         recorded: The recording.
         settings: Of the new chain.
     """
-    if not recorded.turns:
+    turns = recorded.of(ArmTurn)
+    if not turns:
         return []
     chain = ArmChain(settings)
     ours, theirs = [], []
-    for row in recorded.turns:
+    for row in turns:
         command = lead(chain, _turn(row))
         ours.append((row.t_ns, _told(row)))
         theirs.append((row.t_ns, _commanded(command)))
-    n = recorded.n_early.get("arm", 0)
+    n = recorded.n_early.get(ArmTurn, 0)
     return [compare("/arm/turn", ours[n:], theirs[n:])]
 
 
@@ -85,7 +87,7 @@ def forearm(path: Path) -> tuple[MappingSettings, list[StampedPose]]:
         RecordingError: It cannot be read, or no forearm was tracked in it.
     """
     recorded = read_recorded(path, pictures_wanted=lambda _head: False)
-    poses = [_pose(pose) for row in recorded.turns for pose in row.poses]
+    poses = [_pose(pose) for row in recorded.of(ArmTurn) for pose in row.poses]
     if not poses:
         raise RecordingError(f"{path.name}: no forearm was tracked in it", "name a run with an [arm]")
     return arm_settings(recorded.head).mapping, poses

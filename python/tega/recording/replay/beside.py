@@ -24,7 +24,11 @@ def compare_beside(recorded: Recorded, measured: Measured) -> list[Comparison]:
     """
     streams = []
     outside = {one.name for one in measured.config.stages.beside if is_outside(one)}
-    for topic, said in recorded.beside.items():
+    by_topic: dict[str, list[BesideContact | BesideIntent]] = {}
+    said_by: list[BesideContact | BesideIntent] = [*recorded.of(BesideContact)]
+    for one in [*said_by, *recorded.of(BesideIntent)]:
+        by_topic.setdefault(one.where, []).append(one)
+    for topic, said in by_topic.items():
         if {topic.split("/")[2], topic.split("/")[2].rpartition("-")[0]} & outside:
             continue  # another process said it
         stamps = {row.t_ns for row in said}

@@ -13,16 +13,18 @@ from tega.hand.link import HandLink, Received
 from tega.hand.poses import load_poses
 from tega.recording.replay.compare import Comparison, compare
 from tega.recording.replay.recorded import Head, Recorded
+from tega.records import HandExchange
 from tega.wire import CanFrame
 
 
 def compare_exchanges(recorded: Recorded) -> list[Comparison]:
     """Give a new link what the hand said, at the same times, and compare what it would send; none without a hand."""
-    if not recorded.exchanges:
+    exchanges = recorded.of(HandExchange)
+    if not exchanges:
         return []
     link = _link(recorded.head)
     ours, theirs = [], []
-    for exchange in recorded.exchanges:
+    for exchange in exchanges:
         frames = [
             Received(f.id, f.data, f.remote, bool(f.flags & 1), bool(f.flags & 2)) for f in exchange.received
         ]
@@ -36,12 +38,12 @@ def compare_exchanges(recorded: Recorded) -> list[Comparison]:
             sent = link.exchange(frames, exchange.t_ns, level, exchange.added)
         ours.append((exchange.t_ns, {"sent": _text(exchange.sent)}))
         theirs.append((exchange.t_ns, {"sent": _text(sent)}))
-    n = recorded.n_early.get("hand", 0)
+    n = recorded.n_early.get(HandExchange, 0)
     return [compare("/hand/bus", ours[n:], theirs[n:])]
 
 
 def _link(head: Head) -> HandLink:
-    from tega.devices.hand.allegro import AllegroOptions
+    from tega.devices.hand.allegro_options import AllegroOptions
 
     tree = dict(head.tree.get("hand", {}).get("options", {}))
     tree.pop("poses", None)

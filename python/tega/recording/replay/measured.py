@@ -27,18 +27,10 @@ from tega.errors import TegaError
 from tega.loop.beside import look_on
 from tega.loop.emg_adaptation import ChannelAdaptation, read_switches
 from tega.loop.inbox.frames import FrameMeter
-from tega.loop.inbox.sources import (
-    BlockMeter,
-    Contact,
-    EmgBlock,
-    SourceReport,
-    metrics_of,
-    picture_of,
-    samples_of,
-)
+from tega.loop.inbox.sources import BlockMeter, SourceReport, picture_of, samples_of
 from tega.recording.replay.arm import arm_settings
 from tega.recording.replay.recorded import Head, Recorded, without_devices
-from tega.records import Adaptation, AdaptationSwitch, BesideContact, BesideIntent
+from tega.records import Adaptation, AdaptationSwitch, BesideContact, BesideIntent, Contact, Intent
 from tega.records.bus import Bus
 from tega.stages.base import MeasuredPicture
 
@@ -82,7 +74,7 @@ class Measured:
         config: The settings of the run, as changed.
         calibration: Its maxima, likewise.
         contacts: By finger, as a live loop would get them.
-        blocks: Levels likewise.
+        intents: Likewise.
         pixels: By finger and picture: stamp, checksum as recorded, checksum now.
         arm: Settings of the arm's chain, likewise.
         metric: What measures the pictures.
@@ -101,7 +93,7 @@ class Measured:
         self.config: SessionConfig
         self.calibration: Calibration
         self.contacts: dict[str, list[Contact]] = {}
-        self.blocks: list[EmgBlock] = []
+        self.intents: list[Intent] = []
         self.pixels: dict[str, list[tuple[int, dict[str, int], dict[str, int]]]] = {}
         self.changed: list[str] = []
         self.adaptations: list[Adaptation] = []
@@ -239,6 +231,8 @@ class Measured:
         self.pixels[finger].append((frame.t_ns, {"pixels_crc32": told.pixels_crc32}, {"pixels_crc32": now}))
         meter = self._meters[finger]
         meter.metric.loaded = getattr(told, "loaded", False)  # earlier recordings do not say
+        if getattr(told, "rezeroed", False):
+            meter.metric.rezero()
         try:
             contact = meter.take(frame)
         except TegaError:  # a bad picture of a live sensor, dropped then as now
@@ -247,11 +241,8 @@ class Measured:
             self.contacts[finger].append(contact)
             # Else the contacts are those recorded, and this is not what they were measured in.
             if self._exact and self._lookers.wants(MeasuredPicture):
-                t_ns, metrics = contact
                 self._lookers.publish(
-                    MeasuredPicture(
-                        finger=finger, t_ns=t_ns, image=frame.image, metrics=metrics, metric=meter.metric
-                    )
+                    MeasuredPicture(image=frame.image, contact=contact, metric=meter.metric)
                 )
 
     def chunk(self, chunk: EmgChunk) -> None:
@@ -261,7 +252,7 @@ class Measured:
         if self._muscles is None:
             return
         try:
-            self.blocks += self._muscles.take(chunk)
+            self.intents += self._muscles.take(chunk)
         except TegaError:
             return
 
@@ -286,26 +277,23 @@ def measured_again(recorded: Recorded, measured: Measured) -> bool:
 def contact_items(recorded: Recorded, measured: Measured, finger: str) -> list[tuple[int, Contact]]:
     """Pair every frame the loop took in with what is measured in it now, or was measured then."""
     if not measured_again(recorded, measured):
-        return [(c.taken_ns, (c.t_ns, metrics_of(c))) for c in recorded.contacts[finger]]
-    again = dict(measured.contacts[finger])
+        return [(c.taken_ns, c) for c in recorded.contacts[finger]]
+    again = {c.t_ns: c for c in measured.contacts[finger]}
     n_early = recorded.n_early.get(finger, 0)  # of which there are no pictures
-    again |= {c.t_ns: metrics_of(c) for c in recorded.contacts[finger][:n_early]}
-    return [(c.taken_ns, (c.t_ns, again[c.t_ns])) for c in recorded.contacts[finger] if c.t_ns in again]
+    again |= {c.t_ns: c for c in recorded.contacts[finger][:n_early]}
+    return [(c.taken_ns, again[c.t_ns]) for c in recorded.contacts[finger] if c.t_ns in again]
 
 
-def level_items(recorded: Recorded, measured: Measured) -> list[tuple[int, EmgBlock]]:
-    """Pair every block that the loop took in with what the samples say now; what came over a link is as it came."""
+def level_items(recorded: Recorded, measured: Measured) -> list[tuple[int, Intent]]:
+    """Pair every intent that the loop took in with what the samples say now; what came over a link is as it came."""
     # Made at the operator's station by what is known there, or by another program.
     if recorded.head.sources["emg"].driver == "net" or measured.outside:
-        return [
-            (row.taken_ns, EmgBlock(row.t_ns, row.channels, row.level, row.closure, row.confidence))
-            for row in recorded.levels
-        ]
-    items, blocks = [], iter(measured.blocks)
-    for row in recorded.levels:
-        for block in blocks:  # those between were lost on the way to the loop
-            if block[0] == row.t_ns:
-                items.append((row.taken_ns, block))
+        return [(row.taken_ns, row) for row in recorded.of(Intent)]
+    items, intents = [], iter(measured.intents)
+    for row in recorded.of(Intent):
+        for intent in intents:  # those between were lost on the way to the loop
+            if intent.t_ns == row.t_ns:
+                items.append((row.taken_ns, intent))
                 break
     return items
 
@@ -314,7 +302,7 @@ def picture_errors(recorded: Recorded, measured: Measured) -> list[PictureError]
     """Compare what is measured in JPEG pictures with what was measured in the pictures themselves."""
     errors = []
     for finger, contacts in recorded.contacts.items():
-        again = dict(measured.contacts[finger])
+        again = {c.t_ns: c for c in measured.contacts[finger]}
         pairs = [(c, again[c.t_ns]) for c in contacts if c.t_ns in again]
         eda = np.array([float(abs(a.eda - b.eda)) for a, b in pairs] or [0.0])
         cci = np.array([abs(a.cci - b.cci) for a, b in pairs] or [0.0])

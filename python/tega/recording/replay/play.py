@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +20,9 @@ from tega.devices.base import TactileFrame
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError
 from tega.loop import run_session
+from tega.loop.controls import Controls
+from tega.loop.parts import Part
 from tega.loop.prepare import Progress
-from tega.loop.summary import write_summary
 from tega.recording.replay.measured import Measured
 from tega.recording.replay.play_clock import PlayClock
 from tega.recording.replay.played_beside import PlayedBeside
@@ -28,6 +30,7 @@ from tega.recording.replay.played_input import Switched, played_input
 from tega.recording.replay.played_streams import PlayedStreams
 from tega.recording.replay.playhead import Playhead
 from tega.recording.replay.recorded import read_recorded
+from tega.recording.run_tables import write_summary
 from tega.records.bus import Bus
 
 LEAD_S = 2
@@ -71,9 +74,11 @@ def play_file(
     speed: float | None = 1.0,
     because: str = "",
     playhead: Playhead | None = None,
-    scenes: Sequence[Path] = (),
+    others: Sequence[Path] = (),
+    bus: Bus | None = None,
+    controls: Controls | None = None,
+    parts: Sequence[Part] = (),
     progress: Progress = lambda _what, _done, _total: None,
-    **options: Any,
 ) -> dict[str, Any]:
     """Play a recorded run.
 
@@ -87,9 +92,11 @@ def play_file(
         speed: Seconds of the session a second, 0.05 to 20; ``None`` for as fast as it goes.
         because: Why a real vest or hand is played to at more than the recording's speed.
         playhead: Where to begin, and takes wishes for another moment meanwhile; ``None`` for all from the beginning.
-        scenes: Scene recordings made beside it on the same machine, for who has subscribed to their pictures.
-        progress: Told how preparation goes.
-        options: Further arguments of ``run_session``.
+        others: Files of the same time and machine, such as a scene recording, each played by the feature that wants it.
+        bus: Bus of the run.
+        controls: As of ``run_session``.
+        parts: As of ``run_session``.
+        progress: Reports preparation.
 
     Returns:
         The run's summary, with a table ``played``. Its times are the recording's, counted from the beginning of the
@@ -106,7 +113,8 @@ def play_file(
     _check_speed(speed, real, because)
     progress("reading the recording", 0, 0)
     measured = Measured()
-    stop = options.get("stop", lambda: False)
+    controls = Controls() if controls is None else controls
+    stop = controls.stop
 
     def frame(finger: str, picture: TactileFrame, told: Any) -> None:
         if stop():
@@ -136,21 +144,20 @@ def play_file(
     if not recorded.complete:
         note += "; the recording was cut, and is played as far as it goes"
     prepared = played_input(recorded, measured, playhead=playhead, lead_ns=lead_ns, note=note)
-    bus = options.pop("bus", None) or Bus()
+    bus = Bus() if bus is None else bus
     beside = PlayedBeside(recorded, playhead, bus)
-    haptics = Switched(recorded, clock, playhead, options.pop("haptics", lambda: True))
-    if scenes:
-        progress("reading the scene", 0, 0)
-    with PlayedStreams(path, recorded, measured, playhead, bus, scenes=scenes, speed=speed) as streams:
+    haptics = Switched(recorded, clock, playhead, controls.haptics)
+    if others:
+        progress("reading the other files", 0, 0)
+    with PlayedStreams(path, recorded, measured, playhead, bus, others=others, speed=speed) as streams:
         summary = run_session(
             config,
             clock=clock,
             prepared=prepared,
-            haptics=haptics,
+            controls=replace(controls, haptics=haptics),
             progress=progress,
             bus=bus,
-            shown=lambda view: streams.shown(beside.shown(view)),
-            **options,
+            parts=[beside, streams, *parts],
         )
     summary["played"] = {
         "file": path.name,
@@ -161,7 +168,7 @@ def play_file(
         "lead_s": lead_ns / 1e9,
         "from_s": playhead.from_ns / 1e9,
         "jumps": playhead.n_jumps,
-        "shown": streams.summary(),
+        "shown": streams.n_shown(),
         "not_shown": list(streams.problems),
     }
     if speed is not None:
@@ -240,7 +247,7 @@ def _settings(
         # What moves then is what the person asked; the reflex belongs to who is there.
         stages=msgspec.structs.replace(then.stages, reflex=ReflexSection()),
         arm=None,  # its path is shown, and a recording must not move a robot
-        markers=to.markers,
+        guests={key: table for key, table in to.guests.items() if key == "markers"},
         safety=msgspec.structs.replace(
             safety,
             late_ms=safety.late_ms * pace,

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from tega.arm.messages import Health
 from tega.loop.arm_view import ArmView
-from tega.records import Marker
+from tega.loop.parts import Part
+from tega.records import ArmTurn, Marker
 
 if TYPE_CHECKING:
     from tega.loop.moment import LoopView
@@ -20,7 +21,7 @@ PLAYED = "recording"
 """Source of a marker that is told again."""
 
 
-class PlayedBeside:
+class PlayedBeside(Part):
     """Follows the playhead through an arm's turns and through the markers; nothing of it moves an arm.
 
     Args:
@@ -30,7 +31,8 @@ class PlayedBeside:
     """
 
     def __init__(self, recorded: Recorded, playhead: Playhead, bus: Bus) -> None:
-        self._turns, self._markers = recorded.turns, sorted(recorded.markers)
+        self._turns = recorded.of(ArmTurn)
+        self._markers = sorted((marker.t_ns, marker.text) for marker in recorded.of(Marker))
         self._turns_ns = [turn.t_ns for turn in self._turns]
         self._playhead, self._bus = playhead, bus
         self._n_jumps, self._passed_ns = playhead.n_jumps, playhead.from_ns - 1

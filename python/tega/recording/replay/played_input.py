@@ -11,12 +11,13 @@ import msgspec
 from tega.config.attached import with_attached
 from tega.config.choose import muscle_decoder
 from tega.devices.base import DeviceInfo
-from tega.hand import split_level
+from tega.hand import joined_level, split_level
 from tega.loop.inbox.prepared import Finger, Muscles, Prepared
-from tega.loop.inbox.sources import EmgBlock, SourceReport
+from tega.loop.inbox.sources import SourceReport
 from tega.loop.loop import FIRST_LEVEL
 from tega.recording.replay.measured import contact_items, level_items
 from tega.recording.replay.playhead import PlayedItems
+from tega.records import HandCommand, Haptics, Intent
 from tega.runtime.files.foreign_file import tells_damage
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ def played_input(
         note: What a reader of the results must know.
     """
     head = recorded.head
-    playhead.begin(recorded.last_tick_ns if recorded.end is None else recorded.end[0], lead_ns)
+    playhead.begin(recorded.last_tick_ns if recorded.end is None else recorded.end.end_ns, lead_ns)
 
     def source(name: str, rate_hz: float | None) -> Any:
         then = head.sources[name]
@@ -71,7 +72,6 @@ def played_input(
                 [item for _, item in items],
                 [known for known, _ in items],
                 playhead=playhead,
-                stamped=lambda contact, t_ns: (t_ns, contact[1]),
             ).stream,
         )
     muscles, emg = None, measured.calibration.emg
@@ -85,10 +85,9 @@ def played_input(
             decoder,
             SourceReport(),
             stream=PlayedItems(
-                [block for _, block in asked],
+                [intent for _, intent in asked],
                 [known for known, _ in asked],
                 playhead=playhead,
-                stamped=lambda block, t_ns: block._replace(t_ns=t_ns),
                 first=first,
             ).stream,
         )
@@ -98,35 +97,34 @@ def played_input(
         muscles,
         measured.calibration,
         "" if name == "self-calibrated" else name,
-        look=PlayedLooks(list(recorded.looks.values()), playhead) if recorded.looks else None,
+        look=PlayedLooks(list(looks.values()), playhead) if (looks := recorded.looks) else None,
     )
 
 
 def _asked(
-    recorded: Recorded, items: Sequence[tuple[int, EmgBlock]], n_channels: int
-) -> tuple[EmgBlock, list[tuple[int, EmgBlock]]]:
+    recorded: Recorded, items: Sequence[tuple[int, Intent]], n_channels: int
+) -> tuple[Intent, list[tuple[int, Intent]]]:
     """Return what the hand was asked for at first, and then: the muscles' level, or the one set against them."""
-    nothing = (0,) * n_channels
-    first = next((level for _, level, _ in recorded.hand), 0) or FIRST_LEVEL
-    asked: list[tuple[int, EmgBlock]] = []
+    intent = nothing = Intent(t_ns=0, channels=(0,) * n_channels, level=FIRST_LEVEL)
+    first = next((joined_level(c.level, c.closure) for c in recorded.of(HandCommand)), 0) or FIRST_LEVEL
+    asked: list[tuple[int, Intent]] = []
     imposed: float = 0
-    block = EmgBlock(0, nothing, FIRST_LEVEL)
-    changes: list[tuple[int, int, Any]] = [(taken, 0, block) for taken, block in items]
+    changes: list[tuple[int, int, Any]] = [(taken, 0, one) for taken, one in items]
     changes += [(t_ns, 1, level) for t_ns, level in recorded.imposed]
     for tick_ns, is_imposed, what in sorted(changes, key=lambda change: change[:2]):
         if is_imposed:
             imposed = what
         else:
-            block = what
-        at = block._replace(t_ns=tick_ns if is_imposed else block[0])
+            intent = what
+        at = msgspec.structs.replace(intent, t_ns=tick_ns) if is_imposed else intent
         asked.append((tick_ns, _imposed(at, imposed) if imposed else at))
-    return _imposed(EmgBlock(0, nothing, FIRST_LEVEL), first), asked
+    return _imposed(nothing, first), asked
 
 
-def _imposed(block: EmgBlock, level: float) -> EmgBlock:
-    """Return a block that asks for a level set against the muscles."""
+def _imposed(intent: Intent, level: float) -> Intent:
+    """Return an intent that asks for a level set against the muscles."""
     whole, closure = split_level(level)
-    return block._replace(level=whole, closure=closure)
+    return msgspec.structs.replace(intent, level=whole, closure=closure)
 
 
 class _Played:
@@ -168,7 +166,7 @@ class Switched:
     def __init__(
         self, recorded: Recorded, clock: PlayClock, playhead: Playhead, other: Callable[[], bool]
     ) -> None:
-        self._changes = [(t_ns, on) for _, on, t_ns in recorded.haptics]
+        self._changes = [(one.t_ns, one.on) for one in recorded.of(Haptics)]
         self._clock, self._playhead = clock, playhead
         self._other = other
 

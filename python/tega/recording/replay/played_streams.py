@@ -14,6 +14,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Final, Self
 
 import numpy as np
+from msgspec.structs import replace
 
 from tega.config.attached import with_attached
 from tega.config.choose import finger_metric
@@ -21,13 +22,13 @@ from tega.devices.base import TactileFrame
 from tega.errors import RecordingError
 from tega.loop.inbox.frames import FrameMeter
 from tega.loop.inbox.sources import SourceReport
+from tega.loop.parts import Part
 from tega.recording.mcap_reader import read_picture, table_ns
 from tega.recording.replay.followed_file import FollowedFile, PlayedMoment, StreamFollower
-from tega.recording.replay.played_scene import PlayedCamera, camera_delays, followed_scene, refuse_namesakes
+from tega.recording.replay.players import refuse_namesakes
 from tega.records import EmgSamples
 from tega.runtime.threads import run_realtime
 from tega.stages.base import MeasuredPicture
-from tega_scene.decode import ScenePicture
 
 if TYPE_CHECKING:
     from tega.config.calibration import EmgMaxima
@@ -81,16 +82,14 @@ class PlayedFinger:
             self._meter = self._make()
         metric = self._meter.metric
         metric.loaded = getattr(told, "loaded", False)  # earlier recordings do not say
+        if getattr(told, "rezeroed", False):
+            metric.rezero()
         image = read_picture(picture)
         contact = self._meter.take(TactileFrame(told.t_ns, told.seq, image, told.name))
         if contact is None or known_ns < self._shown_ns:
             return
-        t_ns, metrics = contact
-        self._bus.publish(
-            MeasuredPicture(
-                finger=self.name, t_ns=t_ns + moment.shift_ns, image=image, metrics=metrics, metric=metric
-            )
-        )
+        contact = replace(contact, t_ns=contact.t_ns + moment.shift_ns)
+        self._bus.publish(MeasuredPicture(image=image, contact=contact, metric=metric))
         self.n_told += 1
 
     def settle(self, moment: PlayedMoment) -> None:
@@ -152,7 +151,7 @@ class PlayedSamples:
         self._offset = None
 
 
-class PlayedStreams:
+class PlayedStreams(Part):
     """Follows the playhead, in a thread for each file, or in the run's own where that has no real time.
 
     Use as a context manager around the run. What nobody has subscribed to is not read.
@@ -163,11 +162,11 @@ class PlayedStreams:
         measured: How its pictures are measured.
         playhead: Says what is played.
         bus: Told of what is passed.
-        scenes: Scene recordings of the same machine.
+        others: Further files of the same time, each played by the feature that wants it.
         speed: Seconds of the recording a second; ``None`` for as fast as it goes.
 
     Raises:
-        RecordingError: A scene recording cannot be used, or is of another time.
+        RecordingError: A file cannot be used, or is of another time.
     """
 
     def __init__(
@@ -178,7 +177,7 @@ class PlayedStreams:
         playhead: Playhead,
         bus: Bus,
         *,
-        scenes: Sequence[Path] = (),
+        others: Sequence[Path] = (),
         speed: float | None = 1.0,
     ) -> None:
         self._playhead = playhead
@@ -188,17 +187,20 @@ class PlayedStreams:
         behind_ns = 2**62 if speed is None else round(_BEHIND_S * 1e9 * max(speed, 1.0))
         facts = recorded.head.facts
         self._files: list[FollowedFile] = []
-        late = camera_delays(path) if recorded.video_keys else {}
-        if recorded.reader is not None and (topics := _topics(recorded, measured, bus, late)):
+        topics, late = _topics(path, recorded, measured, bus)
+        if recorded.reader is not None and topics:
             zero_ns = _told_ns(path, facts, "epoch_ns")
             self._files.append(
                 FollowedFile(recorded.reader, zero_ns, topics, behind_ns=behind_ns, delays_ns=late)
             )
-        for scene in scenes if bus.wants(ScenePicture) else ():
+        for other in others:
             start_ns = _told_ns(path, facts, "start_ns")
-            self._files.append(
-                followed_scene(scene, bus, start_ns=start_ns, end_ns=playhead.end_ns, behind_ns=behind_ns)
-            )
+            for player in recorded.players:
+                followed = player.beside(
+                    other, bus, start_ns=start_ns, end_ns=playhead.end_ns, behind_ns=behind_ns
+                )
+                if followed is not None:
+                    self._files.append(followed)
         self._followers = [one for file in self._files for one in file.followers]
         refuse_namesakes(self._followers)
         self._threads = [
@@ -249,7 +251,7 @@ class PlayedStreams:
         """Complete a moment for a display with what cannot be shown."""
         return view._replace(alerts=(*view.alerts, *problems)) if (problems := self.problems) else view
 
-    def summary(self) -> dict[str, Any]:
+    def n_shown(self) -> dict[str, int]:
         """Return how many pictures and chunks of samples were told, by finger, camera and ``emg``."""
         return {one.name: one.n_told for one in self._followers}
 
@@ -263,10 +265,10 @@ def _told_ns(path: Path, facts: Mapping[str, str], name: str) -> int:
 
 
 def _topics(
-    recorded: Recorded, measured: Measured, bus: Bus, late: Mapping[str, int]
-) -> dict[str, StreamFollower]:
-    """Return who takes which of the recording's topics."""
-    head, topics = recorded.head, dict[str, StreamFollower]()
+    path: Path, recorded: Recorded, measured: Measured, bus: Bus
+) -> tuple[dict[str, StreamFollower], dict[str, int]]:
+    """Return the follower of each topic, and how much later than it was taken its data came, nanoseconds."""
+    head, topics, late = recorded.head, dict[str, StreamFollower](), dict[str, int]()
     zero_ns = table_ns(head.facts, "epoch_ns") or 0
     if bus.wants(MeasuredPicture):
         for finger, baseline in head.baselines.items():
@@ -274,12 +276,11 @@ def _topics(
             topics |= {f"/tactile/{finger}/image": one, f"/tactile/{finger}/frame": one}
     if bus.wants(EmgSamples) and (maxima := measured.calibration.emg) is not None:
         topics[EmgSamples.topic] = PlayedSamples(maxima, bus)
-    if bus.wants(ScenePicture):
-        topics |= {
-            topic: PlayedCamera(topic, [key_ns - zero_ns - late.get(topic, 0) for key_ns in keys], bus)
-            for topic, keys in recorded.video_keys.items()
-        }
-    return topics
+    for player in recorded.players:
+        played = player.topics(path, zero_ns, bus)
+        topics |= played.followers
+        late |= played.delays_ns
+    return topics, late
 
 
 def _meter(recorded: Recorded, measured: Measured, finger: str, baseline: Any) -> FrameMeter:

@@ -7,6 +7,8 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Sequence
 from typing import Generic
 
+from msgspec.structs import replace
+
 from tega.errors import InvalidValueError
 from tega.loop.inbox.stream import Item, LiveStream
 
@@ -96,7 +98,6 @@ class PlayedItems(Generic[Item]):
         items: What came, stamped with the recording's time.
         known: When each was known then, in rising order.
         playhead: Says what is played, and at every tick of the run has the stream filled.
-        stamped: Gives an item another time.
         first: What stands before the first item, and at a jump what stood then is told again; ``None`` for items that
             mean nothing later.
 
@@ -110,10 +111,9 @@ class PlayedItems(Generic[Item]):
         known: Sequence[int],
         *,
         playhead: Playhead,
-        stamped: Callable[[Item, int], Item],
         first: Item | None = None,
     ) -> None:
-        self._items, self._known, self._playhead, self._stamped = items, known, playhead, stamped
+        self._items, self._known, self._playhead = items, known, playhead
         self._first = first
         self._next = bisect_left(known, playhead.from_ns)
         self._n_jumps = playhead.n_jumps
@@ -140,7 +140,7 @@ class PlayedItems(Generic[Item]):
         while self._next < len(self._items) and self._known[self._next] + playhead.shift_ns <= t_ns:
             item = self._items[self._next]
             self._next += 1
-            self._put(item, item[0] + playhead.shift_ns)
+            self._put(item, item.t_ns + playhead.shift_ns)
         end_ns = playhead.shift_ns + playhead.end_ns
         if t_ns >= end_ns:
             self.stream.end(end_ns)
@@ -148,4 +148,4 @@ class PlayedItems(Generic[Item]):
     def _put(self, item: Item, t_ns: int) -> None:
         # Of two moments on either side of a jump the later one may be stamped earlier.
         self._newest_ns = max(t_ns, self._newest_ns + 1)
-        self.stream.put(self._stamped(item, self._newest_ns))
+        self.stream.put(replace(item, t_ns=self._newest_ns))  # type: ignore[type-var]  # a record, which is a struct

@@ -8,20 +8,24 @@ JPEG pictures from the contacts as recorded, and the pictures are measured besid
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence, Set
+from functools import partial
+from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import msgspec
-import numpy as np
 
+from tega.hand import joined_level
 from tega.loop.hand import ModelledAllegro
+from tega.loop.hand_output import HandOutput
 from tega.loop.inbox.stream import NEVER_NS, Item, PulledStream
 from tega.loop.loop import DualLoop
-from tega.loop.moment import Moment
+from tega.loop.moment import Moment, Moments
 from tega.loop.motor_tests import lit_frame
 from tega.loop.pacing import Pacer
 from tega.loop.touch_loop import touch_loop
+from tega.loop.vest_output import VestOutput
 from tega.recording.replay.arm import compare_arm
 from tega.recording.replay.beside import compare_beside
 from tega.recording.replay.compare import Comparison, compare
@@ -34,9 +38,25 @@ from tega.recording.replay.measured import (
     measured_again,
     picture_errors,
 )
-from tega.recording.replay.recorded import Recorded, read_recorded
-from tega.recording.replay.reflex import recorded_arc
-from tega.records import Adaptation, BusFrame, Contact, Event, HandCommand, Intent, ReflexGrip, VestFrame
+from tega.recording.replay.recorded import Kind, Recorded, read_recorded
+from tega.recording.replay.reflex import RecordedGuard, recorded_arc
+from tega.records import (
+    Adaptation,
+    ArmTurn,
+    BusFrame,
+    Contact,
+    End,
+    Event,
+    HandCommand,
+    Haptics,
+    Intent,
+    Record,
+    ReflexGrip,
+    SentFrame,
+    Skip,
+    TriedMotor,
+    VestFrame,
+)
 from tega.records.bus import Bus
 from tega.records.schema import values
 from tega.runtime.clock import ManualClock
@@ -44,12 +64,12 @@ from tega.runtime.files.foreign_file import tells_damage
 
 if TYPE_CHECKING:
     from tega.haptics import MotorLevels
-    from tega.loop.loop_report import LoopReport
     from tega.wire import CanFrame
 
 
 # When things were done is no result.
 _WHEN = frozenset({"t_ns", "taken_ns", "known_ns"})
+_COMPARED: Final[tuple[type[Record], ...]] = (Contact, Intent, Event, VestFrame, HandCommand, ReflexGrip)
 
 
 class Replay(msgspec.Struct, frozen=True):
@@ -127,90 +147,92 @@ def replay_file(
     )
 
 
-class _Again(msgspec.Struct):
-    """Outputs of the second run."""
+class _Again:
+    """Records of the second run, by type."""
 
-    contacts: dict[str, list[Contact]] = {}
-    levels: list[Intent] = []
-    events: list[Event] = []
-    vest: list[tuple[int, str, bytes]] = []
-    hand: list[tuple[int, float, Sequence[BusFrame]]] = []
-    reflex: list[ReflexGrip] = []
-    end_ns: int = 0
+    def __init__(self, bus: Bus, kinds: Sequence[type[Record]]) -> None:
+        self.end_ns = 0
+        self._records: dict[type[Record], list[Any]] = {kind: [] for kind in kinds}
+        for kind, records in self._records.items():
+            bus.subscribe(kind, records.append, name="replay", vital=True)
 
-    def contact(self, contact: Contact) -> None:
-        self.contacts[contact.finger].append(contact)
-
-    def event(self, event: Event) -> None:
-        self.events.append(event)
-
-    def intent(self, intent: Intent) -> None:
-        self.levels.append(intent)
-
-    def vest_frame(self, frame: VestFrame) -> None:
-        self.vest.append((frame.t_ns, frame.layout, bytes(frame.intensities)))
-
-    def command(self, asked: HandCommand, level: float) -> None:
-        self.hand.append((asked.t_ns, level, asked.frames))
+    def of(self, kind: type[Kind]) -> list[Kind]:
+        """Return the records of a type, in order."""
+        return self._records.get(kind, [])
 
 
 def _run(recorded: Recorded, measured: Measured, bus: Bus) -> _Again:
     head, config = recorded.head, measured.config
-    again = _Again({finger: [] for finger in recorded.contacts})
+    # Earlier recordings have no events.
+    again = _Again(bus, [kind for kind in _COMPARED if kind is not Event or "Event" in head.versions])
     pacer = _RecordedPacer(recorded)
-    reflex = recorded_arc(recorded, config, tick_ns=lambda: pacer.tick_ns, tell=again.reflex.append)
-    imposed = {} if reflex is not None else dict(recorded.imposed)
-    hand = _ModelledHand(recorded, pacer, config.hand.device_id, imposed)
+    reflex = recorded_arc(recorded, config, tell=bus.publish)
+    looks = recorded.looks
+    steered = head.facts["steered"] == "true"
+    hand = (_UnseenHand if steered else ModelledAllegro)(device_id=config.hand.device_id)
     with_emg = "emg" in head.sources
-    asked = 0
-    on = {n_asked: on for n_asked, on, _ in recorded.haptics}
-    state = True
-
-    def haptics() -> bool:
-        nonlocal asked, state
-        state = on.get(asked, state)
-        asked += 1
-        return state
-
-    def tried(t_ns: int, frame: MotorLevels) -> MotorLevels:
-        before = [row for row in recorded.tried if row[0] <= t_ns][-1:]
-        return lit_frame(frame, *before[0][1:]) if before and before[0][2] else frame
-
-    bus.subscribe(Contact, again.contact, vital=True)
-    bus.subscribe(Intent, again.intent, vital=True)
-    if "Event" in head.versions:  # earlier recordings do not tell events
-        bus.subscribe(Event, again.event, vital=True)
-    bus.subscribe(VestFrame, again.vest_frame, vital=True)
     if head.facts["observed"] == "true":
         bus.subscribe(Moment, lambda _moment: None)
-    bus.subscribe(HandCommand, lambda asked: again.command(asked, hand.level), vital=True)
     contacts = {
         finger: _as_taken(contact_items(recorded, measured, finger), pacer, recorded)
         for finger in recorded.contacts
     }
-    levels = _as_taken(level_items(recorded, measured), pacer, recorded) if with_emg else None
+    touch = touch_loop(config, measured.calibration, recorded.contacts)
     loop = DualLoop(
         pacer=pacer,
-        touch=touch_loop(config, measured.calibration, recorded.contacts),
+        touch=touch,
         contacts=contacts,
-        levels=levels,
-        hand=hand,
-        vests=[],
-        hands=[],
+        levels=_as_taken(level_items(recorded, measured), pacer, recorded) if with_emg else None,
+        hand=HandOutput(hand, bus=bus, reflex=reflex),
+        vest=VestOutput(
+            touch,
+            bus=bus,
+            now_ns=pacer.elapsed_ns,
+            rate_hz=config.vest.rate_hz,
+            by_frame=(config.vest.pace or head.facts.get("pace", "steady")) == "by-frame",
+            haptics=_recorded_haptics(recorded),
+            tests=_RecordedTrials(recorded),
+        ),
         bus=bus,
-        vest_rate_hz=config.vest.rate_hz,
-        by_frame=(config.vest.pace or head.facts.get("pace", "steady")) == "by-frame",
-        haptics=haptics,
-        endless=bool(recorded.turns),
-        tried=tried if recorded.tried else lambda _t_ns, frame: frame,
-        reflex=reflex,
-        look=(lambda t_ns, _level: recorded.looks.get(t_ns)) if recorded.looks else None,
+        guard=RecordedGuard(recorded, lambda: pacer.tick_ns),
+        moments=Moments(bus, hand if with_emg else None),
+        look=(lambda t_ns, _level: looks.get(t_ns)) if looks else None,
     )
-    ended = "" if recorded.end is None else recorded.end[1]
-    duration_ns = recorded.end[0] if recorded.end is not None and ended == "duration" else None
-    report: LoopReport = loop.run(duration_ns=duration_ns, stop=pacer.over)
+    end = recorded.end
+    duration_ns = end.end_ns if end is not None and end.ended == "duration" else None
+    report = loop.run(duration_ns=duration_ns, stop=pacer.over, endless=bool(recorded.of(ArmTurn)))
     again.end_ns = report.end_ns
     return again
+
+
+def _recorded_haptics(recorded: Recorded) -> Callable[[], bool]:
+    """Return whether motors could turn, one call after the other."""
+    changes = {one.n_asked: one.on for one in recorded.of(Haptics)}
+    numbers, on = count(), True
+
+    def haptics() -> bool:
+        nonlocal on
+        on = changes.get(next(numbers), on)
+        return on
+
+    return haptics
+
+
+class _RecordedTrials:
+    """Motors that were tried in the run."""
+
+    def __init__(self, recorded: Recorded) -> None:
+        self._tried = recorded.of(TriedMotor)
+        self.active = bool(self._tried)
+
+    def frame(self, t_ns: int, frame: MotorLevels) -> MotorLevels:
+        newest = next((one for one in reversed(self._tried) if one.t_ns <= t_ns), None)
+        return (
+            frame if newest is None or not newest.percent else lit_frame(frame, newest.motor, newest.percent)
+        )
+
+    def sent(self, t_ns: int, sent: MotorLevels | None) -> None:
+        """Do nothing: the answer was given in the run."""
 
 
 def _as_taken(items: list[tuple[int, Item]], pacer: _RecordedPacer, recorded: Recorded) -> PulledStream[Item]:
@@ -218,14 +240,14 @@ def _as_taken(items: list[tuple[int, Item]], pacer: _RecordedPacer, recorded: Re
 
     Where every source had ended, it ends with the last tick of the run.
     """
-    end_ns, ended, _ = recorded.end or (0, "", 0)
+    end = recorded.end or End(end_ns=0, ended="", n_waits=0)
     # The last look of a set time is before its end.
-    latest_ns = end_ns - 1 if ended == "duration" else NEVER_NS
+    latest_ns = end.end_ns - 1 if end.ended == "duration" else NEVER_NS
     return PulledStream(
         [item for _, item in items],
-        end_ns=end_ns,
+        end_ns=end.end_ns,
         known=[min(taken_ns, latest_ns) for taken_ns, _ in items],
-        over=pacer.over if ended == "complete" else lambda: False,
+        over=pacer.over if end.ended == "complete" else lambda: False,
     )
 
 
@@ -234,12 +256,12 @@ class _RecordedPacer(Pacer):
 
     def __init__(self, recorded: Recorded) -> None:
         super().__init__(ManualClock())
-        self._skipped = recorded.skipped
+        self._skipped = {skip.t_ns for skip in recorded.of(Skip)}
         taken = {contact.taken_ns for contacts in recorded.contacts.values() for contact in contacts}
-        taken |= {intent.taken_ns for intent in recorded.levels}
+        taken |= {intent.taken_ns for intent in recorded.of(Intent)}
         self._turns_ns = deque(sorted(taken))
         self._last_ns = recorded.last_tick_ns
-        self._n_most = None if recorded.end is None else recorded.end[2]
+        self._n_most = None if recorded.end is None else recorded.end.n_waits
         self.tick_ns = -1
 
     def doze(self, t_ns: int) -> int:
@@ -264,32 +286,14 @@ class _RecordedPacer(Pacer):
         return self.n_waits >= self._n_most and not self._turns_ns
 
 
-class _ModelledHand:
-    """The modelled hand; where a real one closed its own loop, only the levels it was asked for."""
+class _UnseenHand(ModelledAllegro):
+    """A real hand that closed its own loop: its frames are not the loop's."""
 
-    def __init__(
-        self, recorded: Recorded, pacer: _RecordedPacer, device_id: int, imposed: Mapping[int, float]
-    ) -> None:
-        self._model = ModelledAllegro(device_id=device_id)
-        self._steered = recorded.head.facts["steered"] == "true"
-        self._pacer = pacer
-        self._imposed = imposed
-        self._level: float = 0
-        self.level: float = 0
+    def step(self, level: float, added: float = 0.0) -> list[CanFrame]:  # noqa: ARG002
+        return []
 
-    @property
-    def angles_rad(self) -> np.ndarray[Any, np.dtype[np.float64]]:
-        return self._model.angles_rad
-
-    def step(self, level: float, added: float = 0.0) -> Sequence[CanFrame]:
-        self._level = self._imposed.get(self._pacer.tick_ns, self._level)
-        own = self._level or level
-        self.level = own + added
-        return [] if self._steered else self._model.step(own, added)
-
-    def limp(self) -> Sequence[CanFrame]:
-        self.level = 0
-        return [] if self._steered else self._model.limp()
+    def limp(self) -> list[CanFrame]:
+        return []
 
 
 def _compare_pixels(measured: Measured) -> list[Comparison]:
@@ -301,55 +305,54 @@ def _compare_pixels(measured: Measured) -> list[Comparison]:
 
 
 def _compare(recorded: Recorded, again: _Again, cut_ns: int | None) -> list[Comparison]:
-    streams = []
+    head, streams = recorded.head, []
     for finger, contacts in recorded.contacts.items():
         n = recorded.n_early.get(finger, 0)
-        ours = [(c.t_ns, _contact_row(c)) for c in contacts[n:]]
-        theirs = [(c.t_ns, _contact_row(c)) for c in again.contacts[finger][n:]]
+        computed = [contact for contact in again.of(Contact) if contact.finger == finger]
+        ours, theirs = ([(c.t_ns, _row(c)) for c in rows[n:]] for rows in (contacts, computed))
         streams.append(compare(f"/tactile/{finger}/contact", ours, theirs, until_ns=cut_ns))
-    if "emg" in recorded.head.sources:
-        n = recorded.n_early.get("emg", 0)
+    with_emg, steered = "emg" in head.sources, head.facts["steered"] == "true"
+    if with_emg:
+        n = recorded.n_early.get(Intent, 0)
+        # Before version 3 it was lost on the way to the file.
+        without = _WHEN | {"activity"} if int(head.versions.get("Levels", "1")) < 3 else _WHEN
         ours, theirs = (
-            [(row.t_ns, {"channels": row.channels, "fused": row.level}) for row in rows[n:]]
-            for rows in (recorded.levels, again.levels)
+            [(row.t_ns, _row(row, without)) for row in rows[n:]]
+            for rows in (recorded.of(Intent), again.of(Intent))
         )
         streams.append(compare("/emg/levels", ours, theirs, until_ns=cut_ns))
-    from_ns = recorded.from_ns
-    if events := [event for event in again.events if event.taken_ns >= from_ns] + recorded.events:
-        found = events[: len(events) - len(recorded.events)]
-        ours, theirs = ([(e.t_ns, values(e)) for e in rows] for rows in (recorded.events, found))
-        streams.append(compare(events[0].where, ours, theirs, until_ns=cut_ns))
-    vest = [row for row in again.vest if row[0] >= from_ns]
-    streams.append(compare("/vest/frame", _vest_rows(recorded.vest), _vest_rows(vest), until_ns=cut_ns))
-    if recorded.head.live_vest:
-        ours = [(t, {"sent": True}) for t in recorded.vest_sent]
-        made = Counter(t for t, _, _ in vest)
-        if recorded.head.facts.get("sent") != "every":
-            # The loop once left frames out that the vest showed already: what was sent then was made at that time.
-            made &= Counter(recorded.vest_sent)
-        theirs = [(t, {"sent": True}) for t in made.elements()]
-        streams.append(compare("/vest/sent", ours, theirs, until_ns=cut_ns))
-    if "emg" in recorded.head.sources:
-        steered = recorded.head.facts["steered"] == "true"
+    rows_of: tuple[tuple[type[Any], Callable[[Any], dict[str, Any]], bool], ...] = (
+        (Event, values, "Event" in head.versions),
+        (VestFrame, _vest_row, True),
+        (SentFrame, lambda _frame: {"sent": True}, head.live_vest),
+        (HandCommand, partial(_command_row, steered=steered), with_emg),
+        (ReflexGrip, values, True),
+    )
+    for kind, row, wanted in rows_of:
         ours, theirs = (
-            [
-                (t, {"level": level} | ({} if steered else {"frames": _hex(frames)}))
-                for t, level, frames in rows
-            ]
-            for rows in (recorded.hand, [row for row in again.hand if row[0] >= from_ns])
+            [(one.t_ns, row(one)) for one in records if _known_ns(one) >= recorded.from_ns]
+            for records in (recorded.of(kind), _made(kind, recorded, again))
         )
-        streams.append(compare("/hand/frames", ours, theirs, until_ns=cut_ns))
-    added = [row for row in again.reflex if row.t_ns >= from_ns]
-    told = [row for row in recorded.reflex if row.t_ns >= from_ns]
-    if added or told:
-        ours, theirs = ([(row.t_ns, values(row)) for row in rows] for rows in (told, added))
-        streams.append(compare(ReflexGrip.topic, ours, theirs, until_ns=cut_ns))
+        if wanted and (ours or theirs or kind in {VestFrame, SentFrame, HandCommand}):
+            streams.append(compare(kind.topic, ours, theirs, until_ns=cut_ns))
     return streams
+
+
+def _made(kind: type[Any], recorded: Recorded, again: _Again) -> Sequence[Any]:
+    """Return the records of a type that the second run made; it has no real vest, whose frames are the loop's."""
+    if kind is not SentFrame:
+        return again.of(kind)
+    frames = {frame.t_ns: frame for frame in again.of(VestFrame)}
+    made = Counter(frame.t_ns for frame in again.of(VestFrame))
+    if recorded.head.facts.get("sent") != "every":
+        # The loop once left frames out that the vest showed already: a frame sent then was made at that time.
+        made &= Counter(frame.t_ns for frame in recorded.of(SentFrame))
+    return [frames[t_ns] for t_ns in made.elements()]
 
 
 def _compare_adaptations(recorded: Recorded, measured: Measured) -> list[Comparison]:
     """Compare every change of gains and offsets of EMG."""
-    ours = recorded.adaptations
+    ours = recorded.of(Adaptation)
     theirs = [one for one in measured.adaptations if one.t_ns >= recorded.from_ns]
     if recorded.end is None:  # samples may have been recorded later than what was made of them
         theirs = theirs[: len(ours)]
@@ -359,12 +362,24 @@ def _compare_adaptations(recorded: Recorded, measured: Measured) -> list[Compari
     return [compare(Adaptation.topic, rows, again)]
 
 
-def _contact_row(contact: Contact) -> dict[str, Any]:
-    return {name: value for name, value in values(contact).items() if name not in _WHEN}
+def _known_ns(record: Any) -> int:
+    """Return the tick at which a record was taken in or made."""
+    known_ns: int = getattr(record, "taken_ns", record.t_ns)
+    return known_ns
 
 
-def _vest_rows(rows: Sequence[tuple[int, str, bytes]]) -> list[tuple[int, dict[str, Any]]]:
-    return [(t, {"layout": layout, "intensities": list(levels)}) for t, layout, levels in rows]
+def _row(record: Record, without: Set[str] = _WHEN) -> dict[str, Any]:
+    return {name: value for name, value in values(record).items() if name not in without}
+
+
+def _vest_row(frame: VestFrame) -> dict[str, Any]:
+    return {"layout": frame.layout, "intensities": list(frame.intensities)}
+
+
+def _command_row(command: HandCommand, *, steered: bool) -> dict[str, Any]:
+    level = {"level": joined_level(command.level, command.closure)}
+    # The frames of a hand that closes its own loop are compared by its exchanges.
+    return level if steered else level | {"frames": _hex(command.frames)}
 
 
 def _hex(frames: Sequence[BusFrame]) -> str:

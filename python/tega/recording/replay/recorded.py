@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from array import array
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Final, TypeVar
 
 import msgspec
 import numpy as np
@@ -16,27 +16,60 @@ from tega.devices.base import DeviceInfo, EmgChunk, TactileFrame
 from tega.errors import RecordingError
 from tega.hand import joined_level
 from tega.recording.mcap_reader import McapReader, Message, read_picture
-from tega.recording.mcap_schemas import VERSIONS
+from tega.recording.mcap_schemas import PACKAGE, VERSIONS
 from tega.recording.origin import LEAD_IN, span
+from tega.recording.replay.players import Player, players
 from tega.recording.session import FORMAT
 from tega.records import (
     Adaptation,
     AdaptationSwitch,
+    ArmTurn,
     BesideContact,
     BesideIntent,
-    BusFrame,
     Contact,
+    End,
     Event,
     HandCommand,
     HandExchange,
     HandLook,
+    Haptics,
     Imposed,
     Intent,
+    Marker,
+    Record,
     ReflexGrip,
+    SentFrame,
+    Skip,
+    TriedMotor,
+    VestFrame,
 )
-from tega.records.schema import read
+from tega.records.schema import read, schema_name
 from tega.runtime.files.foreign_file import load_npy, parse_json, parse_toml, tells_damage
-from tega_scene.decode import note_key
+
+KINDS: Final[tuple[type[Record], ...]] = (
+    Adaptation,
+    ArmTurn,
+    BesideContact,
+    BesideIntent,
+    Contact,
+    End,
+    Event,
+    HandCommand,
+    HandExchange,
+    HandLook,
+    Haptics,
+    Imposed,
+    Intent,
+    Marker,
+    ReflexGrip,
+    Skip,
+    TriedMotor,
+    VestFrame,
+    SentFrame,
+)
+"""Types of the records that replay reads; of two with one schema the last is that of any other topic."""
+
+Kind = TypeVar("Kind", bound=Record)
 
 
 class Head(msgspec.Struct, frozen=True):
@@ -79,68 +112,54 @@ class Recorded(msgspec.Struct):
     """Content of a recording, pictures and samples left out.
 
     Attributes:
-        head: What is known before the first message.
-        contacts: By finger, in order.
-        levels: In order.
-        events: Events of touch, in order.
-        vest: Frames of the loop: time, layout, intensities.
-        vest_sent: Times at which a real vest was sent one.
-        hand: Per tick: time, level asked for, frames.
-        exchanges: What a real hand was told and said, in order, as recorded.
-        skipped: Deadlines that the loop left out.
-        haptics: When the motors were switched off or on: which asking, whether on, and at what tick.
-        tried: When somebody tried a motor: time, its place in the frame, percent (0 for no longer).
-        turns: What led an arm took in and gave, in order, as recorded.
-        beside: What the stages beside the connected ones said, by topic, as recorded.
-        adaptations: Gains and offsets of EMG, in order, as recorded.
-        imposed: When a level was set against the muscles: time, level (0 for no longer).
-        reflex: What the reflex added, tick by tick, as recorded.
-        looks: Looks at hand and arm by which slips were told, by tick; none in recordings that told them by touch.
-        markers: Marked moments: time, text.
-        end: How the loop ended; ``None`` where the recording was cut.
-        dropped: Records lost, by topic.
+        head: Facts that are known before the first message.
+        contacts: Contacts by finger, in order.
+        records: Records of each type of :data:`KINDS`, in order, those of the lead-in first; see :meth:`of`.
+        dropped: Number of records lost, by topic.
         complete: Whether the file was finished, or else recovered or cut.
-        n_frames: Pictures, by finger.
-        from_ns: Where it begins, nanoseconds since the start of the session; what is from before that is its lead-in.
-        n_early: Items of the lead-in, by finger, ``emg`` for levels, ``hand`` for exchanges, ``arm`` for its
-            turns.
+        n_frames: Number of pictures, by finger.
+        from_ns: Beginning, nanoseconds since the start of the session; records before that are its lead-in.
+        n_early: Number of items of the lead-in, by finger, and by type.
         reader: Passes over the file again; ``None`` before the first message.
-        video_keys: Log times of scene pictures from which a decoder can begin, by topic.
+        players: Players of features, which have noted their messages.
     """
 
     head: Head
     contacts: dict[str, list[Contact]]
-    levels: list[Intent] = []
-    events: list[Event] = []
-    vest: list[tuple[int, str, bytes]] = []
-    vest_sent: list[int] = []
-    hand: list[tuple[int, float, Sequence[BusFrame]]] = []
-    exchanges: list[Any] = []
-    turns: list[Any] = []
-    skipped: set[int] = set()
-    haptics: list[tuple[int, bool, int]] = []
-    tried: list[tuple[int, int, int]] = []
-    imposed: list[tuple[int, float]] = []
-    reflex: list[ReflexGrip] = []
-    looks: dict[int, HandLook] = {}
-    markers: list[tuple[int, str]] = []
-    beside: dict[str, list[Any]] = {}
-    adaptations: list[Adaptation] = []
-    end: tuple[int, str, int] | None = None
+    records: dict[type[Record], list[Any]] = {}
     dropped: dict[str, int] = {}
     complete: bool = False
     n_frames: dict[str, int] = {}
     from_ns: int = 0
-    n_early: dict[str, int] = {}
+    n_early: dict[str | type[Record], int] = {}
     reader: McapReader | None = None
-    video_keys: dict[str, array[int]] = {}
+    players: list[Player] = []
+
+    def of(self, kind: type[Kind]) -> list[Kind]:
+        """Return the records of a type, in order."""
+        return self.records.get(kind, [])
+
+    @property
+    def end(self) -> End | None:
+        """End of the loop; ``None`` where the recording was cut."""
+        return next(reversed(self.of(End)), None)
+
+    @property
+    def looks(self) -> dict[int, HandLook]:
+        """Looks at hand and arm, by tick; none in recordings whose slips were detected by touch."""
+        return {look.t_ns: look for look in self.of(HandLook)}
+
+    @property
+    def imposed(self) -> list[tuple[int, float]]:
+        """Levels that were set against the muscles: time, level (0 for no longer)."""
+        return [(one.t_ns, joined_level(one.level, one.closure)) for one in self.of(Imposed)]
 
     @property
     def last_tick_ns(self) -> int:
-        """The newest tick that anything tells of."""
+        """The newest tick of any record."""
         ticks = [contact.taken_ns for contacts in self.contacts.values() for contact in contacts[-1:]]
-        ticks += [intent.taken_ns for intent in self.levels[-1:]]
-        ticks += [row[0] for rows in (self.vest, self.hand) for row in rows[-1:]]
+        ticks += [intent.taken_ns for intent in self.of(Intent)[-1:]]
+        ticks += [row.t_ns for rows in (self.of(VestFrame), self.of(HandCommand)) for row in rows[-1:]]
         return max(ticks, default=0)
 
 
@@ -207,6 +226,7 @@ def _begin(reader: McapReader, begin: Callable[[Head], None], chunk: Callable[[E
         {finger: [] for finger in head.baselines},
         from_ns=span(reader.metadata).from_ns,
         reader=reader,
+        players=players(),
     )
     begin(head)
     if recorded.from_ns > 0:
@@ -220,79 +240,42 @@ def _begin(reader: McapReader, begin: Callable[[Head], None], chunk: Callable[[E
         for message in McapReader(reader.path, data=lead_in).messages():
             _take(recorded, message, chunk)
         recorded.n_early = {finger: len(contacts) for finger, contacts in recorded.contacts.items()}
-        recorded.n_early |= {
-            "emg": len(recorded.levels),
-            "hand": len(recorded.exchanges),
-            "arm": len(recorded.turns),
-        }
+        recorded.n_early |= {kind: len(records) for kind, records in recorded.records.items()}
     return recorded
 
 
 def _take(recorded: Recorded, message: Message, chunk: Callable[[EmgChunk], None]) -> None:
+    """Keep a message as the record of its type; the players of features are offered the messages of other types."""
     value = message.value
-    match message.schema:
-        case "tega.EmgSamples":
-            samples = np.array(value.samples, np.float64).reshape(-1, value.n_channels)
-            chunk(EmgChunk(value.t_ns, value.first_index, samples))
-        case "tega.ArmTurn":
-            recorded.turns.append(value)
-        case "foxglove.CompressedVideo":
-            note_key(recorded.video_keys, message)
-        case "tega.Marker":
-            recorded.markers.append((value.t_ns, value.text))
-        case "tega.TriedMotor":
-            recorded.tried.append((value.t_ns, value.motor, value.percent))
-        case "tega.Event":
-            recorded.events.append(read(Event, value))
-        case "tega.ReflexGrip":
-            recorded.reflex.append(read(ReflexGrip, value))
-        case "tega.HandLook":
-            recorded.looks[value.t_ns] = read(HandLook, value)
-        case "tega.Adaptation":
-            recorded.adaptations.append(read(Adaptation, value))
-        case "tega.BesideContact" | "tega.BesideIntent":
-            recorded.beside.setdefault(message.topic, []).append(_beside(message))
-        case _:
-            _keep(recorded, message)
+    kind = _kind(message.schema, message.topic)
+    if message.schema == "tega.EmgSamples":
+        samples = np.array(value.samples, np.float64).reshape(-1, value.n_channels)
+        chunk(EmgChunk(value.t_ns, value.first_index, samples))
+    elif message.schema == "tega.Status":
+        recorded.dropped = dict(zip(value.dropped_topics, value.dropped_counts, strict=True))
+    elif kind is None:
+        for player in recorded.players:
+            player.note(message)
+    else:
+        record = read(kind, value, **_named(kind, message.topic))
+        rows = recorded.records.setdefault(kind, [])
+        if isinstance(record, Contact):
+            rows = recorded.contacts[record.finger]
+        rows.append(record)
 
 
-def _keep(recorded: Recorded, message: Message) -> None:
-    value = message.value
-    match message.schema:
-        case "tega.Contact":
-            finger = message.topic.split("/")[2]
-            recorded.contacts[finger].append(read(Contact, value, finger=finger))
-        case "tega.Levels":
-            recorded.levels.append(read(Intent, value))
-        case "tega.VestFrame" if message.topic == "/vest/frame":
-            recorded.vest.append((value.t_ns, value.layout, bytes(value.intensities)))
-        case "tega.VestFrame":
-            recorded.vest_sent.append(value.t_ns)
-        case "tega.CanFrames":
-            command = read(HandCommand, value)
-            recorded.hand.append((command.t_ns, joined_level(command.level, command.closure), command.frames))
-        case "tega.HandExchange":
-            recorded.exchanges.append(read(HandExchange, value))
-        case "tega.Skip":
-            recorded.skipped.add(value.t_ns)
-        case "tega.Haptics":
-            recorded.haptics.append((value.n_asked, value.on, value.t_ns))
-        case "tega.Imposed":
-            imposed = read(Imposed, value)
-            recorded.imposed.append((imposed.t_ns, joined_level(imposed.level, imposed.closure)))
-        case "tega.End":
-            recorded.end = (value.end_ns, value.ended, value.n_waits)
-        case "tega.Status":
-            recorded.dropped = dict(zip(value.dropped_topics, value.dropped_counts, strict=True))
-        case _:
-            pass
+@cache
+def _kind(schema: str, topic: str) -> type[Record] | None:
+    """Return the type of a message; ``None`` where replay does not need it. Two types of one schema differ in topic."""
+    found = [kind for kind in KINDS if f"{PACKAGE}.{schema_name(kind)}" == schema]
+    return next((kind for kind in found if kind.topic == topic), found[-1] if found else None)
 
 
-def _beside(message: Message) -> BesideContact | BesideIntent:
-    _, _, stage, finger = message.topic.split("/")
-    if message.schema == "tega.BesideIntent":
-        return read(BesideIntent, message.value, stage=stage)
-    return read(BesideContact, message.value, stage=stage, finger=finger)
+@cache
+def _named(kind: type[Record], topic: str) -> Mapping[str, str]:
+    """Return the fields of a record that its topic names, such as its finger."""
+    parts = zip(kind.topic.split("/"), topic.split("/"), strict=False)
+    return {field[1:-1]: name for field, name in parts if field.startswith("{")}
 
 
 def _head(reader: McapReader) -> Head:

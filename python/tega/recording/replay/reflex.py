@@ -1,72 +1,59 @@
-"""Ask a recorded run's reflex again, under the circumstances that the recording holds tick by tick."""
+"""Impose what a recorded run's guard imposed, and compute its reflex again from the recorded circumstances."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from tega.config.choose import grip_reflex
 from tega.loop.reflex import ReflexArc, ReflexMoment
+from tega.records import ReflexGrip
+from tega.safety.guard import Guard
 
 if TYPE_CHECKING:
-    from tega.config import ReflexSection, SessionConfig
+    from tega.config import SessionConfig
     from tega.recording.replay.recorded import Recorded
-    from tega.records import Contact, ReflexGrip
-    from tega.stages.base import Reflex
 
 
-class RecordedArc(ReflexArc):
-    """The arc of a recorded run: what was imposed then comes before what the reflex adds, as it did in the run.
+class RecordedGuard(Guard):
+    """Guard of a recorded run: it imposes the recorded levels, each from its tick on.
 
     Args:
-        reflex: The stage.
-        settings: Its bounds.
-        moment: As of :class:`tega.loop.reflex.ReflexArc`, out of the recording.
-        tell: As there.
-        imposed: Level that was set against the muscles, by the tick from which on; 0 for no longer.
-        tick_ns: Tells the tick.
+        recorded: The run.
+        tick_ns: Returns the time of the tick.
     """
 
-    def __init__(
-        self,
-        reflex: Reflex,
-        settings: ReflexSection,
-        *,
-        moment: Callable[[int], ReflexMoment],
-        tell: Callable[[ReflexGrip], None],
-        imposed: Mapping[int, float],
-        tick_ns: Callable[[], int],
-    ) -> None:
-        super().__init__(reflex, settings, moment=moment, tell=tell)
-        self._imposed, self._tick_ns, self._set = imposed, tick_ns, 0.0
+    def __init__(self, recorded: Recorded, tick_ns: Callable[[], int]) -> None:
+        super().__init__()
+        self._at, self._tick_ns, self._imposed = dict(recorded.imposed), tick_ns, 0.0
 
-    def step(
-        self, t_ns: int, own: float, contacts: Callable[[], Mapping[str, Contact]]
-    ) -> tuple[float, float]:
-        """Return what the hand was told at a tick: own level and addition."""
-        self._set = self._imposed.get(self._tick_ns(), self._set)
-        return super().step(t_ns, self._set or own, contacts)
+    def due(self, t_ns: int, late_ns: int) -> bool:  # noqa: ARG002
+        """Return false: what the guard found is in the recording."""
+        return False
+
+    def level(self, wanted: float) -> float:
+        """Return the imposed level, or the wanted one where none is imposed."""
+        self._imposed = self._at.get(self._tick_ns(), self._imposed)
+        return self._imposed or wanted
 
 
 def recorded_arc(
     recorded: Recorded,
     config: SessionConfig,
     *,
-    tick_ns: Callable[[], int],
     tell: Callable[[ReflexGrip], None],
-) -> RecordedArc | None:
+) -> ReflexArc | None:
     """Make the reflex of a recorded run; ``None`` where the settings name none.
 
     Args:
         recorded: The run.
         config: Its settings.
-        tick_ns: Tells the tick.
-        tell: Told of every tick at which it was asked.
+        tell: Called with every tick at which the reflex was asked.
     """
     reflex = grip_reflex(config.stages, config.session.preset, recorded.contacts)
     if reflex is None:
         return None
-    rows = {row.t_ns: row for row in recorded.reflex}
+    rows = {row.t_ns: row for row in recorded.of(ReflexGrip)}
 
     def moment(t_ns: int) -> ReflexMoment:
         row = rows.get(t_ns)
@@ -74,11 +61,4 @@ def recorded_arc(
             return ReflexMoment(0.0, allowed=True, measured=None)
         return ReflexMoment(row.authority, row.allowed, row.measured)
 
-    return RecordedArc(
-        reflex,
-        config.stages.reflex,
-        moment=moment,
-        tell=tell,
-        imposed=dict(recorded.imposed),
-        tick_ns=tick_ns,
-    )
+    return ReflexArc(reflex, config.stages.reflex, moment=moment, tell=tell)

@@ -48,7 +48,7 @@ class CsvWriter:
 
     def __init__(self, path: Path, columns: Sequence[str], *, most_lines: int = _ROWS_PER_WRITE) -> None:
         self._file: IO[str] | None = path.open("w", encoding="utf-8", newline="\n")
-        self._lines: list[str] = [",".join(columns) + "\n"]
+        self._lines: list[str] = [",".join(map(cell_text, columns)) + "\n"]
         self._most_lines = most_lines
         self.n_rows = 0
 

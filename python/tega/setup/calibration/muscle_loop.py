@@ -18,7 +18,7 @@ from tega.loop.maxima import emg_conditions
 if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.devices.base import EmgChunk
-    from tega.loop.inbox.sources import EmgBlock
+    from tega.records import Intent
 
 __all__ = ["MuscleLoop"]
 
@@ -100,7 +100,7 @@ class MuscleLoop:
         """Seconds since :meth:`start`."""
         return (time.monotonic_ns() - self.start_ns) * 1e-9
 
-    def blocks(self) -> list[EmgBlock]:
+    def blocks(self) -> list[Intent]:
         """Wait a twentieth of a second at most; return the blocks that were completed, oldest first."""
         chunk = self._source.read(_READ_S)
         if chunk is None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 
 if TYPE_CHECKING:
-    from tega.tactile import ContactMetrics
+    from tega.records import Contact
 
 
 PRESSES = 3
@@ -50,8 +50,8 @@ class PressMeter:
 
     def __init__(self, n_pixels: int) -> None:
         self._n_pixels = n_pixels
-        self._seen: dict[_Preset, list[tuple[int, ContactMetrics]]] = {"paper": [], "live": []}
-        self._now: list[tuple[int, ContactMetrics]] = []
+        self._seen: dict[_Preset, list[Contact]] = {"paper": [], "live": []}
+        self._now: list[Contact] = []
         self.presses: list[Press] = []
         self.eda_px = 0
 
@@ -69,21 +69,20 @@ class PressMeter:
         middle = float(np.median([p.eda_px for p in strong]))
         return [p for p in strong if p.eda_px >= _ODD_SHARE * middle]
 
-    def take(self, t_ns: int, readings: Mapping[_Preset, ContactMetrics]) -> Press | None:
-        """Take a frame's measurements under both presets; return a press that has just ended."""
-        for preset, metrics in readings.items():
-            self._seen[preset].append((t_ns, metrics))
+    def take(self, readings: Mapping[_Preset, Contact]) -> Press | None:
+        """Take the contacts in a frame under both presets; return a press that has just ended."""
+        for preset, contact in readings.items():
+            self._seen[preset].append(contact)
         live = readings["live"]
         self.eda_px = live.eda
         if live.in_contact:
-            self._now.append((t_ns, live))
+            self._now.append(live)
             return None
-        if not self._now or t_ns - self._now[-1][0] < _GAP_NS:
+        if not self._now or live.t_ns - self._now[-1].t_ns < _GAP_NS:
             return None
-        (start_ns, _), (end_ns, _) = self._now[0], self._now[-1]
-        press = Press(
-            start_ns, end_ns, round(float(np.percentile([m.eda for _, m in self._now], _SIZE_PERCENTILE)))
-        )
+        start_ns, end_ns = self._now[0].t_ns, self._now[-1].t_ns
+        size_px = float(np.percentile([contact.eda for contact in self._now], _SIZE_PERCENTILE))
+        press = Press(start_ns, end_ns, round(size_px))
         self._now = []
         if end_ns - start_ns < _LEAST_NS:
             return None
@@ -112,7 +111,7 @@ class PressMeter:
         said = f"{len(firm)} of {PRESSES} firm presses"
         return (f"{said}; {weak} were too weak" if weak else f"only {said} were seen",)
 
-    def frames(self, preset: _Preset) -> list[tuple[int, ContactMetrics]]:
-        """Return the measured frames of the firm presses."""
+    def frames(self, preset: _Preset) -> list[Contact]:
+        """Return the contacts of the firm presses."""
         firm = self.firm
-        return [(t, m) for t, m in self._seen[preset] if any(p.start_ns <= t <= p.end_ns for p in firm)]
+        return [c for c in self._seen[preset] if any(p.start_ns <= c.t_ns <= p.end_ns for p in firm)]

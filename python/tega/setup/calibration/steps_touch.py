@@ -29,7 +29,6 @@ from tega.setup.calibration.gel import (
 from tega.setup.calibration.presses import PRESSES, PressMeter
 from tega.setup.calibration.settling import until_good
 from tega.setup.calibration.times import Times
-from tega.stages.metrics import contact_metrics_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -303,7 +302,7 @@ def _follow(
         found = {preset: metric.update(frame.image, frame.t_ns) for preset, metric in metrics.items()}
         live = found["live"]
         felt.append(live)
-        press = meter.take(frame.t_ns, {preset: contact_metrics_of(one) for preset, one in found.items()})
+        press = meter.take(found)
         if press is not None:
             said = meter.judge(press)
             guide.say(

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import msgspec
@@ -52,7 +51,7 @@ if TYPE_CHECKING:
     from tega.haptics import Layout
 
 
-Only = Literal["tactile", "emg", "vest", "arm", "scene"]
+Only = Literal["tactile", "emg", "vest", "arm"]
 _KINDS: dict[str, Literal["tactile", "emg", "vest", "tracker"]] = {
     "tactile": "tactile",
     "emg": "emg",
@@ -70,15 +69,12 @@ class _KeptBaseline(msgspec.Struct, frozen=True):
     notes: tuple[str, ...]
 
 
-def parts_of(
-    config: SessionConfig, only: Sequence[Only] = (), *, cameras: Sequence[str] = ()
-) -> tuple[str, ...]:
-    """Return the parts of a calibration: ``tactile.thumb``, ``emg``, ``vest``, ``arm``, ``scene.front``.
+def parts_of(config: SessionConfig, only: Sequence[Only] = ()) -> tuple[str, ...]:
+    """Return the parts of a calibration: ``tactile.thumb``, ``emg``, ``vest``, ``arm``.
 
     Args:
         config: The settings.
         only: What is asked for; empty for all that the settings have.
-        cameras: Names of scene cameras.
 
     Raises:
         ConfigError: What is asked for is not in the settings, or nothing is.
@@ -87,7 +83,6 @@ def parts_of(
     have += ["emg"] if config.emg is not None else []
     have += ["vest"] if config.vest.driver is not None else []
     have += ["arm"] if config.arm is not None and config.arm.tracker is not None else []
-    have += [f"scene.{camera}" for camera in cameras]
     for what in only:
         if not any(part.startswith(what) for part in have):
             raise ConfigError(
@@ -117,8 +112,6 @@ class Calibrating:
         ceiling_percent: Nothing stronger is shown on the vest.
         each_motor: Ask about every motor of the vest, not about its columns.
         each_step: Look for the step at every column or motor, not at one of each face.
-        cameras: Source of each scene camera, by its name.
-        camera_size: Width and height to ask a camera for, pixels.
         ball: A ball and a force that somebody knows, to fit each gel's depth and stiffness by.
         seed: Of the order in which the vest's columns are shown.
     """
@@ -135,12 +128,10 @@ class Calibrating:
         ceiling_percent: int = 60,
         each_motor: bool = False,
         each_step: bool = False,
-        cameras: Mapping[str, str] = MappingProxyType({}),
-        camera_size: tuple[int, int] = (1920, 1080),
         ball: Ball | None = None,
         seed: int = 0,
     ) -> None:
-        self._ball, self._cameras, self._camera_size = ball, cameras, camera_size
+        self._ball = ball
         self._config = config
         self._person = person
         self._folder = folder
@@ -202,11 +193,6 @@ class Calibrating:
     def _device(self, part: str) -> str:
         kind, _, finger = part.partition(".")
         config = self._config
-        if kind == "scene":
-            self._folder.lens_file(
-                finger
-            )  # a name that cannot be a file's is refused before anything is asked
-            return self._cameras[finger]
         tracker = None if config.arm is None else config.arm.tracker
         section: Any = {"emg": config.emg, "vest": config.vest, "arm": tracker}.get(
             kind
@@ -227,8 +213,6 @@ class Calibrating:
             return self._folder.keep(self._emg(self._config.emg))
         if part == "arm" and self._config.arm is not None and self._config.arm.tracker is not None:
             return self._folder.keep(self._arm(self._config.arm.tracker))
-        if part.startswith("scene."):
-            return self._scene(part.removeprefix("scene."))
         return self._folder.keep(self._vest())
 
     # Fingertips.
@@ -423,21 +407,6 @@ class Calibrating:
                 off_rad=round(taken.check.off_rad, 4),
                 base_yaw_rad=base_yaw_rad,
             )
-
-    # Scene cameras.
-
-    def _scene(self, camera: str) -> Path:
-        from tega_scene.sources import calibrate_from
-
-        self._guide.part(
-            f"Scene camera: {camera}{self._place}",
-            "The printed board before the camera, at many places and tilts: the program says where, and takes the "
-            "pictures itself. tega-teleop scene tags prints the board.",
-        )
-        self._guide.ready("Hold the board before the camera")
-        lens = calibrate_from(self._cameras[camera], self._camera_size, tell=self._guide.say)
-        self._guide.say(f"{lens.n_views} views fit to {lens.rms_px:.3f} pixels")
-        return self._folder.keep_lens(camera, lens, self._now())
 
     # What is done is kept.
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from tega.devices.base import Kind
-from tega.errors import SampleRateError, TegaError, WrongDeviceError
+from tega.errors import SampleRateError, StreamContradictionError, TegaError, WrongDeviceError
 from tega.setup.doctor.findings import Finding, Status
 
 _PROC = Path("/proc")
@@ -73,7 +73,7 @@ def failed(
     """
     if status is None:
         # The thing is there, but not the right one, not fast enough, or not for us.
-        wrong = isinstance(error, WrongDeviceError | SampleRateError)
+        wrong = isinstance(error, WrongDeviceError | SampleRateError | StreamContradictionError)
         status = "wrong" if wrong or isinstance(error.__cause__, PermissionError) else "missing"
     steps = tuple(step for step in (error.hint, *todo) if step)
     return case.told(device, status, error.message, why=why, todo=steps)

@@ -8,6 +8,7 @@ from typing import Any
 from tega.devices import driver_class
 from tega.devices.base import optional
 from tega.errors import SampleRateError, TegaError
+from tega.runtime.evidence import Contradiction
 from tega.setup.doctor.case import DriverCase, failed, holders
 from tega.setup.doctor.findings import Finding
 
@@ -28,7 +29,9 @@ def try_amplifier(case: DriverCase) -> list[Finding]:
             n_samples = _read(source)
             info = source.info
             measured_hz = optional(source, "measured_hz")
-            faults = optional(source, "faults")
+            contradictions: tuple[Contradiction, ...] = optional(source, "contradictions")
+            told = {str(one) for one in contradictions}
+            faults = [fault for fault in optional(source, "faults") if fault not in told]
     except SampleRateError as error:
         return [failed(case, error, device=label, todo=_TOO_SLOW)]
     except TegaError as error:
@@ -47,7 +50,7 @@ def try_amplifier(case: DriverCase) -> list[Finding]:
         said = f"{case.driver} {label} opened, and then sent nothing for {_LOOK_S:g} s"
         return [case.told(label, "wrong", said, todo=("check its power and its cable",))]
     said = f"{case.driver} {label} sends {rate_hz:.0f} samples a second, {channels}"
-    about = [note for note in info.notes if not any(fault in note for fault in faults)]
+    about = [note for note in info.notes if not any(fault in note for fault in (*faults, *told))]
     findings = [
         case.told(
             label,
@@ -58,6 +61,16 @@ def try_amplifier(case: DriverCase) -> list[Finding]:
             measured=measured,
         )
         for fault in faults
+    ]
+    findings += [
+        case.told(
+            label,
+            "wrong",
+            f"{case.driver} {label}: {one}",
+            todo=(one.hint,) if one.hint else (),
+            measured=measured,
+        )
+        for one in contradictions
     ]
     return [case.told(label, "fine", said, why="; ".join(about), measured=measured), *findings]
 

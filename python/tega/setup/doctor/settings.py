@@ -6,12 +6,12 @@ from collections import defaultdict
 from typing import Final
 
 from tega.config import SessionConfig
+from tega.runtime.features import targets
 from tega.setup.doctor.arm import check_arm
 from tega.setup.doctor.bench import try_all
 from tega.setup.doctor.calibration import check_calibration
 from tega.setup.doctor.case import DriverCase
 from tega.setup.doctor.findings import Examination, Finding
-from tega_scene.doctor import check_scene
 
 DEADLINE_S: Final = 30.0
 """Deadline of everything: a slow amplifier measures its rate for ten seconds before it is refused."""
@@ -35,7 +35,7 @@ def examine(
         deadline_s: How long all devices together may take, side by side.
     """
     cases = cases_of(config)
-    if not cases and not config.scene:
+    if not cases and not config.guests:
         nothing = Finding(
             check="settings",
             status="doubt",
@@ -51,7 +51,9 @@ def examine(
     left = {id(case) for case, _ in twice}
     findings = try_all([case for case in cases if id(case) not in left], deadline_s)
     calibration = check_calibration(config, settings=settings or name)
-    others = [finding for _, finding in twice] + check_arm(config) + check_scene(config)
+    others = [finding for _, finding in twice] + check_arm(config)
+    for _, check in targets("checks"):
+        others += check(config)
     return Examination(settings=name, findings=(*findings, *others, *calibration))
 
 

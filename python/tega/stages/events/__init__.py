@@ -4,7 +4,7 @@
 
     tracks.py     what a fingertip, the hand and the arm have done lately
     settings.py   every number, and why
-    detector.py   contact, release, slip, lift-off, deformation, each with time and confidence
+    detector.py   contact, release, slip, lift-off, each with time and confidence
 """
 
 from __future__ import annotations

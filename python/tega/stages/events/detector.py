@@ -1,4 +1,4 @@
-"""Detect contact, release, slip, lift-off and deformation, as the sensors' numbers come or with a look ahead.
+"""Detect contact, release, slip and lift-off, as the sensors' numbers come or with a look ahead.
 
 One implementation for both: live, an event is told as soon as its rule holds; over a record, the rule is given the
 next half second as well, which takes back what turns out to be a release and raises the confidence of what goes on.
@@ -24,7 +24,14 @@ from tega.stages.events.tracks import (
 _SHORT_MM, _FAINT = 0.05, 3.0
 """A pull that is no more than noise, millimetres, and a peak likewise, grey values."""
 
-EventKind = Literal["contact", "release", "slip", "lift_off", "deformation"]
+EventKind = Literal["contact", "release", "slip", "lift_off"]
+
+UNSURE = 0.49
+"""Most that the confidence of a slip can be without the hand's joints and the arm's height, or without either.
+
+Fingertips alone cannot tell a slip from a grip that shifts or opens: such a rig cannot observe slips, and 0.5 is where
+an event counts as certain (:attr:`tega.records.Event.certain`).
+"""
 
 
 class DetectedEvent(NamedTuple):
@@ -33,8 +40,9 @@ class DetectedEvent(NamedTuple):
     Attributes:
         kind: What.
         t_s: When it began, as far as can be told, seconds.
-        confidence: 0 to 1; half where it is just an event. A slip's is the rule's share, shifted so; how often it is
-            right on other objects or sensors than those it was fitted on is not known.
+        confidence: 0 to 1; half where it is just an event. A slip's is the rule's share, shifted so, and never more
+            than :data:`UNSURE` without joints and height; how often it is right on other objects or sensors than those
+            it was fitted on is not known.
         known_s: When it was told.
         finger: Of which finger; empty for the whole grasp.
     """
@@ -111,8 +119,6 @@ class Detector:
         self._lifted = False
         self._since_s: float | None = None
         self._grip, self._pressed = Low(settings.before_s), Low(settings.before_s)
-        self._first_closure: float | None = None
-        self._squeezed_s: float | None = None
         self._rises = {
             rule: Rise("slip", rule, settings.rest_s, look_ahead_s)
             for rule in (settings.touch, settings.shear, settings.hand, settings.sink)
@@ -188,7 +194,6 @@ class Detector:
             self._closure.forget()
         else:
             self._closure.add(t_s, closure)
-            found += self._squeeze(t_s, closure)
         if height_m is None:
             self._height.forget()
         else:
@@ -203,8 +208,11 @@ class Detector:
 
     def close(self, t_s: float) -> list[DetectedEvent]:
         """End the record; return what was waiting for what comes after it."""
-        last = [rise.add(t_s + self._ahead_s, 0.0, void=False) for rise in self._rises.values()]
-        return [one._replace(known_s=t_s) for one in last if one is not None]
+        found = []
+        for rule, rise in self._rises.items():
+            if (one := rise.add(t_s + self._ahead_s, 0.0, void=False)) is not None:
+                found.append(self._as_sure(rule, one)._replace(known_s=t_s))
+        return found
 
     def features(self, t_s: float) -> tuple[float, ...]:
         """Return the features that a slip is seen by.
@@ -355,7 +363,12 @@ class Detector:
         may = self.may_slip and not self._lowered
         share = share_of(rule, seen) if self._settled(t_s) and may else 0.0
         found = self._rises[rule].add(t_s, share, void=not may)
-        return [] if found is None else [found]
+        return [] if found is None else [self._as_sure(rule, found)]
+
+    def _as_sure(self, rule: Rule, found: DetectedEvent) -> DetectedEvent:
+        """Return a slip as sure as its rule can be."""
+        observed = rule in {self._s.sink, self._s.hand}
+        return found if observed else found._replace(confidence=UNSURE * found.confidence)
 
     def _lift(self, t_s: float, height_m: float) -> list[DetectedEvent]:
         self._floor_m = min(self._floor_m, height_m)
@@ -372,21 +385,8 @@ class Detector:
         # A hand that goes up closed on nothing looks the same; every finger that feels something halves the doubt.
         return [DetectedEvent("lift_off", t_s, 1 - 0.5 ** (1 + fingers), t_s)]
 
-    def _squeeze(self, t_s: float, closure: float) -> list[DetectedEvent]:
-        if self._grasp_s is None:
-            return []
-        if self._first_closure is None:
-            self._first_closure = closure
-        gained, least = closure - self._first_closure, self._s.squeeze_levels
-        if gained < self._s.eased * least:
-            self._squeezed_s = None
-        elif gained >= least and self._squeezed_s is None:
-            self._squeezed_s = t_s
-            return [DetectedEvent("deformation", t_s, _logistic((gained - least) / self._s.squeeze_sd), t_s)]
-        return []
-
     def _let_go(self) -> None:
-        self._grasp_s = self._first_closure = self._squeezed_s = self._since_s = None
+        self._grasp_s = self._since_s = None
         self._grip, self._pressed = Low(self._s.before_s), Low(self._s.before_s)
 
 

@@ -119,10 +119,6 @@ class DetectorSettings(NamedTuple):
         rest_s: Two slips closer than this are one (the definition that raters are given).
         lift_m: Height gained in a grasp that counts as lift-off: the object then hangs in the hand.
         down_m: So close over the height of the grasp it is being put down, and slips are not counted.
-        squeeze_levels: Closure gained since first contact that counts as a deformation: rigid objects stop the hand
-            before 1.1; a soft one gives on, and the simulation's bag is harmed at 1.4.
-        squeeze_sd: How sure that is, levels.
-        eased: A deformation is over when less than this share of it is left.
         lowered_m: A height that has lately fallen by so much (quick mean less slow one) puts down what is held.
         sink_s: Times over which fingertips sink, seconds; the joints are known to 0.3 mm/s over 33 ms.
         look_ahead_s: How far the detector looks ahead in a record.
@@ -149,9 +145,6 @@ class DetectorSettings(NamedTuple):
     rest_s: float = 0.5
     lift_m: float = 0.005
     down_m: float = 0.015
-    squeeze_levels: float = 1.4
-    squeeze_sd: float = 0.05
-    eased: float = 0.8
     lowered_m: float = 0.003
     sink_s: tuple[float, ...] = (0.02, 0.04, 0.08, 0.2)
     look_ahead_s: float = 0.5

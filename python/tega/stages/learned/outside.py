@@ -15,15 +15,16 @@ import numpy as np
 
 from tega.errors import DeviceUnavailableError
 from tega.records import Intent
-from tega.runtime.lsl import EXTRA, load_lsl
+from tega.runtime.evidence import Contradiction, refuse
+from tega.runtime.lsl import EXTRA, find_streams, hosts_of, load_lsl
+from tega.runtime.lsl_clock import ClockCorrection
+from tega.runtime.stamp_check import is_other_clock
 from tega.stages.base import Decoder, MuscleSetup, StageOptions
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _NAME = "lsl"
-# The two clocks are compared anew this often, s: crystals drift by some 50 µs in it.
-_CORRECTION_EVERY_S = 5.0
 _MOST_ROWS = 4096
 
 
@@ -65,8 +66,8 @@ class OutsideDecoder(Decoder):
         self._tau = max(1, round(options.tau_s * setup.rate_hz))
         self._waiting = np.empty((0, len(setup.channels)))
         self._closure, self._confidence, self._stamp_s = 0.0, 1.0, -math.inf
-        self._correction_s, self._corrected_s = 0.0, -math.inf
-        self._inlet = self._connected()
+        self._is_other_clock = False
+        self._inlet, self._correction = self._connected()
 
     @classmethod
     def block_s(cls, options: StageOptions) -> float:
@@ -102,6 +103,8 @@ class OutsideDecoder(Decoder):
     def holds(self) -> str:
         """Why the newest closure is held, in words; ``""`` where it is not."""
         age_s = self.age_s
+        if self._is_other_clock:
+            return "stamp: the other process stamps by another clock than lsl_local_clock()"
         if age_s <= self._options.age_ms / 1000:
             return ""
         return "the other process has said nothing" + (f" for {age_s:.1f} s" if age_s < math.inf else " yet")
@@ -130,34 +133,30 @@ class OutsideDecoder(Decoder):
             return
         try:
             rows, stamps_s = self._inlet.pull_chunk(timeout=0.0, max_samples=_MOST_ROWS)
-            now_s = float(self._lsl.local_clock())
-            if now_s - self._corrected_s > _CORRECTION_EVERY_S:
-                self._correction_s, self._corrected_s = self._correction(), now_s
+            now_s, inlet = float(self._lsl.local_clock()), self._inlet
+            correction_s = self._correction.follow(lambda: inlet.time_correction(timeout=0.001), now_s)
         except (self._lsl.util.LostError, RuntimeError):
             self._inlet = None  # the sender is gone: what it said last grows old
             return
         for row, stamp_s in zip(rows, stamps_s, strict=True):
             closure, confidence = float(row[0]), float(row[1]) if len(row) > 1 else 1.0
-            if 0.0 <= closure <= 1.0 and 0.0 <= confidence <= 1.0:
-                self._closure, self._confidence = closure, confidence
-                self._stamp_s = float(stamp_s) + self._correction_s
+            at_s = float(stamp_s) + correction_s
+            self._is_other_clock = math.isnan(at_s) or is_other_clock(now_s - at_s)
+            if 0.0 <= closure <= 1.0 and 0.0 <= confidence <= 1.0 and not self._is_other_clock:
+                self._closure, self._confidence, self._stamp_s = closure, confidence, at_s
 
-    def _correction(self) -> float:
-        try:
-            return float(self._inlet.time_correction(timeout=0.001))
-        except (TimeoutError, self._lsl.util.TimeoutError):
-            return self._correction_s
-
-    def _connected(self) -> Any:
-        """Find the stream and connect to it."""
+    def _connected(self) -> tuple[Any, ClockCorrection]:
+        """Find the stream, connect to it and compare the clocks."""
         o, lsl = self._options, self._lsl
-        found = lsl.resolve_byprop("name", o.stream, minimum=1, timeout=o.start_s)
-        if len(found) != 1:
-            said = "no stream" if not found else f"{len(found)} streams"
+        found = find_streams(lsl, "name", o.stream, o.start_s)
+        if not found:
             raise DeviceUnavailableError(
-                f"decoder 'lsl': {said} of name {o.stream!r} on the network after {o.start_s:g} s",
+                f"decoder 'lsl': no stream of name {o.stream!r} on the network after {o.start_s:g} s",
                 "start the other program first, or set stages.decoder.options.stream to its stream",
             )
+        if len(found) > 1:
+            said = f"{len(found)} streams have the name {o.stream!r}, from {hosts_of(found)}"
+            refuse("decoder 'lsl'", o.stream, Contradiction("banner", said, "end the one that is not meant"))
         if found[0].channel_format() == lsl.cf_string:
             raise DeviceUnavailableError(
                 f"decoder 'lsl': {o.stream!r} is a stream of texts", "send the closure as a number"
@@ -165,11 +164,10 @@ class OutsideDecoder(Decoder):
         try:
             inlet = lsl.StreamInlet(found[0], max_buflen=2, recover=False)
             inlet.open_stream(timeout=o.start_s)
-            self._correction_s = float(inlet.time_correction(timeout=o.start_s))
+            first_s = float(inlet.time_correction(timeout=o.start_s))
         except (RuntimeError, TimeoutError) as error:
             raise DeviceUnavailableError(
                 f"decoder 'lsl': {o.stream!r} was found, but did not connect: {error}",
                 "see that no firewall blocks TCP 16572 to 16604",
             ) from error
-        self._corrected_s = float(lsl.local_clock())
-        return inlet
+        return inlet, ClockCorrection(o.stream, first_s, float(lsl.local_clock()))

@@ -23,23 +23,9 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--only",
-    type=click.Choice(["tactile", "emg", "vest", "arm", "scene"]),
+    type=click.Choice(["tactile", "emg", "vest", "arm"]),
     multiple=True,
     help="Only this part; repeatable.",
-)
-@click.option(
-    "--camera",
-    "cameras",
-    multiple=True,
-    metavar="NAME=SOURCE",
-    help="A scene camera whose lens is calibrated with the printed board, as by scene calibrate; repeatable.",
-)
-@click.option(
-    "--camera-size",
-    metavar="WxH",
-    default="1920x1080",
-    show_default=True,
-    help="Size of the camera's pictures.",
 )
 @click.option(
     "--hand",
@@ -83,8 +69,6 @@ def calibrate(
     settings: Path,
     person: str,
     only: tuple[Any, ...],
-    cameras: tuple[str, ...],
-    camera_size: str,
     hand: OwnHand | None,
     refresh: bool,
     restart: bool,
@@ -103,8 +87,8 @@ def calibrate(
 
     Fingertips: a baseline, then presses with something round and something flat. Muscles: rest, three squeezes, and
     each muscle alone. Vest: the place of each column, the weakest vibration that is felt, the least step that is
-    noticed. Forearm: which way is forward. With --camera: the lens of a scene camera. Ctrl-C keeps what is done, and
-    the same command goes on from there. Afterwards run tega-teleop run SETTINGS.toml --person ID.
+    noticed. Forearm: which way is forward. Ctrl-C keeps what is done, and the same command goes on
+    from there. Afterwards run tega-teleop run SETTINGS.toml --person ID.
 
     With --json: {"person", "folder", "refresh", "finished", "done", "left", "files": [{"file", "record"}]}.
     """
@@ -116,17 +100,13 @@ def calibrate(
     from tega.setup.calibration.wizard import Calibrating, parts_of
     from tega.ui.cli.guided import guide_for
     from tega.ui.cli.options import echo_json
-    from tega_scene.cli import parse_size
 
     config, kept = _settings(settings, person, folder, sets)
     if hand is not None:
         CalibrationFolder(kept).keep_hand(person, hand)
         there = f"calibration.folder={json.dumps(str(kept))}"
         config, _ = _settings(settings, person, folder, (*sets, there))
-    filmed = {name: source for name, _, source in (one.partition("=") for one in cameras)}
-    if not all(filmed.values()) or len(filmed) < len(cameras):
-        raise click.BadParameter("name each camera once, as front=0", param_hint="--camera")
-    parts = parts_of(config, only, cameras=tuple(filmed))
+    parts = parts_of(config, only)
     times = Times(pause_s=pause_s).scaled(time_scale)
     guide = guide_for(yes=yes, get_ready_s=times.get_ready_s)
     home = CalibrationFolder(kept)
@@ -142,15 +122,11 @@ def calibrate(
         ceiling_percent=ceiling,
         each_motor=each_motor,
         each_step=each_step,
-        cameras=filmed,
-        camera_size=parse_size(camera_size),
         ball=None if known_ball is None else Ball(*known_ball),
         seed=sum(person.encode()),
     )
     where = [] if folder is None else ["--set", f"calibration.folder={folder}"]
     same = [word for name in only for word in ("--only", name)]
-    same += [word for one in cameras for word in ("--camera", one)]
-    same += ["--camera-size", camera_size] if cameras else []
     same += [w for s in sets for w in ("--set", s)]
     again = shlex.join(["tega-teleop", "calibrate", str(settings), "--person", person, *same, *where])
     try:

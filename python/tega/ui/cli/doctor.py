@@ -32,25 +32,6 @@ _WIDTHS = (60, 110)
 @click.option(
     "--udev-rules", is_flag=True, help="Print the rules that let your user open the devices, and end."
 )
-@click.option(
-    "--acceptance",
-    "accepted",
-    metavar="DEVICE",
-    help="Lead through the first hour of one device of the settings, such as vest, hand, emg or thumb, and write a "
-    "report.",
-)
-@click.option(
-    "--out",
-    type=click.Path(file_okay=False, path_type=Path),
-    default=Path("acceptance"),
-    show_default=True,
-    help="With --acceptance: the folder of its report.",
-)
-@click.option(
-    "--yes",
-    is_flag=True,
-    help="With --acceptance: ask nothing, and make the pulse or motion. For emulated devices.",
-)
 @json_option
 def doctor(
     *,
@@ -58,9 +39,6 @@ def doctor(
     person: str | None,
     sets: tuple[str, ...],
     udev_rules: bool,
-    accepted: str | None,
-    out: Path,
-    yes: bool,
     as_json: bool,
 ) -> None:
     """Check the devices; print what is wrong, why, and what to do.
@@ -68,10 +46,6 @@ def doctor(
     Without SETTINGS.toml a DIGIT, an EMG amplifier, a vest and an Allegro Hand are looked for, within 10 s. With it,
     exactly the devices it names are opened, read for a moment and closed, within 30 s, and the calibration is looked
     at: is there one for these devices and this person, and is it fresh. No motor is switched on and no vest vibrates.
-
-    With --acceptance one device is led through identity, rate, latency, limits, one pulse or motion at the least
-    strength, after a yes, and its stop; what was measured and answered is written as JSON and as text. --json prints
-    {"report", "text", "passed", "steps"} then.
 
     Exit codes: 0 all can be used, 3 something is missing or of no use as it is, 1 the settings are faulty, 2 usage.
 
@@ -87,12 +61,6 @@ def doctor(
         return
     if person is not None:
         sets = (*sets, f"calibration.person={json.dumps(person)}")
-    if accepted is not None:
-        from tega_bench.cli import accept
-
-        click.get_current_context().exit(accept(config, sets, accepted, out=out, yes=yes, as_json=as_json))
-    if yes:
-        raise click.UsageError("--yes goes with --acceptance")
     examination = _examine(config, sets, talk=not as_json)
     if as_json:
         echo_json(as_table(examination))

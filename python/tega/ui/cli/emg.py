@@ -11,9 +11,8 @@ from tega.ui.cli.emg_inspect import emg_inspect
 from tega.ui.cli.emg_logs import READ_OPTION, force_log, practised_log, read_log
 from tega.ui.cli.emg_recalibrate import emg_recalibrate
 from tega.ui.cli.emg_score import emg_score
+from tega.ui.cli.guest_group import GuestGroup
 from tega.ui.cli.options import ChannelList, NameList, echo_json, json_option
-from tega_practice.cli.emg_fitts import emg_fitts, emg_skill
-from tega_practice.cli.emg_people import emg_people
 
 if TYPE_CHECKING:
     from tega.stages.learned.compare import DecoderTold, Log
@@ -22,16 +21,13 @@ if TYPE_CHECKING:
 _KINDS = click.Choice(["raw", "rectified", "envelope"])
 
 
-@click.group(epilog="Example: tega-teleop emg compare --help")
+@click.group(cls=GuestGroup, epilog="Example: tega-teleop emg compare --help")
 def emg() -> None:
     """Fit a decoder to a person's muscles or to the day, and compare decoders on one log."""
 
 
 emg.add_command(emg_inspect, "inspect")
 emg.add_command(emg_score, "score")
-emg.add_command(emg_fitts, "fitts")
-emg.add_command(emg_skill, "skill")
-emg.add_command(emg_people, "people")
 emg.add_command(emg_recalibrate, "recalibrate")
 
 

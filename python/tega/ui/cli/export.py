@@ -1,53 +1,74 @@
-"""Write a recording as tables and pictures, or as a dataset to learn from: ``tega-teleop recording export``."""
+"""Write a recording as tables and pictures, or in a feature's format: ``tega-teleop recording export``."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Any
 
 import click
 
+from tega.runtime.features import features, load_target
+from tega.ui.cli.export_format import ExportFormat
 from tega.ui.cli.options import json_option
+
+_TABLES = ("csv", "parquet")
+
+
+def _guest_formats() -> dict[str, ExportFormat]:
+    """Return the formats of features by name."""
+    return {
+        name: load_target(target, extra=feature.extra)
+        for feature in features().values()
+        for name, target in feature.formats.items()
+    }
+
+
+class _Export(click.Command):
+    """The command with the options of every format."""
+
+    def get_params(self, ctx: click.Context) -> list[click.Parameter]:
+        """Return the own options and those of features' formats."""
+        guests = [option for one in _guest_formats().values() for option in one.options]
+        return [*super().get_params(ctx), *guests]
+
+
+def _check_format(_ctx: click.Context, _param: click.Parameter, value: str) -> str:
+    known = (*_TABLES, *_guest_formats())
+    if value not in known:
+        raise click.BadParameter(f"{value!r} is not one of {', '.join(known)}")
+    return value
 
 
 @click.command(
-    epilog="Example: tega-teleop recording export sessions/monday --out tables --pictures, or "
-    "--format lerobot --task 'lift the bottle' instead of --pictures"
+    cls=_Export, epilog="Example: tega-teleop recording export sessions/monday --out tables --pictures"
 )
 @click.argument("session", type=click.Path(path_type=Path))
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder: new or empty.")
 @click.option(
     "--format",
     "kind",
-    type=click.Choice(["csv", "parquet", "lerobot"]),
+    callback=_check_format,
     default="csv",
     show_default=True,
-    help="Tables as CSV or Parquet, or one LeRobot dataset.",
+    metavar="FORMAT",
+    help="csv or parquet for tables, or a feature's format such as lerobot.",
 )
 @click.option(
     "--pictures", is_flag=True, help="Write every picture, too, in a folder per finger (csv, parquet)."
 )
-@click.option(
-    "--fps", type=click.IntRange(1, 240), default=30, show_default=True, help="Frames per second (lerobot)."
-)
-@click.option("--task", help="What was done, in words, for episodes that do not say it themselves (lerobot).")
-@click.option(
-    "--scene", "scenes", multiple=True, metavar="NAME=VIDEO.mp4",
-    help="A scene camera, as scene export wrote it with its time code (lerobot); repeatable.",
-)  # fmt: skip
 @json_option
 @click.pass_context
 def export(
     ctx: click.Context,
+    /,
     *,
     session: Path,
     out: Path,
-    kind: Literal["csv", "parquet", "lerobot"],
+    kind: Any,
     pictures: bool,
-    fps: int,
-    task: str | None,
-    scenes: tuple[str, ...],
     as_json: bool,
+    **_guest_options: Any,
 ) -> None:
     """Write a recording as one table per stream, with its settings and calibration beside them.
 
@@ -60,31 +81,29 @@ def export(
     from tega.recording.mcap_folder import session_files
     from tega.ui.cli.options import echo_json
 
+    formats = _guest_formats()
+    for name, one in formats.items():
+        if name != kind and (given := one.given(ctx)):
+            raise click.UsageError(f"{given[0]} is for --format {name}")
     files = session_files(session)
-    if kind == "lerobot":
-        from tega_lerobot import export_lerobot
-
+    if kind in formats:
         if pictures:
-            raise click.UsageError("--pictures is for tables; a dataset has them as video")
-        named = dict(one.partition("=")[::2] for one in scenes)
-        if not all(named.values()) or len(named) < len(scenes):
-            raise click.BadParameter("name each camera once, as NAME=VIDEO.mp4", param_hint="--scene")
-        videos = {name: Path(video) for name, video in named.items()}
-        made = [export_lerobot(files, out, fps=fps, task=task, scenes=videos)]
+            raise click.UsageError("--pictures is for tables")
+        made: Sequence[Path] = formats[kind].export(files, out, **formats[kind].values(ctx))
     else:
-        from tega.recording.export import export_file
-
-        for name in ("fps", "task", "scenes"):
-            if ctx.get_parameter_source(name) is not click.core.ParameterSource.DEFAULT:
-                raise click.UsageError(
-                    f"--{name.removesuffix('s') if name == 'scenes' else name} is for --format lerobot"
-                )
-        made = []
-        for path in files:
-            folder = out / path.stem if session.is_dir() else out
-            made += export_file(path, folder, kind=kind, pictures=pictures)
+        made = _tables(files, out, kind=kind, pictures=pictures, folders=session.is_dir())
     if as_json:
         echo_json([str(path) for path in made])
         return
     for path in made:
         click.echo(path)
+
+
+def _tables(files: Sequence[Path], out: Path, *, kind: Any, pictures: bool, folders: bool) -> list[Path]:
+    """Write the tables of each recording, in a folder of its own where there are several."""
+    from tega.recording.export import export_file
+
+    made: list[Path] = []
+    for path in files:
+        made += export_file(path, out / path.stem if folders else out, kind=kind, pictures=pictures)
+    return made

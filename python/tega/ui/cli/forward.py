@@ -74,7 +74,7 @@ def _tracker(config: SessionConfig) -> Tracker:
     from tega.devices.registry import driver_class
     from tega.errors import ConfigError
 
-    set_here = (None if part is None else part.tracker for part in (config.arm, config.net))
+    set_here = (getattr(part, "tracker", None) for part in (config.arm, *config.guests.values()))
     section = next((one for one in set_here if one is not None), None)
     if section is None:
         raise ConfigError(

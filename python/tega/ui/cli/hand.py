@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from tega.ui.cli.hand_decode import decode
 from tega.ui.cli.options import json_option
 
 if TYPE_CHECKING:
@@ -49,7 +50,8 @@ def _opened(
     """Open the hand, or the emulated one."""
     from contextlib import ExitStack
 
-    from tega.devices.hand.allegro import Allegro, AllegroOptions
+    from tega.devices.hand.allegro import Allegro
+    from tega.devices.hand.allegro_options import AllegroOptions
     from tega.runtime.checkout_tools import needs_tools
 
     with ExitStack() as stack:
@@ -67,7 +69,10 @@ def _opened(
 
 @click.group(epilog="Example: tega-teleop hand show --interface socketcan --channel can0")
 def hand() -> None:
-    """Check the robot hand, teach its closure poses, time its loop."""
+    """Check the robot hand, teach its closure poses, time its loop, decode its logs."""
+
+
+hand.add_command(decode)
 
 
 @hand.command(epilog="Example: tega-teleop hand show --interface socketcan --channel can0")

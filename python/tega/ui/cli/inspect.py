@@ -92,7 +92,7 @@ def _show(found: Inspection) -> None:
             table.add_column(column, justify="left" if left else "right", no_wrap=left)
         for stage in found.latency:
             figures = (stage.p50_ms, stage.p95_ms, stage.p99_ms, stage.worst_ms)
-            table.add_row(stage.stage, str(stage.n), *(f"{figure:.2f}" for figure in figures))
+            table.add_row(stage.stage, str(stage.n), *(_number(figure, 2) for figure in figures))
         console.print(table)
         stages = [stage.stage for stage in found.latency]
         if "camera to vest: whole" in stages and not any(stage.startswith(STAGE) for stage in stages):

@@ -13,6 +13,8 @@ import click
 
 from tega.errors import DeviceUnavailableError, MissingToolError, TegaError
 from tega.runtime.checkout_tools import needs_tools
+from tega.runtime.features import broken_features
+from tega.ui.cli.guest_group import guest_command, guest_verbs
 
 EXIT_FAILED, EXIT_USAGE, EXIT_DEVICE, EXIT_STOPPED = 1, 2, 3, 130
 
@@ -26,9 +28,6 @@ class _Verb(NamedTuple):
 
 # The summaries stand here so that `--help` imports no verb.
 _VERBS = {
-    "demo": _Verb(
-        "Start", "tega_sim.cli.demo", "demo", "Watch a simulated person lift three objects; no hardware."
-    ),
     "run": _Verb("Start", "tega.ui.cli.run", "run", "Run a session on the devices of a settings file."),
     "replay": _Verb(
         "Start", "tega.ui.cli.replay", "replay", "Run the loop on pictures and EMG from files; write tables."
@@ -48,12 +47,6 @@ _VERBS = {
         "tega.ui.cli.calibrate",
         "calibrate",
         "Calibrate fingertips, muscles and vest for a person.",
-    ),
-    "practice": _Verb(
-        "Prepare",
-        "tega_practice.cli.practice",
-        "practice",
-        "Practise: follow a level with the muscles, get a score.",
     ),
     "stages": _Verb(
         "Prepare", "tega.ui.cli.stages", "stages", "List metrics, decoders, mappings and layouts."
@@ -76,22 +69,8 @@ _VERBS = {
         "soak",
         "Run all emulated devices for long, with random faults.",
     ),
-    "robot": _Verb(
-        "Two machines", "tega_link.cli.station", "robot", "Run the robot's half of a session on two machines."
-    ),
-    "operator": _Verb(
-        "Two machines",
-        "tega_link.cli.station",
-        "operator",
-        "Run the operator's half of a session on two machines.",
-    ),
-    "study": _Verb("Groups", "tega_study.cli", "study", "Plan, lead, score and report a user study."),
-    "scene": _Verb("Groups", "tega_scene.cli", "scene", "Score lifts by cameras that see printed tags."),
     "recording": _Verb(
         "Groups", "tega.ui.cli.recording", "recording", "Inspect, export, trim and merge recordings."
-    ),
-    "sim": _Verb(
-        "Groups", "tega_sim.cli.sim_trials", "sim", "Run many simulated trials and compare conditions."
     ),
     "emg": _Verb(
         "Groups", "tega.ui.cli.emg", "emg", "Fit a decoder to a person; compare and score decoders."
@@ -111,7 +90,6 @@ _VERBS = {
         "arm",
         "Check a Franka robot; align the forearm's tracker with the operator.",
     ),
-    "net": _Verb("Groups", "tega_link.cli.net", "net", "Make the keys that two stations share."),
     "config": _Verb("Groups", "tega.ui.cli.config", "config", "Show or check a settings file."),
 }
 
@@ -128,24 +106,32 @@ _EARLIER = {
 }
 
 
+_GROUPS = ("Start", "Prepare", "Examine", "Two machines", "Groups")
+
+
 class _Verbs(click.Group):
-    """Verbs by name, imported when called, listed by the life cycle of a session."""
+    """Verbs of TEGA and of its features by name, imported when called, listed by the life cycle of a session."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002  # click's signature
-        return [name for name, verb in _VERBS.items() if verb.group]
+        return [*_VERBS, *guest_verbs()]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
         verb = _VERBS.get(cmd_name)
         if verb is None:
-            return None
+            guest = guest_verbs().get(cmd_name)
+            return None if guest is None else guest_command(*guest)
         with needs_tools(f"tega-teleop {cmd_name}"):
             command: click.Command = getattr(importlib.import_module(verb.module), verb.function)
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
-        for group in dict.fromkeys(verb.group for verb in _VERBS.values() if verb.group):
-            with formatter.section(group):
-                formatter.write_dl([(n, v.summary) for n, v in _VERBS.items() if v.group == group])
+        rows = [(verb.group, name, verb.summary) for name, verb in _VERBS.items()]
+        rows += [(verb.group, name, verb.summary) for name, (_, verb) in guest_verbs().items()]
+        groups = dict.fromkeys((*_GROUPS, *(group for group, _, _ in rows)))
+        for group in groups:
+            if found := [(name, summary) for where, name, summary in rows if where == group]:
+                with formatter.section(group):
+                    formatter.write_dl(found)
 
 
 def _version(ctx: click.Context, _param: click.Parameter, value: bool) -> None:  # noqa: FBT001  # click's signature
@@ -203,6 +189,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if words and (now := _EARLIER.get(words[0])):
         click.echo(f"note: {words[0]} is now: tega-teleop {now}", err=True)
         words[:1] = now.split()
+    for feature in broken_features():
+        click.echo(f"warning: feature {feature.name!r} is left out: {feature.problem}", err=True)
+        click.echo(f"hint: {feature.hint}", err=True)
     try:
         result: Any = cli.main(args=words, prog_name="tega-teleop", standalone_mode=False)
     except click.UsageError as error:

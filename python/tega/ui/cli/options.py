@@ -4,20 +4,16 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from types import MappingProxyType
+from typing import Any, Final
 
 import click
 
-from tega.errors import InvalidValueError
 from tega.safety.stop import Stop as AnyStop
 
-if TYPE_CHECKING:
-    from tega_sim.world import ObjectSpec
-
-_Function = TypeVar("_Function", bound=Callable[..., Any])
+_NO_KEYS: Final = MappingProxyType[str, Callable[[], None]]({})
 
 
 class ChannelList(click.ParamType[list[int]]):
@@ -68,108 +64,7 @@ class NumberList(click.ParamType[list[float]]):
             self.fail(f"{value!r} is not a list of numbers, such as 0.3,0.6", param, ctx)
 
 
-def object_options(function: _Function) -> _Function:
-    """Add what the lifted objects of simulated trials can be asked: a file of them, and factors to cross them with."""
-    for option in (
-        click.option(
-            "--friction",
-            type=NumberList(),
-            help="Friction between object and gel, instead of the object's own.",
-        ),
-        click.option(
-            "--stiffness-n-m", type=NumberList(), help="Stiffness of the object's wall, instead of its own."
-        ),
-        click.option(
-            "--mass-kg",
-            type=NumberList(),
-            help="Mass instead of each object's own. Every combination with the next two options is run.",
-        ),
-        click.option(
-            "--objects-file",
-            type=click.Path(path_type=Path, dir_okay=False, exists=True),
-            metavar="FILE.toml",
-            help="File that describes the --objects, as tega_sim/world/objects.toml does.",
-        ),
-        click.option(
-            "--view",
-            type=click.Choice(["direct", "aside", "hidden"]),
-            default="direct",
-            show_default=True,
-            help="How well people see the hand while it holds.",
-        ),
-    ):
-        function = option(function)
-    return function
-
-
-def chosen_objects(names: list[str], file: Path | None) -> dict[str, ObjectSpec]:
-    """Return the objects of these names in a file, or in the package's own.
-
-    Raises:
-        ConfigError: The file is not valid.
-        InvalidValueError: It has no such object.
-    """
-    from tega_sim.world.objects import read_objects
-
-    known = read_objects(file)
-    for name in names:
-        if name not in known:
-            raise InvalidValueError(f"object {name!r} is not known", f"choose from {', '.join(known)}")
-    return {name: known[name].spec for name in names}
-
-
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON on stdout.")
-
-
-shear_option = click.option(
-    "--shear",
-    type=click.Choice(["off", "texture", "dots"]),
-    default="off",
-    show_default=True,
-    help="Whether simulated gels give way sideways, and what shows it; stages.metric.name=shear reads it.",
-)
-
-
-def loop_options(function: _Function) -> _Function:
-    """Add what the loop of a simulated trial can be asked: preset, gels, settings file, single settings."""
-    for option in (
-        shear_option,
-        click.option(
-            "--set",
-            "sets",
-            multiple=True,
-            metavar="KEY=VALUE",
-            help="A setting of the loop: stages.*, vest.layout, vest.mirror, session.pose_base; repeatable.",
-        ),
-        click.option(
-            "--config",
-            type=click.Path(path_type=Path, dir_okay=False),
-            metavar="LAB.toml",
-            help="Take the stages, vest.layout, vest.mirror and session.pose_base of these settings.",
-        ),
-        click.option(
-            "--preset",
-            type=click.Choice(["paper", "live"]),
-            default="live",
-            show_default=True,
-            help="Readings of the equations: paper (as printed) or live (meant for people).",
-        ),
-    ):
-        function = option(function)
-    return function
-
-
-def loop_sets(config: Path | None, sets: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the settings of a simulated trial's loop as ``key=value``: a file's, then the single ones.
-
-    Raises:
-        ConfigError: The file cannot be read, or a setting in it is unknown, of a wrong type or out of range.
-    """
-    if config is None:
-        return sets
-    from tega.config import file_sets
-
-    return (*file_sets(config), *sets)
 
 
 def echo_json(value: Any) -> None:
@@ -183,8 +78,16 @@ def worn_by(person: str | None, sets: tuple[str, ...]) -> tuple[str, ...]:
 
 
 @contextmanager
-def stop_keys(stop: AnyStop, *, enabled: bool = True) -> Iterator[None]:
-    """Let the space bar and q ask for the end, where there is a terminal to press them on."""
+def stop_keys(
+    stop: AnyStop, *, enabled: bool = True, others: Mapping[str, Callable[[], None]] = _NO_KEYS
+) -> Iterator[None]:
+    """Let the space bar and q ask for the end, where there is a terminal to press them on.
+
+    Args:
+        stop: Is asked for the end.
+        enabled: Whether keys are read at all.
+        others: Called when its key is pressed.
+    """
     if not enabled or not (sys.stdin.isatty() and sys.stderr.isatty()):
         yield
         return
@@ -194,6 +97,8 @@ def stop_keys(stop: AnyStop, *, enabled: bool = True) -> Iterator[None]:
         for key in keys.read():
             if key in {" ", "q", "Q"}:
                 return "the space bar" if key == " " else "the key q"
+            if (action := others.get(key)) is not None:
+                action()
         return ""
 
     with Keys() as keys:

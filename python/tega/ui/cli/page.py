@@ -108,6 +108,7 @@ def run_viewed(
     bus: Bus | None = None,
     run: Callable[..., dict[str, Any]] | None = None,
     playhead: Playhead | None = None,
+    annotate: Callable[[str], str] | None = None,
     opened: Callable[[str], object] = open_page,
     **options: Any,
 ) -> dict[str, Any]:
@@ -123,6 +124,7 @@ def run_viewed(
         bus: The run's, where others listen as well.
         run: Runs it, called like ``run_session``; that itself when ``None``.
         playhead: Of a recording that is played: the page's slider goes anywhere in it.
+        annotate: Codes an event by a key of the page, and returns what it did in words.
         opened: Given the page's address before the run begins.
         options: Further arguments of it.
 
@@ -130,6 +132,7 @@ def run_viewed(
         The summary.
     """
     from tega.loop import run_session
+    from tega.loop.controls import Controls as RunControls
     from tega.loop.motor_tests import MotorTests
     from tega.records import bus as run_bus
     from tega.runtime.clock import PausableClock
@@ -145,13 +148,12 @@ def run_viewed(
         can_mute=True,
         can_go=wait,
         playhead=playhead,
+        annotate=annotate,
         reflex=None if reflex is None or reflex.name is None else reflex.authority,
     )
-    if controls.reflex is not None:
-        options["authority"] = lambda: controls.reflex
-    if run is None and not can_pause:
-        options["motor_tests"] = tests = MotorTests()
-        options["go"] = lambda: controls.may_go
+    tests = MotorTests()
+    live = run is None and not can_pause
+    if live:
         controls.try_motor = tests.ask
     ends = Stop()
     ends.also(lambda: (getattr(stop, "reason", "") or "asked to") if stop() else "")
@@ -159,6 +161,8 @@ def run_viewed(
     feed = SessionFeed({"preset": config.session.preset}, bus)
     if config.stages.adaptation.on and not can_pause:
         controls.undo = feed.undo
+    if run is None and not can_pause:
+        controls.rezero = feed.rezero
     kept: dict[str, Any] = {"opened": opened}
     if can_pause or run is not None:
         kept["kept_s"] = _RECORDING_KEPT_S
@@ -170,9 +174,14 @@ def run_viewed(
             options["clock"] = PausableClock(lambda: controls.paused and not stop())
         return (run or run_session)(
             config,
-            stop=ends,
-            on_prepared=feed.watch,
-            haptics=lambda: controls.haptics,
+            controls=RunControls(
+                stop=ends,
+                go=(lambda: controls.may_go) if live else (lambda: True),
+                haptics=lambda: controls.haptics,
+                authority=lambda: controls.reflex,
+                motor_tests=tests,
+            ),
+            parts=[feed],
             bus=bus,
             **options,
         )

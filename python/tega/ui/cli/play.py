@@ -52,8 +52,13 @@ class _Speed(click.ParamType[float | None]):
     help="Where in the recording to begin; with --view a slider goes anywhere.",
 )  # fmt: skip
 @click.option(
-    "--scene", "scenes", type=click.Path(path_type=Path, dir_okay=False), multiple=True, metavar="SCENE.mcap",
-    help="Scene cameras that scene record kept beside it, shown with --view; repeatable.",
+    "--beside", "--scene", "others", type=click.Path(path_type=Path, dir_okay=False), multiple=True, metavar="FILE",
+    help="File of the same time, such as a scene recording, shown with --view; repeatable.",
+)  # fmt: skip
+@click.option(
+    "--rater", metavar="ID",
+    help="Code of the rater who annotates the recording by keys of the page (--view): s slip, d deformation begins or "
+    "ends, x drop, l lift-off, u undo.",
 )  # fmt: skip
 @view_options
 @json_option
@@ -66,7 +71,8 @@ def play(
     speed: float | None,
     because: str,
     from_s: float,
-    scenes: tuple[Path, ...],
+    others: tuple[Path, ...],
+    rater: str | None,
     view: bool,
     view_port: int,
     as_json: bool,
@@ -80,9 +86,12 @@ def play(
     """
     import sys
     import time
+    from contextlib import nullcontext
     from functools import partial
 
     from tega.errors import ConfigError
+    from tega.loop.controls import Controls
+    from tega.recording.annotation_keys import AnnotationKeys
     from tega.recording.mcap_folder import session_files
     from tega.recording.replay.play import play_file, playing_to
     from tega.recording.replay.playhead import Playhead
@@ -93,8 +102,10 @@ def play(
     from tega.ui.cli.report import print_summary
     from tega.ui.cli.run_view import stage
 
-    if scenes and not view:
-        raise click.UsageError("--scene is shown on the page, so it needs --view")
+    if others and not view:
+        raise click.UsageError("--beside is shown on the page, so it needs --view")
+    if rater is not None and not view:
+        raise click.UsageError("--rater annotates by keys of the page, so it needs --view")
     files = session_files(session)
     if len(files) > 1:
         raise ConfigError(
@@ -104,10 +115,12 @@ def play(
     config = playing_to(to, sets=worn_by(person, sets))
     heading = f"TEGA · {files[0].name}" + (" · space or q: stop" if sys.stdin.isatty() else "")
     playhead = Playhead(from_s)
-    played = partial(play_file, files[0], speed=speed, because=because, playhead=playhead, scenes=scenes)
+    played = partial(play_file, files[0], speed=speed, because=because, playhead=playhead, others=others)
     drawn_here = config.vest.driver == "on-screen-vest" and config.vest.options.terminal is None
     started = time.perf_counter()
+    annotating = nullcontext() if rater is None else AnnotationKeys(files[0], rater, playhead)
     with (
+        annotating as annotate,
         CtrlC() as stop,
         stop_keys(stop, enabled=not as_json),
         stage(heading, enabled=not (as_json or drawn_here)) as (progress, display),
@@ -118,10 +131,10 @@ def play(
         if view:
             summary = run_viewed(
                 config, title=f"TEGA · {files[0].name}", port=view_port, run=played, progress=progress, stop=stop,
-                bus=bus, playhead=playhead,
+                bus=bus, playhead=playhead, annotate=annotate,
             )  # fmt: skip
         else:
-            summary = played(config, progress=progress, stop=stop, bus=bus)
+            summary = played(config, progress=progress, controls=Controls(stop=stop), bus=bus)
     if as_json:
         echo_json(summary)
     else:

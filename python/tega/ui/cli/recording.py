@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import click
 
+from tega.ui.cli.annotate import annotate
 from tega.ui.cli.export import export
+from tega.ui.cli.guest_group import GuestGroup
 from tega.ui.cli.inspect import inspect
 from tega.ui.cli.trim import merge, trim
-from tega_study.cli.take import encode, relabel, take
 
 
-@click.group(epilog="Example: tega-teleop recording inspect sessions/monday")
+@click.group(cls=GuestGroup, epilog="Example: tega-teleop recording inspect sessions/monday")
 def recording() -> None:
-    """Take episodes; inspect, export, trim, merge, relabel and re-encode recordings."""
+    """Inspect, export, trim, merge and annotate recordings; take, relabel and re-encode episodes."""
 
 
-for _verb in (take, inspect, export, trim, merge, relabel, encode):
+for _verb in (inspect, export, trim, merge, annotate):
     recording.add_command(_verb)

@@ -11,6 +11,24 @@ from tega.ui.cli.options import ChannelList, json_option
 from tega.ui.cli.page import view_options
 
 
+class _Topic(click.ParamType[tuple[str, str]]):
+    """FINGER=/TOPIC or emg=/TOPIC."""
+
+    name = "finger=/topic"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[str, str]:
+        from tega.config import FINGERS
+
+        name, equals, topic = str(value).partition("=")
+        if not equals or not topic or name not in {*FINGERS, "emg"}:
+            self.fail(
+                f"{value!r} is not FINGER=/TOPIC with FINGER one of {', '.join(FINGERS)} or emg", param, ctx
+            )
+        return name, topic
+
+
 class _Finger(click.ParamType[tuple[str, Path]]):
     """FINGER=PATH."""
 
@@ -34,18 +52,25 @@ class _Finger(click.ParamType[tuple[str, Path]]):
 @click.argument("session", type=click.Path(path_type=Path), required=False, metavar="")
 @click.option("--config", type=click.Path(path_type=Path), hidden=True)
 @click.option(
-    "--tactile", type=_Finger(), multiple=True, help="Recording of a finger: a folder of pictures or a video."
+    "--tactile",
+    type=_Finger(),
+    multiple=True,
+    help="Recording of a finger: a folder of pictures, a video, an .npy or .npz stack, or a ROS 2 bag.",
 )
 @click.option(
-    "--tactile-rate-hz", type=click.FloatRange(0, 100_000, min_open=True), default=60.0, show_default=True,
-    help="Pictures per second of the folders; a video has its own rate.",
+    "--tactile-rate-hz", type=click.FloatRange(0, 100_000, min_open=True),
+    help="Pictures per second of folders and stacks [default: times in their names or files, else 60].",
+)  # fmt: skip
+@click.option(
+    "--topic", "topics", type=_Topic(), multiple=True,
+    help="Topic of a finger's pictures, or of EMG (emg=/TOPIC), in a ROS 2 bag; by default the only one that fits.",
 )  # fmt: skip
 @click.option(
     "--baseline", type=_Finger(), multiple=True, help="Picture of a finger's untouched gel; else estimated."
 )
-@click.option("--allow-truncated", is_flag=True, help="Use a video that ends before its header says.")
+@click.option("--allow-truncated", is_flag=True, help="Use a video of another length than its header says.")
 @click.option(
-    "--emg", type=click.Path(path_type=Path), help="EMG samples: text, .npy, .mat, EDF, XDF and others."
+    "--emg", type=click.Path(path_type=Path), help="EMG samples: text, .npy, .mat, EDF, XDF, a ROS 2 bag and others."
 )
 @click.option(
     "--emg-rate-hz",
@@ -108,11 +133,12 @@ def replay(
     --json the summary is printed, with a table "measured" of wall_s and real_time_factor.
     """
     import time
-    from functools import partial
 
     from tega.config import check_tree, override_tree
     from tega.loop import run_session
+    from tega.loop.controls import Controls
     from tega.records.bus import Bus
+    from tega.records.display import Notice
     from tega.safety.ctrl_c import CtrlC
     from tega.ui.cli.findings import Findings
     from tega.ui.cli.options import progress_bar
@@ -137,15 +163,15 @@ def replay(
     bus, picture = Bus(), flags["picture"]
     findings = Findings(bus, picture or flags["out"] / "picture.png", required=picture is not None)
     started = time.perf_counter()
-    tell = partial(click.echo, err=True)
+    bus.subscribe(Notice, lambda notice: click.echo(notice.text, err=True), name="notices")
     with CtrlC() as stop, progress_bar(enabled=not as_json) as progress:
         if view:
             summary = run_viewed(
                 settings, title="TEGA · replay", port=view_port, progress=progress, stop=stop,
-                can_pause=True, tell=tell, bus=bus,
+                can_pause=True, bus=bus,
             )  # fmt: skip
         else:
-            summary = run_session(settings, progress=progress, stop=stop, tell=tell, bus=bus)
+            summary = run_session(settings, progress=progress, controls=Controls(stop=stop), bus=bus)
     wall_s = time.perf_counter() - started
     findings.tell(
         f"TEGA replay, preset {flags['preset']}", pose_base=settings.session.pose_base, words=not as_json
@@ -163,19 +189,12 @@ def _tree(flags: dict[str, Any]) -> dict[str, Any]:
             raise click.UsageError(f"--baseline {finger}: there is no --tactile {finger}")
     if not recordings and flags["emg"] is None:
         raise click.UsageError("nothing to replay: give --tactile, --emg or both")
+    topics = dict(flags["topics"])
+    if unused := topics.keys() - recordings.keys() - ({"emg"} if flags["emg"] is not None else set()):
+        raise click.UsageError(f"--topic {min(unused)}: there is no recording of that")
     tactile: dict[str, Any] = {}
     for finger, path in recordings.items():
-        options: dict[str, Any]
-        if path.is_dir() or not path.suffix:
-            options = {
-                "folder": path,
-                "rate_hz": flags["tactile_rate_hz"],
-                "exclude": list(baselines.values()),
-            }
-            tactile[finger] = {"driver": "images", "options": options}
-        else:
-            options = {"file": path, "allow_truncated": flags["allow_truncated"]}
-            tactile[finger] = {"driver": "video", "options": options}
+        tactile[finger] = _finger_table(path, flags, topics.get(finger, ""), list(baselines.values()))
         if finger in baselines:
             tactile[finger]["baseline"] = baselines[finger]
     tree: dict[str, Any] = {
@@ -185,16 +204,43 @@ def _tree(flags: dict[str, Any]) -> dict[str, Any]:
     if flags["calibration"] is not None:
         tree["calibration"] = {"file": flags["calibration"].absolute()}
     if flags["emg"] is not None:
-        if flags["emg_kind"] is None:
-            raise click.UsageError("--emg needs --emg-kind")
-        options = {
-            "file": flags["emg"].absolute(),
-            **({} if flags["emg_rate_hz"] is None else {"rate_hz": flags["emg_rate_hz"]}),
-            "channels": flags["emg_channels"] or [],
-            "variable": flags["emg_variable"],
-        }
-        tree["emg"] = {"driver": "emg-file", "kind": flags["emg_kind"], "options": options}
+        tree["emg"] = _emg_table(flags["emg"].absolute(), flags, topics.get("emg", ""))
     return tree
+
+
+def _is_bag(path: Path) -> bool:
+    """Return whether a path is a ROS 2 bag: an MCAP file, or a folder with some or with a bag's metadata."""
+    return path.suffix == ".mcap" or (path / "metadata.yaml").exists() or any(path.glob("*.mcap"))
+
+
+def _emg_table(path: Path, flags: dict[str, Any], topic: str) -> dict[str, Any]:
+    """Return the settings of EMG, by the kind of file."""
+    bag = _is_bag(path)
+    for name in ("emg_kind",) if bag else ("emg_rate_hz", "emg_kind"):
+        if flags[name] is None:
+            raise click.UsageError(f"--emg needs --{name.replace('_', '-')}")
+    options = {"file": path, "rate_hz": flags["emg_rate_hz"], "channels": flags["emg_channels"] or []}
+    if bag and options["rate_hz"] is None:
+        del options["rate_hz"]
+    options |= {"topic": topic} if bag else {"variable": flags["emg_variable"]}
+    return {"driver": "ros2-emg" if bag else "emg-file", "kind": flags["emg_kind"], "options": options}
+
+
+def _finger_table(path: Path, flags: dict[str, Any], topic: str, exclude: list[Path]) -> dict[str, Any]:
+    """Return the settings of a finger's source, by the kind of file."""
+    options: dict[str, Any] = {"file": path}
+    if _is_bag(path):
+        return {"driver": "ros2-pictures", "options": options | {"topic": topic}}
+    driver, rate_hz = "video", flags["tactile_rate_hz"]
+    if path.is_dir() or not path.suffix:
+        driver, options = "images", {"folder": path, "exclude": exclude}
+    elif path.suffix.lower() in {".npy", ".npz"}:
+        driver = "picture-stack"
+    else:
+        options["allow_truncated"] = flags["allow_truncated"]
+    if driver != "video" and rate_hz is not None:
+        options["rate_hz"] = rate_hz
+    return {"driver": driver, "options": options}
 
 
 def _by_finger(flag: str, pairs: tuple[tuple[str, Path], ...]) -> dict[str, Path]:

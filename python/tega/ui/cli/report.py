@@ -163,7 +163,7 @@ def _print_safety(out: Console, summary: dict[str, Any]) -> None:
 
 
 def latency_tables(latency_ms: dict[str, Any]) -> Iterator[Table]:
-    """Make a table of every path's stages.
+    """Make a table of every path's stages; fewer than 100 samples have no percentiles.
 
     Args:
         latency_ms: As in the summary.
@@ -174,10 +174,13 @@ def latency_tables(latency_ms: dict[str, Any]) -> Iterator[Table]:
     titles = {"touch": "camera to vest, ms", "intent": "muscle to hand, ms", "motion": "muscle to joint, ms"}
     for path, stages in latency_ms.items():
         table = Table(title=titles[path], title_justify="left", box=SIMPLE)
-        for name in ("stage", "p50", "p95", "p99", "worst"):
+        for name in ("stage", "n", "p50", "p95", "p99", "worst"):
             table.add_column(name, justify="left" if name == "stage" else "right")
         for stage, spread in stages.items():
-            table.add_row(stage, *(f"{spread[name]:.2f}" for name in ("p50", "p95", "p99", "worst")))
+            figures = (
+                f"{spread[name]:.2f}" if name in spread else "-" for name in ("p50", "p95", "p99", "worst")
+            )
+            table.add_row(stage, str(spread["n"]), *figures)
         yield table
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
@@ -79,12 +79,14 @@ def run_settings(
     wait_for_go: bool,
     streams: tuple[str, ...],
     as_json: bool,
-    station: Literal["operator", "robot"] | None = None,
+    check: Callable[[SessionConfig], None] = lambda _settings: None,
 ) -> None:
-    """Run a session from its settings file, alone or as one of two stations.
+    """Run a session from its settings file.
+
+    ``check`` refuses settings that are not meant for the verb.
 
     Raises:
-        ConfigError: The settings are wrong, or those of another station.
+        ConfigError: The settings are wrong, or another verb's.
         KeyboardInterrupt: The run was stopped.
     """
     import json
@@ -97,13 +99,16 @@ def run_settings(
     spare_threads()
     from tega.config import load_config
     from tega.loop import run_session
+    from tega.loop.controls import Controls
+    from tega.loop.rezeroing import REZERO_KEY, RezeroKey
     from tega.records.bus import Bus
+    from tega.records.display import Notice
     from tega.safety.ctrl_c import CtrlC
     from tega.ui.cli.options import stop_keys
     from tega.ui.cli.page import run_viewed
     from tega.ui.cli.report import tell_summary
     from tega.ui.cli.run_view import stage
-    from tega_markers.cli import streamed
+    from tega.ui.cli.streams import streamed
 
     if wait_for_go and not view:
         raise click.UsageError("--wait-for-go is for --view, whose page has the button")
@@ -114,13 +119,16 @@ def run_settings(
     if lossless:
         sets = (*sets, "recording.lossless=true")
     settings = load_config(config, sets=sets).config
-    _check_station(settings, config, station)
+    check(settings)
     name = shlex.quote(str(config))
-    heading = f"TEGA · {config.name}" + (" · space or q: stop" if sys.stdin.isatty() else "")
-    started = time.perf_counter()
+    heading = f"TEGA · {config.name}" + (
+        f" · space or q: stop · {REZERO_KEY}: new baseline" if sys.stdin.isatty() else ""
+    )
+    started, bus = time.perf_counter(), Bus()
+    others = {REZERO_KEY: RezeroKey(bus).press}
     with (
         CtrlC() as stop,
-        stop_keys(stop, enabled=not as_json),
+        stop_keys(stop, enabled=not as_json, others=others),
         stage(heading, enabled=not as_json) as (progress, display),
         ExitStack() as shown,
     ):
@@ -129,7 +137,7 @@ def run_settings(
             if display is None:  # the live view shows it
                 click.echo(said, err=True)
 
-        bus = Bus()
+        bus.subscribe(Notice, lambda notice: tell(notice.text), name="notices")
         shown.enter_context(streamed(bus, streams))
         if display is not None:
             display.watch(bus)
@@ -141,27 +149,11 @@ def run_settings(
                 progress=progress,
                 stop=stop,
                 settings=name,
-                tell=tell,
                 bus=bus,
                 wait=wait_for_go,
             )
         else:
-            summary = run_session(settings, progress=progress, stop=stop, settings=name, tell=tell, bus=bus)
+            summary = run_session(
+                settings, progress=progress, controls=Controls(stop=stop), settings=name, bus=bus
+            )
     tell_summary(summary, wall_s=time.perf_counter() - started, as_json=as_json)
-
-
-def _check_station(settings: SessionConfig, config: Path, station: str | None) -> None:
-    from tega.errors import ConfigError
-
-    meant = None if settings.net is None else settings.net.station
-    if meant == station:
-        return
-    if meant is None:
-        raise ConfigError(
-            f"{config.name} has no [net], so it is no {station}'s station",
-            f'set net.station = "{station}", as docs/two-machines.md shows',
-        )
-    raise ConfigError(
-        f"{config.name} is the settings of the {meant}'s station",
-        f"start it with: tega-teleop {meant} {config.name}",
-    )

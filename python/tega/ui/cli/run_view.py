@@ -9,6 +9,7 @@ from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
 
 from tega.records.bus import Backlog
+from tega.records.display import DisplayRows
 from tega.ui.cli.options import progress_bar
 
 if TYPE_CHECKING:
@@ -35,8 +36,9 @@ class TerminalDisplay:
         """Show the moments of a run from now on."""
         from tega.loop.moment import Moment  # not before a run opens its devices
 
+        rows = DisplayRows(bus, "terminal")
         bus.subscribe(
-            Moment, lambda moment: self._take((moment.view, {})), name="display", backlog=self._waiting
+            Moment, lambda moment: self._take((moment.view, rows())), name="display", backlog=self._waiting
         )
 
     def __call__(self, view: LoopView, rows: Mapping[str, str] = {}) -> None:

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.errors import MissingExtraError
-from tega.tactile import ContactMetrics
 from tega.ui.view.state import TouchImage
 
 if TYPE_CHECKING:
@@ -19,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure
 
     from tega.config.calibration import TouchMaxima
+    from tega.records import Contact
     from tega.stages.base import MeasuredPicture, TouchMap
     from tega.ui.view.course import FingerCourse, VestCourse
 
@@ -56,7 +56,7 @@ class TouchPicture(NamedTuple):
     """One finger's contact as Fig 3 shows it.
 
     Attributes:
-        touch: Its picture, metrics and map.
+        touch: Its picture, contact and map.
         cci_norm: CCI over its maximum, 0 to 1.
         eda_norm: EDA over its maximum, 0 to 1.
     """
@@ -80,10 +80,10 @@ class Firmest:
 
     def take(self, picture: MeasuredPicture) -> None:
         """Look at a picture that has just been measured; its map is asked for if it is the firmest so far."""
-        before = self.images.get(picture.finger)
-        if picture.metrics.in_contact and (before is None or picture.metrics.mass > before.metrics.mass):
-            image = TouchImage(picture.image, picture.metrics, picture.metric.touch_map())
-            self.images[picture.finger] = image
+        contact = picture.contact
+        before = self.images.get(contact.finger)
+        if contact.in_contact and (before is None or contact.mass > before.contact.mass):
+            self.images[contact.finger] = TouchImage(picture.image, contact, picture.metric.touch_map())
 
     def picture(self, finger: str, maxima: TouchMaxima | None, baseline: NDArray[np.uint8]) -> TouchPicture:
         """Return a finger's firmest contact, ready to be drawn; the untouched gel where it never touched."""
@@ -91,7 +91,7 @@ class Firmest:
         full = (None, None) if maxima is None else (maxima.cci_max, maxima.eda_max)
         shares = (
             min(value / (most or np.inf), 1.0)
-            for value, most in zip((touch.metrics.cci, touch.metrics.eda), full, strict=True)
+            for value, most in zip((touch.contact.cci, touch.contact.eda), full, strict=True)
         )
         return TouchPicture(touch, *shares)
 
@@ -127,30 +127,30 @@ def draw_touch(axes: Sequence[Axes], finger: str, picture: TouchPicture) -> None
         ax.set_xticks([])
         ax.set_yticks([])
     camera, touch = axes
-    frame, metrics, touch_map = picture.touch
+    frame, contact, touch_map = picture.touch
     camera.imshow(frame[..., ::-1])
     camera.set_title(finger, fontsize=10, loc="left")
-    draw_map(touch, frame.shape, metrics, touch_map)
+    draw_map(touch, frame.shape, contact, touch_map)
     caption = (
-        f"CCI {picture.cci_norm:.2f}   EDA {picture.eda_norm:.2f}" if metrics.in_contact else "no contact"
+        f"CCI {picture.cci_norm:.2f}   EDA {picture.eda_norm:.2f}" if contact.in_contact else "no contact"
     )
     touch.set_title(caption, fontsize=9)
     if touch_map is not None and touch_map.mask.any():
         touch.set_xlabel(f"white: {touch_map.height.max():.3g} {touch_map.unit}", fontsize=8)
 
 
-def draw_map(ax: Axes, shape: tuple[int, ...], metrics: ContactMetrics, touch_map: TouchMap | None) -> None:
+def draw_map(ax: Axes, shape: tuple[int, ...], contact: Contact, touch_map: TouchMap | None) -> None:
     """Draw a metric's map over the area of a picture of a shape, with the marks of a contact."""
     height, width = shape[:2]
     values = np.zeros((1, 1)) if touch_map is None else touch_map.height
     top = max(float(values.max()), _LEAST_TOP.get("" if touch_map is None else touch_map.unit, 1.0))
     extent = (-0.5, width - 0.5, height - 0.5, -0.5)
     ax.imshow(values / top, cmap="gray", vmin=0, vmax=1, extent=extent, interpolation="nearest")
-    if not metrics.in_contact:
+    if not contact.in_contact:
         return
     if touch_map is not None and touch_map.mask.any() and not touch_map.mask.all():
         ax.contour(touch_map.mask, levels=[0.5], colors=["#3b8cff"], linewidths=1.4)
-    ax.plot(*metrics.peak_xy, "o", ms=11, mfc="none", mec="#27d045", mew=1.8)
+    ax.plot(*contact.peak_xy, "o", ms=11, mfc="none", mec="#27d045", mew=1.8)
 
 
 def draw_course(ax: Axes, course: SessionCourse) -> None:

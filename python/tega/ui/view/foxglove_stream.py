@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Any, Final, Self
 
 from tega.errors import DeviceUnavailableError
 from tega.recording.record_channels import RecordChannels
-from tega.records import RECORDS, HandExchange, Record
+from tega.records import HandExchange, Record
 from tega.records.bus import Backlog
+from tega.records.types import record_types
 from tega.runtime.lifecycle import require
 from tega.runtime.threads import run_realtime
+from tega.ui.view.same_machine import SameMachine, hidden_address
 
 if TYPE_CHECKING:
     from tega.records.bus import Bus
@@ -21,6 +23,8 @@ __all__ = ["FOXGLOVE_PORT", "FoxgloveStream"]
 FOXGLOVE_PORT: Final = 8765
 """Where the app looks by itself."""
 
+# The app in a browser, and on the desktop.
+_APP: Final = ("https://app.foxglove.dev", "file://")
 # Records that may wait; the run never does.
 _MOST = 2048
 
@@ -28,8 +32,9 @@ _MOST = 2048
 class FoxgloveStream:
     """Serves a run's records on a websocket of this machine; use as a context manager.
 
-    Whoever is on this machine can read the stream, and a page in its browser too: the app is one. Nobody can change
-    anything by it. ``python/tega/ui/view/foxglove-layout.json`` is a layout for the app.
+    Programs of this machine and the app can read the stream. Pages of other sites that are open in the same browser,
+    and other names of this machine, are refused. Nothing can be changed by it.
+    ``python/tega/ui/view/foxglove-layout.json`` is a layout for the app.
 
     Args:
         bus: The run's.
@@ -42,6 +47,7 @@ class FoxgloveStream:
     def __init__(self, bus: Bus, *, port: int = FOXGLOVE_PORT) -> None:
         self._bus, self._port = bus, port
         self._server: Any = None
+        self._front: SameMachine | None = None
         self._channels: RecordChannels | None = None
         self._backlog = Backlog("foxglove", most=_MOST, newest=True, rank=run_realtime("beside"))
         self.url = ""
@@ -55,16 +61,21 @@ class FoxgloveStream:
         """
         foxglove = require("foxglove", driver="foxglove", extra="record")
         self._channels = RecordChannels(lossless=False, jpeg_quality=80)
+        address = hidden_address()
         try:
             self._server = foxglove.start_server(
-                name="TEGA", host="127.0.0.1", port=self._port, context=self._channels.context
+                name="TEGA", host=address, port=0, context=self._channels.context
             )
+            self._front = SameMachine(self._port, behind=(address, self._server.port), allowed=_APP)
         except (OSError, RuntimeError) as error:
+            if self._server is not None:
+                self._server.stop()
+                self._server = None
             raise DeviceUnavailableError(
                 f"foxglove: port {self._port} cannot be served: {error}", "end the program that has it"
             ) from error
-        self.url = f"ws://127.0.0.1:{self._server.port}"
-        for kind in RECORDS:
+        self.url = f"ws://127.0.0.1:{self._front.port}"
+        for kind in record_types():
             # A hand's exchanges are stamped by another clock until the session has started; unless somebody else wants
             # them they are not even made.
             if kind.topic and kind is not HandExchange:
@@ -77,6 +88,9 @@ class FoxgloveStream:
         """Stop serving."""
         self._backlog.close()
         server, self._server, self.url = self._server, None, ""
+        front, self._front = self._front, None
+        if front is not None:
+            front.close()
         if server is not None:
             server.stop()
 

@@ -8,7 +8,7 @@ from tega.haptics import HIGH_SHARE, contact_type
 
 if TYPE_CHECKING:
     from tega.haptics import ContactType
-    from tega.loop.touch import TouchMoment
+    from tega.records import Contact
 
 __all__ = ["BAND", "ContactLabels"]
 
@@ -29,10 +29,10 @@ class ContactLabels:
     def __init__(self) -> None:
         self._high: dict[str, tuple[bool, bool]] = {}
 
-    def name(self, finger: str, felt: TouchMoment, *, in_contact: bool) -> ContactType:
+    def name(self, contact: Contact) -> ContactType:
         """Return the label of a finger's newest contact."""
-        shares = felt.cci_norm, felt.eda_norm
-        if not in_contact or felt.eda_norm == 0:
+        finger, shares = contact.finger, (contact.cci_norm, contact.eda_norm)
+        if not contact.in_contact or contact.eda_norm == 0:
             self._high.pop(finger, None)
             return "none"
         before = self._high.get(finger)

@@ -7,9 +7,9 @@ offers a state does not write into them afterwards.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Final, Literal, NamedTuple, TypeAlias
 
-from tega.tactile import ContactMetrics
+from tega.records import Contact
 
 if TYPE_CHECKING:
     import numpy as np
@@ -31,17 +31,20 @@ a cylinder or capsule; half lengths in x and y of a plane. Colour: red, green, b
 """
 
 
+_NO_CONTACT: Final = Contact(finger="", t_ns=0, in_contact=False)
+
+
 class TouchImage(NamedTuple):
-    """A fingertip's picture, and what the run's own metric made of it.
+    """A fingertip's picture, and the contact that the run's own metric found in it.
 
     Attributes:
         frame: uint8 (H, W, 3), BGR.
-        metrics: What was measured in it; no contact where that is not known.
+        contact: Contact in it; none where that is not known.
         map: Map and outline of the metric; ``None`` where it has none, or measured somewhere else.
     """
 
     frame: NDArray[np.uint8]
-    metrics: ContactMetrics = ContactMetrics()
+    contact: Contact = _NO_CONTACT
     map: TouchMap | None = None
 
 

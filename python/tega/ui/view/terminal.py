@@ -49,20 +49,20 @@ def _touch(view: LoopView, labels: ContactLabels) -> Table:
     table = Table(box=None, padding=(0, 1), expand=False)
     for name in ("", "CCI (front)", "EDA (back)", "contact"):
         table.add_column(name, no_wrap=True)
-    for finger, felt in zip(FINGERS, view.felt, strict=True):
-        if finger not in view.contacts:
+    for finger in FINGERS:
+        contact = view.contacts.get(finger)
+        if contact is None:
             table.add_row(finger, Text("no sensor", style="grey50"))
             continue
-        t_ns, contact = view.contacts[finger]
-        if view.t_ns - t_ns > STALE_NS:
+        if view.t_ns - contact.t_ns > STALE_NS:
             # Never the last value: nobody knows what is so now.
             table.add_row(finger, Text("no data", style="bold yellow"))
             continue
-        kind = labels.name(finger, felt, in_contact=contact.in_contact)
+        kind = labels.name(contact)
         table.add_row(
             finger,
-            _bar(felt.cci_norm, "blue") + Text(f" {felt.front:3.0f}"),
-            _bar(felt.eda_norm, "green") + Text(f" {felt.back:3.0f}"),
+            _bar(contact.cci_norm, "blue") + Text(f" {contact.front:3.0f}"),
+            _bar(contact.eda_norm, "green") + Text(f" {contact.back:3.0f}"),
             Text(f"{kind:<6}", style=_CONTACT_COLOURS[kind]),
         )
     return table
@@ -95,13 +95,13 @@ def _intent(view: LoopView) -> Table:
     table = Table(box=None, padding=(0, 1), expand=False)
     for _ in range(3):
         table.add_column(no_wrap=True)
-    if view.block is None:
+    if view.intent is None:
         table.add_row("muscles", Text("no EMG yet", style="grey50"), "")
         return table
-    channels, fused = view.block.channels, view.block.level
+    channels, level_asked = view.intent.channels, view.intent.level
     for number, level in enumerate(channels, start=1):
         table.add_row(f"muscle {number}", _bar(level / 5, "yellow", 10), f"level {level}")
-    table.add_row("hand", _bar(fused / 5, "red", 10), f"level {fused}: {_POSES[fused - 1]}")
+    table.add_row("hand", _bar(level_asked / 5, "red", 10), f"level {level_asked}: {_POSES[level_asked - 1]}")
     return table
 
 

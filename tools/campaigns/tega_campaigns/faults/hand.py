@@ -6,7 +6,8 @@ import time
 from functools import partial
 from typing import Any, Final
 
-from tega.devices.hand.allegro import Allegro, AllegroOptions
+from tega.devices.hand.allegro import Allegro
+from tega.devices.hand.allegro_options import AllegroOptions
 from tega.errors import DeviceUnavailableError
 from tega_campaigns.faults.trials import DriverOutcome, FaultTrial
 from tega_emulators.allegro import FAULTS

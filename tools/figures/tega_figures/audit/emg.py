@@ -12,8 +12,10 @@ from tega.config.choose import block_s, muscle_decoder
 from tega.emg import channel_maxima
 from tega.emg.score import changes_per_second, delay_s
 from tega.errors import CalibrationError
-from tega.loop.inbox.sources import BlockMeter, EmgBlock, SourceReport
+from tega.hand import joined_level
+from tega.loop.inbox.sources import BlockMeter, SourceReport
 from tega.loop.maxima import EMG_PERCENTILE, block_length, held_samples
+from tega.records import Intent
 from tega_figures.audit.touch import rank_of
 
 if TYPE_CHECKING:
@@ -91,7 +93,7 @@ def emg_scores(
         used, of = _maxima(variant, chunks, conditions)
         blocks = _decoded(variant, chunks, used, live=live)
         t_s = np.array([block.t_ns / 1e9 for block in blocks])
-        wanted = np.array([block.wanted for block in blocks], np.float64)
+        wanted = np.array([joined_level(block.level, block.closure) for block in blocks], np.float64)
         first = first or (t_s, wanted)
         scores.append(_score(variant, blocks, t_s, wanted, first, forces=forces, used=used, of=of))
     return scores
@@ -114,7 +116,7 @@ def _maxima(variant: Variant, chunks: Sequence[EmgChunk], conditions: EmgMaxima)
     return msgspec.structs.replace(conditions, tau=tau, maxima=tuple(map(float, found))), "recording"
 
 
-def _decoded(variant: Variant, chunks: Sequence[EmgChunk], used: EmgMaxima, *, live: bool) -> list[EmgBlock]:
+def _decoded(variant: Variant, chunks: Sequence[EmgChunk], used: EmgMaxima, *, live: bool) -> list[Intent]:
     decoder = muscle_decoder(variant.config.stages, variant.config.session.preset, used)
     meter = BlockMeter(decoder, SourceReport(), maxima=used, live=live)
     return [block for chunk in chunks for block in meter.take(chunk)]
@@ -122,7 +124,7 @@ def _decoded(variant: Variant, chunks: Sequence[EmgChunk], used: EmgMaxima, *, l
 
 def _score(
     variant: Variant,
-    blocks: Sequence[EmgBlock],
+    blocks: Sequence[Intent],
     t_s: np.ndarray[Any, Any],
     wanted: np.ndarray[Any, Any],
     first: tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]],
@@ -169,5 +171,5 @@ def _on(
     return place
 
 
-def _force(forces: Forces | None, block: EmgBlock) -> float | None:
+def _force(forces: Forces | None, block: Intent) -> float | None:
     return None if forces is None else forces.at(block.t_ns)

@@ -11,7 +11,6 @@ import msgspec
 from tega.config import check_tree
 from tega.config.choose import chosen_stage
 from tega.errors import ConfigError, RecordingError
-from tega.loop.inbox.sources import metrics_of
 from tega.runtime.files.foreign_file import tells_damage
 from tega_figures.audit.emg import EmgScore, emg_scores
 from tega_figures.audit.recordings import AuditMaterial, EmgColumns, read_material, recordings_of
@@ -32,7 +31,6 @@ if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.config.calibration import Calibration
     from tega.devices.base import EmgChunk, TactileFrame
-    from tega.loop.inbox.sources import Contact as Measured
     from tega.records import Contact
 
 
@@ -255,11 +253,10 @@ class _Audit:
 
     def _vest(self, variant: Variant) -> VestScore:
         calibration: Calibration | None = None
-        contacts: dict[str, list[Measured]] = {}
+        contacts: dict[str, list[Contact]] = {}
         if self._as_recorded(variant.config):
             calibration = self._material.calibration
-            for finger, rows in self._recorded.items():
-                contacts[finger] = [(row.t_ns, metrics_of(row)) for row in rows]
+            contacts |= self._recorded
         else:
             for finger in self._material.baselines:
                 contacts[finger] = self._shown[finger, _metric(variant.config)].contacts

@@ -13,8 +13,8 @@ from tega.devices.base import TactileFrame
 from tega.emg.score import changes_per_second, rank_correlation
 from tega.errors import TegaError
 from tega.loop.inbox.frames import FrameMeter
-from tega.loop.inbox.sources import Contact, SourceReport
-from tega.tactile import ContactMetrics
+from tega.loop.inbox.sources import SourceReport
+from tega.records import Contact
 from tega_figures.audit.truth import FarField, Mask, PictureTruth
 
 if TYPE_CHECKING:
@@ -127,13 +127,13 @@ class FingerReading:
         self._truths.append((truth.touched, truth.force_n))
         drawn = truth.drawn
         if drawn is not None and drawn.any():
-            mask = self.area(frame.image, contact[1])
+            mask = self.area(frame.image, contact)
             iou = None if mask is None else float((mask & drawn).sum() / (mask | drawn).sum())
-            self._marked.append((contact[1].eda, float(drawn.sum()), iou))
+            self._marked.append((contact.eda, float(drawn.sum()), iou))
 
-    def area(self, image: NDArray[np.uint8], measured: ContactMetrics | None = None) -> Mask | None:
+    def area(self, image: NDArray[np.uint8], measured: Contact | None = None) -> Mask | None:
         """Return the pixels that count as contact in the picture measured last; ``None`` where the metric has none."""
-        measured = measured or self.contacts[-1][1]
+        measured = measured or self.contacts[-1]
         if not measured.eda:
             return np.zeros(image.shape[:2], np.bool_)
         drawn = self._metric.touch_map()
@@ -145,16 +145,17 @@ class FingerReading:
         Args:
             at_rest: A picture without contact, which a new metric is shown.
         """
-        metrics = [metrics for _, metrics in self.contacts]
-        eda = [m.eda for m in metrics]
+        eda = [contact.eda for contact in self.contacts]
         found = np.array(eda) > 0
         touched = [touched for touched, _ in self._truths]
         on = [bool(f) for f, t in zip(found, touched, strict=True) if t is True]
         off = [bool(f) for f, t in zip(found, touched, strict=True) if t is False]
         pressed = [
-            (force, m.eda, m.cci) for (_, force), m in zip(self._truths, metrics, strict=True) if force
+            (force, one.eda, one.cci)
+            for (_, force), one in zip(self._truths, self.contacts, strict=True)
+            if force
         ]
-        span_s = (self.contacts[-1][0] - self.contacts[0][0]) / 1e9 if len(eda) > 1 else 0.0
+        span_s = (self.contacts[-1].t_ns - self.contacts[0].t_ns) / 1e9 if len(eda) > 1 else 0.0
         score = TouchScore(
             reading=self.variant.name,
             value=self.variant.value,
@@ -163,7 +164,7 @@ class FingerReading:
             n_found=int(found.sum()),
             changes_per_s=changes_per_second(found, span_s / len(eda)) if span_s > 0 else None,
             eda=eda,
-            cci=[m.cci for m in metrics],
+            cci=[contact.cci for contact in self.contacts],
             eda_at_rest=None if at_rest is None else self._made().update(at_rest, 0).eda,
             n_false=sum(off) if off else None,
             n_touched=len(on) or None,

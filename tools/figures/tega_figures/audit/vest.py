@@ -17,7 +17,7 @@ from tega_figures.audit.touch import rank_of
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tega.loop.inbox.sources import Contact
+    from tega.records import Contact
     from tega_figures.audit.truth import Forces
     from tega_figures.audit.variants import Variant
 
@@ -87,16 +87,16 @@ def vest_score(
     loop = touch_loop(config, calibration, contacts)
     period_ns = round(1e9 / config.vest.rate_hz)
     rows = sorted(
-        ((t_ns, finger, metrics) for finger, seen in contacts.items() for t_ns, metrics in seen),
-        key=lambda row: row[0],
+        ((finger, contact) for finger, seen in contacts.items() for contact in seen),
+        key=lambda row: row[1].t_ns,
     )
     frames: list[NDArray[np.uint8]] = []
     stamps: list[int] = []
     layout, k = loop.silence().layout, 0
-    begin_ns, end_ns = (rows[0][0], rows[-1][0]) if rows else (0, -1)
+    begin_ns, end_ns = (rows[0][1].t_ns, rows[-1][1].t_ns) if rows else (0, -1)
     for t_ns in range(begin_ns, end_ns + period_ns, period_ns):
-        while k < len(rows) and rows[k][0] <= t_ns:
-            loop.update(rows[k][1], rows[k][0], rows[k][2])
+        while k < len(rows) and rows[k][1].t_ns <= t_ns:
+            loop.update(*rows[k])
             k += 1
         frames.append(loop.frame(t_ns).intensities)
         stamps.append(t_ns)

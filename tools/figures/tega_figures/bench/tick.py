@@ -19,9 +19,11 @@ from tega.config.calibration import TouchMaxima
 from tega.emg import GraspIntent
 from tega.hand import ModelledHand
 from tega.haptics import FINGERS, MotorLevels
-from tega.loop.inbox.stuck_frames import LastFrame
+from tega.loop.inbox.stuck_frames import is_repeat, kept_picture
 from tega.loop.touch import TouchLoop
-from tega.tactile import ContactMetrics, read_contact
+from tega.records import Contact
+from tega.stages.metrics import contact_record
+from tega.tactile import read_contact
 from tega.wire import allegro_torque_frames, x40_ble_frame
 from tega_figures.bench.timing import Timing, in_turns
 from tega_sim.gel import Gel, ball
@@ -80,7 +82,6 @@ class Tick:
         self._samples = 2048 + 300 * rng.standard_normal((PICTURES, EMG_ROWS, 3))
         self._intent = GraspIntent(EMG_RATE_HZ, [300.0, 300.0, 300.0], tau=EMG_ROWS, preset=reading)
         self._hand = ModelledHand()
-        self._seen = [LastFrame() for _ in FINGERS]
         self._number = 0
 
     def run(self) -> tuple[tuple[int, ...], bytes, bytes]:
@@ -96,11 +97,12 @@ class Tick:
         t_ns = self._number * 10_000_000
         started = clock()
         contacts = [
-            read_contact(images[now], still, reading=self._reading) for images, still in self._fingers
+            contact_record(finger, t_ns, read_contact(images[now], still, reading=self._reading))
+            for finger, (images, still) in zip(FINGERS, self._fingers, strict=True)
         ]
         read = clock()
-        for finger, metrics in zip(FINGERS, contacts, strict=True):
-            self._touch.update(finger, t_ns, metrics)
+        for contact in contacts:
+            self._touch.update(contact.finger, contact)
         mapped = clock()
         frame = self._touch.frame(t_ns)
         framed = clock()
@@ -118,16 +120,18 @@ class Tick:
         return (*stages, *alike), packet, data
 
     def _tell_repeats(
-        self, t_ns: int, now: int, contacts: Sequence[ContactMetrics], frame: MotorLevels
+        self, t_ns: int, now: int, contacts: Sequence[Contact], frame: MotorLevels
     ) -> tuple[int, int]:
         """Time what the skips do instead of the work: four pictures and a vest frame that are the ones before."""
         clock = time.perf_counter_ns
-        for last, (images, _), metrics in zip(self._seen, self._fingers, contacts, strict=True):
-            last.keep(images[now], metrics)
+        seen = [
+            kept_picture(images[now], contact)
+            for (images, _), contact in zip(self._fingers, contacts, strict=True)
+        ]
         again = self._touch.frame(t_ns)
         started = clock()
-        for last, (images, _) in zip(self._seen, self._fingers, strict=True):
-            last.repeat(images[now])
+        for last, (images, _) in zip(seen, self._fingers, strict=True):
+            is_repeat(images[now], last)
         compared = clock()
         bool(again == frame)
         return compared - started, clock() - compared

@@ -23,7 +23,7 @@ from tega_figures.information.compare import (
     paired,
     person_outcomes,
 )
-from tega_sim.operator import RulesVersion, rules_digest
+from tega_sim.operator import RulesVersion
 from tega_sim.trials import read_results
 
 RUNS: tuple[tuple[str, str], ...] = (
@@ -150,7 +150,7 @@ def table_text(file: Path) -> str:
     runs = _read(file)
     lines = [
         " ".join(
-            f"Version {version} of the rules: SHA-256 `{rules_digest(version)}`."
+            f"Version {version} of the rules."
             for who, version in _VERSIONS.items()
             if version > 1 and any(one.who == who for one in runs)
         )

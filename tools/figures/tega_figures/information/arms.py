@@ -22,9 +22,9 @@ from tega_figures.information.controls import read
 from tega_figures.information.sessions import OUTCOMES, BenchSession, lift_outcome, outcomes
 from tega_sim.conditions import Condition
 from tega_sim.plan import TrialResult
+from tega_study.journal import events_path
 from tega_study.plan import read_plan
 from tega_study.silico.session import RESULTS
-from tega_study.state import events_path
 
 __all__ = ["CONTROLS", "N_TESTS", "TESTED", "by_person", "condensed", "holm", "main", "table_text"]
 

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Final
 import msgspec
 import numpy as np
 
+from tega.stages.events.outcomes import STABLE_S
 from tega_figures.scene.accuracy import f1, interval, matched
 from tega_figures.scene.prove import (
     TOLERANCE_S,
@@ -39,7 +40,7 @@ from tega_scene.outcomes import SceneEvent, SceneRule, righted, score_scene
 from tega_scene.resting import LOST_M
 from tega_sim.operator.forearm import AWAY_M
 from tega_sim.plan import TrialPlan
-from tega_sim.score import ON_MARK_M, REST_M_S, STABLE_S, UPRIGHT
+from tega_sim.score import ON_MARK_M, REST_M_S, UPRIGHT
 from tega_sim.trial import run_trial
 from tega_sim.world.world import World
 

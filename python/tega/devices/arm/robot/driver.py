@@ -30,7 +30,7 @@ from tega.arm.messages import (
 from tega.arm.pose import ArmCommand, StampedPose
 from tega.devices.arm.robot.process import ProcessSettings
 from tega.errors import DeviceUnavailableError
-from tega.runtime.child_process import end_child, python_command, python_environment
+from tega.runtime.child_process import end_child, start_child
 from tega.runtime.device_items import DeviceInfo, Kind, Options
 from tega.runtime.lifecycle import Opened
 
@@ -149,15 +149,8 @@ class ProcessArm(Opened):
             speed_m_s=o.speed_m_s,
             turn_rad_s=o.turn_rad_s,
         )
-        command = python_command("tega.devices.arm.robot.process", msgspec.json.encode(settings).decode())
-        # A session of its own: Ctrl-C in the terminal is for the run, which then tells the arm to rest.
-        self._process = subprocess.Popen(
-            command,
-            stdin=subprocess.PIPE,
-            pass_fds=[theirs.fileno()],
-            start_new_session=True,
-            env=python_environment(),
-        )
+        words = msgspec.json.encode(settings).decode()
+        self._process = start_child("tega.devices.arm.robot.process", words, pass_fds=[theirs.fileno()])
         theirs.close()
         self._link = ours
         try:

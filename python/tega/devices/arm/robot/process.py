@@ -12,7 +12,6 @@ import contextlib
 import importlib
 import os
 import select
-import signal
 import socket
 import sys
 import time
@@ -210,7 +209,6 @@ def _tell(link: socket.socket, message: Message) -> None:
 def main(words: list[str]) -> int:
     """Run the arm's process; return 1 if the arm could not be opened or broke off."""
     settings = msgspec.json.decode(words[0], type=ProcessSettings)
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     link = socket.socket(fileno=settings.link)
     link.settimeout(0)
     module, name = settings.body.split(":")

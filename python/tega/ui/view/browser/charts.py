@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tega.emg import ButterworthLowpass
-from tega.haptics import FINGERS
+from tega.ui.view.browser.decoders_apart import closure_of
 from tega.ui.view.figures import CCI_BLUE, EDA_GREEN, MUSCLE_COLOURS, POSE_RED
 
 if TYPE_CHECKING:
@@ -72,14 +72,10 @@ class CourseChart:
             if t_s == self._course[-1][0]:
                 return
             self._course.clear()
-        touching = [
-            felt
-            for finger, felt in zip(FINGERS, loop.felt, strict=True)
-            if finger in loop.contacts and loop.contacts[finger][1].in_contact
-        ]
+        touching = [contact for contact in loop.felt.values() if contact.in_contact]
         n = max(len(touching), 1)
-        cci, eda = sum(f.cci_norm for f in touching) / n, sum(f.eda_norm for f in touching) / n
-        closure = 0.0 if loop.block is None else (loop.block.wanted - 1) / 4
+        cci, eda = sum(c.cci_norm for c in touching) / n, sum(c.eda_norm for c in touching) / n
+        closure = 0.0 if loop.intent is None else closure_of(loop.intent)
         self._course.append((t_s, cci, eda, closure))
         while self._course[0][0] < t_s - COURSE_S - self._kept_s:
             self._course.popleft()

@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from html import escape
 from typing import Final
 
+from tega.loop.inbox.histogram import LEAST_SAMPLES
+
 __all__ = ["BUDGET_MS", "Delays"]
 
 BUDGET_MS: Final = 88.0
@@ -32,9 +34,15 @@ class Delays:
                 self._kept.setdefault(name, deque(maxlen=_N_KEPT)).append(delay)
 
     def p99_ms(self, name: str) -> float:
-        """Return the smallest delay that 99 % of those kept are not above, ms."""
+        """Return the smallest delay that 99 % of those kept are not above, ms; the worst of fewer than 100."""
         ranked = sorted(self._kept[name])
         return ranked[math.ceil(0.99 * len(ranked)) - 1]
+
+    def words(self, name: str) -> str:
+        """Return the newest delay of a name, with p99, or with the worst where too few were kept, and their number."""
+        kept = self._kept[name]
+        figure = "p99" if len(kept) >= LEAST_SAMPLES else "worst"
+        return f"{kept[-1]:.0f} ms · {figure} {self.p99_ms(name):.0f} (n {len(kept)})"
 
     def svg(self) -> str:
         """Return the strip, one line a delay; the red line is the budget of the one that has one."""
@@ -58,7 +66,7 @@ class Delays:
                 ' stroke-width="0.8"/>'
             )
             parts.append(
-                f'<text x="8" y="{top + 16}" fill="{ink}">{escape(name)} {kept[-1]:.0f} ms · p99 {p99_ms:.0f}'
+                f'<text x="8" y="{top + 16}" fill="{ink}">{escape(name)} {self.words(name)}'
                 f"{allowed}</text>{limit if has_budget else ''}"
                 f'<polyline points="{points}" fill="none" stroke="#1f5fbf" stroke-width="1"/>'
             )

@@ -13,12 +13,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tega.loop.adapting import UNDO_SEAT
+from tega.loop.parts import Part
+from tega.loop.rezeroing import REZERO_SEAT
 from tega.records import Button, EmgSamples, Marker, Picture
+from tega.records.display import DisplayPicture, DisplayRows
 from tega.stages.base import MeasuredPicture
 from tega.ui.view.browser.hand_figure import STANDING, HandFigure
 from tega.ui.view.browser.muscle_rows import MuscleRows
 from tega.ui.view.state import EmgTail, TouchImage, ViewState
-from tega_scene.decode import ScenePicture
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -39,10 +41,10 @@ _MARKED_NS = 10_000_000_000
 _MARKED_LETTERS = 40
 
 
-class SessionFeed:
-    """Completes a session's moments.
+class SessionFeed(Part):
+    """Completes a session's moments for the page.
 
-    Give the bus and :meth:`watch` (as ``on_prepared``) to ``run_session``, and :meth:`complete` to the view.
+    Give the bus and this part to ``run_session``, and :meth:`complete` to the view.
 
     Args:
         rows: Lines of text to show.
@@ -53,7 +55,7 @@ class SessionFeed:
         self._rows = rows
         self._figure = HandFigure()
         self._pictures: dict[str, _Pictures] = {}
-        self._prepared: Prepared | None = None
+        self._inputs: Prepared | None = None
         self._chunks: deque[EmgSamples] = deque()
         self._n_kept, self._live_emg, self._emg_unit = 0.0, False, ""
         bus.subscribe(Picture, self._see, name="page")
@@ -61,12 +63,13 @@ class SessionFeed:
         bus.subscribe(EmgSamples, self._hear, name="page")
         self._cameras: dict[str, NDArray[np.uint8]] = {}
         self._marker: Marker | None = None
-        bus.subscribe(ScenePicture, self._filmed, name="page")
+        bus.subscribe(DisplayPicture, self._filmed, name="page")
         bus.subscribe(Marker, self._mark, name="page")
+        self._features = DisplayRows(bus, "page")
         self._bus, self._t_ns, self._muscle_rows = bus, 0, MuscleRows(bus)
 
-    def watch(self, prepared: Prepared) -> Prepared:
-        """Take note of what a run starts with, and return it."""
+    def prepared(self, prepared: Prepared) -> Prepared:
+        """Note the inputs of a run."""
         for name, finger in prepared.fingers.items():
             info = finger.source.info
             # What another station measured comes as a picture alone.
@@ -76,19 +79,19 @@ class SessionFeed:
             info = muscles.source.info
             self._n_kept = (_KEPT_S + (0.0 if info.live else _AHEAD_S)) * muscles.maxima.rate_hz
             self._live_emg, self._emg_unit = info.live, info.unit
-        self._prepared = prepared
+        self._inputs = prepared
         return prepared
 
     def complete(self, state: ViewState) -> ViewState:
         """Add pictures, muscle signal, hand and text to a moment of the loop."""
         self._t_ns = state.t_ns
-        if (prepared := self._prepared) is None:
+        if (prepared := self._inputs) is None:
             return state
         images = {}
         for name, pictures in self._pictures.items():
             if (image := pictures.at(state.t_ns)) is not None:
                 if not pictures.measured and name in state.loop.contacts:
-                    image = image._replace(metrics=state.loop.contacts[name][1])
+                    image = image._replace(contact=state.loop.contacts[name])
                 images[name] = image
         shapes = poses = palm = None
         if (angles := state.loop.angles_rad) is not None:
@@ -101,7 +104,13 @@ class SessionFeed:
             poses=poses,
             palm=palm,
             emg=None if muscles is None else self._tail(state.t_ns, muscles),
-            rows={**self._rows, **self._muscle_rows.rows(holds), **self._marked(state.t_ns), **state.rows},
+            rows={
+                **self._rows,
+                **self._muscle_rows.rows(holds),
+                **self._marked(state.t_ns),
+                **self._features(),
+                **state.rows,
+            },
             latency_ms=state.loop.picture_to_vest_ms,
             cameras=self._cameras,
         )
@@ -110,20 +119,24 @@ class SessionFeed:
         """Undo the adaptation of EMG as its key does; once more has it begin anew."""
         self._bus.publish(Button(seat=UNDO_SEAT, t_ns=self._t_ns, seq=0, button="page", pressed=True))
 
+    def rezero(self) -> None:
+        """Have every finger take a new baseline, as the input ``rezero`` does."""
+        self._bus.publish(Button(seat=REZERO_SEAT, t_ns=self._t_ns, seq=0, button="page", pressed=True))
+
     def _see(self, picture: Picture) -> None:
         shown = self._pictures.get(picture.finger)
         if shown is not None and not shown.measured:
             shown.put(picture.t_ns, TouchImage(picture.image))
 
     def _measured(self, picture: MeasuredPicture) -> None:
-        if (shown := self._pictures.get(picture.finger)) is not None:
-            image = TouchImage(picture.image, picture.metrics, picture.metric.touch_map())
-            shown.put(picture.t_ns, image)
+        if (shown := self._pictures.get(picture.contact.finger)) is not None:
+            image = TouchImage(picture.image, picture.contact, picture.metric.touch_map())
+            shown.put(picture.contact.t_ns, image)
 
-    def _filmed(self, picture: ScenePicture) -> None:
-        cameras = {name: image for name, image in self._cameras.items() if name != picture.camera}
+    def _filmed(self, picture: DisplayPicture) -> None:
+        cameras = {name: image for name, image in self._cameras.items() if name != picture.name}
         if picture.image is not None:
-            cameras[picture.camera] = picture.image
+            cameras[picture.name] = picture.image
         self._cameras = cameras  # another thread may be reading the one before
 
     def _mark(self, marker: Marker) -> None:

@@ -15,18 +15,18 @@ import warnings
 from collections.abc import Awaitable, Callable, Iterator
 from html import escape
 from typing import TYPE_CHECKING, Any
-from urllib.parse import urlsplit
 
 import viser
 import websockets.asyncio.server
 import websockets.exceptions
+
+from tega.ui.view.same_machine import foreign
 
 if TYPE_CHECKING:
     from tega.loop.motor_tests import MotorAnswer
 
 __all__ = ["LocalServer"]
 
-_LOOPBACK = ("localhost", "127.0.0.1", "::1")
 _LOG = logging.getLogger(__name__)
 # A fingertip with a contact in it.
 _ICON = (
@@ -148,16 +148,7 @@ def _refused(request: Any, token: str, *, allow_remote: bool) -> str:
     if not first or not hmac.compare_digest(first[0].encode(), token.encode()):
         return "the address has a token in it: use the one that the program has printed"
     hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
-    try:
-        names = {urlsplit(f"//{host}").hostname for host in hosts}
-        pages = {urlsplit(origin).netloc for origin in origins}
-    except ValueError:
-        return "the address cannot be read"
-    if len(hosts) != 1 or not (allow_remote or names <= set(_LOOPBACK)):
-        return "this page is served to this machine only"
-    if not pages <= set(hosts):
-        return "another site's page cannot talk to this one"
-    return ""
+    return foreign(hosts, origins, allow_remote=allow_remote)
 
 
 async def _serve_page(handler: Callable[[Any], Awaitable[None]], connection: Any) -> None:

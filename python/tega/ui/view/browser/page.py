@@ -7,6 +7,7 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from tega.errors import InvalidValueError
+from tega.ui.view.browser.annotation_keys import add_annotation_keys
 from tega.ui.view.browser.camera_pictures import CameraPictures, cameras_html
 from tega.ui.view.browser.charts import CourseChart, MuscleCharts
 from tega.ui.view.browser.delays import Delays
@@ -100,6 +101,8 @@ class Page:
         self._add_buttons(gui, controls)
         if controls.playhead is not None:
             self.seek = SeekSlider(gui, controls.playhead)
+        if controls.annotate is not None:
+            add_annotation_keys(gui, controls.annotate)
         self.timeline = Timeline(gui, kept_s)
         self._looking = gui.add_html("")
         self.cameras = CameraPictures(gui)
@@ -159,6 +162,10 @@ class Page:
         if (undo := controls.undo) is not None:
             button = self.inputs["undo"] = gui.add_button("Undo adaptation", color="gray")
             button.on_click(lambda _event: undo())
+
+        if (rezero := controls.rezero) is not None:
+            button = self.inputs["rezero"] = gui.add_button("New baseline", color="gray")
+            button.on_click(lambda _event: rezero())
 
         stop = self.inputs["stop"] = gui.add_button("Stop", color="red")
         stop.on_click(lambda _event: controls.stop())

@@ -13,7 +13,7 @@ from tega.ui.view.run_state import MEANINGS, NO_NEWS, NO_NEWS_S, lines_beside
 
 if TYPE_CHECKING:
     from tega.loop.moment import LoopView
-    from tega.tactile import ContactMetrics
+    from tega.records import Contact
     from tega.ui.view.labels import ContactLabels
     from tega.ui.view.state import ViewState
 
@@ -90,8 +90,8 @@ def lights_html(state: ViewState) -> str:
     seen: dict[str, bool | None] = {}
     for finger in FINGERS:
         contact = loop.contacts.get(finger)
-        seen[finger] = None if contact is None else state.t_ns - contact[0] <= STALE_NS
-    seen["muscles"] = None if loop.block is None else state.t_ns - loop.block[0] <= _SILENT_NS
+        seen[finger] = None if contact is None else state.t_ns - contact.t_ns <= STALE_NS
+    seen["muscles"] = None if loop.intent is None else state.t_ns - loop.intent.t_ns <= _SILENT_NS
     seen["vest"] = None if loop.vest is None else True
     seen["hand"] = None if loop.angles_rad is None and state.poses is None else True
     if loop.arm or loop.seen_arm is not None:
@@ -134,11 +134,11 @@ def arm_html(view: LoopView) -> str:
 
 def status_html(state: ViewState) -> str:
     """List the lines of text of a moment, two pairs a line."""
-    block = state.loop.block
+    intent = state.loop.intent
     rows = {"time": f"{state.t_ns / 1e9:.1f} s", **state.rows}
-    if block is not None:
-        rows["hand"] = f"level {block[2]}: {_POSES[block[2] - 1]}"
-        rows["muscles"] = "levels " + " · ".join(str(level) for level in block[1])
+    if intent is not None:
+        rows["hand"] = f"level {intent.level}: {_POSES[intent.level - 1]}"
+        rows["muscles"] = "levels " + " · ".join(str(level) for level in intent.channels)
     if newest := state.loop.newest_event:
         rows["touch"] = newest
     if state.loop.reflex:
@@ -162,17 +162,17 @@ def status_html(state: ViewState) -> str:
 def captions_html(state: ViewState, labels: ContactLabels) -> str:
     """Say under each finger's name what it feels."""
     cells = []
-    for finger, felt in zip(FINGERS, state.loop.felt, strict=True):
+    for finger in FINGERS:
         contact = state.loop.contacts.get(finger)
         if contact is None:
             text = '<span style="color:#adb5bd">no sensor</span>'
-        elif state.t_ns - contact[0] > STALE_NS:
+        elif state.t_ns - contact.t_ns > STALE_NS:
             text = '<b style="color:#e67700">silent:</b><br>no fresh<br>picture'
         else:
-            kind = labels.name(finger, felt, in_contact=contact[1].in_contact)
-            word, depth = ("no contact", "") if kind == "none" else (kind, _depth(contact[1]))
+            kind = labels.name(contact)
+            word, depth = ("no contact", "") if kind == "none" else (kind, _depth(contact))
             text = (
-                f"CCI {felt.cci_norm:.2f}<br>EDA {felt.eda_norm:.2f}<br>"
+                f"CCI {contact.cci_norm:.2f}<br>EDA {contact.eda_norm:.2f}<br>"
                 '<span style="white-space:nowrap;font-size:11px">'
                 f'<b style="color:{_TYPE_COLOURS[kind]}">{word}</b>{depth}</span>'
             )
@@ -184,9 +184,9 @@ def captions_html(state: ViewState, labels: ContactLabels) -> str:
     return f'<table style="{style}"><tr>{"".join(cells)}</tr></table>'
 
 
-def _depth(metrics: ContactMetrics) -> str:
+def _depth(contact: Contact) -> str:
     """Say how deep a dent is, where the metric knows."""
-    return next((f" {one.value:.2f} mm" for one in metrics.more if one.name == "depth_mm"), "")
+    return "" if contact.depth_mm is None else f" {contact.depth_mm:.2f} mm"
 
 
 def rates_html(rates_hz: dict[str, float], latency: str = "") -> str:

@@ -1,0 +1,75 @@
+"""Read the tables of a settings file that belong to features of other packages."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from tega.runtime.features import Feature, features, load_target
+
+if TYPE_CHECKING:
+    from tega.config.sections import SessionConfig
+
+
+class TableContext(NamedTuple):
+    """Context of the check of a feature's table.
+
+    Attributes:
+        base: Folder to which relative paths refer.
+        config: The other settings of the session, checked.
+        with_options: Returns a table that names a driver with its options typed; called with the table, the driver's
+            kind, such as ``"tracker"``, and the table's dotted key.
+    """
+
+    base: Path
+    config: SessionConfig
+    with_options: Callable[[Any, str, str], Any]
+
+
+def guest_tables() -> dict[str, tuple[Feature, str]]:
+    """Return the feature and the type's target of every table that a feature brings, by its key."""
+    return {
+        key: (feature, target) for feature in features().values() for key, target in feature.settings.items()
+    }
+
+
+def guest_defaults() -> dict[str, Any]:
+    """Return every feature's table with its default values, by key; a table without defaults is left out."""
+    found: dict[str, Any] = {}
+    for key, (feature, target) in guest_tables().items():
+        wanted = load_target(target, extra=feature.extra)
+        if isinstance(wanted, type):
+            try:
+                found[key] = wanted()
+            except TypeError:
+                continue
+    return found
+
+
+def read_guest_tables(
+    given: Mapping[str, Any], context: TableContext, convert: Callable[[Any, Any, str], Any]
+) -> dict[str, Any]:
+    """Return the tables that were given, each as its feature's type and checked by its feature.
+
+    Raises:
+        ConfigError: A table does not fit its type, or its feature refuses it.
+        MissingExtraError: A feature needs a package that is not installed.
+    """
+    known = guest_tables()
+    found: dict[str, Any] = {}
+    for key, tree in given.items():
+        feature, target = known[key]
+        table = convert(tree, load_target(target, extra=feature.extra), key)
+        if feature.check:
+            table = load_target(feature.check, extra=feature.extra)(table, context)
+        found[key] = table
+    return found
+
+
+def guest_files(config: SessionConfig) -> dict[str, Path]:
+    """Return the files that features' tables name, to be kept with a recording, by the name they have there."""
+    tables = [
+        one for table in config.guests.values() for one in (table if isinstance(table, tuple) else (table,))
+    ]
+    return {name: path for one in tables if hasattr(one, "files") for name, path in one.files().items()}

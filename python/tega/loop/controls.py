@@ -1,0 +1,39 @@
+"""Define the controls of a run: a page, a terminal or a program answers what the loop asks at every tick."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from tega.loop.motor_tests import MotorTests
+
+
+def _no() -> bool:
+    return False
+
+
+def _yes() -> bool:
+    return True
+
+
+def _as_set() -> None:
+    return None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Controls:
+    """Controls of a run, each called at every tick.
+
+    Attributes:
+        stop: Returns whether the run is to end; every output is then left silent.
+        go: Returns whether an armed run may become active.
+        haptics: Returns whether the vest's motors may run.
+        authority: Returns the authority of the reflex, 0 to 1; ``None`` for the settings' and the button's.
+        motor_tests: Takes wishes to feel one motor of the vest while the run is armed.
+    """
+
+    stop: Callable[[], bool] = _no
+    go: Callable[[], bool] = _yes
+    haptics: Callable[[], bool] = _yes
+    authority: Callable[[], float | None] = _as_set
+    motor_tests: MotorTests = field(default_factory=MotorTests)

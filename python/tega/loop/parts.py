@@ -1,0 +1,163 @@
+"""Define a part of a run: it joins by the bus and by a few hooks, and the loop does not know which parts there are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from tega.runtime.features import targets
+
+if TYPE_CHECKING:
+    from tega.config import Pace, SessionConfig
+    from tega.devices.base import Tracker
+    from tega.haptics import Layout
+    from tega.loop.inbox.inputs import Inputs
+    from tega.loop.inbox.prepared import Prepared
+    from tega.loop.latency import LatencyTrace
+    from tega.loop.loop_report import LoopReport
+    from tega.loop.moment import LoopView
+    from tega.loop.sinks import Sinks
+    from tega.records.bus import Bus
+    from tega.runtime.device_items import DeviceInfo
+    from tega.runtime.wake import Bell
+    from tega.safety.guard import Guard
+
+
+__all__ = ["Part", "PartContext", "RunStart", "open_parts"]
+
+
+class PartContext(NamedTuple):
+    """Context in which a feature opens its part.
+
+    Attributes:
+        config: The session's settings; ``config.guests`` holds the feature's own tables.
+        bus: Bus of the run.
+        stack: Closes the part, after the run.
+        stop: Returns whether to give up.
+        progress: Reports preparation: ``progress(activity, done, total)``.
+    """
+
+    config: SessionConfig
+    bus: Bus
+    stack: ExitStack
+    stop: Callable[[], bool]
+    progress: Callable[[str, int, int], None]
+
+
+class RunStart(NamedTuple):
+    """Facts of a run that is about to begin.
+
+    Attributes:
+        config: The settings.
+        prepared: The sources, with their baselines and maxima.
+        sinks: The outputs.
+        guard: Watches over the live devices.
+        arm_infos: Descriptions of tracker and arm by name; empty without an arm.
+        trial: Name of the trial; ``"start"`` where no part names one.
+        layout: Layout of the vest.
+        pace: When the vest is sent a frame.
+        observed: Whether a display follows the run.
+        real: Whether the session's clock is the machine's monotonic clock.
+        start_ns: Zero of the session's times on its clock; 0 before the clock starts.
+        now_ns: Time of the session's clock.
+        bell: Wakes the loop between two ticks; ``None`` where only ticks do.
+        trace: Latency trace; ``None`` where nothing is live.
+    """
+
+    config: SessionConfig
+    prepared: Prepared
+    sinks: Sinks
+    guard: Guard
+    arm_infos: Mapping[str, DeviceInfo]
+    trial: str
+    layout: Layout
+    pace: Pace
+    observed: bool
+    real: bool
+    start_ns: int = 0
+    now_ns: int = 0
+    bell: Bell | None = None
+    trace: LatencyTrace | None = None
+
+
+class Part:
+    """Part of a run. Every hook does nothing here; a part overrides the ones it needs.
+
+    Attributes:
+        trial: Name of the trial, for markers.
+        origin: Words for the origin of maxima that this part makes unnecessary here; ``""``: none.
+        endless: Whether the run goes on although every source has ended.
+        brings_input: Whether this part brings input, so that the settings need not.
+    """
+
+    trial: str = ""
+    origin: str = ""
+    endless: bool = False
+    brings_input: bool = False
+
+    @property
+    def tracker(self) -> Tracker | None:
+        """Tracker that leads the arm in place of the settings' own; ``None`` for none."""
+        return None
+
+    def prepared(self, prepared: Prepared) -> Prepared:
+        """Return the inputs of the run, with those that this part adds or follows."""
+        return prepared
+
+    def sinks(self, sinks: Sinks) -> Sinks:
+        """Return the outputs of the run, with those that this part adds."""
+        return sinks
+
+    def inputs(self, stack: ExitStack, inputs: Inputs) -> Inputs:  # noqa: ARG002  # for parts that open one
+        """Return the operator's inputs, with those that this part adds."""
+        return inputs
+
+    def alerts(self) -> Mapping[str, Callable[[], str]]:
+        """Return alerts by name: each returns its text, ``""`` for nothing."""
+        return {}
+
+    def needs(self) -> Mapping[str, Callable[[], str]]:
+        """Return conditions of the run by name: each returns why the run cannot go on, ``""`` if it can."""
+        return {}
+
+    def head(self, run: RunStart) -> None:
+        """Prepare, before the clock starts."""
+
+    def begin(self, run: RunStart) -> None:
+        """Begin with the run."""
+
+    def shown(self, view: LoopView) -> LoopView:
+        """Complete a moment for displays."""
+        return view
+
+    def end(self) -> None:
+        """End with the loop, before devices are closed."""
+
+    def ended(self, report: LoopReport, n_waits: int) -> None:
+        """Take the loop's report, when devices are closed."""
+
+    def notes(self) -> list[str]:
+        """Return sentences for the summary's notes."""
+        return []
+
+    def summary(self) -> dict[str, Any]:
+        """Return entries of the run's summary by key."""
+        return {}
+
+    def finish(self, summary: dict[str, Any]) -> None:
+        """Finish, when the summary is complete but for entries that are added here."""
+
+
+def open_parts(context: PartContext) -> list[Part]:
+    """Open the parts of all features that take part in a run.
+
+    Raises:
+        TegaError: A part cannot be opened; the message says why.
+    """
+    found: list[Part] = []
+    for _, open_part in targets("part"):
+        part = open_part(context)
+        if part is not None:
+            found.append(part)
+    return found

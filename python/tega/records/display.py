@@ -1,0 +1,76 @@
+"""Define what features show on the page: pictures and rows that are not recorded."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from tega.runtime.features import targets
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tega.records.bus import Bus
+
+
+class DisplayPicture(msgspec.Struct, frozen=True, kw_only=True):
+    """A picture for the page, published on the run's bus if the page has subscribed.
+
+    Attributes:
+        name: Name shown with the picture, such as that of a scene camera.
+        t_ns: Time at which it was taken, nanoseconds since the start of the session.
+        image: uint8 (H, W, 3), blue, green, red; borrowed and read only. ``None`` removes the picture.
+    """
+
+    name: str
+    t_ns: int
+    image: NDArray[np.uint8] | None
+
+
+class DisplayRow(msgspec.Struct, frozen=True, kw_only=True):
+    """A row of text for page and terminal, published on the run's bus.
+
+    Attributes:
+        name: Label of the row.
+        text: Its text; ``""`` removes the row.
+    """
+
+    name: str
+    text: str
+
+
+class Notice(msgspec.Struct, frozen=True, kw_only=True):
+    """A sentence for the person who runs the session, published once.
+
+    Attributes:
+        text: The sentence.
+    """
+
+    text: str
+
+
+class DisplayRows:
+    """Rows that features show, kept for one display.
+
+    Args:
+        bus: Bus of the run.
+        name: Name of the display.
+    """
+
+    def __init__(self, bus: Bus, name: str) -> None:
+        self._rows: dict[str, str] = {}
+        for _, panel in targets("panels"):
+            panel(bus)
+        bus.subscribe(DisplayRow, self._take, name=name)
+
+    def __call__(self) -> dict[str, str]:
+        """Return the rows by label."""
+        return dict(self._rows)
+
+    def _take(self, row: DisplayRow) -> None:
+        rows = {label: text for label, text in self._rows.items() if label != row.name}
+        if row.text:
+            rows[row.name] = row.text
+        self._rows = rows  # another thread may be reading the one before

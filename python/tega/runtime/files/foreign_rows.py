@@ -1,0 +1,95 @@
+"""Decode a small text table of another program: encoding, delimiter, quotes and decimal sign."""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import io
+import math
+import re
+from collections.abc import Collection
+from pathlib import Path
+from typing import Final
+
+from tega.errors import RecordingError
+from tega.runtime.files.foreign_file import read_foreign
+
+_MARKS: Final = (
+    (codecs.BOM_UTF8, "utf-8-sig"),
+    (codecs.BOM_UTF16_LE, "utf-16"),
+    (codecs.BOM_UTF16_BE, "utf-16"),
+)
+_DELIMITERS: Final = ("\t", ";", ",")
+_PREAMBLE_ROWS: Final = 100
+_CLOCK: Final = re.compile(r"(-?)(\d+):(\d{1,2}):(\d{1,2}(?:[.,]\d+)?)")
+
+
+def read_rows(
+    path: Path, needed: Collection[str], *, most_mib: int, hint: str
+) -> tuple[list[list[str]], int]:
+    """Return the rows of a table, and the number of the row that names the columns.
+
+    Args:
+        path: The file.
+        needed: Names of columns that this row has; the delimiter is the one that separates them.
+        most_mib: Largest size, MiB.
+        hint: The next step if it is no such table.
+
+    Raises:
+        RecordingError: It cannot be read, or has no row with these names.
+    """
+    try:
+        data = read_foreign(path, most_mib=most_mib)
+    except OSError as error:
+        raise RecordingError(f"{path.name}: cannot be read: {error.strerror or error}", hint) from error
+    if data[:4] in {b"PK\x03\x04", b"\xd0\xcf\x11\xe0"}:
+        raise RecordingError(f"{path.name}: is a workbook, not a table of text", hint)
+    text = _text(path, data, hint)
+    best: set[str] = set()
+    for delimiter in _DELIMITERS:
+        try:
+            rows = [
+                [cell.strip() for cell in row]
+                for row in csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
+            ]
+        except csv.Error as error:
+            raise RecordingError(f"{path.name}: is no table of text: {error}", hint) from error
+        for number, row in enumerate(rows[:_PREAMBLE_ROWS]):
+            if set(needed) <= set(row):
+                return rows, number
+            best = max(best, set(needed) & set(row), key=len)
+    missing = ", ".join(sorted(set(needed) - best))
+    raise RecordingError(f"{path.name}: has no column {missing}", hint)
+
+
+def seconds(cell: str) -> float:
+    """Return a time, seconds: ``2.5``, ``2,5`` or ``00:00:02.5``.
+
+    Raises:
+        ValueError: It is no time, or not finite.
+    """
+    if (clock := _CLOCK.fullmatch(cell)) is not None:
+        sign, hours, minutes, rest = clock.groups()
+        t_s = (int(hours) * 60 + int(minutes)) * 60 + float(rest.replace(",", "."))
+        return -t_s if sign else t_s
+    try:
+        t_s = float(cell.replace(",", ".") if cell.count(",") == 1 and "." not in cell else cell)
+    except ValueError:
+        t_s = math.nan
+    if not math.isfinite(t_s):
+        raise ValueError(f"{cell[:40]!r} is no time")
+    return t_s
+
+
+def _text(path: Path, data: bytes, hint: str) -> str:
+    encodings = [name for mark, name in _MARKS if data.startswith(mark)] or ["utf-8", "cp1252", "latin-1"]
+    if encodings[0] == "utf-8" and data[1:2] == b"\0":  # UTF-16 without a mark
+        encodings = ["utf-16-le"]
+    for encoding in encodings:
+        try:
+            text = data.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+        if "\0" not in text:
+            return text
+    raise RecordingError(f"{path.name}: is no table of text", hint)

@@ -1,0 +1,185 @@
+"""Read a stack of pictures from an ``.npy`` or ``.npz`` file, one picture at a time."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+
+from tega.errors import RecordingError
+from tega.runtime.files.foreign_file import check_file
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+STACK_SUFFIXES: Final = frozenset({".npy", ".npz"})
+_MOST_MIB: Final = 64 * 1024
+_MOST_PIXELS: Final = 1 << 26
+_MOST_TIMES: Final = 100_000_000
+_UNITS: Final = {"t_s": 1.0, "t_ms": 1e-3, "t_us": 1e-6, "t_ns": 1e-9}
+_WAY: Final = "save it with numpy.save as uint8 (n, height, width, 3) in blue, green, red"
+
+
+class _Member(NamedTuple):
+    """One array of a file: its name, shape and type, and whether it is in Fortran's order."""
+
+    name: str
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+    by_columns: bool
+
+
+class PictureStack:
+    """The pictures of one array of a file, in order.
+
+    Args:
+        path: The file.
+        variable: Name of the array in an ``.npz`` file; ``""`` for the only one that holds pictures.
+
+    Attributes:
+        n_pictures: Number of pictures.
+        times_s: Time of each from an array ``t_s``, ``t_ms``, ``t_us`` or ``t_ns`` beside them, seconds from the
+            first; ``None`` without one.
+
+    Raises:
+        RecordingError: The file holds no such array, several, or one of another type or shape.
+    """
+
+    def __init__(self, path: Path, *, variable: str = "") -> None:
+        self._path = path
+        try:
+            check_file(path, most_mib=_MOST_MIB)
+            self._archive = zipfile.ZipFile(path) if path.suffix.lower() == ".npz" else None
+            members = self._members()
+        except OSError as error:
+            raise RecordingError(
+                f"{path.name}: cannot be read: {error.strerror}", f"looked for {path}"
+            ) from error
+        except Exception as error:  # of a damaged file zipfile and NumPy raise what they like
+            raise RecordingError(f"{path.name}: no array of pictures: {error}", _WAY) from error
+        member = _chosen(members, variable, path)
+        self.n_pictures, self._shape = member.shape[0], member.shape[1:]
+        self.times_s = self._times_s(members)
+        self._file, _ = self._open(member.name)
+        self._n_read = 0
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+        if self._archive is not None:
+            self._archive.close()
+
+    def skip(self, n_pictures: int) -> None:
+        """Pass over pictures."""
+        n = min(n_pictures, self.n_pictures - self._n_read)
+        self._n_read += n
+        for _ in range(n):
+            self._read_bytes()
+
+    def read(self) -> NDArray[np.uint8] | None:
+        """Return the next picture, uint8 (H, W, 3) in the file's order of colours; ``None`` after the last.
+
+        Raises:
+            RecordingError: The file ends before, or is damaged.
+        """
+        if self._n_read == self.n_pictures:
+            return None
+        self._n_read += 1
+        image = np.frombuffer(self._read_bytes(), np.uint8).reshape(self._shape)
+        return np.repeat(image[..., None], 3, axis=2) if image.ndim == 2 else image
+
+    def _read_bytes(self) -> bytes:
+        n_bytes = int(np.prod(self._shape))
+        try:
+            data = self._file.read(n_bytes)
+        except Exception as error:  # as above
+            raise RecordingError(
+                f"{self._path.name}: damaged: {error}", "copy it again from its source"
+            ) from error
+        if len(data) < n_bytes:
+            raise RecordingError(
+                f"{self._path.name}: cut short at picture {self._n_read - 1} of {self.n_pictures}",
+                "copy it again from its source",
+            )
+        return data
+
+    def _members(self) -> list[_Member]:
+        names = [""] if self._archive is None else self._archive.namelist()
+        found = []
+        for name in names:
+            file, member = self._open(name)
+            file.close()
+            found.append(member)
+        return found
+
+    def _open(self, name: str) -> tuple[IO[bytes], _Member]:
+        """Open an array's file behind its header."""
+        file = self._path.open("rb") if self._archive is None else self._archive.open(name)
+        try:
+            version = np.lib.format.read_magic(file)
+            first = version == (1, 0)
+            header = np.lib.format.read_array_header_1_0 if first else np.lib.format.read_array_header_2_0
+            shape, by_columns, dtype = header(file)
+        except BaseException:
+            file.close()
+            raise
+        return file, _Member(name, shape, dtype, by_columns)
+
+    def _times_s(self, members: list[_Member]) -> list[float] | None:
+        for one in members:
+            unit = _UNITS.get(one.name.removesuffix(".npy"))
+            if unit is None or one.shape != (self.n_pictures,) or one.dtype.kind not in "iuf":
+                continue
+            file, _ = self._open(one.name)
+            with file:
+                data = file.read(min(self.n_pictures, _MOST_TIMES) * one.dtype.itemsize)
+            times = np.frombuffer(data, one.dtype)
+            times_s = (times - times[0]).astype(np.float64) * unit if len(times) == self.n_pictures else times
+            if (
+                not np.isfinite(times_s).all()
+                or len(times_s) < self.n_pictures
+                or (np.diff(times_s) <= 0).any()
+            ):
+                raise RecordingError(
+                    f"{self._path.name}: the times in {one.name.removesuffix('.npy')!r} do not rise",
+                    "leave them out, or mend them",
+                )
+            return [float(t_s) for t_s in times_s]
+        return None
+
+
+def _chosen(members: list[_Member], variable: str, path: Path) -> _Member:
+    """Return the array that holds the pictures."""
+    named = [one for one in members if one.name.removesuffix(".npy") == variable]
+    fits = named if variable else [one for one in members if len(one.shape) >= 3]
+    if len(fits) != 1:
+        names = ", ".join(one.name.removesuffix(".npy") or path.name for one in members)
+        said = f"no array {variable!r}" if variable else f"{len(fits)} arrays that could be pictures"
+        raise RecordingError(f"{path.name}: {said} (it holds {names})"[:400], f"set variable; or {_WAY}")
+    one = fits[0]
+    shape = one.shape
+    is_stack = len(shape) == 3 or (len(shape) == 4 and shape[3] == 3)
+    if len(shape) == 4 and shape[1] == 3 and shape[3] != 3:
+        hint = "put the colours last: numpy.transpose(pictures, (0, 2, 3, 1))"
+    elif one.dtype.kind == "f":
+        hint = "convert it: numpy.round(pictures * 255).astype(numpy.uint8), if it runs from 0 to 1"
+    elif len(shape) == 3 and shape[2] == 3:
+        hint, is_stack = "this is one picture; a recording has several", False
+    elif one.by_columns:
+        hint = "save it as numpy.ascontiguousarray(pictures)"
+    else:
+        hint = _WAY
+    n_pixels = int(np.prod(shape[1:3], dtype=object)) if len(shape) > 2 else 0
+    if (
+        not is_stack
+        or one.dtype != np.uint8
+        or one.by_columns
+        or not 0 < n_pixels <= _MOST_PIXELS
+        or shape[0] < 1
+    ):
+        raise RecordingError(
+            f"{path.name}: holds {one.dtype} {shape}, expected uint8 (n, height, width, 3)", hint
+        )
+    return one

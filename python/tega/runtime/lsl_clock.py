@@ -1,0 +1,95 @@
+"""Follow the correction of a sender's clock that the Lab Streaming Layer measures, and resist its outliers."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from typing import Final
+
+# The library measures every two seconds or so; asking it is instantaneous.
+_ASK_S: Final = 1.0
+# A correction that leaps by more than two crystals part in this time is an outlier, until it has stayed.
+_LEAP_S: Final = 0.02
+_DRIFT: Final = 0.02
+_CONFIRM_S: Final = 5.0
+# A change of this much is worth a line in the log.
+_LOG_S: Final = 0.001
+
+_log = logging.getLogger(__name__)
+
+
+class ClockCorrection:
+    """Seconds to add to a sender's stamps for this machine's clock of the library.
+
+    The correction is asked for again every second. One that leaps is used once it has stayed for five seconds: a single
+    message that was held up on its way moves no sample.
+
+    Args:
+        name: Name of the stream, for the log.
+        first_s: The correction that was measured when the stream was opened.
+        now_s: When that was, seconds of the monotonic clock.
+
+    Attributes:
+        value_s: The correction in use.
+        first_s: The correction at opening.
+        n_asked: How often it was asked for.
+        n_outliers: How many answers were outliers.
+
+    Example:
+        >>> clock = ClockCorrection("Myo", 0.0, 0.0)
+        >>> [clock.follow(lambda: s, now) for now, s in ((1.0, 0.001), (2.0, 0.5), (3.0, 0.003))]
+        [0.001, 0.001, 0.003]
+    """
+
+    def __init__(self, name: str, first_s: float, now_s: float) -> None:
+        self._name = name
+        self.first_s = self.value_s = self._logged_s = first_s
+        self._value_at_s = self._asked_at_s = now_s
+        self._leapt: tuple[float, float] | None = None
+        self.n_asked, self.n_outliers = 1, 0
+
+    def follow(self, ask: Callable[[], float], now_s: float) -> float:
+        """Return the correction in use, asked for again where a second has passed.
+
+        Args:
+            ask: Returns the library's newest measurement, seconds; may raise ``TimeoutError`` or ``RuntimeError``.
+            now_s: Seconds of the monotonic clock.
+        """
+        if now_s - self._asked_at_s >= _ASK_S:
+            self._asked_at_s = now_s
+            try:
+                self._take(float(ask()), now_s)
+            except (TimeoutError, RuntimeError):
+                return self.value_s  # the samples themselves show whether the sender is gone
+        return self.value_s
+
+    def _take(self, measured_s: float, now_s: float) -> None:
+        self.n_asked += 1
+        if _near(measured_s, self.value_s, now_s - self._value_at_s):
+            self._leapt = None
+        elif self._leapt is None or not _near(measured_s, self._leapt[0], now_s - self._leapt[1]):
+            self._leapt = measured_s, now_s
+            self.n_outliers += 1
+            return
+        elif now_s - self._leapt[1] < _CONFIRM_S:
+            self.n_outliers += 1
+            return
+        self.value_s, self._value_at_s, self._leapt = measured_s, now_s, None
+        if abs(self.value_s - self._logged_s) >= _LOG_S:
+            self._logged_s = self.value_s
+            _log.info(
+                "%s: clock correction %.6f s, after %.6f s at opening", self._name, measured_s, self.first_s
+            )
+
+    def words(self) -> str:
+        """Return one sentence for the results."""
+        outliers = f", {self.n_outliers} outliers left out" if self.n_outliers else ""
+        return (
+            f"clock correction {self.first_s:.6f} s at opening, {self.value_s:.6f} s at the end "
+            f"(asked {self.n_asked} times{outliers})"
+        )
+
+
+def _near(one_s: float, other_s: float, apart_s: float) -> bool:
+    """Return whether two corrections differ by no more than two clocks drift apart; False for NaN."""
+    return abs(one_s - other_s) <= _LEAP_S + _DRIFT * apart_s

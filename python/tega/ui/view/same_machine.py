@@ -1,0 +1,167 @@
+"""Refuse pages of other sites and names of other machines, in front of a server that checks neither.
+
+A browser lets every open site connect to the loopback address. The two headers that it always sends show who asks: the
+name under which the server was addressed (``Host``), and the page that asks (``Origin``).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import secrets
+import socket
+import threading
+from collections.abc import Collection, Sequence
+from typing import Final
+from urllib.parse import urlsplit
+
+_LOOPBACK: Final = frozenset({"localhost", "127.0.0.1", "::1"})
+_MOST_HEAD_BYTES: Final = 16_384
+_HEAD_S: Final = 5.0
+_MOST_CONNECTIONS: Final = 16
+_PIECE_BYTES: Final = 65_536
+_LOOK_S: Final = 0.2
+
+
+def foreign(
+    hosts: Sequence[str], origins: Sequence[str], *, allow_remote: bool = False, allowed: Collection[str] = ()
+) -> str:
+    """Return why a request is refused; ``""`` for one of this machine's own programs and pages.
+
+    Args:
+        hosts: Values of its header ``Host``.
+        origins: Values of its header ``Origin``; none for a program that is no browser.
+        allow_remote: Whether any name of this server will do.
+        allowed: Origins that may ask although they are not this server's.
+    """
+    try:
+        names = {urlsplit(f"//{host}").hostname for host in hosts}
+        pages = {urlsplit(origin).netloc for origin in origins if origin not in allowed}
+    except ValueError:
+        return "the address cannot be read"
+    if len(hosts) != 1 or not (allow_remote or names <= _LOOPBACK):
+        return "this page is served to this machine only"
+    if not pages <= set(hosts):
+        return "another site's page cannot talk to this one"
+    return ""
+
+
+def hidden_address() -> str:
+    """Return a loopback address that no page can guess, where the system has more than one; else ``127.0.0.1``."""
+    address = ".".join(["127", *(str(1 + secrets.randbelow(254)) for _ in range(3))])
+    with contextlib.suppress(OSError), socket.socket() as tried:
+        tried.bind((address, 0))
+        return address
+    return "127.0.0.1"
+
+
+class SameMachine:
+    """Listens in front of a server, and passes on the connections of this machine's own programs and pages.
+
+    Args:
+        port: TCP port on ``127.0.0.1``; 0 for any free one.
+        behind: Address and port of the server.
+        allowed: Origins that may connect besides.
+
+    Attributes:
+        port: The port.
+
+    Raises:
+        OSError: The port is taken.
+    """
+
+    def __init__(self, port: int, *, behind: tuple[str, int], allowed: Collection[str] = ()) -> None:
+        self._behind, self._allowed = behind, frozenset(allowed)
+        self._leaving = threading.Event()
+        self._slots = threading.BoundedSemaphore(_MOST_CONNECTIONS)
+        self._listener = socket.create_server(("127.0.0.1", port))
+        self._listener.settimeout(_LOOK_S)
+        self.port: int = self._listener.getsockname()[1]
+        self._thread = threading.Thread(target=self._serve, name="tega-same-machine", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """End all connections."""
+        self._leaving.set()
+        self._thread.join()
+        self._listener.close()
+
+    def _serve(self) -> None:
+        while not self._leaving.is_set():
+            try:
+                client, _ = self._listener.accept()
+            except OSError:  # nobody within the time, or an attempt that was given up
+                continue
+            if not self._slots.acquire(blocking=False):
+                client.close()
+                continue
+            threading.Thread(
+                target=self._connect, args=(client,), name="tega-same-machine-client", daemon=True
+            ).start()
+
+    def _connect(self, client: socket.socket) -> None:
+        """Read the head of a request, and pass the connection on or refuse it."""
+        try:
+            with client, contextlib.suppress(OSError):
+                client.settimeout(_HEAD_S)
+                head = _head(client)
+                if why := self._refused(head):
+                    body = f"{why}\n".encode()
+                    client.sendall(
+                        b"HTTP/1.1 403 Forbidden\r\nContent-Type: text/plain; charset=utf-8\r\nConnection: close\r\n"
+                        b"Content-Length: %d\r\n\r\n%s" % (len(body), body)
+                    )
+                    return
+                with socket.create_connection(self._behind, timeout=_HEAD_S) as server:
+                    server.sendall(head)
+                    self._both_ways(client, server)
+        finally:
+            self._slots.release()
+
+    def _refused(self, head: bytes) -> str:
+        if b"\r\n\r\n" not in head:
+            return "no request that can be read"
+        lines = head.partition(b"\r\n\r\n")[0].decode("latin-1").split("\r\n")[1:]
+        fields = [
+            (name.strip().lower(), value.strip())
+            for name, _, value in (line.partition(":") for line in lines)
+        ]
+        hosts, origins = (
+            [value for name, value in fields if name == wanted] for wanted in ("host", "origin")
+        )
+        return foreign(hosts, origins, allowed=self._allowed)
+
+    def _both_ways(self, client: socket.socket, server: socket.socket) -> None:
+        other = threading.Thread(
+            target=self._pass_on, args=(client, server), name="tega-same-machine-client", daemon=True
+        )
+        other.start()
+        self._pass_on(server, client)
+        other.join()
+
+    def _pass_on(self, source: socket.socket, target: socket.socket) -> None:
+        """Pass bytes on until one end closes."""
+        piece = memoryview(bytearray(_PIECE_BYTES))
+        source.settimeout(_LOOK_S)
+        with contextlib.suppress(OSError):
+            while not self._leaving.is_set():
+                try:
+                    n = source.recv_into(piece)
+                except TimeoutError:
+                    continue
+                if not n:
+                    break
+                target.sendall(piece[:n])
+        for end in (source, target):
+            with contextlib.suppress(OSError):
+                end.shutdown(socket.SHUT_RDWR)
+
+
+def _head(client: socket.socket) -> bytes:
+    """Return what was received up to the end of the request's head; without an end where it is too long."""
+    data = b""
+    while b"\r\n\r\n" not in data and len(data) < _MOST_HEAD_BYTES:
+        more = client.recv(4096)
+        if not more:
+            break
+        data += more
+    return data

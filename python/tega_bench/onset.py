@@ -1,0 +1,306 @@
+"""Measure how long a motor of the vest takes to start: ``tega-teleop vest onset``."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+import click
+
+from tega.ui.cli.options import json_option
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tega.config import SessionConfig
+    from tega.config.calibration.records import OnsetRecord
+    from tega_bench.vest_latency.log import OnsetLog
+
+
+_CLICKS = 4
+_CLICK_APART_S = (0.37, 0.61, 0.83, 0.53)
+
+
+class _Wanted(NamedTuple):
+    """Settings of an onset measurement."""
+
+    settings: SessionConfig
+    percent: int
+    bursts: int
+    sync: Literal["none", "keys", "speaker"]
+
+
+@click.command(epilog="Example: tega-teleop vest onset lab.toml --motor 0 --motor 21")
+@click.argument("config", type=click.Path(path_type=Path), metavar="[SETTINGS.toml]", required=False)
+@click.option(
+    "--motor",
+    "motors",
+    type=click.IntRange(0, 39),
+    multiple=True,
+    help="Motor to measure; repeatable. Else motor 0.",
+)
+@click.option(
+    "--percent", type=click.IntRange(10, 100), default=60, show_default=True, help="How hard it vibrates."
+)
+@click.option(
+    "--bursts", type=click.IntRange(6, 100), default=15, show_default=True, help="How many bursts are played."
+)
+@click.option("--microphone", metavar="NAME", help="Number or part of a name; else the system's own choice.")
+@click.option("--list", "list_them", is_flag=True, help="List the microphones, and end.")
+@click.option(
+    "--sync",
+    type=click.Choice(["none", "keys", "speaker"]),
+    help="Clicks that tell how recording and commands lie in time: the space bar, struck by you, or the loudspeaker. "
+    "Else none with a microphone here, keys without.",
+)
+@click.option(
+    "--log",
+    "log_file",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Record elsewhere, such as with a phone: play the bursts and write what was commanded to this file.",
+)
+@click.option(
+    "--wav", type=click.Path(path_type=Path, dir_okay=False), help="Read that recording, with its --log."
+)
+@click.option(
+    "--keep", type=click.Path(path_type=Path, file_okay=False), help="Keep recording and log in this folder."
+)
+@click.option(
+    "--folder",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Where calibrations are kept; else calibration.folder, else 'calibrations' beside SETTINGS.toml.",
+)
+@click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
+@json_option
+def onset(
+    *,
+    config: Path | None,
+    motors: tuple[int, ...],
+    percent: int,
+    bursts: int,
+    microphone: str | None,
+    list_them: bool,
+    sync: str | None,
+    log_file: Path | None,
+    wav: Path | None,
+    keep: Path | None,
+    folder: Path | None,
+    sets: tuple[str, ...],
+    as_json: bool,
+) -> None:
+    """Measure how long a motor takes from its frame to its first vibration, with a microphone taped onto it.
+
+    Bursts of half a second are played and heard; the room has to be quiet. The result is kept with the calibrations,
+    by vest, and every later run adds it to its latency. With a phone: --log FILE plays the bursts, then
+    --wav FILE.wav --log FILE reads what the phone has recorded.
+
+    Exit codes: 0 measured, 1 no result (the message says why), 2 usage, 3 no vest or no microphone.
+
+    With --json: a list of {"file", "record"}; with --log alone {"log"}.
+    """
+    from tega.config import load_config
+    from tega.config.calibration.folder import CalibrationFolder
+    from tega.ui.cli.options import echo_json
+
+    if list_them:
+        from tega_bench.vest_latency.microphone import list_microphones
+
+        click.echo("\n".join(list_microphones()) or "no microphone")
+        return
+    if wav is not None and log_file is None:
+        raise click.UsageError("--wav needs the --log that was written when the bursts were played")
+    if log_file is not None and len(motors) > 1:
+        raise click.UsageError("one --log is for one --motor")
+    # The bursts count to the day of who wears the vest, which is kept in the same folder.
+    where = () if folder is None else (f"calibration.folder={json.dumps(str(folder.absolute()))}",)
+    settings = load_config(config, sets=(*sets, *where)).config
+    kept = folder or settings.calibration.folder or _beside(config) / "calibrations"
+    if wav is not None and log_file is not None:
+        measured: Iterator[tuple[OnsetRecord, str]] = _read(wav, log_file)
+    elif log_file is not None:
+        how: Any = sync or "keys"
+        if how == "none":
+            raise click.UsageError("without clicks nothing says how recording and commands lie in time")
+        wanted = _Wanted(settings, percent, bursts, how)
+        _play_for_elsewhere(wanted, (motors or (0,))[0], log_file, quiet=as_json)
+        if as_json:
+            echo_json({"log": str(log_file)})
+        return
+    else:
+        heard: Any = sync or "none"
+        measured = _measure(_Wanted(settings, percent, bursts, heard), motors or (0,), microphone, keep)
+    home, told = CalibrationFolder(kept), []
+    for record, said in measured:
+        file = home.keep_onset(record)
+        told.append({"file": str(file), "record": _plain(record)})
+        if not as_json:
+            click.echo(said)
+            click.echo(f"  kept in {file}")
+    if as_json:
+        echo_json(told)
+
+
+def _beside(config: Path | None) -> Path:
+    return Path.cwd() if config is None else config.absolute().parent
+
+
+def _read(wav: Path, log_file: Path) -> Iterator[tuple[OnsetRecord, str]]:
+    from tega_bench.vest_latency.log import read_log, read_wav
+    from tega_bench.vest_latency.measure import found_in, record_of
+
+    log = read_log(log_file)
+    record = record_of(found_in(*read_wav(wav), log), log)
+    yield record, _said(record)
+
+
+def _measure(
+    wanted: _Wanted, motors: tuple[int, ...], microphone: str | None, keep: Path | None
+) -> Iterator[tuple[OnsetRecord, str]]:
+    from tega.setup.calibration.identify import motor_place
+    from tega_bench.vest_latency.clock import by_blocks
+    from tega_bench.vest_latency.log import write_log, write_wav
+    from tega_bench.vest_latency.measure import found_in, record_of
+    from tega_bench.vest_latency.microphone import Microphone
+
+    for motor in motors:
+        if len(motors) > 1 and sys.stdin.isatty():
+            click.prompt(
+                f"Tape the microphone onto motor {motor} ({motor_place(motor)}), then Enter",
+                default="", show_default=False, prompt_suffix=" ", err=True,
+            )  # fmt: skip
+        with Microphone(microphone) as ear:
+            log_with = _played(wanted, motor)
+            samples, blocks = ear.heard()
+            clock = by_blocks(blocks, ear.rate_hz, latency_s=ear.latency_s)
+        log = log_with(clock)
+        if keep is not None:
+            name = f"{log.made:%Y%m%d-%H%M%S}-motor{motor:02}"
+            write_wav(keep / f"{name}.wav", samples, ear.rate_hz)
+            write_log(log, keep / f"{name}.json")
+        record = record_of(found_in(samples, ear.rate_hz, log), log)
+        yield record, _said(record)
+
+
+def _play_for_elsewhere(wanted: _Wanted, motor: int, file: Path, *, quiet: bool) -> None:
+    from tega_bench.vest_latency.log import write_log
+
+    click.echo(
+        "Begin the recording now (WAV, or convert it later), the microphone on the motor and near the "
+        f"{'keyboard' if wanted.sync == 'keys' else 'loudspeaker'}.",
+        err=True,
+    )
+    write_log(_played(wanted, motor)(None), file)
+    if not quiet:
+        click.echo(f"End the recording. Then: tega-teleop vest onset --wav RECORDING.wav --log {file}")
+
+
+def _played(wanted: _Wanted, motor: int) -> Callable[[Any], OnsetLog]:
+    """Click, play, click again; return what makes the log of it once the recording's clock is known."""
+    from tega.config import DEFAULT_LAYOUT
+    from tega.config.calibration.records import utc_now
+    from tega.errors import ConfigError
+    from tega.loop.worn_vest import dose_file, worn_vest
+    from tega.runtime.clock import SystemClock
+    from tega.safety.ctrl_c import CtrlC
+    from tega.ui.cli.options import progress_bar
+    from tega_bench.vest_latency.measure import log_of, play_bursts, watched_vest
+
+    settings = wanted.settings
+    if settings.vest.driver is None:
+        raise ConfigError("no vest: vest.driver is not set", "for example --set vest.driver=bhaptics-player")
+    layout = settings.vest.layout or DEFAULT_LAYOUT[settings.session.preset]
+    made = utc_now()
+    with ExitStack() as stack:
+        stop = stack.enter_context(CtrlC())
+        clicks = stack.enter_context(_clicker(wanted.sync, stop))
+        worn = worn_vest(settings.vest, dose_file(settings.calibration))
+        opened: Any = watched_vest(stack.enter_context(worn))
+        clicks_s = clicks()
+        with progress_bar() as shown:
+            bursts_s, unsent = play_bursts(
+                opened,
+                motor,
+                layout=layout,
+                percent=wanted.percent,
+                bursts=wanted.bursts,
+                clock=SystemClock(),
+                stop=stop,
+                told=lambda done, total: shown(f"motor {motor}", done, total),
+            )
+        clicks_s += clicks()
+        info = opened.info
+    made_by: Any = "" if wanted.sync == "none" else wanted.sync
+    return lambda clock: log_of(
+        info, made=made, layout=layout, motor=motor, percent=wanted.percent, bursts_s=bursts_s,
+        unsent=unsent, clicks_s=clicks_s, clicks=made_by, clock=clock,
+    )  # fmt: skip
+
+
+@contextmanager
+def _clicker(sync: str, stop: Callable[[], bool]) -> Iterator[Callable[[], list[float]]]:
+    """Give what makes a few clicks and returns their times, seconds on the monotonic clock."""
+    import time
+
+    if sync == "speaker":
+        from tega_bench.vest_latency.microphone import Speaker
+
+        with Speaker() as speaker:
+
+            def clicked() -> list[float]:
+                times = []
+                for apart_s in _CLICK_APART_S:
+                    times.append(speaker.click())
+                    time.sleep(apart_s)
+                return times
+
+            yield clicked
+        return
+    if sync == "keys":
+        from tega.runtime.keys import Keys
+
+        with Keys() as keys:
+
+            def struck() -> list[float]:
+                click.echo(
+                    f"Strike the space bar hard {_CLICKS} times, not evenly, beside the microphone: ",
+                    nl=False, err=True,
+                )  # fmt: skip
+                times: list[float] = []
+                while len(times) < _CLICKS:
+                    if stop():
+                        raise KeyboardInterrupt
+                    pressed = keys.read()
+                    times += [time.monotonic()] * pressed.count(" ")
+                    click.echo("·" * pressed.count(" "), nl=False, err=True)
+                    time.sleep(0.001)
+                click.echo(" heard", err=True)
+                return times
+
+            yield struck
+        return
+    yield list
+
+
+def _plain(record: OnsetRecord) -> dict[str, Any]:
+    import msgspec
+
+    plain: dict[str, Any] = msgspec.to_builtins(record)
+    return plain
+
+
+def _said(record: OnsetRecord) -> str:
+    from tega.setup.calibration.identify import motor_place
+
+    low, high = record.middle_half_ms
+    left_out = f"; left out: {', '.join(record.left_out)}" if record.left_out else ""
+    return (
+        f"motor {record.motor} ({motor_place(record.motor)}), {record.percent} %:\n"
+        f"  begins {record.onset_ms:.0f} ms after its frame was handed over (half of the bursts {low:.0f} to "
+        f"{high:.0f}, worst {record.worst_ms:.0f}), half strength after {record.half_strength_ms:.0f} ms\n"
+        f"  the clock of the recording may be off by {record.clock_uncertainty_ms:.0f} ms ({record.clock})\n"
+        f"  {record.used} of {record.bursts} bursts count{left_out}; it spins {record.spin_hz:.0f} times a second"
+    )

@@ -1,0 +1,43 @@
+"""Join ``recording export``: ``--format lerobot``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+
+from tega.ui.cli.export_format import ExportFormat
+from tega_lerobot.dataset import export_lerobot
+
+
+def _export(
+    recordings: Sequence[Path], out: Path, *, fps: int, task: str | None, scenes: Sequence[str]
+) -> list[Path]:
+    """Write one data set."""
+    named = dict(one.partition("=")[::2] for one in scenes)
+    if not all(named.values()) or len(named) < len(scenes):
+        raise click.BadParameter("name each camera once, as NAME=VIDEO.mp4", param_hint="--scene")
+    videos = {name: Path(video) for name, video in named.items()}
+    return [export_lerobot(recordings, out, fps=fps, task=task, scenes=videos)]
+
+
+FORMAT = ExportFormat(
+    options=(
+        click.Option(
+            ["--fps"],
+            type=click.IntRange(1, 240),
+            default=30,
+            show_default=True,
+            help="Frames per second (lerobot).",
+        ),
+        click.Option(["--task"], help="Task in words, for episodes that do not name one (lerobot)."),
+        click.Option(
+            ["--scene", "scenes"],
+            multiple=True,
+            metavar="NAME=VIDEO.mp4",
+            help="Video of a scene camera with its time code, as scene export wrote it (lerobot); repeatable.",
+        ),
+    ),
+    export=_export,
+)

@@ -1,0 +1,186 @@
+"""Decode a scene recording's video at the playhead, from the last picture that stands alone."""
+
+from __future__ import annotations
+
+from array import array
+from bisect import bisect_right
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from tega.errors import RecordingError
+from tega.recording.mcap_reader import McapReader
+from tega.recording.replay.followed_file import NEVER_NS, FollowedFile, PlayedMoment, StreamFollower
+from tega.recording.replay.players import PlayedTopics
+from tega.records.display import DisplayPicture
+from tega.runtime.files.foreign_file import tells_damage
+from tega_scene.decode import SceneDecoder, note_key
+from tega_scene.offset_file import read_offsets
+from tega_scene.record import scene_epoch
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tega.recording.mcap_reader import Message
+    from tega.records.bus import Bus
+
+VIDEO: Final = "foxglove.CompressedVideo"
+# A picture that is older than this is none of the moment.
+_OLD_NS: Final = 1_000_000_000
+_NO_KEY: Final = "no picture of its video stands alone, as one of H.264 or AV1 does at least once a second"
+
+
+class PlayedCamera:
+    """Decodes a camera's video up to the playhead, and converts the one picture that is to be seen.
+
+    Args:
+        topic: Of its video, ``/scene/NAME/video``.
+        keys_ns: When pictures came that stand alone, rising, time of the recording.
+        bus: Told of each picture.
+    """
+
+    def __init__(self, topic: str, keys_ns: Iterable[int], bus: Bus) -> None:
+        self.name = topic.removeprefix("/scene/").removesuffix("/video")
+        self.since_ns = self.n_told = 0
+        self._keys_ns, self._bus = sorted(keys_ns), bus
+        self._decoder: SceneDecoder | None = None
+        self._decoded_ns = -1
+        self._tells_none = not self._keys_ns
+        self._shown_ns: int | None = None
+
+    def begin(self, at_ns: int, *, jumped: bool) -> None:
+        """Go on from the last picture before a place that stands alone; from the first one after it, if there is none.
+
+        One whose turn it is anyway is decoded on.
+        """
+        place = max(bisect_right(self._keys_ns, at_ns) - 1, 0)
+        key_ns = self._keys_ns[place] if self._keys_ns else NEVER_NS
+        if jumped or key_ns > self._decoded_ns:
+            self._decoder, self.since_ns, self._decoded_ns = None, key_ns, key_ns - 1
+        else:
+            self.since_ns = self._decoded_ns + 1
+
+    def take(self, message: Message, known_ns: int, moment: PlayedMoment) -> None:  # noqa: ARG002  # it is told in settle
+        """Decode the next picture.
+
+        Raises:
+            RecordingError: It is damaged, or of a format that cannot be decoded.
+        """
+        if self._decoder is None:
+            self._decoder = SceneDecoder(message.value.format)
+        self._decoder.take(known_ns, message.value.data)
+        self._decoded_ns = known_ns
+
+    def settle(self, moment: PlayedMoment) -> None:
+        """Tell the newest picture, and that there is none once it is a second old.
+
+        Raises:
+            RecordingError: It cannot be converted; once, that there is none.
+        """
+        if self._tells_none:
+            self._tells_none = False
+            raise RecordingError(_NO_KEY)
+        newest = None if self._decoder is None else self._decoder.image()
+        if newest is not None and moment.at_ns - newest[0] <= _OLD_NS:
+            self._shown_ns, image = newest
+            self.n_told += 1
+            self._tell(self._shown_ns + moment.shift_ns, image)
+        elif self._shown_ns is not None and not 0 <= moment.at_ns - self._shown_ns <= _OLD_NS:
+            self._shown_ns = None
+            self._tell(moment.at_ns + moment.shift_ns, None)
+
+    def _tell(self, t_ns: int, image: NDArray[np.uint8] | None) -> None:
+        self._bus.publish(DisplayPicture(name=self.name, t_ns=t_ns, image=image))
+
+    def skip(self, known_ns: int) -> None:
+        """Go on with the next picture that stands alone."""
+        place = bisect_right(self._keys_ns, known_ns)
+        self.since_ns = self._keys_ns[place] if place < len(self._keys_ns) else NEVER_NS
+        self._decoder = None
+
+
+@tells_damage
+def followed_scene(path: Path, bus: Bus, *, start_ns: int, end_ns: int, behind_ns: int) -> FollowedFile:
+    """Open a scene recording, to be played beside a recording of the same machine.
+
+    Args:
+        path: The MCAP file that ``scene record`` wrote.
+        bus: Told of its pictures.
+        start_ns: The machine's clock at the beginning of the recording.
+        end_ns: Length of the recording.
+        behind_ns: As of :class:`FollowedFile`.
+
+    Raises:
+        RecordingError: It is no scene recording, is damaged, or is of another time.
+        MissingExtraError: A package of the extra ``record`` is not installed.
+    """
+    reader = McapReader(path)
+    keys: dict[str, array[int]] = {}
+    first_ns, last_ns = NEVER_NS, 0
+    for message in reader.messages(lambda topic: not topic.endswith("/image")):
+        if message.schema == VIDEO and message.value is not None:
+            note_key(keys, message)
+            first_ns, last_ns = min(first_ns, message.log_ns), max(last_ns, message.log_ns)
+    if not keys:
+        raise RecordingError(
+            f"{path.name}: holds no scene camera", "name a file that tega-teleop scene record wrote"
+        )
+    for topic, found in keys.items():
+        if not found:
+            raise RecordingError(f"{path.name}: {topic}: {_NO_KEY}", "record it anew with scene record")
+    zero_ns = scene_epoch(reader) + start_ns
+    if first_ns - zero_ns > end_ns or last_ns < zero_ns:
+        raise RecordingError(
+            f"{path.name}: goes from {(first_ns - zero_ns) / 1e9:.1f} to {(last_ns - zero_ns) / 1e9:.1f} s of a "
+            f"recording of {end_ns / 1e9:.1f} s",
+            "name the scene that was recorded beside it, on the same machine",
+        )
+    late = camera_delays(path)
+    followers: Mapping[str, StreamFollower] = {
+        topic: PlayedCamera(topic, [key_ns - zero_ns - late.get(topic, 0) for key_ns in found], bus)
+        for topic, found in keys.items()
+    }
+    return FollowedFile(reader, zero_ns, followers, behind_ns=behind_ns, delays_ns=late)
+
+
+def camera_delays(path: Path) -> dict[str, int]:
+    """Return how late the cameras of a recording are, nanoseconds, by their topics, where that was estimated.
+
+    Raises:
+        RecordingError: The file of the estimates is damaged.
+    """
+    return {f"/scene/{name}/video": offset.late_ns for name, offset in read_offsets(path).items()}
+
+
+class PlayedScene:
+    """Plays the scene cameras of a recording, and scene recordings beside it."""
+
+    def __init__(self) -> None:
+        self._keys_ns: dict[str, array[int]] = {}
+
+    def note(self, message: Message) -> None:
+        """Note the pictures of a video that stand alone."""
+        if message.schema == VIDEO:
+            note_key(self._keys_ns, message)
+
+    def topics(self, path: Path, zero_ns: int, bus: Bus) -> PlayedTopics:
+        """Return the videos of the recording."""
+        if not self._keys_ns or not bus.wants(DisplayPicture):
+            return PlayedTopics({}, {})
+        late = camera_delays(path)
+        followers: dict[str, StreamFollower] = {
+            topic: PlayedCamera(topic, [key_ns - zero_ns - late.get(topic, 0) for key_ns in keys], bus)
+            for topic, keys in self._keys_ns.items()
+        }
+        return PlayedTopics(followers, late)
+
+    def beside(
+        self, path: Path, bus: Bus, *, start_ns: int, end_ns: int, behind_ns: int
+    ) -> FollowedFile | None:
+        """Return a scene recording of the same machine."""
+        if not bus.wants(DisplayPicture):
+            return None
+        return followed_scene(path, bus, start_ns=start_ns, end_ns=end_ns, behind_ns=behind_ns)

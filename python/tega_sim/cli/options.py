@@ -1,0 +1,116 @@
+"""Options that verbs of the simulated bench share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from tega.config import file_sets
+from tega.errors import InvalidValueError
+from tega.ui.cli.options import NumberList
+
+if TYPE_CHECKING:
+    from tega_sim.world.objects import ObjectSpec
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+
+def object_options(function: _Function) -> _Function:
+    """Add what the lifted objects of simulated trials can be asked: a file of them, and factors to cross them with."""
+    for option in (
+        click.option(
+            "--friction",
+            type=NumberList(),
+            help="Friction between object and gel, instead of the object's own.",
+        ),
+        click.option(
+            "--stiffness-n-m", type=NumberList(), help="Stiffness of the object's wall, instead of its own."
+        ),
+        click.option(
+            "--mass-kg",
+            type=NumberList(),
+            help="Mass instead of each object's own. Every combination with the next two options is run.",
+        ),
+        click.option(
+            "--objects-file",
+            type=click.Path(path_type=Path, dir_okay=False, exists=True),
+            metavar="FILE.toml",
+            help="File that describes the --objects, as tega_sim/world/objects.toml does.",
+        ),
+        click.option(
+            "--view",
+            type=click.Choice(["direct", "aside", "hidden"]),
+            default="direct",
+            show_default=True,
+            help="How well people see the hand while it holds.",
+        ),
+    ):
+        function = option(function)
+    return function
+
+
+def chosen_objects(names: list[str], file: Path | None) -> dict[str, ObjectSpec]:
+    """Return the objects of these names in a file, or in the package's own.
+
+    Raises:
+        ConfigError: The file is not valid.
+        InvalidValueError: It has no such object.
+    """
+    from tega_sim.world.objects import read_objects
+
+    known = read_objects(file)
+    for name in names:
+        if name not in known:
+            raise InvalidValueError(f"object {name!r} is not known", f"choose from {', '.join(known)}")
+    return {name: known[name].spec for name in names}
+
+
+shear_option = click.option(
+    "--shear",
+    type=click.Choice(["off", "texture", "dots"]),
+    default="off",
+    show_default=True,
+    help="Whether simulated gels give way sideways, and what shows it; stages.metric.name=shear reads it.",
+)
+
+
+def loop_options(function: _Function) -> _Function:
+    """Add what the loop of a simulated trial can be asked: preset, gels, settings file, single settings."""
+    for option in (
+        shear_option,
+        click.option(
+            "--set",
+            "sets",
+            multiple=True,
+            metavar="KEY=VALUE",
+            help="A setting of the loop: stages.*, vest.layout, vest.mirror, session.pose_base; repeatable.",
+        ),
+        click.option(
+            "--config",
+            type=click.Path(path_type=Path, dir_okay=False),
+            metavar="LAB.toml",
+            help="Take the stages, vest.layout, vest.mirror and session.pose_base of these settings.",
+        ),
+        click.option(
+            "--preset",
+            type=click.Choice(["paper", "live"]),
+            default="live",
+            show_default=True,
+            help="Readings of the equations: paper (as printed) or live (meant for people).",
+        ),
+    ):
+        function = option(function)
+    return function
+
+
+def loop_sets(config: Path | None, sets: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the settings of a simulated trial's loop as ``key=value``: a file's, then the single ones.
+
+    Raises:
+        ConfigError: The file cannot be read, or a setting in it is unknown, of a wrong type or out of range.
+    """
+    if config is None:
+        return sets
+    return (*file_sets(config), *sets)

@@ -1,0 +1,133 @@
+"""Measure a study's filmed lifts, and confirm them: ``tega-teleop scene measure`` and ``confirm``."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+import click
+
+from tega.ui.cli.options import echo_json, json_option
+from tega_scene.cli import optics_options, print_outcome
+
+_FILE = click.Path(path_type=Path, dir_okay=False)
+_FOLDER = click.Path(path_type=Path, file_okay=False)
+
+
+@click.command(
+    epilog="Example: tega-teleop scene measure my-study p01 cam.mp4 --lens cam.json --layout tags.toml"
+)
+@click.argument("folder", type=_FOLDER)
+@click.argument("participant")
+@click.argument("video", type=_FILE, required=False)
+@click.option(
+    "--camera", metavar="NAME", help="Which camera of the settings, where several filmed the trials."
+)
+@partial(optics_options, required=False)
+@json_option
+def measure(
+    *,
+    folder: Path,
+    participant: str,
+    video: Path | None,
+    camera: str | None,
+    lens_file: Path | None,
+    layout_file: Path | None,
+    harm_mm: float,
+    mark: tuple[float, float] | None,
+    as_json: bool,
+) -> None:
+    """Score the trials of a study's session by a camera; study score compares them with the raters.
+
+    Without a video: by what a camera of the settings filmed into each trial's recording. Writes
+    sessions/ID/measured.jsonl. With --json: {"trials": [{"participant", "trial", "attempt", "object", "outcome",
+    "problem"}]}, an outcome as scene score says it.
+    """
+    import msgspec
+
+    from tega_scene.layout import load_layout
+    from tega_scene.lens import load_lens
+    from tega_study.measuring import measure_session
+
+    if video is not None and camera is not None:
+        raise click.UsageError("a video is of one camera: leave out --camera or the file")
+    if video is not None and (lens_file is None or layout_file is None):
+        raise click.UsageError("a video needs --lens CAM.json and --layout TAGS.toml")
+    found = measure_session(
+        folder,
+        participant,
+        video,
+        None if lens_file is None else load_lens(lens_file),
+        None if layout_file is None else load_layout(layout_file),
+        camera=camera,
+        harm_m=harm_mm / 1000,
+        mark_m=mark,
+    )
+    if as_json:
+        echo_json({"trials": msgspec.to_builtins(found)})
+        return
+    for one in found:
+        again = " again" if one.attempt > 1 else ""
+        click.echo(f"{one.participant} trial {one.trial}{again}, {one.object}: {one.problem or 'measured'}")
+        if one.outcome is not None:
+            print_outcome(one.outcome, "  ")
+
+
+@click.command(
+    epilog="Example: tega-teleop scene confirm my-study p01 7 --rater r1 --strike 12 --add slip=4.2"
+)
+@click.argument("folder", type=_FOLDER)
+@click.argument("participant")
+@click.argument("trial", type=click.IntRange(1, 10_000))
+@click.option("--rater", required=True, metavar="ID", help="Code of the rater who looked at the video.")
+@click.option("--attempt", type=click.IntRange(1, 2), default=1, help="Which attempt of the trial.")
+@click.option("--strike", "struck", type=int, multiple=True, metavar="N", help="Event N did not happen.")
+@click.option("--add", "added", multiple=True, metavar="KIND=SECONDS", help="The camera missed this.")
+@click.option(
+    "--list", "only_list", is_flag=True, help="Show the events with their numbers, and write nothing."
+)
+@json_option
+def confirm(
+    *,
+    folder: Path,
+    participant: str,
+    trial: int,
+    rater: str,
+    attempt: int,
+    struck: tuple[int, ...],
+    added: tuple[str, ...],
+    only_list: bool,
+    as_json: bool,
+) -> None:
+    """Confirm what the camera measured of a trial, or correct it; the camera's own account stays as it is.
+
+    With --json: {"events": [{"n", "kind", "t_ns"}]}, those that count now; with --list those that were measured.
+    """
+    from tega_study.measured import read_measured
+    from tega_study.measuring import CORRECTED, confirm_trial
+
+    if only_list:
+        events = [
+            event
+            for event in read_measured(folder, participant)
+            if (event.trial, event.attempt) == (trial, attempt) and event.kind in CORRECTED
+        ]
+        if as_json:
+            echo_json({"events": [{"n": one.n, "kind": one.kind, "t_ns": one.t_ns} for one in events]})
+            return
+        for event in events:
+            click.echo(f"{event.n}: {event.text}")
+        return
+    wanted = []
+    for text in added:
+        kind, _, t_s = text.partition("=")
+        try:
+            wanted.append((kind, float(t_s)))
+        except ValueError:
+            raise click.UsageError(f"--add {text}: write it as slip=4.2") from None
+    events = confirm_trial(folder, participant, trial, rater, attempt=attempt, struck=struck, added=wanted)
+    if as_json:
+        echo_json({"events": [{"n": one.n, "kind": one.kind, "t_ns": one.t_ns} for one in events]})
+        return
+    told = ", ".join(one.kind for one in events) or "nothing"
+    click.echo(f"{participant} trial {trial}, as {rater} has it: {told}")

@@ -1,0 +1,49 @@
+"""List the people who have withdrawn from a study."""
+
+from __future__ import annotations
+
+import logging
+import os
+import re
+from pathlib import Path
+
+from tega.errors import RecordingError
+from tega.runtime.files.foreign_file import read_words
+from tega_study.journal import events_path
+
+_LOG = logging.getLogger(__name__)
+
+WITHDRAWN = "withdrawn.txt"
+
+
+def withdrawn_ids(folder: Path) -> set[str]:
+    """Return the ids of those who have withdrawn; nothing is deleted by asking.
+
+    Args:
+        folder: The study's folder.
+    """
+    path = folder / WITHDRAWN
+    if not path.exists():
+        return set()
+    ids = {line for line in lines_of(path) if re.fullmatch(r"p\d+", line)}
+    for person in sorted(ids):
+        if os.path.lexists(events_path(folder, person).parent):
+            _LOG.warning(
+                "%s has withdrawn, but something of theirs is left: tega-teleop study withdraw %s %s",
+                person,
+                folder,
+                person,
+            )
+    return ids
+
+
+def lines_of(path: Path) -> list[str]:
+    """Return the lines of a list.
+
+    Raises:
+        RecordingError: It is no text.
+    """
+    try:
+        return read_words(path).splitlines()
+    except UnicodeDecodeError as error:
+        raise RecordingError(f"{path}: no list of lines: {error}", "restore it from a copy") from error

@@ -1,0 +1,209 @@
+"""Signals and lost terminals, to one process of a program and to several at once, and the time until the hand is limp.
+
+``make letting-go`` tries every cell on emulated devices and writes docs/evidence/letting-go.md. A cell starts the
+command itself, waits until the emulated hand pushes, makes the fault, and takes the hand's own stamps of zero torque
+and SERVO OFF.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final, Literal, NamedTuple
+
+from hazards.programs import SUBJECTS, Started
+
+__all__ = ["CELLS", "Cell", "Expected", "Seen", "expected", "try_cell"]
+
+PATIENCE_S: Final = float(os.environ.get("TEGA_PATIENCE_S", "60"))
+STOP_S: Final = 3.0
+_WATCH_S: Final = 3.0
+_BETWEEN_S: Final = 0.02
+_SIGNALS: Final = {
+    "HUP": (signal.SIGHUP,),
+    "INT": (signal.SIGINT,),
+    "TERM": (signal.SIGTERM,),
+    "TERM, HUP": (signal.SIGTERM, signal.SIGHUP),
+    "KILL": (signal.SIGKILL,),
+}
+_WHOLE: Final = ("closed terminal", "dropped SSH", "end of the scope")
+EVENTS: Final = (*_SIGNALS, "STOP 3 s", *_WHOLE)
+_ROLES: Final = ("run", "hand process", "guard")
+_TARGETS: Final = (
+    "run",
+    "hand process",
+    "guard",
+    "run + hand process",
+    "run + guard",
+    "hand process + guard",
+    "all",
+)
+
+Outcome = Literal["let go", "goes on", "pushes", "opens", "rests"]
+
+
+class Cell(NamedTuple):
+    """One fault of one program.
+
+    Attributes:
+        subject: Key of :data:`SUBJECTS`.
+        targets: Processes that get the fault.
+        event: One of :data:`EVENTS`.
+    """
+
+    subject: str
+    targets: str
+    event: str
+
+
+class Expected(NamedTuple):
+    """Expected outcome of a cell.
+
+    Attributes:
+        outcome: ``let go``: zero torque and SERVO OFF; ``goes on``: the hand is steered as before; ``pushes``: no
+            program can do anything; ``opens``: the robot station opens the hand; ``rests``: the vest's motors rest.
+        within_s: Longest time until then, seconds.
+    """
+
+    outcome: Outcome
+    within_s: float = 0.0
+
+
+class Seen(NamedTuple):
+    """Outcome of a cell, as the emulated device stamped it.
+
+    Attributes:
+        outcome: As in :class:`Expected`.
+        zero_s: Time from the fault to zero torque (of a vest: to rest; of fingers: until they open), seconds.
+        off_s: Time to SERVO OFF, seconds.
+        old_torque: Whether torque came between the end of a standstill and letting go.
+        words: Last line of the program's error output.
+    """
+
+    outcome: Outcome
+    zero_s: float = 0.0
+    off_s: float = 0.0
+    old_torque: bool = False
+    words: str = ""
+
+    @property
+    def took_s(self) -> float:
+        """Time until both were so, seconds."""
+        return max(self.zero_s, self.off_s)
+
+
+def _cells() -> list[Cell]:
+    cells = [Cell("run", targets, event) for targets in _TARGETS for event in (*_SIGNALS, "STOP 3 s")]
+    cells += [Cell("run", "all", event) for event in _WHOLE]
+    for name, subject in SUBJECTS.items():
+        if name == "run":
+            continue
+        targets = ("main", "all") if subject.steers else ("main",)
+        cells += [Cell(name, target, event) for target in targets for event in (*_SIGNALS, "STOP 3 s")]
+        cells += [Cell(name, "all" if subject.steers else "main", event) for event in _WHOLE]
+    return cells
+
+
+CELLS: Final = _cells()
+
+
+def expected(cell: Cell) -> Expected:
+    """Return what has to come of a cell; times are those of the hazard table."""
+    subject = SUBJECTS[cell.subject]
+    if not subject.steers:
+        return Expected(subject.otherwise, subject.within_s)
+    main = cell.targets.startswith(("main", "run", "all"))
+    hand, guard = (cell.targets == "all" or role in cell.targets for role in ("hand process", "guard"))
+    if cell.event not in {"KILL", "STOP 3 s"}:
+        return Expected("let go", 0.5) if main else Expected("goes on")
+    killed = cell.event == "KILL"
+    if not (main or hand):
+        return Expected("goes on")
+    if main and hand and guard:
+        return Expected("pushes") if killed else Expected("let go", STOP_S + 0.1)
+    if hand and guard:  # the run starts a guard
+        return Expected("let go", 2.0 if killed else 1.0 + 2.0)
+    return Expected("let go", 0.1 if killed else 1.0 + 0.1)
+
+
+def try_cell(cell: Cell, folder: Path) -> Seen:
+    """Start a program, make a fault, and return what the emulated device did."""
+    subject = SUBJECTS[cell.subject]
+    with subject.started(folder, terminal=cell.event in _WHOLE, shell=cell.event == "dropped SSH") as started:
+        begun_s = time.monotonic()
+        with _fault(cell, started) as goes_on_s:
+            seen = _watched(expected(cell).outcome, started, begun_s, goes_on_s)
+        return seen._replace(words=started.last_words())
+
+
+@contextmanager
+def _fault(cell: Cell, started: Started) -> Iterator[list[float]]:
+    """Make the fault; yield the moment at which stopped processes go on, once they do."""
+    goes_on_s: list[float] = []
+    if cell.event in {"closed terminal", "dropped SSH"}:
+        started.hang_up()
+    elif cell.event == "end of the scope":
+        # As systemd does: SIGTERM to every process of the control group, then SIGHUP, each followed by SIGCONT.
+        scope = started.scope()
+        for number in (signal.SIGTERM, signal.SIGHUP):
+            _send(scope, number)
+            _send(scope, signal.SIGCONT)
+    else:
+        pids = [pid for role in _roles(cell.targets) for pid in started.roles[role]]
+        if cell.event == "STOP 3 s":
+            _send(pids, signal.SIGSTOP)
+
+            def go_on() -> None:
+                goes_on_s.append(time.monotonic())
+                _send(pids, signal.SIGCONT)
+
+            timer = threading.Timer(STOP_S, go_on)
+            timer.start()
+            try:
+                yield goes_on_s
+            finally:
+                timer.join()
+            return
+        for k, number in enumerate(_SIGNALS[cell.event]):
+            time.sleep(_BETWEEN_S * k)
+            _send(pids, number)
+    yield goes_on_s
+
+
+def _roles(targets: str) -> list[str]:
+    if targets == "all":
+        return list(_ROLES)
+    return ["run" if target == "main" else target for target in targets.split(" + ")]
+
+
+def _send(pids: list[int], number: signal.Signals) -> None:
+    for pid in pids:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(pid, number)
+
+
+def _watched(outcome: Outcome, started: Started, begun_s: float, goes_on_s: list[float]) -> Seen:
+    """Watch the device until it is as expected, or for as long as a hand that is not let go is watched."""
+    if outcome in {"opens", "rests"}:
+        while not (at_s := started.device_at_rest_s(begun_s)):
+            if time.monotonic() - begun_s > PATIENCE_S:
+                return Seen("pushes")
+            time.sleep(0.005)
+        return Seen(outcome, at_s - begun_s)
+    longest_s = PATIENCE_S if outcome == "let go" else _WATCH_S
+    look = started.look()
+    while time.monotonic() - begun_s < longest_s:
+        look = started.look()
+        if look["off_s"] > begun_s and not look["servo_on"]:
+            zero_s = max(look["zero_s"], begun_s)  # it may have been at zero before
+            old = bool(goes_on_s) and look["pushed_s"] > goes_on_s[0]
+            return Seen("let go", zero_s - begun_s, look["off_s"] - begun_s, old)
+        time.sleep(0.002)
+    steered = look["torques"] > started.torques + 100
+    return Seen("goes on" if steered else "pushes")

@@ -1,0 +1,330 @@
+"""The programs of the table of letting go, each on emulated devices, up to the moment at which the hand pushes."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import pty
+import select
+import shlex
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any, Final, Literal, NamedTuple
+
+import numpy as np
+
+from reference.processes import begun_by, below
+from reference.waiting import until
+from tega.config import check_tree
+from tega.hand import CLOSURE_POSES_RAD
+from tega.loop import run_session
+from tega.runtime.files.toml_text import tree_text
+from tega_emulators.lab import EmulatedLab, emulated_lab
+from tega_emulators.process import Emulator
+from tega_emulators.stations import free_port, split, write_trees
+from tega_emulators.vests import seen_by
+
+__all__ = ["SUBJECTS", "Started", "Subject"]
+
+TIGHT: Final = CLOSURE_POSES_RAD[4]
+_LOOK_S: Final = 0.01
+_TRIES: Final = 10
+# Tests may themselves run under nohup, whose children ignore SIGHUP.
+_FIRST: Final = (
+    "import signal, sys; signal.signal(signal.SIGHUP, signal.SIG_DFL); "
+    "signal.signal(signal.SIGINT, signal.default_int_handler); from tega.ui.cli.main import main; main(sys.argv[1:])"
+)
+
+_ON_TERMINAL: Final = (
+    "import fcntl, os, sys, termios; fcntl.ioctl(0, termios.TIOCSCTTY, 0); "
+    "os.execvp(sys.argv[1], sys.argv[1:])"
+)
+
+
+def command(*words: object) -> list[str]:
+    """Return the words that run ``tega-teleop`` with every signal as a terminal starts it."""
+    return [sys.executable, "-c", _FIRST, *map(str, words)]
+
+
+class Program:
+    """A command, on a pseudo-terminal where it is to be lost, else without one.
+
+    Args:
+        words: Its words.
+        terminal: Whether it has a terminal, whose controlling process it is.
+        shell: Whether a shell has the terminal, as over SSH, and the command is its job.
+        typed: Text to be typed whenever the program asks for Enter.
+    """
+
+    def __init__(self, words: Sequence[str], *, terminal: bool, shell: bool = False, typed: str = "") -> None:
+        # Appended to by the program and by this one, and read from its start.
+        self._err = tempfile.NamedTemporaryFile("ab", buffering=0)  # noqa: SIM115  # closed with the program
+        self._master, self._closing = -1, threading.Event()
+        if not terminal and not typed:
+            self.process = subprocess.Popen(
+                words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=self._err,
+                start_new_session=True,
+            )  # fmt: skip
+            return
+        self._master, slave = pty.openpty()
+        line = ["bash", "--norc", "--noprofile", "-i"] if shell else words
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", _ON_TERMINAL, *line],
+            stdin=slave,
+            stdout=slave,
+            stderr=slave,
+            start_new_session=True,
+        )
+        os.close(slave)
+        if shell:
+            os.write(self._master, (shlex.join(words) + "\n").encode())
+        self._reader = threading.Thread(target=self._read, args=(typed,), daemon=True)
+        self._reader.start()
+
+    def _read(self, typed: str) -> None:
+        unanswered = b""
+        # A read that waits would keep the terminal open.
+        with contextlib.suppress(OSError):
+            while not self._closing.is_set():
+                if not select.select([self._master], [], [], _LOOK_S)[0]:
+                    continue
+                piece = os.read(self._master, 65536)
+                self._err.write(piece)
+                unanswered += piece
+                if typed and b"Enter" in unanswered:
+                    os.write(self._master, typed.encode())
+                    unanswered = b""
+
+    @property
+    def pid(self) -> int:
+        """Number of the command's process, behind a shell, too."""
+        main = [self.process.pid, *below(self.process.pid)]
+        for pid in main:
+            with contextlib.suppress(OSError):
+                if _FIRST.encode() in Path(f"/proc/{pid}/cmdline").read_bytes():
+                    return pid
+        return self.process.pid
+
+    def hang_up(self) -> None:
+        """Close the terminal."""
+        self._closing.set()
+        self._reader.join()
+        os.close(self._master)
+        self._master = -1
+
+    @property
+    def said(self) -> str:
+        """Text on the error output."""
+        return Path(self._err.name).read_text("utf-8", "replace")
+
+    def end(self) -> None:
+        """End it and everything below it."""
+        for pid in [*below(self.process.pid), self.process.pid]:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        self.process.wait()
+        if self._master >= 0:
+            self.hang_up()
+
+
+class Started:
+    """A program whose hand pushes, or whose vest vibrates.
+
+    Args:
+        program: The command that gets the faults.
+        hand: The emulated hand, if there is one.
+        vest: The emulated vest, if that is what is watched.
+        steers: Whether hand process and guard are below the command.
+
+    Attributes:
+        roles: Numbers of the processes ``run``, ``hand process`` and ``guard``.
+        torques: Torque frames that the hand had received.
+    """
+
+    def __init__(
+        self, program: Program, hand: Emulator | None, vest: Emulator | None, *, steers: bool
+    ) -> None:
+        self._program, self._hand, self._vest = program, hand, vest
+        main = program.pid
+        self.roles = {"run": [main], "hand process": [], "guard": []}
+        if steers:
+            self.roles["hand process"] = begun_by(main, "tega.devices.hand.hand_program")
+            self.roles["guard"] = begun_by(main, "tega.devices.hand.hand_guard")
+            assert [len(pids) for pids in self.roles.values()] == [1, 1, 1], self.roles
+        self.torques = 0 if hand is None else self.look()["torques"]
+
+    def look(self) -> dict[str, Any]:
+        """Return the state of the emulated hand."""
+        assert self._hand is not None
+        return self._hand.say("look")
+
+    def device_at_rest_s(self, since_s: float) -> float:
+        """Return when the vest came to rest, or the fingers left the tight pose; 0 while that is not so."""
+        if self._vest is not None:
+            at_s, motors = seen_by(self._vest).history[-1]
+            return 0.0 if any(motors) else max(float(at_s), since_s)
+        look = self.look()
+        opened = np.abs(np.array(look["angles_rad"]) - TIGHT).max() > 0.3
+        return float(look["t_s"]) if opened else 0.0
+
+    def scope(self) -> list[int]:
+        """Return every process of the program, with its shell."""
+        top = self._program.process.pid
+        return [top, *below(top)]
+
+    def hang_up(self) -> None:
+        """Close the program's terminal."""
+        self._program.hang_up()
+
+    def last_words(self) -> str:
+        """Return the last line of the error output."""
+        lines = self._program.said.strip().splitlines()
+        return lines[-1].strip() if lines else ""
+
+
+Start = Callable[[ExitStack, Path, bool, bool], Started]
+
+
+class Subject(NamedTuple):
+    """A program of the table.
+
+    Attributes:
+        command: The command, for the page.
+        start: Starts it.
+        steers: Whether it steers a hand itself, in a hand process with a guard.
+        otherwise: Expected outcome of one that does not.
+        within_s: Longest time until then, seconds.
+    """
+
+    command: str
+    start: Start
+    steers: bool = True
+    otherwise: Literal["opens", "rests"] = "rests"
+    within_s: float = 0.0
+
+    @contextmanager
+    def started(self, folder: Path, *, terminal: bool, shell: bool) -> Iterator[Started]:
+        """Start it in a folder, and end everything of it afterwards."""
+        with ExitStack() as stack:
+            yield self.start(stack, folder, terminal, shell)
+
+
+def _begun(stack: ExitStack, program: Program) -> Program:
+    stack.callback(program.end)
+    return program
+
+
+def _lab(stack: ExitStack, folder: Path, **devices: Any) -> EmulatedLab:
+    lab = stack.enter_context(emulated_lab(folder, hand=True, **devices))
+    lab.go_ahead()
+    # Enough for a busy machine, and less than a standstill of the table.
+    lab.tree["hand"]["options"] |= {"silent_after_ms": 500.0, "lowest_rate_hz": 10.0, "reconnects": 5}
+    lab.tree["safety"] = {"late_ms": 2000.0, "lowest_rate_share": 0.1, "emg_lost_ms": 600.0}
+    return lab
+
+
+def _written(folder: Path, tree: dict[str, Any]) -> Path:
+    path = folder / "lab.toml"
+    path.write_text(tree_text(tree), encoding="utf-8")
+    return path
+
+
+def _await_push(hand: Emulator, program: Program, *, tight: bool = True) -> None:
+    """Wait until the motors push, with the fingers in the tight pose where muscles ask for that."""
+
+    def pushes() -> bool:
+        assert program.process.poll() is None, program.said
+        look = hand.say("look")
+        there = np.abs(np.array(look["angles_rad"]) - TIGHT).max() < 0.15
+        return bool(look["servo_on"] and any(look["duties"]) and (there or not tight))
+
+    until(pushes)
+
+
+def _run(stack: ExitStack, folder: Path, terminal: bool, shell: bool) -> Started:
+    lab = _lab(stack, folder, emg_hz=250.0)
+    words = command("run", _written(folder, lab.tree))
+    program = _begun(stack, Program(words, terminal=terminal, shell=shell))
+    _await_push(lab.hand, program)
+    return Started(program, lab.hand, None, steers=True)
+
+
+def _stations(which: Literal["robot", "operator"]) -> Start:
+    def start(stack: ExitStack, folder: Path, terminal: bool, shell: bool) -> Started:
+        lab = _lab(stack, folder, emg_hz=250.0)
+        address = f"tcp/127.0.0.1:{free_port()}"
+        trees = split(lab.tree, listen=address, connect=address)
+        trees[0]["safety"] = lab.tree["safety"]
+        files = dict(zip(("robot", "operator"), write_trees(folder, trees), strict=True))
+
+        def begin(verb: str) -> Program:
+            lost = verb == which
+            words = command(verb, files[verb])
+            return _begun(stack, Program(words, terminal=terminal and lost, shell=shell and lost))
+
+        robot = begin("robot")
+        if which == "operator" or not terminal:
+            until(lambda: "waits for an operator" in robot.said)
+        for tries_left in reversed(range(_TRIES)):
+            operator = begin("operator")
+            try:
+                _await_push(lab.hand, operator)
+                break
+            except AssertionError:  # it ends where the robot's station is not ready
+                if not tries_left:
+                    raise
+        return Started(robot if which == "robot" else operator, lab.hand, None, steers=which == "robot")
+
+    return start
+
+
+def _play(stack: ExitStack, folder: Path, terminal: bool, shell: bool) -> Started:
+    lab = _lab(stack, folder)
+    muscles = {"driver": "synthetic-emg", "kind": "raw", "options": {"duration_s": 60.0}}
+    recording = {"dir": str(folder / "session"), "stop_free_mib": 0.0}
+    tree = {"session": {"pace": "fast"}, "emg": muscles, "recording": recording}
+    summary = run_session(check_tree(tree, {}, base=folder).config)
+    file = folder / "session" / str(summary["recording"]["file"])
+    words = command("play", file, "--to", _written(folder, lab.tree), "--from", "2")
+    program = _begun(stack, Program(words, terminal=terminal, shell=shell))
+    _await_push(lab.hand, program, tight=False)
+    return Started(program, lab.hand, None, steers=True)
+
+
+def _measure(stack: ExitStack, folder: Path, terminal: bool, shell: bool) -> Started:  # noqa: ARG001
+    hand = stack.enter_context(Emulator("allegro_port"))
+    hand.go_ahead()
+    there = ("--interface", hand.address["interface"], "--channel", hand.address["channel"])
+    program = _begun(
+        stack, Program(command("hand", "measure", *there, "--seconds", 45), terminal=terminal, shell=shell)
+    )
+    _await_push(hand, program, tight=False)
+    return Started(program, hand, None, steers=True)
+
+
+def _calibrate(stack: ExitStack, folder: Path, terminal: bool, shell: bool) -> Started:  # noqa: ARG001
+    vest = stack.enter_context(Emulator("bhaptics_player", "--port", "0"))
+    tree = {"vest": {"driver": "bhaptics-player", "layout": "x40", "options": {"port": vest.address["port"]}}}
+    words = command("calibrate", _written(folder, tree), "--person", "p01", "--time-scale", "4")
+    program = _begun(stack, Program(words, terminal=True, shell=shell, typed="\n"))
+    until(lambda: any(seen_by(vest).motors))
+    return Started(program, None, vest, steers=False)
+
+
+SUBJECTS: Final = {
+    "run": Subject("tega-teleop run", _run),
+    "robot": Subject("tega-teleop robot", _stations("robot")),
+    "operator": Subject(
+        "tega-teleop operator", _stations("operator"), steers=False, otherwise="opens", within_s=3.0
+    ),
+    "play": Subject("tega-teleop play --to", _play),
+    "hand": Subject("tega-teleop hand measure", _measure),
+    "calibrate": Subject("tega-teleop calibrate", _calibrate, steers=False, within_s=0.5),
+}
+"""The programs, by a short name."""

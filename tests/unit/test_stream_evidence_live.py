@@ -1,0 +1,282 @@
+"""Live streams that contradict themselves, from emulators on real transports: refused, or reported by name."""
+
+from __future__ import annotations
+
+import json
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from reference.waiting import until
+from tega.config import check_tree
+from tega.devices.emg.cyton import Cyton, CytonOptions
+from tega.devices.emg.lsl_emg import LslEmg, LslEmgOptions
+from tega.devices.emg.serial_emg import SerialEmg, SerialEmgOptions
+from tega.devices.fingertip.digit import Digit, DigitOptions
+from tega.errors import DeviceUnavailableError, StreamContradictionError
+from tega.loop import run_session
+from tega.setup.doctor import examine
+from tega_emulators.process import Emulator
+from tega_markers import LslMarkersIn
+from tega_markers.lsl_in import Heard
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals"),
+]
+
+
+def cyton(device: Emulator, **options: Any) -> Cyton:
+    return Cyton(CytonOptions(**({"port": device.port, "start_s": 10.0, "silence_s": 20.0} | options)))
+
+
+def rows_of(source: Any, n: int) -> np.ndarray[Any, np.dtype[np.float64]]:
+    rows: list[Any] = []
+    while sum(map(len, rows)) < n:
+        if (chunk := source.read(0.2)) is not None:
+            rows.append(chunk.samples)
+    return np.concatenate(rows)
+
+
+def test_a_daisy_is_taken_off_and_the_board_alone_is_read() -> None:
+    with Emulator("cyton", "--signal", "flat", "--daisy", "obeys") as device, cyton(device) as source:
+        assert not rows_of(source, 250).any()
+        assert "its Daisy switched off" in source.info.notes[0]
+        assert source.contradictions == ()
+
+
+@pytest.mark.parametrize(
+    ("daisy", "said"),
+    [
+        ("deaf", "banner: a Daisy is attached, and the board does not answer to the command"),
+        ("hidden", "values: packets of even and of odd number show different electrodes"),
+    ],
+)
+@pytest.mark.parametrize("signal", ["flat", "emg"])
+def test_a_daisy_that_stays_is_refused(daisy: str, said: str, signal: str) -> None:
+    with (
+        Emulator("cyton", "--signal", signal, "--daisy", daisy) as device,
+        pytest.raises(StreamContradictionError, match=said),
+    ):
+        cyton(device).open()
+
+
+@pytest.mark.parametrize("shifted", ["1.0", "0.6"])
+@pytest.mark.parametrize("signal", ["flat", "emg"])
+def test_packets_shifted_by_a_byte_are_refused(shifted: str, signal: str) -> None:
+    with (
+        Emulator("cyton", "--signal", signal, "--shifted", shifted) as device,
+        pytest.raises(StreamContradictionError, match="counter: the counter does not move") as refused,
+    ):
+        cyton(device).open()
+    assert "radio firmware" in refused.value.hint
+
+
+def test_single_shifted_packets_are_left_out() -> None:
+    with Emulator("cyton", "--signal", "flat", "--shifted", "0.05") as device, cyton(device) as source:
+        # Where the true number is the second header's 0x41, nothing in the packet shows the shift.
+        assert rows_of(source, 500).any(axis=1).sum() <= 2
+        assert any("had a number that cannot be true; not used" in note for note in source.info.notes)
+
+
+def test_doctor_names_the_evidence(tmp_path: Path) -> None:
+    with Emulator("cyton", "--signal", "emg", "--shifted", "1.0") as device:
+        tree = {"emg": {"driver": "cyton", "kind": "raw", "options": {"port": device.port}}}
+        config = check_tree(tree, {}, base=tmp_path).config
+        finding = examine(config, name="lab.toml").findings[0]
+    assert finding.status == "wrong"
+    assert "counter: the counter does not move" in finding.finding
+
+
+def test_a_column_that_counts_and_a_range_that_is_wrong_are_reported(tmp_path: Path) -> None:
+    options = {"rate_hz": 500.0, "columns": 4, "bits": 8}
+    with Emulator("ascii_board", "--stamp", "--rate", "500", "--signal", "emg") as device:
+        with SerialEmg(SerialEmgOptions(port=device.port, **options)) as source:  # type: ignore[arg-type]
+            rows_of(source, 1200)
+            said = " ".join(map(str, source.contradictions))
+            assert set(map(str, source.contradictions)) <= set(source.faults)
+        assert "values: ch1 changes by" in said
+        assert "the converter is said to give 0 to 255" in said
+        tree = {"emg": {"driver": "serial-emg", "kind": "raw", "options": {"port": device.port, **options}}}
+        report = examine(check_tree(tree, {}, base=tmp_path).config, name="lab.toml")
+    assert [one.status for one in report.findings if "values: ch1 changes" in one.finding] == ["wrong"]
+
+
+pylsl = pytest.importorskip("pylsl")
+
+
+def lsl(name: str, by: str = "source_id", **options: Any) -> LslEmg:
+    return LslEmg(LslEmgOptions(value=name, by=by, start_s=10.0, **options))  # type: ignore[arg-type]
+
+
+def ages_of(source: LslEmg, seconds: float) -> list[float]:
+    ages, until_s = list[float](), time.monotonic() + seconds
+    while time.monotonic() < until_s:
+        if (chunk := source.read(0.2)) is not None:
+            ages.append((time.monotonic_ns() - chunk.t_ns) / 1e9)
+    return ages
+
+
+@pytest.mark.parametrize("stamps", ["unix", "device", "ahead"])
+def test_stamps_of_another_clock_give_way_to_arrivals_and_are_reported(stamps: str) -> None:
+    with (
+        Emulator("lsl", "--stamps", stamps, "--signal", "emg") as device,
+        lsl(device.port, silence_s=20.0) as source,
+    ):
+        assert float(np.median(ages_of(source, 1.5))) < 0.2
+        assert [one.evidence for one in source.contradictions] == ["stamp"]
+        assert "they are of another clock" in source.faults[0]
+
+
+def test_samples_that_are_late_for_good_are_refused_with_the_true_reason() -> None:
+    with (
+        Emulator("lsl", "--stamps", "late") as device,
+        pytest.raises(StreamContradictionError, match=r"stamp: samples come 2\.\d+ s after their stamps"),
+    ):
+        lsl(device.port).open()
+
+
+def test_a_clock_that_is_set_back_while_it_sends_is_reported_and_no_sample_grows_old() -> None:
+    with Emulator("lsl", "--signal", "emg") as device, lsl(device.port, silence_s=20.0) as source:
+        assert source.contradictions == ()
+        ages_of(source, 0.5)
+        device.say("stamps late")
+        assert float(np.median(ages_of(source, 1.5))) < 0.2
+        assert "the sender's clock was set" in source.faults[0]
+
+
+def test_a_sender_s_drifting_clock_is_followed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A clock that is 1 % slow against ours, as three hours of 30 ppm would make it."""
+    zero_s = pylsl.local_clock()
+
+    def theirs(now_s: float) -> float:
+        return float(zero_s + (now_s - zero_s) * 0.99)
+
+    def correction(_inlet: object, timeout: float = 0.0) -> float:  # noqa: ARG001  # the library's signature
+        now_s = pylsl.local_clock()
+        return float(now_s - theirs(now_s))
+
+    monkeypatch.setattr(pylsl.StreamInlet, "time_correction", correction)
+    outlet = pylsl.StreamOutlet(pylsl.StreamInfo("drifts", "EMG", 3, 500.0, "float32", "tega-drifts"))
+    over = threading.Event()
+
+    def send() -> None:
+        rng, n, begun_s = np.random.default_rng(1), 0, time.monotonic()
+        while not over.wait(0.005):
+            k = int((time.monotonic() - begun_s) * 500) - n
+            n += k
+            if k:
+                outlet.push_chunk(rng.normal(0, 50, (k, 3)).tolist(), theirs(pylsl.local_clock()))
+
+    thread = threading.Thread(target=send)
+    thread.start()
+    try:
+        with lsl("tega-drifts") as source:
+            first = float(np.median(ages_of(source, 1.0)))
+            ages_of(source, 8.0)
+            last = float(np.median(ages_of(source, 1.0)))
+            (words,) = [note for note in source.info.notes if "clock correction" in note]
+    finally:
+        over.set()
+        thread.join()
+    # Asked once, the newest sample would be 0.09 s older by now.
+    assert last - first < 0.03
+    assert "asked" in words
+
+
+@pytest.mark.parametrize("declared", ["Accelerometer", "Markers", "Gaze"])
+def test_a_stream_that_declares_itself_as_something_else_is_reported(declared: str) -> None:
+    with Emulator("lsl", "--type", declared) as device, lsl(device.port) as source:
+        assert [one.evidence for one in source.contradictions] == ["banner"]
+        assert declared in source.faults[0]
+
+
+def test_two_streams_of_one_name_are_refused() -> None:
+    with (
+        Emulator("lsl", "--name", "tega-twice"),
+        Emulator("lsl", "--name", "tega-twice"),
+        pytest.raises(StreamContradictionError, match="banner: 2 streams have the name 'tega-twice'"),
+    ):
+        lsl("tega-twice", by="name").open()
+
+
+def test_two_streams_of_markers_of_one_name_are_refused_until_one_is_gone() -> None:
+    heard: list[Heard] = []
+    with Emulator("lsl_markers", "--name", "tega-marks") as one:
+        with Emulator("lsl_markers", "--name", "tega-marks"):
+            listening = LslMarkersIn("tega-marks", heard.append)
+            until(lambda: "2 streams are called 'tega-marks'" in listening.problem)
+            assert not heard
+        until(lambda: listening.problem == "")
+        # A second one that comes later is named as well, and the first is still heard.
+        with Emulator("lsl_markers", "--name", "tega-marks"):
+            until(lambda: "2 streams are called" in listening.problem)
+            until(lambda: bool(one.say("mark there")["consumers"]))
+            until(lambda: bool(heard))
+        until(lambda: listening.problem == "")
+        listening.close()
+    assert {one.text for one in heard} == {"there"}
+
+
+@pytest.mark.parametrize("ago_s", [-1.7e9, -10.0, 500.0])
+def test_a_marker_s_stamp_of_another_clock_is_reported_and_its_arrival_counts(ago_s: float) -> None:
+    heard: list[Heard] = []
+    with Emulator("lsl_markers", "--name", "tega-odd") as other:
+        listening = LslMarkersIn("tega-odd", heard.append)
+        until(lambda: listening.problem == "")
+        until(lambda: bool(other.say("mark good")["consumers"]) and bool(heard))
+        assert listening.n_unstamped == 0
+        other.say(f"mark odd {ago_s}")
+        until(lambda: "is of another clock" in listening.problem)
+        listening.close()
+    odd = next(marker for marker in heard if marker.text == "odd")
+    assert odd.at_ns == odd.received_ns
+    assert listening.n_unstamped == 1
+    good = next(marker for marker in heard if marker.text == "good")
+    assert abs(good.received_ns - good.at_ns) < 5e9
+
+
+def test_a_camera_that_changes_its_size_falls_silent_with_the_reason() -> None:
+    with (
+        Emulator("digit") as sensor,
+        Digit(DigitOptions(source=sensor.address["source"], warm_up_s=0.1)) as digit,
+    ):
+        assert digit.read(5.0) is not None
+        sensor.say("small")
+        until(lambda: "those that come are of another size" in digit.faults)
+        digit.read(0.0)
+        assert digit.read(0.5) is None
+        sensor.say("clear")
+        until(lambda: digit.read(0.5) is not None)
+        assert digit.faults == ()
+
+
+def test_the_alert_of_a_contradiction_is_in_the_summary(tmp_path: Path) -> None:
+    with Emulator("lsl", "--stamps", "unix", "--signal", "emg") as device:
+        file = tmp_path / "calibration.toml"
+        file.write_text(
+            'format = "tega-calibration"\nversion = 1\npreset = "live"\norigin = "test"\n\n[tactile]\n\n[emg]\n'
+            'kind = "raw"\nrate_hz = 500.0\ntau = 50\nchannels = ["ch1", "ch2", "ch3"]\n'
+            "maxima = [50.0, 50.0, 50.0]\n"
+        )
+        tree = {
+            "session": {"duration_s": 2.0, "out_dir": str(tmp_path / "out")},
+            "emg": {
+                "driver": "lsl-emg",
+                "kind": "raw",
+                "options": {"by": "source_id", "value": device.port},
+            },
+            "calibration": {"file": str(file)},
+        }
+        summary = run_session(check_tree(tree, {}, base=tmp_path).config)
+    text = json.dumps(summary)
+    assert any("stamp: the stamps lie" in alert for alert in summary["safety"]["alerts"]), text
+
+
+def test_a_stream_that_is_lost_for_its_evidence_is_a_device_that_is_not_there() -> None:
+    assert issubclass(StreamContradictionError, DeviceUnavailableError)
