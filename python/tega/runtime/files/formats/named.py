@@ -1,4 +1,4 @@
-"""Pick the samples, their rate and their time among the arrays of a file that holds several."""
+"""Choose the samples, their rate and their time among the arrays of a file that holds several."""
 
 from __future__ import annotations
 

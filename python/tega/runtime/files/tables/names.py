@@ -13,6 +13,8 @@ _UNIT = re.compile(
     re.IGNORECASE,
 )
 _TAIL = re.compile(r"^(.*[a-z])_(s|sec|ms|us|µs|ns|n|nm|kg|v|mv|uv|µv)$", re.IGNORECASE)
+# A longer name is none, and patterns take long to say so.
+_LONGEST = 200
 _WORDS = re.compile(r"[A-Z]+(?![a-zà-ÿ])|[A-Z]?[a-zà-ÿµ]+|\d+", re.UNICODE)
 
 
@@ -90,7 +92,7 @@ def judged(raw: str, unit: str = "") -> Name:
         >>> judged("Zeit [s]").role, judged("Package Num").role, judged("EMG_1 (uV)").role, judged("FCU").role
         ('time', 'counter', 'channel', 'unknown')
     """
-    bare = text = raw.strip().strip("\"'").strip()
+    bare = text = raw[:_LONGEST].strip().strip("\"'").strip()
     if not unit and (found := _UNIT.search(text)) and found.start() > 0:
         unit, bare = (found[1] or found[2] or "").strip(), text[: found.start()]
     elif not unit and (found := _TAIL.match(text)):
