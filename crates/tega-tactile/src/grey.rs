@@ -9,7 +9,7 @@ use num_traits::Num;
 
 use crate::exact::Sums;
 use crate::frame::{Difference, Pair};
-use crate::kernel::{Kernel, Row, STEP, kept_in_row};
+use crate::kernel::{Kernel, Row};
 
 /// Bytes of a cache line.
 const CACHE_LINE: usize = 64;
@@ -49,6 +49,8 @@ pub(crate) struct Greys<'s> {
     pair: Pair<'s>,
     rows: &'s [Row],
     kept: &'s [u16],
+    /// Kept words a row.
+    in_row: usize,
 }
 
 impl Kernel {
@@ -62,15 +64,15 @@ impl Kernel {
         let (width, height) = (pair.width(), pair.height());
         let Scratch { columns, rows, kept, copies, .. } = scratch;
         let pair = pair.with_whole_rows(copies);
-        let in_row = kept_in_row(width);
-        let kept = aligned(kept, if self.keeps(width, height) { in_row * height } else { 0 });
+        let in_row = self.kept_in_row(width, height);
+        let kept = aligned(kept, in_row * height);
         rows.resize(height, Row::default());
         let columns = aligned(columns, width);
         columns.fill(0);
         let mut sums = ColumnSums::default();
         let flush_every = self.rows_until_overflow();
         let mut images = pair.rows(0..height);
-        let mut kept_rows = kept.chunks_mut(in_row * flush_every);
+        let mut kept_rows = kept.chunks_mut((in_row * flush_every).max(1));
         for rows in rows.chunks_mut(flush_every) {
             self.rows(&mut images, columns, rows, kept_rows.next().unwrap_or_default());
             sums.take(columns);
@@ -79,26 +81,9 @@ impl Kernel {
         let sums = moments(rows, sums, width, self.squares, 255 * self.reach(), denominator);
         let peak = rows.iter().map(|row| row.max).max().unwrap_or_default();
         let peak_y = rows.iter().position(|row| row.max == peak).unwrap_or_default();
-        let words = kept.get(peak_y * in_row..(peak_y + 1) * in_row).unwrap_or_default();
-        let [frame, baseline] = pair.rows(peak_y..peak_y + 1).next().unwrap_or_default();
-        let peak_x = self.first_place(frame, baseline, words, peak).unwrap_or_default();
-        Greys { sums, peak, peak_xy: (peak_x, peak_y), pair, rows, kept }
-    }
-
-    /// Where a row first has a grey value; steps whose kept words say that they do not have it are passed over.
-    fn first_place(&self, frame: &[u8], baseline: &[u8], kept: &[u16], level: i32) -> Option<usize> {
-        let word = level.clamp(0, i32::from(u16::MAX)) as u16;
-        let mut kept = kept.chunks(STEP);
-        let steps = frame.chunks(3 * STEP).zip(baseline.chunks(3 * STEP));
-        steps.enumerate().find_map(|(step, (frame, baseline))| {
-            // Every word is looked at, so that many are at once.
-            let has = |words: &[u16]| words.iter().filter(|other| **other == word).count() > 0;
-            if kept.next().is_some_and(|words| !has(words)) {
-                return None;
-            }
-            let mut pixels = frame.as_chunks::<3>().0.iter().zip(baseline.as_chunks::<3>().0);
-            pixels.position(|(f, b)| self.grey(*f, *b) == level).map(|x| STEP * step + x)
-        })
+        let peak_row = pair.rows(peak_y..peak_y + 1).next().unwrap_or_default();
+        let peak_x = self.first_place(peak_row, peak).unwrap_or_default();
+        Greys { sums, peak, peak_xy: (peak_x, peak_y), pair, rows, kept, in_row }
     }
 
     fn rows_until_overflow(&self) -> usize {
@@ -195,13 +180,11 @@ impl Greys<'_> {
 
     /// The same of rows `ys` alone.
     fn count_within(&self, ys: Range<usize>, kernel: &Kernel, first: i32) -> u32 {
-        let width = self.pair.width();
-        let in_row = kept_in_row(width);
-        let kept = self.kept.get(ys.start * in_row..ys.end * in_row).unwrap_or_default();
+        let kept = self.kept.get(ys.start * self.in_row..ys.end * self.in_row).unwrap_or_default();
         match u16::try_from(first) {
             // A kept 65,535 may stand for more, and is not below it either way; 0 says nothing.
             Ok(first @ 1..) if !kept.is_empty() => Kernel::count_kept(kept, first),
-            _ => kernel.count(self.pair.rows(ys), width, kept, first),
+            _ => kernel.count(self.pair.rows(ys), self.pair.width(), kept, first),
         }
     }
 }

@@ -22,8 +22,8 @@ macro_rules! rows_by_reading {
     };
 }
 
-/// Calls the counting kernel made for a kernel's difference, and for what more it is made for.
-macro_rules! count_by_reading {
+/// Calls what is made for a kernel's difference, and for what more it is made for.
+macro_rules! by_reading {
     ($kernel:ident, $count_of:ident $(::<$($more:literal),*>)? ($($arg:ident),*)) => {
         match $kernel.difference {
             Difference::Signed => $count_of::<SIGNED $($(, $more)*)?>($($arg),*),
@@ -44,10 +44,9 @@ use tega_simd::{Isa, isa};
 
 use crate::frame::Difference;
 
-/// Pixels whose levels are kept in one vector step, in an order of its own.
-pub(crate) const STEP: usize = 32;
-/// A row is kept as whole runs of so many words.
-const KEPT_RUN: usize = 16;
+/// Pixels of the narrowest row that is read by vectors of 256 bits.
+#[cfg(target_arch = "x86_64")]
+const STEP: usize = 32;
 /// Pixels of the largest picture whose levels are kept: more would leave the processor's caches.
 const MOST_KEPT: usize = 1 << 19;
 /// Largest Σ|weight| for which no row sum of grey values overflows an `i32` lane (512 pixels a lane in the widest row).
@@ -57,11 +56,6 @@ pub(crate) const MAX_WEIGHT: i32 = 8_191;
 
 /// One row of frame and baseline: interleaved bytes.
 pub(crate) type Images<'r> = [&'r [u8]; 2];
-
-/// Words that the levels of a row are kept in; those that stand for no pixel are 0.
-pub(crate) const fn kept_in_row(width: usize) -> usize {
-    width.next_multiple_of(KEPT_RUN)
-}
 
 /// What one row says.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -145,13 +139,37 @@ impl Kernel {
 
     /// Whether the levels of a picture of this size are kept as words, so that they are counted without a second reading:
     /// where that pays, and levels below 0 are rare or of no matter, as thresholds seldom are.
-    pub(crate) fn keeps(&self, width: usize, height: usize) -> bool {
+    fn keeps(&self, width: usize, height: usize) -> bool {
         #[cfg(target_arch = "x86_64")]
         let pays = isa() != Isa::Baseline && self.factors.is_some() && width >= STEP;
         #[cfg(not(target_arch = "x86_64"))]
         let pays = false;
         let least = self.difference == Difference::Signed || self.least() == 0;
         pays && least && width * height <= MOST_KEPT
+    }
+
+    /// Words that the levels of a row are kept in, where the kernel keeps them; those that stand for no pixel are 0.
+    pub(crate) fn kept_in_row(&self, width: usize, height: usize) -> usize {
+        #[cfg(target_arch = "x86_64")]
+        if self.keeps(width, height) {
+            return avx2::kept_in_row(width);
+        }
+        let _ = (width, height);
+        0
+    }
+
+    /// Where a row first has a grey value.
+    #[allow(unsafe_code)]
+    pub(crate) fn first_place(&self, images: Images<'_>, level: i32) -> Option<usize> {
+        #[cfg(target_arch = "x86_64")]
+        if let width @ STEP.. = images[0].len() / 3
+            && isa() == Isa::Avx2
+        {
+            // SAFETY: as in `rows`.
+            return unsafe { avx2::first_place(self, images, width, level) };
+        }
+        let mut pixels = images[0].as_chunks::<3>().0.iter().zip(images[1].as_chunks::<3>().0);
+        pixels.position(|(f, b)| self.grey(*f, *b) == level)
     }
 
     /// Number of kept levels at or above grey value `first`, 1 to 65,535.
@@ -187,8 +205,7 @@ impl Kernel {
     }
 
     /// [`Kernel::rows_plain`] for the instruction set in use; each of the images' rows has `columns.len()` pixels. `kept`
-    /// takes the levels, [`kept_in_row`] words a row, in any order within a step of [`STEP`] pixels, and is empty unless the
-    /// kernel [`keeps`](Kernel::keeps) them.
+    /// takes the levels, [`Kernel::kept_in_row`] words a row, in an order of its own.
     #[allow(unsafe_code)]
     pub(crate) fn rows<'r>(
         &self,
@@ -297,20 +314,26 @@ mod tests {
             let mut wanted = vec![Row::default(); height];
             let mut rows = wanted.clone();
             kernel.rows_plain(&mut images(), &mut plain, &mut wanted);
-            let mut kept = vec![7; if kernel.keeps(width, height) { kept_in_row(width) * height } else { 0 }];
+            let mut kept = vec![7; kernel.kept_in_row(width, height) * height];
             kernel.rows(&mut images(), &mut fast, &mut rows, &mut kept);
             if !kept.is_empty() {
                 for row in &mut wanted {
                     row.min = kernel.least();
                 }
             }
-            prop_assert_eq!(rows, wanted);
+            prop_assert_eq!(&rows, &wanted);
             let above = kernel.count_plain(images(), first);
             if !kept.is_empty() && (1..=65_535).contains(&first) {
                 prop_assert_eq!(Kernel::count_kept(&kept, first as u16), above);
             }
             prop_assert_eq!(fast, plain);
             prop_assert_eq!(kernel.count(images(), width, &kept, first), above);
+            for (row, images) in rows.iter().zip(images()) {
+                let [frame, baseline] = images.map(|row| row.as_chunks::<3>().0);
+                let place = (0..width).position(|x| kernel.grey(frame[x], baseline[x]) == row.max);
+                prop_assert_eq!(kernel.first_place(images, row.max), place);
+                prop_assert_eq!(kernel.first_place(images, row.max + 1), None);
+            }
         }
     }
 

@@ -1,152 +1,78 @@
-//! Row kernels on 256-bit vectors: 32 pixels a step.
+//! Row kernels on 256-bit vectors: eight pixels each, 32 a step.
 //!
 //! Where levels are kept, sixteen of them are a vector of words, whose largest says which rows have to be looked at again
 //! for the exact one.
 
 #![allow(unsafe_code)]
 
+mod lanes;
 mod levels;
-mod tail;
+mod parts;
 
 use std::arch::x86_64::{
-    __m256i, _mm_add_epi64, _mm_cvtsi128_si32, _mm_cvtsi128_si64, _mm_max_epi32, _mm_max_epu16,
-    _mm_min_epi32, _mm_minpos_epu16, _mm_set1_epi32, _mm_shuffle_epi32, _mm_unpackhi_epi64, _mm_xor_si128,
-    _mm256_add_epi32, _mm256_add_epi64, _mm256_and_si256, _mm256_castsi256_si128, _mm256_cmpeq_epi16,
-    _mm256_cmpgt_epi32, _mm256_cvtepi32_epi64, _mm256_extracti128_si256, _mm256_loadu_si256,
-    _mm256_max_epi32, _mm256_max_epu16, _mm256_min_epi32, _mm256_movemask_epi8, _mm256_mul_epi32,
-    _mm256_or_si256, _mm256_packus_epi32, _mm256_set1_epi16, _mm256_set1_epi32, _mm256_setzero_si256,
-    _mm256_srli_epi64, _mm256_storeu_si256, _mm256_sub_epi32,
+    __m256i, _mm256_add_epi32, _mm256_and_si256, _mm256_cmpeq_epi16, _mm256_cmpeq_epi32, _mm256_cmpgt_epi32,
+    _mm256_loadu_si256, _mm256_max_epi32, _mm256_max_epu16, _mm256_movemask_epi8, _mm256_or_si256,
+    _mm256_packus_epi32, _mm256_set1_epi16, _mm256_set1_epi32, _mm256_setzero_si256, _mm256_storeu_si256,
+    _mm256_sub_epi32,
 };
 
-use levels::{GROUPS, LANES, PIXELS, Products, levels, levels_of_eight};
-
-use tail::Tail;
+use lanes::{Lanes, lanes_i32};
+use levels::{GROUPS, LANES, Products};
+use parts::{MOST_LAST, Parts, RowParts, STEP};
 
 use super::factors::Factors;
-use super::{ABSOLUTE, Images, Kernel, RECTIFIED, Row, SIGNED, kept_in_row};
+use super::{ABSOLUTE, Images, Kernel, RECTIFIED, Row, SIGNED};
 use crate::frame::Difference;
-
-/// Puts each 32 columns into the order of [`levels`], or back into that of the row.
-fn order(columns: &mut [[i32; PIXELS]], grouped: bool) {
-    for columns in columns {
-        let old = *columns;
-        for (group, new) in columns.as_chunks_mut::<4>().0.iter_mut().enumerate() {
-            // Group 2k is k of the row and group 2k + 1 is k + 4, or the other way round.
-            let at = if grouped { group / 2 + 4 * (group % 2) } else { 2 * (group % 4) + group / 4 };
-            new.copy_from_slice(&old[4 * at..4 * at + 4]);
-        }
-    }
-}
-
-#[target_feature(enable = "avx2")]
-#[inline]
-fn lanes_i32(v: __m256i) -> [i32; LANES] {
-    let mut out = [0; LANES];
-    // SAFETY: `out` is exactly 32 bytes.
-    unsafe { _mm256_storeu_si256(out.as_mut_ptr().cast(), v) };
-    out
-}
-
-/// Sum, smallest or largest of eight lanes.
-macro_rules! fold_lanes {
-    ($v:expr, $op:ident) => {{
-        let v = $v;
-        let half = $op(_mm256_castsi256_si128(v), _mm256_extracti128_si256::<1>(v));
-        let pair = $op(half, _mm_shuffle_epi32::<0b01_00_11_10>(half));
-        _mm_cvtsi128_si32($op(pair, _mm_shuffle_epi32::<0b10_11_00_01>(pair)))
-    }};
-}
-
-/// What one row's vectors say so far.
-#[derive(Clone, Copy)]
-struct Lanes {
-    sum: __m256i,
-    squares: __m256i,
-    min: __m256i,
-    max: __m256i,
-}
-
-impl Lanes {
-    #[target_feature(enable = "avx2")]
-    fn none<const KEPT: bool>() -> Self {
-        let zero = _mm256_setzero_si256();
-        let max = if KEPT { zero } else { _mm256_set1_epi32(i32::MIN) };
-        Self { sum: zero, squares: zero, min: _mm256_set1_epi32(i32::MAX), max }
-    }
-
-    /// Takes eight levels `n`; `range` is the same, whose smallest and largest are looked for.
-    #[target_feature(enable = "avx2")]
-    #[inline]
-    fn take<const DIFFERENCE: u8, const SQUARES: bool, const KEPT: bool>(
-        &mut self,
-        n: __m256i,
-        range: __m256i,
-    ) {
-        self.sum = _mm256_add_epi32(self.sum, n);
-        if DIFFERENCE == SIGNED && !KEPT {
-            self.min = _mm256_min_epi32(self.min, range);
-        }
-        if !KEPT {
-            self.max = _mm256_max_epi32(self.max, range);
-        }
-        if SQUARES {
-            let odd = _mm256_srli_epi64::<32>(n);
-            self.squares = _mm256_add_epi64(self.squares, _mm256_mul_epi32(n, n));
-            self.squares = _mm256_add_epi64(self.squares, _mm256_mul_epi32(odd, odd));
-        }
-    }
-
-    /// The row. Its largest level is that of the words, where levels are kept.
-    #[target_feature(enable = "avx2")]
-    #[inline]
-    fn row<const DIFFERENCE: u8, const SQUARES: bool, const KEPT: bool>(&self, least: i32) -> Row {
-        // The lanes' total may pass `i32`; the eight lanes themselves do not.
-        let [low, high] = [_mm256_castsi256_si128(self.sum), _mm256_extracti128_si256::<1>(self.sum)];
-        let looked_for = DIFFERENCE == SIGNED && !KEPT;
-        Row {
-            sum: total(_mm256_add_epi64(_mm256_cvtepi32_epi64(low), _mm256_cvtepi32_epi64(high))),
-            squares: if SQUARES { total(self.squares) } else { 0 },
-            min: if looked_for { fold_lanes!(self.min, _mm_min_epi32) } else { least },
-            max: if KEPT { largest_word(self.max) } else { fold_lanes!(self.max, _mm_max_epi32) },
-        }
-    }
-}
-
-/// Sum of four lanes of 64 bits.
-#[target_feature(enable = "avx2")]
-#[inline]
-fn total(v: __m256i) -> i64 {
-    let half = _mm_add_epi64(_mm256_castsi256_si128(v), _mm256_extracti128_si256::<1>(v));
-    _mm_cvtsi128_si64(_mm_add_epi64(half, _mm_unpackhi_epi64(half, half)))
-}
-
-/// The largest of sixteen words without sign.
-#[target_feature(enable = "avx2")]
-#[inline]
-fn largest_word(v: __m256i) -> i32 {
-    let half = _mm_max_epu16(_mm256_castsi256_si128(v), _mm256_extracti128_si256::<1>(v));
-    // The processor finds the smallest: that of the complements is the largest of these.
-    let least = _mm_cvtsi128_si32(_mm_minpos_epu16(_mm_xor_si128(half, _mm_set1_epi32(-1))));
-    0xffff - (least & 0xffff)
-}
 
 /// Adds levels to eight columns.
 #[target_feature(enable = "avx2")]
 #[inline]
-fn add(columns: &mut [i32; LANES], n: __m256i) {
-    let at = columns.as_mut_ptr().cast();
-    // SAFETY: `columns` is exactly 32 bytes, borrowed mutably.
-    unsafe { _mm256_storeu_si256(at, _mm256_add_epi32(_mm256_loadu_si256(at), n)) };
+fn add(columns: &mut [i32], at: usize, n: __m256i) {
+    if let Some(columns) = columns.get_mut(at..at + LANES) {
+        let at = columns.as_mut_ptr().cast();
+        // SAFETY: `columns` is exactly 32 bytes, borrowed mutably.
+        unsafe { _mm256_storeu_si256(at, _mm256_add_epi32(_mm256_loadu_si256(at), n)) };
+    }
 }
 
 /// Keeps sixteen levels as words, at most 65,535 each, in any order, and takes their largest.
 #[target_feature(enable = "avx2")]
 #[inline]
-fn keep(kept: &mut [u16; 2 * LANES], largest: &mut __m256i, [low, high]: [__m256i; 2]) {
+fn keep(kept: &mut [u16], at: usize, largest: &mut __m256i, [low, high]: [__m256i; 2]) {
     let words = _mm256_packus_epi32(low, high);
     *largest = _mm256_max_epu16(*largest, words);
-    // SAFETY: `kept` is exactly 32 bytes, borrowed mutably.
-    unsafe { _mm256_storeu_si256(kept.as_mut_ptr().cast(), words) };
+    if let Some(kept) = kept.get_mut(at..at + 2 * LANES) {
+        // SAFETY: `kept` is exactly 32 bytes, borrowed mutably.
+        unsafe { _mm256_storeu_si256(kept.as_mut_ptr().cast(), words) };
+    }
+}
+
+/// Runs over a row's eights, but for steps that are not looked at: their levels, which of them no eight before has had,
+/// and their first pixel.
+macro_rules! each_eight {
+    ($block:ident, $difference:ident, $images:ident, $looked_at:expr, |$n:pat_param, $new:pat_param, $from:pat_param| $body:expr) => {
+        let (parts, all) = ($block.parts, _mm256_set1_epi32(-1));
+        {
+            let ($n, $new, $from) = ($block.products.of_eight::<$difference>($images.first()), all, 0);
+            $body;
+        }
+        let looked_at = $looked_at;
+        for step in (0..parts.steps).filter(|step| looked_at(*step)) {
+            for k in 0..GROUPS {
+                // SAFETY: it is one of the steps.
+                let n = $block.products.of_step::<$difference>(k, unsafe { $images.step(step) });
+                let ($n, $new, $from) = (n, all, LANES + STEP * step + LANES * k);
+                $body;
+            }
+        }
+        for eight in 0..parts.last {
+            // SAFETY: it is one of the last.
+            let n = $block.products.of_eight::<$difference>(unsafe { $images.last(eight) });
+            let new = if eight == 0 { $block.not_in_steps } else { all };
+            let ($n, $new, $from) = (n, new, parts.from + LANES * eight);
+            $body;
+        }
+    };
 }
 
 /// See [`Kernel::rows`].
@@ -181,56 +107,66 @@ fn rows_of<'r, const DIFFERENCE: u8, const SQUARES: bool, const KEPT: bool, cons
     rows: &mut [Row],
     kept: &mut [u16],
 ) {
-    let width = columns.len();
-    let in_row = if KEPT { kept_in_row(width) } else { 0 };
-    let mut block = Block::<SETS> {
-        products,
-        tail: Tail::of(width),
-        columns: columns.as_chunks_mut().0,
-        last_columns: [[0; LANES]; GROUPS],
-        least: kernel.least(),
-    };
-    order(block.columns, true);
-    let mut rest = kept;
+    let (block, least) = (Block::of(products, columns.len()), kernel.least());
+    let parts = block.parts;
+    let (in_row, mut rest) = (if KEPT { parts.kept() } else { 0 }, kept);
     for (row, images) in rows.iter_mut().zip(images) {
         let (kept, others) = rest.split_at_mut(in_row);
-        *row = block.sum_up::<DIFFERENCE, SQUARES, KEPT>(&images, kept);
         rest = others;
-    }
-    order(block.columns, false);
-    let (from, last_columns) = (block.tail.from, block.last_columns);
-    for (column, sum) in columns[from..].iter_mut().zip(last_columns.as_flattened()) {
-        *column += sum;
+        if let Some(images) = parts.of_row(images) {
+            *row = block.sum_up::<DIFFERENCE, SQUARES, KEPT>(images, least, columns, kept);
+        }
     }
 }
 
 /// What the rows of a picture share.
 struct Block<'b, const SETS: usize> {
     products: &'b Products<SETS>,
-    tail: Tail,
-    /// Columns of the whole steps, in the order of [`levels`].
-    columns: &'b mut [[i32; PIXELS]],
-    /// Columns of the tail's eights, as they lie.
-    last_columns: [[i32; LANES]; GROUPS],
-    /// What no level falls below.
-    least: i32,
+    parts: Parts,
+    not_in_steps: __m256i,
 }
 
-impl<const SETS: usize> Block<'_, SETS> {
+impl<'b, const SETS: usize> Block<'b, SETS> {
+    #[target_feature(enable = "avx2")]
+    fn of(products: &'b Products<SETS>, width: usize) -> Self {
+        let parts = Parts::of(width);
+        Self { products, parts, not_in_steps: parts.not_in_steps() }
+    }
+
     /// Sums up a row, and keeps its levels where asked for.
     #[target_feature(enable = "avx2")]
     #[inline]
     fn sum_up<const DIFFERENCE: u8, const SQUARES: bool, const KEPT: bool>(
-        &mut self,
-        images: &Images<'_>,
+        &self,
+        images: RowParts<'_>,
+        least: i32,
+        columns: &mut [i32],
         kept: &mut [u16],
     ) -> Row {
         let mut lanes = Lanes::none::<KEPT>();
-        self.steps::<DIFFERENCE, SQUARES, KEPT>(images, kept, &mut lanes);
-        if self.tail.eights > 0 {
-            self.eights::<DIFFERENCE, SQUARES, KEPT>(images, kept, &mut lanes);
+        let first = self.products.of_eight::<DIFFERENCE>(images.first());
+        lanes.take::<DIFFERENCE, SQUARES, KEPT>(first, first);
+        add(columns, 0, first);
+        let of_steps = if KEPT { STEP * self.parts.steps } else { 0 };
+        let (kept_steps, kept_others) = kept.split_at_mut(of_steps);
+        let columns_of_steps = columns.get_mut(LANES..).unwrap_or_default().as_chunks_mut::<STEP>().0;
+        let mut kept_steps = kept_steps.as_chunks_mut::<STEP>().0.iter_mut();
+        for (step, columns) in columns_of_steps.iter_mut().enumerate().take(self.parts.steps) {
+            let mut n = [first; GROUPS];
+            for (k, n) in n.iter_mut().enumerate() {
+                // SAFETY: it is one of the steps.
+                *n = self.products.of_step::<DIFFERENCE>(k, unsafe { images.step(step) });
+                lanes.take::<DIFFERENCE, SQUARES, KEPT>(*n, *n);
+                add(columns, LANES * k, *n);
+            }
+            if KEPT && let Some(kept) = kept_steps.next() {
+                let [a, b, c, d] = n;
+                keep(kept, 0, &mut lanes.max, [a, b]);
+                keep(kept, 2 * LANES, &mut lanes.max, [c, d]);
+            }
         }
-        let mut row = lanes.row::<DIFFERENCE, SQUARES, KEPT>(self.least);
+        self.last_eights::<DIFFERENCE, SQUARES, KEPT>(first, images, columns, kept_others, &mut lanes);
+        let mut row = lanes.row::<DIFFERENCE, SQUARES, KEPT>(least);
         // A word of 0 may stand for less, one of 65,535 for more.
         if KEPT && (row.max == i32::from(u16::MAX) || (DIFFERENCE == SIGNED && row.max == 0)) {
             row.max = self.largest::<DIFFERENCE>(images, kept, row.max as u16);
@@ -238,94 +174,89 @@ impl<const SETS: usize> Block<'_, SETS> {
         row
     }
 
-    /// The whole steps of a row.
+    /// What a row has behind its steps. The first eight is kept beside the first of these.
     #[target_feature(enable = "avx2")]
     #[inline]
-    fn steps<const DIFFERENCE: u8, const SQUARES: bool, const KEPT: bool>(
-        &mut self,
-        [frame, baseline]: &Images<'_>,
+    fn last_eights<const DIFFERENCE: u8, const SQUARES: bool, const KEPT: bool>(
+        &self,
+        first: __m256i,
+        images: RowParts<'_>,
+        columns: &mut [i32],
         kept: &mut [u16],
         lanes: &mut Lanes,
     ) {
-        let (frame, baseline) = (frame.as_chunks().0, baseline.as_chunks().0);
-        let kept = kept.as_chunks_mut::<PIXELS>().0;
-        let steps = self.columns.len().min(frame.len()).min(baseline.len());
-        for step in 0..if KEPT { steps.min(kept.len()) } else { steps } {
-            // SAFETY: neither image has fewer steps, and there are as many columns.
-            let (f, b, columns) = unsafe {
-                (
-                    frame.get_unchecked(step),
-                    baseline.get_unchecked(step),
-                    self.columns.get_unchecked_mut(step),
-                )
-            };
-            let n = levels::<DIFFERENCE, SETS>(f, b, self.products);
-            for (n, columns) in n.iter().zip(columns.as_chunks_mut().0) {
-                lanes.take::<DIFFERENCE, SQUARES, KEPT>(*n, *n);
-                add(columns, *n);
+        let zero = _mm256_setzero_si256();
+        let (mut beside, mut new) = (first, self.not_in_steps);
+        let columns = columns.get_mut(self.parts.from..).unwrap_or_default();
+        // Counted to the most, so that the loop is unrolled.
+        for eight in 0..MOST_LAST {
+            if eight == self.parts.last {
+                break;
             }
-            if KEPT {
-                // SAFETY: nor fewer kept.
-                let kept = unsafe { kept.get_unchecked_mut(step) };
-                for (n, kept) in n.as_chunks::<2>().0.iter().zip(kept.as_chunks_mut().0) {
-                    keep(kept, &mut lanes.max, *n);
-                }
-            }
-        }
-    }
-
-    /// What a row has beyond its whole steps: eights up to its end, of which the first overlaps the steps.
-    #[target_feature(enable = "avx2")]
-    #[inline]
-    fn eights<const DIFFERENCE: u8, const SQUARES: bool, const KEPT: bool>(
-        &mut self,
-        [frame, baseline]: &Images<'_>,
-        kept: &mut [u16],
-        lanes: &mut Lanes,
-    ) {
-        let eights = self.tail.of_row(frame).iter().zip(self.tail.of_row(baseline));
-        let mut masked = [_mm256_setzero_si256(); GROUPS];
-        let mut new = self.tail.not_had();
-        for (((f, b), columns), masked) in eights.zip(&mut self.last_columns).zip(&mut masked) {
-            let n = levels_of_eight::<DIFFERENCE, SETS>(f, b, self.products);
-            *masked = _mm256_and_si256(n, new);
+            // SAFETY: it is one of the last.
+            let n = self.products.of_eight::<DIFFERENCE>(unsafe { images.last(eight) });
+            let masked = _mm256_and_si256(n, new);
             // Levels of pixels that the steps have had change no largest and no smallest one.
-            lanes.take::<DIFFERENCE, SQUARES, KEPT>(*masked, n);
-            add(columns, *masked);
-            new = _mm256_set1_epi32(-1);
-        }
-        if KEPT {
-            let kept = kept.get_mut(self.tail.whole..).unwrap_or_default();
-            for (n, kept) in masked.as_chunks::<2>().0.iter().zip(kept.as_chunks_mut().0) {
-                keep(kept, &mut lanes.max, *n);
+            lanes.take::<DIFFERENCE, SQUARES, KEPT>(masked, n);
+            add(columns, LANES * eight, masked);
+            if KEPT && eight.is_multiple_of(2) {
+                keep(kept, LANES * eight, &mut lanes.max, [beside, masked]);
             }
+            (beside, new) = (masked, _mm256_set1_epi32(-1));
+        }
+        if KEPT && self.parts.last.is_multiple_of(2) {
+            keep(kept, LANES * self.parts.last, &mut lanes.max, [beside, zero]);
         }
     }
 
     /// The largest level of a row, sought where the largest of its words are.
     #[target_feature(enable = "avx2")]
     #[inline(never)]
-    fn largest<const DIFFERENCE: u8>(&self, [frame, baseline]: &Images<'_>, kept: &[u16], word: u16) -> i32 {
+    fn largest<const DIFFERENCE: u8>(&self, images: RowParts<'_>, kept: &[u16], word: u16) -> i32 {
         let mut max = _mm256_set1_epi32(i32::MIN);
-        let steps = frame.as_chunks().0.iter().zip(baseline.as_chunks().0);
-        for ((f, b), kept) in steps.zip(kept.as_chunks().0) {
-            if holds(kept, word) {
-                for n in levels::<DIFFERENCE, SETS>(f, b, self.products) {
-                    max = _mm256_max_epi32(max, n);
-                }
+        let holds = |step: usize| kept.as_chunks().0.get(step).is_some_and(|kept| holds(kept, word));
+        each_eight!(self, DIFFERENCE, images, holds, |n, _new, _from| max = _mm256_max_epi32(max, n));
+        lanes::largest(max)
+    }
+
+    /// Number of a row's levels above a border, in lanes whose −1 count one each.
+    #[target_feature(enable = "avx2")]
+    #[inline]
+    fn above<const DIFFERENCE: u8>(
+        &self,
+        images: RowParts<'_>,
+        kept: &[u16],
+        border: __m256i,
+        skip: bool,
+    ) -> __m256i {
+        let mut above = _mm256_setzero_si256();
+        // Only a word of 65,535 may stand for as much.
+        let looked_at =
+            |step: usize| !skip || kept.as_chunks().0.get(step).is_none_or(|kept| holds(kept, u16::MAX));
+        each_eight!(self, DIFFERENCE, images, looked_at, |n, new, _from| {
+            above = _mm256_add_epi32(above, _mm256_and_si256(new, _mm256_cmpgt_epi32(n, border)));
+        });
+        above
+    }
+
+    /// Where a row first has a level.
+    #[target_feature(enable = "avx2")]
+    fn first_place<const DIFFERENCE: u8>(&self, images: RowParts<'_>, level: i32) -> Option<usize> {
+        let level = _mm256_set1_epi32(level);
+        each_eight!(self, DIFFERENCE, images, |_| true, |n, _new, from| {
+            let equal = _mm256_movemask_epi8(_mm256_cmpeq_epi32(n, level));
+            if equal != 0 {
+                return Some(from + equal.trailing_zeros() as usize / 4);
             }
-        }
-        for (f, b) in self.tail.of_row(frame).iter().zip(self.tail.of_row(baseline)) {
-            max = _mm256_max_epi32(max, levels_of_eight::<DIFFERENCE, SETS>(f, b, self.products));
-        }
-        fold_lanes!(max, _mm_max_epi32)
+        });
+        None
     }
 }
 
 /// Whether one of a step's words is `word`.
 #[target_feature(enable = "avx2")]
 #[inline]
-fn holds(kept: &[u16; PIXELS], word: u16) -> bool {
+fn holds(kept: &[u16; STEP], word: u16) -> bool {
     let word = _mm256_set1_epi16(word.cast_signed());
     // SAFETY: both unaligned 32-byte loads lie within the 64 bytes.
     let equal = [0, 2 * LANES]
@@ -339,6 +270,11 @@ pub(super) fn count_kept(kept: &[u16], first: u16) -> u32 {
     super::count_words(kept, first)
 }
 
+/// See [`Kernel::kept_in_row`].
+pub(super) fn kept_in_row(width: usize) -> usize {
+    Parts::of(width).kept()
+}
+
 /// See [`Kernel::count`].
 #[target_feature(enable = "avx2")]
 pub(super) fn count<'r>(
@@ -350,10 +286,10 @@ pub(super) fn count<'r>(
 ) -> u32 {
     if let Some(factors) = kernel.factors {
         let products = &Products::of([factors]);
-        count_by_reading!(kernel, count_of::<1>(products, images, width, kept, first))
+        by_reading!(kernel, count_of::<1>(products, images, width, kept, first))
     } else {
         let products = &Products::of(Factors::both(kernel.weights));
-        count_by_reading!(kernel, count_of::<2>(products, images, width, kept, first))
+        by_reading!(kernel, count_of::<2>(products, images, width, kept, first))
     }
 }
 
@@ -365,28 +301,33 @@ fn count_of<'r, const DIFFERENCE: u8, const SETS: usize>(
     kept: &[u16],
     first: i32,
 ) -> u32 {
-    let (tail, border) = (Tail::of(width), _mm256_set1_epi32(first.saturating_sub(1)));
-    let mut above = [_mm256_setzero_si256(); GROUPS];
-    let mut kept = kept.chunks_exact(kept_in_row(width));
-    for [frame, baseline] in images {
-        let mut kept = kept.next().unwrap_or_default().as_chunks::<PIXELS>().0.iter();
-        for (f, b) in frame.as_chunks().0.iter().zip(baseline.as_chunks().0) {
-            // Only a word of 65,535 may stand for as much.
-            if first > i32::from(u16::MAX) && kept.next().is_some_and(|kept| !holds(kept, u16::MAX)) {
-                continue;
-            }
-            for (above, n) in above.iter_mut().zip(levels::<DIFFERENCE, SETS>(f, b, products)) {
-                // A true comparison is −1, so subtracting it counts.
-                *above = _mm256_sub_epi32(*above, _mm256_cmpgt_epi32(n, border));
-            }
-        }
-        let mut new = tail.not_had();
-        for (f, b) in tail.of_row(frame).iter().zip(tail.of_row(baseline)) {
-            let n = levels_of_eight::<DIFFERENCE, SETS>(f, b, products);
-            above[0] = _mm256_sub_epi32(above[0], _mm256_and_si256(new, _mm256_cmpgt_epi32(n, border)));
-            new = _mm256_set1_epi32(-1);
-        }
+    let block = Block::of(products, width);
+    let border = _mm256_set1_epi32(first.saturating_sub(1));
+    let skip = first > i32::from(u16::MAX);
+    let mut above = _mm256_setzero_si256();
+    let mut kept = kept.chunks_exact(block.parts.kept());
+    for images in images.filter_map(|images| block.parts.of_row(images)) {
+        let kept = kept.next().unwrap_or_default();
+        above = _mm256_sub_epi32(above, block.above::<DIFFERENCE>(images, kept, border, skip));
     }
-    let above: i32 = above.iter().flat_map(|lanes| lanes_i32(*lanes)).sum();
-    above as u32
+    lanes_i32(above).iter().sum::<i32>() as u32
+}
+
+/// See [`Kernel::first_place`].
+#[target_feature(enable = "avx2")]
+pub(super) fn first_place(kernel: &Kernel, images: Images<'_>, width: usize, level: i32) -> Option<usize> {
+    // Every kernel has both, and one row takes no time.
+    let products = &Products::of(Factors::both(kernel.weights));
+    by_reading!(kernel, first_place_of::<2>(products, images, width, level))
+}
+
+#[target_feature(enable = "avx2")]
+fn first_place_of<const DIFFERENCE: u8, const SETS: usize>(
+    products: &Products<SETS>,
+    images: Images<'_>,
+    width: usize,
+    level: i32,
+) -> Option<usize> {
+    let block = Block::of(products, width);
+    block.first_place::<DIFFERENCE>(block.parts.of_row(images)?, level)
 }

@@ -173,7 +173,7 @@ pub(super) fn count<'r>(
 ) -> u32 {
     let weights = kernel.weights.map(|weight| weight as i16);
     let new = lanes(&new_of(width));
-    count_by_reading!(kernel, count_of(images, weights, new, first))
+    by_reading!(kernel, count_of(images, weights, new, first))
 }
 
 fn count_of<'r, const DIFFERENCE: u8>(

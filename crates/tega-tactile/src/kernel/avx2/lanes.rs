@@ -1,0 +1,113 @@
+//! Sums and range of a row's levels in vectors, and what they come to.
+
+#![allow(unsafe_code)]
+
+use std::arch::x86_64::{
+    __m256i, _mm_add_epi64, _mm_cvtsi128_si32, _mm_cvtsi128_si64, _mm_max_epi32, _mm_max_epu16,
+    _mm_min_epi32, _mm_minpos_epu16, _mm_set1_epi32, _mm_shuffle_epi32, _mm_unpackhi_epi64, _mm_xor_si128,
+    _mm256_add_epi32, _mm256_add_epi64, _mm256_castsi256_si128, _mm256_cvtepi32_epi64,
+    _mm256_extracti128_si256, _mm256_max_epi32, _mm256_min_epi32, _mm256_mul_epi32, _mm256_set1_epi32,
+    _mm256_setzero_si256, _mm256_srli_epi64, _mm256_storeu_si256,
+};
+
+use super::levels::LANES;
+use crate::kernel::{Row, SIGNED};
+
+/// Sum, smallest or largest of eight lanes.
+macro_rules! fold_lanes {
+    ($v:expr, $op:ident) => {{
+        let v = $v;
+        let half = $op(_mm256_castsi256_si128(v), _mm256_extracti128_si256::<1>(v));
+        let pair = $op(half, _mm_shuffle_epi32::<0b01_00_11_10>(half));
+        _mm_cvtsi128_si32($op(pair, _mm_shuffle_epi32::<0b10_11_00_01>(pair)))
+    }};
+}
+
+#[target_feature(enable = "avx2")]
+#[inline]
+pub(super) fn lanes_i32(v: __m256i) -> [i32; LANES] {
+    let mut out = [0; LANES];
+    // SAFETY: `out` is exactly 32 bytes.
+    unsafe { _mm256_storeu_si256(out.as_mut_ptr().cast(), v) };
+    out
+}
+
+/// The largest of eight lanes.
+#[target_feature(enable = "avx2")]
+#[inline]
+pub(super) fn largest(v: __m256i) -> i32 {
+    fold_lanes!(v, _mm_max_epi32)
+}
+
+/// What one row's vectors say so far.
+#[derive(Clone, Copy)]
+pub(super) struct Lanes {
+    pub sum: __m256i,
+    pub squares: __m256i,
+    pub min: __m256i,
+    pub max: __m256i,
+}
+
+impl Lanes {
+    #[target_feature(enable = "avx2")]
+    pub fn none<const KEPT: bool>() -> Self {
+        let zero = _mm256_setzero_si256();
+        let max = if KEPT { zero } else { _mm256_set1_epi32(i32::MIN) };
+        Self { sum: zero, squares: zero, min: _mm256_set1_epi32(i32::MAX), max }
+    }
+
+    /// Takes eight levels `n`; `range` is the same, whose smallest and largest are looked for.
+    #[target_feature(enable = "avx2")]
+    #[inline]
+    pub fn take<const DIFFERENCE: u8, const SQUARES: bool, const KEPT: bool>(
+        &mut self,
+        n: __m256i,
+        range: __m256i,
+    ) {
+        self.sum = _mm256_add_epi32(self.sum, n);
+        if DIFFERENCE == SIGNED && !KEPT {
+            self.min = _mm256_min_epi32(self.min, range);
+        }
+        if !KEPT {
+            self.max = _mm256_max_epi32(self.max, range);
+        }
+        if SQUARES {
+            let odd = _mm256_srli_epi64::<32>(n);
+            self.squares = _mm256_add_epi64(self.squares, _mm256_mul_epi32(n, n));
+            self.squares = _mm256_add_epi64(self.squares, _mm256_mul_epi32(odd, odd));
+        }
+    }
+
+    /// The row. Its largest level is that of the words, where levels are kept.
+    #[target_feature(enable = "avx2")]
+    #[inline]
+    pub fn row<const DIFFERENCE: u8, const SQUARES: bool, const KEPT: bool>(&self, least: i32) -> Row {
+        // The lanes' total may pass `i32`; the eight lanes themselves do not.
+        let [low, high] = [_mm256_castsi256_si128(self.sum), _mm256_extracti128_si256::<1>(self.sum)];
+        let looked_for = DIFFERENCE == SIGNED && !KEPT;
+        Row {
+            sum: total(_mm256_add_epi64(_mm256_cvtepi32_epi64(low), _mm256_cvtepi32_epi64(high))),
+            squares: if SQUARES { total(self.squares) } else { 0 },
+            min: if looked_for { fold_lanes!(self.min, _mm_min_epi32) } else { least },
+            max: if KEPT { largest_word(self.max) } else { largest(self.max) },
+        }
+    }
+}
+
+/// Sum of four lanes of 64 bits.
+#[target_feature(enable = "avx2")]
+#[inline]
+fn total(v: __m256i) -> i64 {
+    let half = _mm_add_epi64(_mm256_castsi256_si128(v), _mm256_extracti128_si256::<1>(v));
+    _mm_cvtsi128_si64(_mm_add_epi64(half, _mm_unpackhi_epi64(half, half)))
+}
+
+/// The largest of sixteen words without sign.
+#[target_feature(enable = "avx2")]
+#[inline]
+fn largest_word(v: __m256i) -> i32 {
+    let half = _mm_max_epu16(_mm256_castsi256_si128(v), _mm256_extracti128_si256::<1>(v));
+    // The processor finds the smallest: that of the complements is the largest of these.
+    let least = _mm_cvtsi128_si32(_mm_minpos_epu16(_mm_xor_si128(half, _mm_set1_epi32(-1))));
+    0xffff - (least & 0xffff)
+}
