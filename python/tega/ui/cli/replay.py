@@ -70,7 +70,9 @@ class _Finger(click.ParamType[tuple[str, Path]]):
 )
 @click.option("--allow-truncated", is_flag=True, help="Use a video of another length than its header says.")
 @click.option(
-    "--emg", type=click.Path(path_type=Path), help="EMG samples: text, .npy, .mat, EDF, XDF, a ROS 2 bag and others."
+    "--emg",
+    type=click.Path(path_type=Path),
+    help="EMG samples: text, .npy, .mat, EDF, XDF, a ROS 2 bag and others.",
 )
 @click.option(
     "--emg-rate-hz",
