@@ -117,8 +117,8 @@ GUARDS: Final = (
     ),
     Guard(
         "a finger's last picture stays on the vest",
-        "if t_ns - newest[0] <= STALE_NS]",
-        "if True]",
+        "if t_ns - contact.t_ns <= STALE_NS}",
+        "if True}",
         f"{_LOST}a_lost_camera_silences_its_column_and_no_other[pause-]",
     ),
     Guard(
@@ -388,7 +388,7 @@ GUARDS: Final = (
     ),
     Guard(
         "a mistake in the program leaves everything as it is",
-        "            for problem in self._leave(last_ns, _told(error)):\n",
+        "            for problem in self._leave(last_ns, _failure(error)):\n",
         "            for problem in []:\n",
         f"{_STOP}an_error_in_the_program_stops",
     ),
@@ -448,7 +448,7 @@ GUARDS: Final = (
     ),
     Guard(
         "the level that a fault has made is what the run holds",
-        "            block = block._replace(level=before.level, closure=before.closure)",
+        "            intent = replace(intent, level=before.level, closure=before.closure)",
         "            pass",
         f"{_VOTES}a_fault_of_every_channel_keeps_the_level_before_it",
     ),
@@ -460,26 +460,26 @@ GUARDS: Final = (
     ),
     Guard(
         "a dim picture keeps its vote",
-        "        if share < _DARK_SHARE:",
-        "        if False:",
+        "    if share < _DARK_SHARE:",
+        "    if False:",
         f"{_PICTURES}a_dark_camera_has_no_vote_until_half_a_second_after_the_last_dark_picture",
     ),
     Guard(
         "a torn picture keeps its vote",
-        "        if of_one_colour or any(map(operator.eq, now, before)):",
-        "        if False:",
+        "    if of_one_colour or any(map(operator.eq, now, before)):",
+        "    if False:",
         f"{_PICTURES}a_torn_picture_is_left_out_and_a_camera_that_tears_them_has_no_vote",
     ),
     Guard(
         "the same picture again counts as a new one",
-        "if self._live and last.n_equal >= STUCK_FRAMES:",
+        "if self._live and self._n_equal >= STUCK_FRAMES:",
         "if False:",
         f"{_PICTURES}a_frozen_camera_has_no_vote_until_a_picture_differs",
     ),
     Guard(
         "a black picture is given by the driver",
-        'if verdict == "good" and',
-        "if",
+        "if good and time.monotonic_ns() - opened_ns",
+        "if time.monotonic_ns() - opened_ns",
         "tests/unit/test_digit.py::test_a_fault_is_counted_silences_and_is_survived[black]",
     ),
     Guard(
@@ -556,8 +556,8 @@ GUARDS: Final = (
     ),
     Guard(
         "withdrawing leaves what was made of the person elsewhere unsaid",
-        "        [] if notes.parent.is_symlink() else [Path(line) for line in _noted(notes) if os.path.lexists(line)]",
-        "        []",
+        "        if copy not in seen and os.path.lexists(copy):",
+        "        if False:",
         f"{_PLAN}withdrawal_tells_of_every_trace_that_it_does_not_delete",
     ),
     Guard(
@@ -610,8 +610,8 @@ GUARDS: Final = (
     ),
     Guard(
         "a finger's last picture stays on the vest",
-        "if t_ns - newest[0] <= STALE_NS]",
-        "if True]",
+        "if t_ns - contact.t_ns <= STALE_NS}",
+        "if True}",
         "soak pause index",
     ),
 )

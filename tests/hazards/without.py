@@ -78,7 +78,7 @@ class Tried(NamedTuple):
         return {"fails": "fails", "passes": "**SURVIVES**", "unproven": "unproven"}[self.without]
 
 
-def place(text: str, package: Path = ROOT / "python/tega") -> Path:
+def place(text: str, package: Path = ROOT / "python") -> Path:
     """Return the one file of the program in which a text stands once.
 
     Raises:
@@ -155,7 +155,7 @@ class Copy:
 
     def try_guard(self, guard: Guard, whole: tuple[Outcome, str], *, patient: bool) -> Tried:
         """Take a guard out, run its test, and put it back."""
-        file = place(guard.old, self.folder / "python/tega")
+        file = place(guard.old, self.folder / "python")
         where = str(file.relative_to(self.folder / "python"))
         if whole[0] != "passes":
             return Tried(guard, where, whole[0], "unproven", whole[1])
