@@ -109,9 +109,9 @@ impl DentReader {
         }
     }
 
-    /// Finds the dent in a change of colour in noise units, the light's own change taken out; its noise has this variance.
-    pub fn read(&mut self, white: &Field, grid: &Grid, level: Outline, variance: f32) -> Dent {
-        let [strongest, deepest] = maps(self, white, grid, variance);
+    /// Finds the dent in a change of colour in noise units, the light's own change taken out.
+    pub fn read(&mut self, white: &Field, grid: &Grid, level: Outline) -> Dent {
+        let [strongest, deepest] = maps(self, white, grid);
         let moments = outline(&self.outliner, &self.dent, level.level());
         let maps = [&self.change[..], &self.depth_mm];
         let middle = self.middle.find(maps, [strongest, deepest], level.level());
@@ -134,12 +134,12 @@ impl DentReader {
 
     /// Maps change of colour, depth and what is to be outlined; the peaks of the first two.
     #[inline(always)]
-    fn map(&mut self, white: &Field, grid: &Grid, variance: f32) -> [f32; 2] {
+    fn map(&mut self, white: &Field, grid: &Grid) -> [f32; 2] {
         let [a, b, c] = white;
         energy([a, b, c], &mut self.energy);
         smooth(&self.energy, grid, &mut self.spare, &mut self.change);
-        // Noise alone has an energy of its variance.
-        self.change.iter_mut().for_each(|e| *e = (*e - variance).max(0.0).sqrt());
+        // Noise alone has an energy of 1.
+        self.change.iter_mut().for_each(|e| *e = (*e - 1.0).max(0.0).sqrt());
         let strongest = peak(&self.change);
         self.solver.solve(white, &self.slopes.weights, grid);
         let floor = untouched(&self.solver.depth, &self.change, strongest);
@@ -162,7 +162,7 @@ impl DentReader {
 
 tega_simd::dispatched! {
     /// See [`DentReader::map`].
-    maps = DentReader::map, (reader: &mut DentReader, white: &Field, grid: &Grid, variance: f32) -> [f32; 2]
+    maps = DentReader::map, (reader: &mut DentReader, white: &Field, grid: &Grid) -> [f32; 2]
 }
 
 /// Energy of the change a cell, in noise units.

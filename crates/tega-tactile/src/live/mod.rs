@@ -12,15 +12,11 @@
 
 mod cells;
 mod colour;
-mod course;
 mod dent;
 mod depth;
-mod fading;
-mod filter;
 mod grain;
 mod law;
 mod light;
-mod mains;
 mod middle;
 mod noise;
 mod peak;
@@ -29,7 +25,6 @@ mod shear;
 mod slide;
 mod still;
 mod thumbnail;
-mod touch;
 mod tracker;
 mod trig;
 
@@ -40,5 +35,4 @@ pub use light::{GelLight, LIGHT_TERMS};
 pub use noise::SensorNoise;
 pub use shear::{ShearOptions, ShearReader, Sheared};
 pub use still::{LiveReader, LiveScratch, read_live};
-pub use touch::{Touch, TrackerOptions};
-pub use tracker::TouchTracker;
+pub use tracker::{Touch, TouchTracker, TrackerOptions};
