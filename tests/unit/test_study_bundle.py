@@ -30,7 +30,7 @@ from tega_study.plan import StudyPlan, make_plan, read_plan, write_plan
 from tega_study.privacy import withdraw
 from tega_study.trials import study_trials
 
-GOLDEN = Path(__file__).resolve().parents[1] / "golden" / "paper.mcap.xz"
+GOLDEN = Path(__file__).resolve().parents[1] / "golden" / "1-paper.mcap.xz"
 RECORDING = "recordings/p01/p01-t01-a1/trial-001.mcap"
 
 
