@@ -11,9 +11,7 @@ __version__: Final[str]
 
 # --- tactile ---
 
-_Contact = tuple[
-    float, tuple[float, float], float, float, int, float, float, tuple[int, int], bool, tuple[()]
-]
+_Contact = tuple[float, tuple[float, float], float, float, int, float, float, tuple[int, int], bool]
 
 @final
 class Equations:

@@ -35,11 +35,11 @@ enum Reading {
     Live,
 }
 
-/// The fields of `tega.tactile.ContactMetrics`, in order; the last is empty.
-type Fields = (f64, (f64, f64), f64, f64, u32, f64, f64, (usize, usize), bool, ());
+/// The fields of `tega.tactile.ContactMetrics`, in order.
+type Fields = (f64, (f64, f64), f64, f64, u32, f64, f64, (usize, usize), bool);
 
 fn fields(m: ContactMetrics) -> Fields {
-    (m.mass, m.centroid_xy, m.spread, m.threshold, m.eda, m.cci, m.peak, m.peak_xy, m.in_contact, ())
+    (m.mass, m.centroid_xy, m.spread, m.threshold, m.eda, m.cci, m.peak, m.peak_xy, m.in_contact)
 }
 
 /// Options of equations 1 to 6, parsed once.
