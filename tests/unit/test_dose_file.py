@@ -175,7 +175,6 @@ def test_a_vest_is_made_in_one_place_and_opened_by_who_names_its_wearer() -> Non
     # These take a kind or a driver from a variable. The acceptance opens a vest through `worn_vest`, the contract's
     # check is for drivers' authors and wears none; the others look at a driver's options or open no vest.
     assert by_variable == {
-        "tega_bench/acceptance/run.py",
         "tega/config/person.py",
         "tega/config/check.py",
         "tega/config/options.py",

@@ -297,8 +297,8 @@ def test_a_scene_that_cannot_be_used_is_refused_in_words(moved: Path, lossless: 
     film = packets(filmed(range(0, 1500, 100)))
     late = [(t_ns + 9_000 * MS, data) for t_ns, data in film]
     wrong = {
-        "other.mcap": (film, {}, "", "tega_scene has no epoch_ns"),
-        "clock.mcap": (film, {"epoch_ns": "-5"}, "", "tega_scene has no epoch_ns"),
+        "other.mcap": (film, {}, "", "not recorded by TEGA|tega_scene has no epoch_ns"),
+        "clock.mcap": (film, {"epoch_ns": "-5"}, "", "not recorded by TEGA|tega_scene has no epoch_ns"),
         "late.mcap": (late, None, "", r"goes from 9\.0 to 10\.4 s of a recording of 1\.5 s"),
         "headless.mcap": (film[1:5], None, "", "no picture of its video stands alone"),
         "format.mcap": (film, None, "vp9", "no picture of its video stands alone"),

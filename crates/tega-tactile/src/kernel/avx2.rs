@@ -17,8 +17,8 @@ use std::arch::x86_64::{
 };
 
 use lanes::{Lanes, lanes_i32};
-use levels::{GROUPS, LANES, Products};
-use parts::{MOST_LAST, Parts, RowParts, STEP};
+use levels::{GROUPS, LANES, Products, STEP};
+use parts::{MOST_LAST, Parts, RowParts};
 
 use super::factors::Factors;
 use super::{ABSOLUTE, Images, Kernel, RECTIFIED, Row, SIGNED};

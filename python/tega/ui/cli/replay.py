@@ -218,12 +218,11 @@ def _is_bag(path: Path) -> bool:
 def _emg_table(path: Path, flags: dict[str, Any], topic: str) -> dict[str, Any]:
     """Return the settings of EMG, by the kind of file."""
     bag = _is_bag(path)
-    for name in ("emg_kind",) if bag else ("emg_rate_hz", "emg_kind"):
-        if flags[name] is None:
-            raise click.UsageError(f"--emg needs --{name.replace('_', '-')}")
-    options = {"file": path, "rate_hz": flags["emg_rate_hz"], "channels": flags["emg_channels"] or []}
-    if bag and options["rate_hz"] is None:
-        del options["rate_hz"]
+    if flags["emg_kind"] is None:
+        raise click.UsageError("--emg needs --emg-kind")
+    options = {"file": path, "channels": flags["emg_channels"] or []}
+    if flags["emg_rate_hz"] is not None:  # else as the file states it
+        options["rate_hz"] = flags["emg_rate_hz"]
     options |= {"topic": topic} if bag else {"variable": flags["emg_variable"]}
     return {"driver": "ros2-emg" if bag else "emg-file", "kind": flags["emg_kind"], "options": options}
 

@@ -12,7 +12,6 @@ use std::arch::x86_64::{
 };
 use std::array::from_fn;
 
-use super::parts::STEP_BYTES;
 use crate::kernel::factors::Factors;
 use crate::kernel::{ABSOLUTE, SIGNED};
 
@@ -20,6 +19,10 @@ use crate::kernel::{ABSOLUTE, SIGNED};
 pub(super) const LANES: usize = 8;
 pub(super) const GROUPS: usize = 4;
 pub(super) const BYTES: usize = 3 * LANES;
+/// Pixels of a step.
+pub(super) const STEP: usize = GROUPS * LANES;
+/// Bytes that a step is loaded from.
+pub(super) const STEP_BYTES: usize = 3 * STEP + 8;
 
 /// [`Factors`] as vectors: one set, or two of the same channels whose products are added.
 #[derive(Clone, Copy)]

@@ -5,13 +5,8 @@
 
 use std::arch::x86_64::{__m256i, _mm256_cmpgt_epi32, _mm256_set1_epi32, _mm256_setr_epi32};
 
-use super::levels::{BYTES, GROUPS, LANES};
+use super::levels::{BYTES, GROUPS, LANES, STEP, STEP_BYTES};
 use crate::kernel::Images;
-
-/// Pixels of a step.
-pub(super) const STEP: usize = GROUPS * LANES;
-/// Bytes that a step is loaded from.
-pub(super) const STEP_BYTES: usize = 3 * STEP + 8;
 
 /// Most eights behind the steps: of up to 33 pixels.
 pub(super) const MOST_LAST: usize = 5;
