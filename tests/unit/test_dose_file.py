@@ -11,9 +11,12 @@ import numpy as np
 import pytest
 
 import tega
+import tega_bench
 import tega_campaigns
 import tega_emulators
 import tega_figures
+import tega_practice
+import tega_study
 from tega.config import check_tree
 from tega.config.calibration.folder import CalibrationFolder
 from tega.errors import CalibrationError
@@ -150,7 +153,18 @@ def test_a_run_of_a_person_keeps_what_it_used(tmp_path: Path) -> None:
 
 def test_a_vest_is_made_in_one_place_and_opened_by_who_names_its_wearer() -> None:
     """Whatever makes a motor vibrate goes through `worn_vest`, and none of it says that the wearer has no day."""
-    packages = [Path(package.__path__[0]) for package in (tega, tega_emulators, tega_campaigns, tega_figures)]
+    packages = [
+        Path(package.__path__[0])
+        for package in (
+            tega,
+            tega_bench,
+            tega_practice,
+            tega_study,
+            tega_emulators,
+            tega_campaigns,
+            tega_figures,
+        )
+    ]
     made, worn, by_variable = set(), [], set()
     for parent, file in [(package.parent, file) for package in packages for file in package.rglob("*.py")]:
         where = file.relative_to(parent).as_posix()
@@ -175,6 +189,7 @@ def test_a_vest_is_made_in_one_place_and_opened_by_who_names_its_wearer() -> Non
     # These take a kind or a driver from a variable. The acceptance opens a vest through `worn_vest`, the contract's
     # check is for drivers' authors and wears none; the others look at a driver's options or open no vest.
     assert by_variable == {
+        "tega_bench/acceptance/run.py",
         "tega/config/person.py",
         "tega/config/check.py",
         "tega/config/options.py",

@@ -34,7 +34,6 @@ from tega.records import Contact, Event
 from tega.runtime.clock import ManualClock
 from tega.stages.base import VestSetup
 from tega.stages.changes import ChangesMapping
-from tega.stages.metrics import contact_record
 from tega.stages.pulses import PulsesMapping, PulsesOptions
 from tega.stages.slip_row import SlipRowMapping
 from tega_emulators.lab import emulated_lab
@@ -107,7 +106,7 @@ def told(
 def test_only_certain_slips_are_shown(mapping: Any) -> None:
     options = mapping.options_type() if mapping is PulsesMapping else mapping.options_type(slip_row="bottom")
     setup = VestSetup(find_layout("x40"), ("index",), {"index": {"cci": 1.0, "eda": 3000.0}}, None)
-    contacts = {"index": contact_record("index", 0, touch(3000))}
+    contacts = {"index": touch(3000)}
 
     def shown(confidence: float) -> float:
         slip = Event(t_ns=0, finger="", kind="slip", confidence=confidence)

@@ -22,8 +22,7 @@ from tega.errors import DeviceUnavailableError, StreamContradictionError
 from tega.loop import run_session
 from tega.setup.doctor import examine
 from tega_emulators.process import Emulator
-from tega_markers.lsl_in import LslMarkersIn
-from tega_markers.lsl_in import Heard
+from tega_markers.lsl_in import Heard, LslMarkersIn
 
 pytestmark = [
     pytest.mark.slow,
