@@ -77,19 +77,30 @@ class FarFinger(Opened):
 
 
 class FarMuscles(Opened):
-    """The operator's EMG: levels come as a stream, samples for the recording as they can."""
+    """The operator's EMG: levels come as a stream, samples for the recording as they can.
 
-    def __init__(self) -> None:
+    Args:
+        driver: Name of the way on which the levels come.
+        label: Where they are made.
+        note: Note about their origin, for the summary.
+    """
+
+    def __init__(
+        self,
+        driver: str = "net",
+        label: str = "the operator's station",
+        note: str = "levels are made at the operator's station; samples come for the recording, as they can",
+    ) -> None:
         self._chunks: queue.Queue[EmgChunk] = queue.Queue(_MOST_CHUNKS)
         self._info = DeviceInfo(
-            driver="net",
+            driver=driver,
             kind="emg",
-            label="the operator's station",
+            label=label,
             live=True,
             rate_hz=_BLOCKS_HZ,
             channels=("operator",),
             unit="level",
-            notes=("levels are made at the operator's station; samples come for the recording, as they can",),
+            notes=(note,),
         )
         self.ended = False
 
@@ -221,16 +232,16 @@ class FarTracker(Opened):
 
     Args:
         frame: Axes of the poses; the link refuses an operator with others.
+        driver: Name of the way on which the poses come.
+        label: Where they are measured.
     """
 
     problem = ""  # the link tells by itself what is wrong with it
 
-    def __init__(self, frame: str) -> None:
+    def __init__(self, frame: str, driver: str = "net", label: str = "the operator's station") -> None:
         self.frame = frame
         self._poses: deque[tuple[StampedPose, int]] = deque(maxlen=16)
-        self._info = DeviceInfo(
-            driver="net", kind="tracker", label="the operator's station", live=True, unit="m"
-        )
+        self._info = DeviceInfo(driver=driver, kind="tracker", label=label, live=True, unit="m")
 
     @property
     def info(self) -> DeviceInfo:
