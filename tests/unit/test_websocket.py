@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -352,12 +353,14 @@ def test_a_client_leads_the_arm_while_it_holds_dead_man_and_clutch() -> None:
         def where() -> tuple[float, ...]:
             return tuple(peer.state["arm_hand_m"])
 
+        def later(t_ns: int) -> bool:
+            return bool(peer.state["t_ns"] > t_ns)
+
         lead(lambda: "clutch is open" in peer.state.get("arm", ""), 0.0, clutch=False)
         lead(lambda: peer.state["arm"].startswith("following"), 0.0, clutch=True)
         before = where()
         for step in range(21):
-            at = peer.state["t_ns"]
-            lead(lambda at=at: peer.state["t_ns"] > at, step * 0.002, clutch=True)
+            lead(partial(later, peer.state["t_ns"]), step * 0.002, clutch=True)
         lead(lambda: math.dist(where(), before) > 0.02, 0.04, clutch=True)
         assert math.dist(where(), before) < 0.06
         peer.follow(lambda: not peer.state["arm"].startswith("following"))
