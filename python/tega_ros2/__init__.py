@@ -1,0 +1,1 @@
+"""Write recordings as ROS 2 bags."""

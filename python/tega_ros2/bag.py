@@ -1,0 +1,88 @@
+"""Write a recording as a ROS 2 bag: MCAP with CDR messages, and ``metadata.yaml``."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+from tega.errors import RecordingError
+from tega.recording.copies import note_copy
+from tega.recording.foreign import no_session
+from tega.recording.mcap_reader import McapReader, table_ns
+from tega.recording.origin import LEAD_IN
+from tega.runtime.files.foreign_file import tells_damage
+from tega.runtime.files.plain_name import plain_name
+from tega_ros2.convert import Converter
+from tega_ros2.definitions import load_rosbags
+
+_VERSION = 9
+
+
+@tells_damage
+def export_bag(path: Path, folder: Path) -> Path:
+    """Write one recording as a bag.
+
+    Topics have the recording's names. Viewers' schemas become standard messages, TEGA's own records become messages of
+    ``tega_msgs``, whose definitions the bag holds with units as comments. Messages are in the order and have the log
+    times of the recording; headers are stamped with the time that the record is of.
+
+    Args:
+        path: The recording.
+        folder: Folder of the bag, which does not exist yet.
+
+    Returns:
+        The folder.
+
+    Raises:
+        RecordingError: The recording cannot be read, or a message has no form in ROS 2; no bag is left behind.
+        MissingExtraError: A package of the extra ``ros2`` is not installed.
+    """
+    bags = load_rosbags("rosbag2")
+    reader = McapReader(path)
+    writer = bags.Writer(folder, version=_VERSION, storage_plugin=bags.StoragePlugin.MCAP)
+    try:
+        with writer:
+            _write(reader, writer)
+            for name, table in reader.metadata.items():
+                if name != "units":  # they are in the definitions
+                    writer.set_custom_data(f"tega.{name}", json.dumps(table))
+        attached = folder / "attachments"
+        for name, data in reader.files.items():
+            if name != LEAD_IN:
+                attached.mkdir(exist_ok=True)
+                (attached / plain_name(name, what="attachment", source=path.name)).write_bytes(data)
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+    note_copy(path, folder)
+    return folder
+
+
+def _write(reader: McapReader, writer: Any) -> None:
+    """Convert and write every message."""
+    converter: Converter | None = None
+    connections: dict[str, tuple[str, Any]] = {}
+    for message in reader.messages():
+        if converter is None:
+            epoch_ns = table_ns(reader.metadata.get("tega", {}), "epoch_ns")
+            if epoch_ns is None:
+                raise no_session(reader.path, reader.metadata)
+            converter = Converter(reader.path.name, epoch_ns)
+            converter.definitions.set_units(reader.metadata.get("units", {}))
+        definitions = converter.definitions
+        for topic, kind, value in converter.convert(message):
+            if topic not in connections:
+                connection = writer.add_connection(
+                    topic, kind, msgdef=definitions.text(kind), rihs01=definitions.store.hash_rihs01(kind)
+                )
+                connections[topic] = kind, connection
+            known, connection = connections[topic]
+            if known != kind:
+                raise RecordingError(
+                    f"{reader.path.name}: topic {topic!r} has {known} and {kind}", "inspect the recording"
+                )
+            writer.write(connection, message.log_ns, definitions.store.serialize_cdr(value, kind))
+    if converter is None:
+        raise RecordingError(f"{reader.path.name}: holds no message", "the run had not begun")
