@@ -44,13 +44,22 @@ def withdraw(*, folder: Path, participant: str, yes: bool, as_json: bool) -> Non
 @click.command(epilog="Example: tega-teleop study export my-study --out my-study-open")
 @click.argument("folder", type=_FOLDER)
 @click.option("--out", type=_FOLDER, required=True, help="New folder for the copy.")
+@click.option(
+    "--bids", is_flag=True, help="Write the muscle signals of all people instead, as a BIDS data set (EDF+)."
+)
 @json_option
-def export(*, folder: Path, out: Path, as_json: bool) -> None:
+def export(*, folder: Path, out: Path, bids: bool, as_json: bool) -> None:
     """Write an anonymised copy, fit to be published: new ids, no muscle signals, texts, names or dates.
 
     Nobody can work out the old ids, you included: the key that made the new ones is thrown away.
+
+    With --bids the ids stay, and the signals can identify a person: give them only to whom that person agreed to.
     """
     import secrets
+
+    if bids:
+        _export_bids(folder, out, as_json=as_json)
+        return
 
     from tega_study.privacy import export as copy
 
@@ -59,3 +68,17 @@ def export(*, folder: Path, out: Path, as_json: bool) -> None:
         echo_json({"out": str(out), "participants": len(new)})
     else:
         click.echo(f"{out}: {len(new)} people under new ids")
+
+
+def _export_bids(folder: Path, out: Path, *, as_json: bool) -> None:
+    """Write the BIDS data set, and print its people, runs and what is left out."""
+    from tega_study.emg_bids.dataset import export_bids
+
+    made = export_bids(folder, out)
+    if as_json:
+        runs = [path.relative_to(out).as_posix() for path in made.runs]
+        echo_json({"out": str(out), "people": made.people, "runs": runs, "left_out": made.left_out})
+        return
+    for line in made.left_out:
+        click.echo(f"left out: {line}", err=True)
+    click.echo(f"{out}: {len(made.people)} people, {len(made.runs)} runs")

@@ -1,0 +1,202 @@
+"""Write the muscle signals of all people of a study as one BIDS data set: EDF+, channels, electrodes, events."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import tega
+from tega.errors import RecordingError
+from tega.recording.copies import NOTES, note_copy
+from tega.recording.origin import new_session
+from tega_study.emg_bids.signal import Gap, Muscles, columns_of, read_muscles, write_edf
+from tega_study.journal import JournalEvent, counting, events_path, read_events
+from tega_study.plan import read_plan
+from tega_study.score.recorded import RecordedTrial, recorded_trials
+from tega_study.state import rehearsed
+from tega_study.withdrawn import withdrawn_ids
+
+BIDS_VERSION: Final = "1.11.1"
+_UNKNOWN: Final = "unknown: TEGA does not record it"
+_EVENTS: Final = {
+    "onset": {"Description": "Time since the first sample of the EMG file.", "Units": "s"},
+    "duration": {"Description": "Duration; 0 for an instant.", "Units": "s"},
+    "trial_type": {
+        "Description": "Kind of the event in the session's journal; lost, padding: samples that were not measured.",
+    },
+    "source": {"Description": "Role or rater that reported the event; n/a for none."},
+}
+_README: Final = """Muscle signals of a study with TEGA, the tactile-enhanced grasping assistant.
+
+Each run is one trial that counts: the object is the task, the number of the trial in the person's order is the run. The
+conditions of the trials are in the study's own plan, not here. Samples are stored with 16 bits over the range of each
+channel. Positions of electrodes were not measured. Muscle signals can identify a person: publish them only with that
+person's consent.
+"""
+
+
+class BidsExport(NamedTuple):
+    """Result of an export.
+
+    Attributes:
+        people: Labels of the people with signals.
+        runs: EDF files.
+        left_out: Trials without signals, with the reason.
+    """
+
+    people: tuple[str, ...]
+    runs: tuple[Path, ...]
+    left_out: tuple[str, ...]
+
+
+def export_bids(folder: Path, out: Path) -> BidsExport:
+    """Write the muscle signals of all people who have not withdrawn.
+
+    Args:
+        folder: The study's folder.
+        out: New or empty folder for the data set.
+
+    Raises:
+        RecordingError: The study is damaged, a recording cannot be read, or there are no signals at all.
+        ConfigError: ``out`` holds something.
+        MissingExtraError: edfio is not installed.
+    """
+    plan, gone = read_plan(folder), withdrawn_ids(folder)
+    new_session(out)
+    rows: list[str] = []
+    runs: list[Path] = []
+    left_out: list[str] = []
+    is_rehearsed = False
+    try:
+        for person in plan.participants:
+            if person in gone or not events_path(folder, person).is_file():
+                continue
+            events = read_events(events_path(folder, person))
+            trials, unseen = recorded_trials(folder, person)
+            left_out += unseen
+            made = [_run(out, person, trial, events, left_out) for trial in trials]
+            if written := [path for path in made if path is not None]:
+                runs += written
+                in_lab = "no" if rehearsed(events) else "yes"
+                is_rehearsed |= rehearsed(events)
+                rows.append(f"sub-{_label(person)}\t{in_lab}\t{len(written)}")
+        _check_some(runs)
+        _head(out, rows, is_rehearsed=is_rehearsed)
+    except BaseException:
+        shutil.rmtree(out, ignore_errors=True)
+        raise
+    return BidsExport(tuple(row.partition("\t")[0] for row in rows), tuple(runs), tuple(left_out))
+
+
+def _check_some(runs: Sequence[Path]) -> None:
+    if not runs:
+        raise RecordingError(
+            "no muscle signals: no recorded trial that counts has EMG", "run the study with recordings"
+        )
+
+
+def _run(
+    out: Path, person: str, trial: RecordedTrial, events: Sequence[JournalEvent], left_out: list[str]
+) -> Path | None:
+    """Write one trial: signals, their description, channels, electrodes and events."""
+    path = next(iter(sorted(trial.folder.glob("*.mcap"))), None)
+    muscles = None if path is None else read_muscles(path)
+    if path is None or muscles is None:
+        left_out.append(f"{trial.id}: its recording has no EMG")
+        return None
+    where = out / f"sub-{_label(person)}" / "emg"
+    where.mkdir(parents=True, exist_ok=True)
+    stem = f"sub-{_label(person)}_task-{_label(trial.object)}_run-{trial.trial:02d}"
+    file = where / f"{stem}_emg.edf"
+    gaps = write_edf(file, muscles)
+    _write_json(where / f"{stem}_emg.json", _sidecar(muscles, trial))
+    _write_table(where / f"{stem}_channels.tsv", "name\ttype\tunits\tsampling_frequency", columns_of(muscles))
+    electrodes = [f"{name}\tn/a\tn/a" for name in muscles.names]
+    _write_table(where / f"{stem}_electrodes.tsv", "name\tx\ty", electrodes)
+    found = counting(events, trial.trial, trial.attempt)
+    _write_table(
+        where / f"{stem}_events.tsv",
+        "onset\tduration\ttrial_type\tsource",
+        _events(found, trial, muscles, gaps),
+    )
+    _write_json(where / f"{stem}_events.json", _EVENTS)
+    note_copy(path, out)
+    return file
+
+
+def _events(
+    events: Sequence[JournalEvent], trial: RecordedTrial, muscles: Muscles, gaps: Sequence[Gap]
+) -> list[str]:
+    """Return the rows of a trial's events, in the order of their times."""
+    begin_ns = trial.start_ns - trial.zero_ns + muscles.begin_ns
+    whole = (trial.start_ns - begin_ns) / 1e9, trial.length_ns / 1e9, "trial", ""
+    rows: list[tuple[float, float, str, str]] = [whole]
+    rows.extend(((one.t_ns - begin_ns) / 1e9, one.duration_s or 0.0, one.kind, one.source) for one in events)
+    rows += [(gap.onset_s, gap.duration_s, gap.kind, "") for gap in gaps]
+    return [
+        f"{onset:.6f}\t{duration:.6f}\t{kind}\t{re.sub(r'[^ -~]', '?', source) or 'n/a'}"
+        for onset, duration, kind, source in sorted(rows)
+    ]
+
+
+def _sidecar(muscles: Muscles, trial: RecordedTrial) -> dict[str, Any]:
+    return {
+        "TaskName": _label(trial.object),
+        "TaskDescription": f"Grasp, lift and hold the object {trial.object!r} with a teleoperated hand.",
+        "ManufacturersModelName": muscles.device or "n/a",
+        "SoftwareVersions": f"TEGA {tega.__version__}",
+        "EMGPlacementScheme": "Other",
+        "EMGPlacementSchemeDescription": f"Forearm; exact places {_UNKNOWN}.",
+        "EMGReference": _UNKNOWN,
+        "SamplingFrequency": muscles.rate_hz,
+        "PowerLineFrequency": "n/a",
+        "RecordingType": "continuous",
+        "SoftwareFilters": "n/a",
+        "EMGChannelCount": len(muscles.names),
+        "RecordingDuration": len(muscles.samples) / muscles.rate_hz,
+    }
+
+
+def _head(out: Path, rows: Sequence[str], *, is_rehearsed: bool) -> None:
+    """Write the files of the whole data set."""
+    name = "Rehearsal with TEGA, not data of people" if is_rehearsed else "Study with TEGA"
+    _write_json(
+        out / "dataset_description.json",
+        {
+            "Name": f"{name}: muscle signals",
+            "BIDSVersion": BIDS_VERSION,
+            "DatasetType": "raw",
+            "GeneratedBy": [{"Name": "TEGA", "Version": str(tega.__version__)}],
+        },
+    )
+    _write_table(out / "participants.tsv", "participant_id\tin_lab\tn_runs", rows)
+    _write_json(
+        out / "participants.json",
+        {
+            "in_lab": {
+                "Description": "Whether the session ran in the lab, with a person.",
+                "Levels": {"yes": "in the lab", "no": "rehearsed on simulated or emulated devices"},
+            },
+            "n_runs": {"Description": "Trials with muscle signals."},
+        },
+    )
+    # The list of copies, by which a person's withdrawal finds them, is not a file of BIDS.
+    (out / ".bidsignore").write_text(f"{NOTES}\n", encoding="utf-8")
+    (out / "README").write_text(_README, encoding="utf-8")
+
+
+def _write_json(path: Path, content: Mapping[str, Any]) -> None:
+    path.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+
+
+def _write_table(path: Path, head: str, rows: Sequence[str]) -> None:
+    path.write_text("".join(f"{row}\n" for row in (head, *rows)), encoding="utf-8")
+
+
+def _label(text: str) -> str:
+    """Return a text as BIDS wants labels: letters and digits alone."""
+    return re.sub(r"[^A-Za-z0-9]", "", text)
