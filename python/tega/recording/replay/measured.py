@@ -113,13 +113,13 @@ class Measured:
         kind = head.tree.get("emg", {}).get("kind", "raw")
         if self._other is not None or self._sets:
             kind = self._change(head, kind)
+        kept = head.files if self._other is None else {}
         for finger, baseline in head.baselines.items():
             # A picture out of a JPEG has no bits of its own to compare with the one before.
             live = head.sources[finger].live and head.lossless
-            config = self.config
-            metric = finger_metric(
-                config.stages, config.session.preset, finger, baseline, self.calibration.touch(finger)
-            )
+            preset, maxima = self.config.session.preset, self.calibration.touch(finger)
+            with with_attached(self.config.stages, kept) as stages:
+                metric = finger_metric(stages, preset, finger, baseline, maxima)
             self._meters[finger] = FrameMeter(baseline, metric, SourceReport(), live=live)
             self.contacts[finger], self.pixels[finger] = [], []
         self.metric = chosen_stage("metric", self.config.stages, self.config.session.preset)
@@ -133,7 +133,6 @@ class Measured:
         self.outside = chosen_stage("decoder", self.config.stages, self.config.session.preset).kind.outside
         if "emg" in head.sources and emg is not None and not self.outside:
             used = msgspec.structs.replace(emg, kind=kind)
-            kept = head.files if self._other is None else {}
             with with_attached(self.config.stages, kept) as stages:
                 decoder = muscle_decoder(stages, self.config.session.preset, used)
             self._muscles = BlockMeter(

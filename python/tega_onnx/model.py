@@ -1,0 +1,170 @@
+"""Open an ONNX model with its card: what it takes, what it gives, its hash and its licence."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+import msgspec
+import numpy as np
+
+from tega.errors import ConfigError
+from tega.runtime.files.foreign_file import parse_toml, read_foreign, read_words
+from tega.runtime.lifecycle import require
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+_MOST_MIB: Final = 64
+_Side = Annotated[int, msgspec.Meta(ge=1, le=2048)]
+_Number = Annotated[float, msgspec.Meta(ge=-1e9, le=1e9)]
+_Scale = Annotated[float, msgspec.Meta(gt=0, le=1e9)]
+_Hash = Annotated[str, msgspec.Meta(pattern="^[0-9a-f]{64}$")]
+_Name = Annotated[str, msgspec.Meta(pattern="^[a-z][a-z0-9_]{0,39}$")]
+_Words = Annotated[str, msgspec.Meta(min_length=1, max_length=200)]
+
+
+class PictureInput(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="picture"):
+    """Input of a metric's model: float32 (1, 3, height, width), blue, green, red.
+
+    Attributes:
+        height: Rows; the picture is averaged down to them.
+        width: Columns.
+        difference: Whether the untouched picture is subtracted.
+        mean: Subtracted from each colour, grey values.
+        scale: Each colour is divided by it, grey values.
+    """
+
+    height: _Side
+    width: _Side
+    difference: bool = True
+    mean: tuple[_Number, _Number, _Number] = (0.0, 0.0, 0.0)
+    scale: tuple[_Scale, _Scale, _Scale] = (255.0, 255.0, 255.0)
+
+
+class EmgInput(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="emg"):
+    """Input of a decoder's model: float32 (1, channels, window), samples as shares of the calibrated maxima.
+
+    Attributes:
+        channels: Number of channels.
+        rate_hz: Samples a second of one channel.
+        window: Samples of one input.
+        step: Samples from one input to the next.
+    """
+
+    channels: Annotated[int, msgspec.Meta(ge=1, le=64)]
+    rate_hz: Annotated[float, msgspec.Meta(gt=0, le=1e6)]
+    window: Annotated[int, msgspec.Meta(ge=1, le=100_000)]
+    step: Annotated[int, msgspec.Meta(ge=1, le=100_000)]
+
+
+class Card(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Card of a model, a TOML file beside it.
+
+    Attributes:
+        sha256: Hash of the model's file.
+        licence: Licence of the model, such as ``Apache-2.0``.
+        input: Its input.
+        outputs: Units of its outputs by name, in their order.
+        made: Data and method of the training, in words.
+    """
+
+    sha256: _Hash
+    licence: _Words
+    input: PictureInput | EmgInput
+    outputs: Annotated[dict[_Name, Annotated[str, msgspec.Meta(max_length=16)]], msgspec.Meta(min_length=1)]
+    made: Annotated[str, msgspec.Meta(max_length=2000)] = ""
+
+
+def read_card(path: Path) -> Card:
+    """Read a card.
+
+    Raises:
+        ConfigError: It cannot be read, or a field is missing or wrong.
+    """
+    try:
+        return msgspec.convert(parse_toml(read_words(path, error=ConfigError)), Card)
+    except (OSError, ValueError) as error:
+        if isinstance(error, ConfigError):
+            raise
+        raise ConfigError(
+            f"{path.name}: no card of a model: {str(error)[:300]}",
+            "it has sha256, licence, [input] and [outputs]; see docs/onnx.md",
+        ) from error
+
+
+class OnnxModel:
+    """A model that has been checked against its card; runs on one core.
+
+    Args:
+        model: File of the model.
+        card: File of its card.
+        kind: Whose input it has to take: ``PictureInput`` or ``EmgInput``.
+
+    Attributes:
+        card: The card.
+
+    Raises:
+        ConfigError: A file cannot be read, is another one than the card names, or does not fit it.
+        MissingExtraError: onnxruntime is not installed.
+    """
+
+    def __init__(self, model: Path, card: Path, kind: type[PictureInput] | type[EmgInput]) -> None:
+        runtime: Any = require("onnxruntime", driver="onnx", extra="onnx")
+        self.card, self._name = read_card(card), model.name
+        if not isinstance(self.card.input, kind):
+            wanted = "pictures" if kind is PictureInput else "EMG"
+            raise ConfigError(f"{card.name}: the model does not take {wanted}", "name another model")
+        try:
+            data = read_foreign(model, most_mib=_MOST_MIB, error=ConfigError)
+        except OSError as error:
+            raise ConfigError(
+                f"{model.name}: cannot be read: {error.strerror}", "name the model's file"
+            ) from error
+        if (found := hashlib.sha256(data).hexdigest()) != self.card.sha256:
+            raise ConfigError(
+                f"{model.name}: its SHA-256 is {found}, the card {card.name} names {self.card.sha256}",
+                "use the model that the card belongs to",
+            )
+        options = runtime.SessionOptions()
+        options.intra_op_num_threads = options.inter_op_num_threads = 1
+        options.log_severity_level = 4
+        try:
+            self._session = runtime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
+        except Exception as error:  # of a file from outside the runtime raises what it likes
+            raise self._unfit(f"is no model that can be run: {error}") from error
+        inputs = self._session.get_inputs()
+        if len(inputs) != 1 or inputs[0].type != "tensor(float)":
+            raise self._unfit(f"takes {[one.type for one in inputs]}, not one tensor of float32")
+        self._input = inputs[0].name
+        self.run(np.zeros(self.shape, np.float32))
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of an input."""
+        given = self.card.input
+        if isinstance(given, PictureInput):
+            return 1, 3, given.height, given.width
+        return 1, given.channels, given.window
+
+    def run(self, given: NDArray[np.float32]) -> NDArray[np.float64]:
+        """Return the outputs for an input, float64 (outputs,).
+
+        Raises:
+            ConfigError: The model fails, or gives another number of outputs, or one that is not finite.
+        """
+        try:
+            made = np.concatenate(
+                [np.asarray(one, np.float64).ravel() for one in self._session.run(None, {self._input: given})]
+            )
+        except Exception as error:
+            raise self._unfit(f"cannot be run on an input of {self.shape}: {error}") from error
+        if len(made) != len(self.card.outputs) or not np.isfinite(made).all():
+            raise self._unfit(
+                f"gives {made[:8].tolist()}, and its card names {len(self.card.outputs)} outputs"
+            )
+        return made
+
+    def _unfit(self, said: str) -> ConfigError:
+        return ConfigError(f"{self._name}: {said}"[:500], "export it anew, or correct its card")

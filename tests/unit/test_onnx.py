@@ -1,0 +1,234 @@
+"""ONNX models as metric and decoder: the runtime's own numbers, on time or missing, and hostile files refused."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+pytest.importorskip("onnxruntime", reason="needs the extra onnx")
+pytest.importorskip("onnx", reason="needs the package onnx")
+
+import onnx
+import onnxruntime
+from onnx import TensorProto, helper, numpy_helper
+
+from reference.sessions import tree
+from tega.config import check_tree
+from tega.errors import ConfigError
+from tega.loop import run_session
+from tega.recording.mcap_reader import McapReader
+from tega.recording.replay import replay_file
+from tega.setup.contract import check_stage
+from tega.stages.base import FingerSetup, MuscleSetup
+from tega_onnx.ahead import Ahead
+from tega_onnx.decoder import OnnxDecoder, OnnxDecoderOptions
+from tega_onnx.metric import OnnxMetric, OnnxMetricOptions
+from tega_onnx.model import OnnxModel, PictureInput
+
+HEIGHT, WIDTH = 6, 8
+_RNG = np.random.default_rng(5)
+PICTURE_WEIGHTS = _RNG.standard_normal((3 * HEIGHT * WIDTH, 2)).astype(np.float32)
+EMG_WEIGHTS = np.full((3 * 100, 1), 1 / 300, np.float32)
+
+
+def model(weights: Any, shape: list[int], *, square: bool = False) -> bytes:
+    """Return a model: the input, flattened, times the weights."""
+    nodes = [
+        *([helper.make_node("Mul", ["given", "given"], ["m"])] if square else []),
+        helper.make_node("Flatten", ["m" if square else "given"], ["x"]),
+        helper.make_node("MatMul", ["x", "w"], ["made"]),
+    ]
+    graph = helper.make_graph(
+        nodes,
+        "g",
+        [helper.make_tensor_value_info("given", TensorProto.FLOAT, shape)],
+        [helper.make_tensor_value_info("made", TensorProto.FLOAT, [1, weights.shape[1]])],
+        [numpy_helper.from_array(weights, "w")],
+    )
+    whole = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=9)
+    data: bytes = whole.SerializeToString()
+    return data
+
+
+def written(folder: Path, data: bytes, card: str, sha256: str = "") -> tuple[Path, Path]:
+    files = folder / "model.onnx", folder / "model.toml"
+    files[0].write_bytes(data)
+    files[1].write_text(
+        f'sha256 = "{sha256 or hashlib.sha256(data).hexdigest()}"\nlicence = "MIT"\nmade = "by a test"\n{card}'
+    )
+    return files
+
+
+PICTURE_CARD = (
+    f'[input]\nkind = "picture"\nheight = {HEIGHT}\nwidth = {WIDTH}\nmean = [1.0, 2.0, 3.0]\n'
+    'scale = [10.0, 20.0, 30.0]\n[outputs]\none = "N"\ntwo = "1"\n'
+)
+EMG_CARD = '[input]\nkind = "emg"\nchannels = 3\nrate_hz = 1000.0\nwindow = 100\nstep = 50\n[outputs]\nclosure = "1"\n'
+
+
+@pytest.fixture
+def picture_files(tmp_path: Path) -> tuple[Path, Path]:
+    return written(tmp_path, model(PICTURE_WEIGHTS, [1, 3, HEIGHT, WIDTH]), PICTURE_CARD)
+
+
+@pytest.fixture
+def emg_files(tmp_path: Path) -> tuple[Path, Path]:
+    return written(tmp_path, model(EMG_WEIGHTS, [1, 3, 100], square=True), EMG_CARD)
+
+
+def metric_options(files: tuple[Path, Path], **more: Any) -> OnnxMetricOptions:
+    return OnnxMetricOptions(model=files[0], card=files[1], outputs={"one": "N", "two": "1"}, **more)
+
+
+def test_the_metric_gives_the_runtime_s_own_numbers_a_delay_later(picture_files) -> None:
+    baseline = np.full((120, 160, 3), 90, np.uint8)
+    frames = [baseline + np.uint8(3 * k) for k in range(12)]
+    options = metric_options(picture_files, delay_ms=1000.0, every_ms=1.0)
+    metric = OnnxMetric(FingerSetup("thumb", baseline), options)
+    session = onnxruntime.InferenceSession(picture_files[0].read_bytes())
+
+    def wanted(frame: Any) -> list[float]:
+        difference = frame.reshape(HEIGHT, 20, WIDTH, 20, 3).mean((1, 3)) - 90.0
+        given = ((difference - [1, 2, 3]) / [10, 20, 30]).transpose(2, 0, 1)[None].astype(np.float32)
+        made: list[float] = session.run(None, {"given": given})[0].ravel().tolist()
+        return made
+
+    for k, frame in enumerate(frames):
+        contact = metric.update(frame, k * 200_000_000)
+        assert [(one.name, one.unit) for one in contact.more] == [("one", "N"), ("two", "1")]
+        of = frames[k - 5] if k >= 5 else baseline
+        assert [one.value for one in contact.more] == pytest.approx(wanted(of), rel=1e-4, abs=1e-4)
+
+
+def test_the_metric_keeps_the_contract_of_a_stage(picture_files) -> None:
+    check_stage(OnnxMetric, metric_options(picture_files, delay_ms=1000.0))
+
+
+def test_the_decoder_keeps_the_contract_of_a_stage(emg_files) -> None:
+    check_stage(OnnxDecoder, OnnxDecoderOptions(model=emg_files[0], card=emg_files[1], delay_ms=500.0))
+
+
+def test_the_decoder_gives_the_closure_of_the_window_before_and_holds_on_a_fault(emg_files) -> None:
+    setup = MuscleSetup("raw", 1000.0, 100, ("a", "b", "c"), (10.0, 10.0, 10.0), "live")
+    decoder = OnnxDecoder(setup, OnnxDecoderOptions(model=emg_files[0], card=emg_files[1], delay_ms=500.0))
+    samples = np.repeat([0.0, 5.0, 10.0], 200)[:, None] * np.ones(3)
+    times = np.arange(1, 601) * 1_000_000
+    intents = decoder.decode(samples, times)
+    assert [one.t_ns // 1_000_000 for one in intents] == list(range(50, 601, 50))
+    window = [np.concatenate([np.zeros((100, 3)), samples])[end : end + 100] for end in range(50, 601, 50)]
+    closures = [float(np.mean((one / 10) ** 2)) for one in window]
+    late = [0.0] * 10  # half a second of windows
+    assert [one.closure for one in intents] == pytest.approx([*late, *closures[:-10]], abs=1e-5)
+    assert intents[-1].channels == (5, 5, 5)
+    samples[:, 1] = np.inf
+    faulty = decoder.decode(samples[:100], times[:100] + 600_000_000)
+    assert [one.closure for one in faulty] == [intents[-1].closure] * 2
+    assert faulty[-1].channels == (1, 0, 1)
+
+
+def test_a_slow_model_never_delays_and_its_late_results_are_missing() -> None:
+    going = threading.Event()
+
+    def slow(given: Any) -> Any:
+        going.wait(20)
+        return given
+
+    ahead = Ahead(slow, np.zeros(1), delay_ms=20.0, every_ms=1.0)
+    ahead.give(0, lambda: np.ones(1, np.float32))
+    time.sleep(0.03)  # as in real time: the delay has passed, the result is not there
+    assert math.isnan(ahead.at(25_000_000)[0])
+    assert ahead.n_late == 1
+    for k in range(100):
+        t_ns = (30 + k) * 1_000_000
+        if ahead.wants(t_ns):
+            ahead.give(t_ns, lambda: np.ones(1, np.float32))
+    assert len(ahead._waiting) == 8  # bounded, however slow it is
+    assert not going.is_set()  # all this while the first computation went on
+    going.set()
+
+
+def test_a_run_records_the_model_and_a_replay_gives_the_same(picture_files, tmp_path: Path) -> None:
+    options = {"model": str(picture_files[0]), "card": str(picture_files[1]), "delay_ms": 1000.0}
+    given = tree(tmp_path / "session") | {
+        "stages": {"metric": {"name": "onnx", "options": options | {"outputs": {"one": "N", "two": "1"}}}}
+    }
+    summary = run_session(check_tree(given, {}, base=tmp_path).config)
+    path = tmp_path / "session" / summary["recording"]["file"]
+    values = [m.value.more for m in McapReader(path).messages() if m.topic == "/tactile/thumb/contact"]
+    assert {one.name for more in values for one in more} == {"one", "two"}
+    assert len({more[0].value for more in values}) > 3
+    for file in picture_files:
+        file.unlink()  # the recording has them
+    replay = replay_file(path)
+    assert {one.stream for one in replay.streams}
+    assert {one.stream: one.differ for one in replay.streams if one.differ} == {}
+
+
+CARDS = {
+    "no TOML": "[",
+    "another key": PICTURE_CARD + "more = 1\n",
+    "no size": '[input]\nkind = "picture"\n[outputs]\none = "N"\n',
+    "huge": PICTURE_CARD.replace(f"height = {HEIGHT}", "height = 999999"),
+    "no scale": PICTURE_CARD.replace("10.0", "0.0"),
+    "other size": PICTURE_CARD.replace(f"height = {HEIGHT}", "height = 7"),
+    "other outputs": PICTURE_CARD.replace('two = "1"\n', ""),
+    "emg": EMG_CARD,
+}
+
+
+@pytest.mark.parametrize("card", CARDS.values(), ids=CARDS)
+def test_a_card_that_does_not_fit_is_an_error(tmp_path: Path, card: str) -> None:
+    files = written(tmp_path, model(PICTURE_WEIGHTS, [1, 3, HEIGHT, WIDTH]), card)
+    with pytest.raises(ConfigError, match=r"model\.(onnx|toml)"):
+        OnnxModel(*files, PictureInput)
+
+
+def hostile() -> dict[str, bytes]:
+    """Return files that are no model that may be run."""
+    good = model(PICTURE_WEIGHTS, [1, 3, HEIGHT, WIDTH])
+    outside = onnx.load_from_string(good)
+    weights = outside.graph.initializer[0]
+    weights.ClearField("raw_data")
+    weights.data_location = TensorProto.EXTERNAL
+    weights.external_data.add(key="location", value="/etc/hostname")
+    unknown = onnx.load_from_string(good)
+    unknown.graph.node[0].op_type = "Launch"
+    endless = np.full_like(PICTURE_WEIGHTS, np.inf)
+    return {
+        "empty": b"",
+        "noise": np.random.default_rng(1).bytes(4000),
+        "cut": good[: len(good) // 2],
+        "weights in another file": outside.SerializeToString(),
+        "unknown operator": unknown.SerializeToString(),
+        "no numbers": model(endless, [1, 3, HEIGHT, WIDTH]),
+    }
+
+
+@pytest.mark.parametrize("name", hostile())
+def test_a_hostile_file_is_a_clear_error(tmp_path: Path, name: str) -> None:
+    files = written(tmp_path, hostile()[name], PICTURE_CARD)
+    with pytest.raises(ConfigError, match=r"^model\.onnx: ") as raised:
+        OnnxModel(*files, PictureInput)
+    assert len(raised.value.message) <= 500
+    assert raised.value.hint
+
+
+def test_another_file_than_the_card_names_is_refused(tmp_path: Path) -> None:
+    files = written(tmp_path, model(PICTURE_WEIGHTS, [1, 3, HEIGHT, WIDTH]), PICTURE_CARD, sha256="0" * 64)
+    with pytest.raises(ConfigError, match="SHA-256"):
+        OnnxModel(*files, PictureInput)
+    with pytest.raises(ConfigError, match="names no model"):
+        OnnxMetric(FingerSetup("thumb", np.zeros((24, 32, 3), np.uint8)), OnnxMetricOptions())
+    options = msgspec.structs.replace(metric_options(files), outputs={"one": "mm"})
+    good = written(tmp_path, model(PICTURE_WEIGHTS, [1, 3, HEIGHT, WIDTH]), PICTURE_CARD)
+    assert good == files
+    with pytest.raises(ConfigError, match="the card has"):
+        OnnxMetric(FingerSetup("thumb", np.zeros((24, 32, 3), np.uint8)), options)
