@@ -92,7 +92,8 @@ def test_every_sample_is_there_to_half_a_step_and_every_event_at_its_time(
         stem = str(path).removesuffix("_emg.edf")
         channels = table(Path(f"{stem}_channels.tsv"))
         assert [row["name"] for row in channels] == [signal.label for signal in edf.signals]
-        assert len(table(Path(f"{stem}_electrodes.tsv"))) == len(channels)
+        electrodes = table(path.parent / f"{path.parents[1].name}_electrodes.tsv")
+        assert [f"EMG {row['name']}" for row in electrodes] == [row["name"] for row in channels]
         events = {row["trial_type"]: row for row in table(Path(f"{stem}_events.tsv"))}
         # The trial begins LEAD_NS after the session of its recording; the first sample is complete a period after it.
         start_s = LEAD_NS / 1e9 - 0.001

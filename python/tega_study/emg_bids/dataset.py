@@ -115,8 +115,10 @@ def _run(
     gaps = write_edf(file, muscles)
     _write_json(where / f"{stem}_emg.json", _sidecar(muscles, trial))
     _write_table(where / f"{stem}_channels.tsv", "name\ttype\tunits\tsampling_frequency", columns_of(muscles))
-    electrodes = [f"{name}\tn/a\tn/a" for name in muscles.names]
-    _write_table(where / f"{stem}_electrodes.tsv", "name\tx\ty", electrodes)
+    electrodes = where / f"sub-{_label(person)}_electrodes.tsv"
+    known = electrodes.read_text(encoding="utf-8").splitlines()[1:] if electrodes.is_file() else []
+    rows = dict.fromkeys([*known, *(f"{name}\tn/a\tn/a" for name in muscles.names)])
+    _write_table(electrodes, "name\tx\ty", list(rows))
     found = counting(events, trial.trial, trial.attempt)
     _write_table(
         where / f"{stem}_events.tsv",
