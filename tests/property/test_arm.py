@@ -204,11 +204,16 @@ def test_a_follower_obeys_and_arrives(limits, goals, dt_s) -> None:
     # A time that is long enough: there, with both limits, and twice that for what was left of the way before.
     farthest = 1.3 / limits.speed_m_s + limits.speed_m_s / limits.acceleration_m_s2
     turning = 3 * math.pi / limits.turn_rad_s + limits.turn_rad_s / limits.turn_acceleration_rad_s2
+    q = follower.resting().quaternion_xyzw
+    left_rad = turn_between(q, goal.quaternion_xyzw)
+    # Where the shortest turn leaves the cone, the follower slides along the cone, nearer with each tick, but later.
+    straight = workspace.holds_turning(q, so3.log(so3.multiply(goal.quaternion_xyzw, so3.inverse(q))))
     for _ in range(min(300, math.ceil(2 * max(farthest, turning) / dt_s))):
         tick(goal)
     if 2 * max(farthest, turning) <= 300 * dt_s:
         np.testing.assert_allclose(follower.pose.position_m, goal.position_m, atol=1e-6)
-        assert turn_between(follower.pose.quaternion_xyzw, goal.quaternion_xyzw) < 1e-4
+        reached_rad = turn_between(follower.pose.quaternion_xyzw, goal.quaternion_xyzw)
+        assert reached_rad < (1e-4 if straight else left_rad / 2 + 1e-4)
 
 
 @given(q=quaternions, v=vectors, tilt=st.floats(0.1, 1.5))

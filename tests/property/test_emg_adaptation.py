@@ -56,8 +56,9 @@ class Run:
     def take(self, samples: Samples, cuts: list[int] | tuple[int, ...] = ()) -> Run:
         first = 0
         for part in np.split(samples, sorted({min(cut, len(samples)) for cut in cuts})):
-            self.blocks += self.meter.take(EmgChunk(0, first, part))
             first += len(part)
+            end_ns = round(first * 1e9 / RATE_HZ)
+            self.blocks += self.meter.take(EmgChunk(end_ns, first - len(part), part))
         return self
 
     @property
@@ -219,4 +220,4 @@ def test_off_nothing_is_made_and_the_default_is_off() -> None:
     plain = RulesDecoder(muscle_setup(maxima(), "paper"), RulesOptions())
     meter = BlockMeter(plain, SourceReport(), maxima=maxima(), live=False)
     samples = effort([0.02, 0.1, 0.9], 10.0, kind="raw", seed=4)
-    assert meter.take(EmgChunk(0, 0, samples)) == run.blocks
+    assert meter.take(EmgChunk(round(len(samples) * 1e9 / RATE_HZ), 0, samples)) == run.blocks

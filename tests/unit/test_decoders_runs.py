@@ -126,7 +126,9 @@ def test_decoders_are_compared_on_what_a_person_practised(
     assert all(row["rank_correlation"] > 0.8 for row in rows if row["decoder"] == "learned")
     assert teleop("emg", "compare", str(record), "--channels", "1,4") == 2
     assert "has 3 channels" in capsys.readouterr().err
-    assert teleop("emg", "compare", "log.npy", "--target", "4", "--channels", "1") == 2
+    bare = tmp_path / "log.npy"
+    np.save(bare, np.zeros((400, 5)))
+    assert teleop("emg", "compare", str(bare), "--target", "4", "--channels", "1") == 2
     assert "name its --rate-hz" in capsys.readouterr().err
 
 

@@ -12,6 +12,7 @@ import pytest
 from reference.study_bench import StandingBench
 from tega.loop.moment import LoopView
 from tega.runtime.clock import SystemClock
+from tega.stages.metrics import contact_record
 from tega.tactile import ContactMetrics, contact_metrics
 from tega_study.journal import Journal, JournalEvent, events_path, read_events
 from tega_study.lead.arm_lift import ARM, ArmLift
@@ -103,7 +104,7 @@ class _Raised(StandingBench):
         self._drops = drops
 
     def run(self, _trial: PlannedTrial, going: Going, _folder: Path) -> None:
-        contacts = {held: _contact(held=held) for held in (False, True)}
+        metrics = {held: _contact(held=held) for held in (False, True)}
         going.tell("armed", "stands ready")
         while not going.may_go():
             pass
@@ -114,11 +115,8 @@ class _Raised(StandingBench):
             height_m = 0.4 + min(max(t_s - 2, 0) * 0.1, 0.25)
             held = t_s >= 1 and not (self._drops and t_s >= 3.5)
             t_ns = round(t_s * 1e9)
-            going.view(
-                LoopView(
-                    t_ns, {"thumb": (t_ns, contacts[held])}, (), None, None, None, {}, arm_height_m=height_m
-                )
-            )
+            contact = contact_record("thumb", t_ns, metrics[held])
+            going.view(LoopView(t_ns, {"thumb": contact}, None, None, None, {}, arm_height_m=height_m))
         while not going.over():
             pass
 
