@@ -11,8 +11,8 @@ import pytest
 
 from tega.arm import ArmChain, ArmCommand, ArmSettings, MappingSettings, StampedPose
 from tega.arm.rotation import between
-from tega.devices.arm.bench_arm import BenchArm, BenchArmOptions
 from tega.errors import MissingExtraError
+from tega_sim.bench_arm import BenchArm, BenchArmOptions
 from tega_sim.world import World
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs Linux or macOS")
