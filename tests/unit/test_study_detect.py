@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from pathlib import Path
+from typing import Any
 
 import pytest
 from click.testing import CliRunner
@@ -107,8 +108,9 @@ def test_a_rig_without_joints_or_height_has_no_certain_slips_and_reports_say_so(
     lost: str, folder: Path, tmp_path: Path
 ) -> None:
     here = Path(shutil.copytree(folder, tmp_path / "study"))
+    unknown: dict[str, Any] = {lost: None, "tips_mm": None}
     for path in here.rglob("hand.csv"):
-        rows = [row._replace(**{lost: None, "tips_mm": None}) for row in read_hand(path)]
+        rows = [row._replace(**unknown) for row in read_hand(path)]
         write_hand(path, rows)
     with Journal(events_path(here, "p01")) as journal:  # the experimenter counted a slip in the first trial
         start = next(event for event in journal.events if event.kind == "trial_start")
