@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -112,3 +113,41 @@ def test_threads_that_cannot_start_lose_no_frame() -> None:
         return done.stdout
 
     assert answer(RUST_MIN_STACK=str(2**50)) == answer()
+
+
+def test_a_short_call_on_an_object_in_use_stops_no_other_thread() -> None:
+    """One thread computes on an object, a second asks it for something short, a third goes on meanwhile."""
+    lowpass = ButterworthLowpass(1000.0, 5.0, 2, 3)
+    rows = np.zeros((3_000_000, 3))
+    done = threading.Event()
+    n_ticks = [0]
+
+    def compute() -> None:
+        for _ in range(5):
+            lowpass.process(rows)
+        done.set()
+
+    def tick() -> None:
+        while not done.is_set():
+            n_ticks[0] += 1
+            time.sleep(0)  # leaves the interpreter to the others
+
+    interval_s = sys.getswitchinterval()
+    sys.setswitchinterval(
+        1e-5
+    )  # a turn of the third thread is a few hundred ticks, a computation some hundred thousand
+    threads = [threading.Thread(target=compute), threading.Thread(target=tick)]
+    try:
+        for thread in threads:
+            thread.start()
+        most = 0
+        while not done.is_set():
+            before = n_ticks[0]
+            lowpass.held_samples  # noqa: B018 - waits where the first thread computes
+            most = max(most, n_ticks[0] - before)
+            time.sleep(0)
+    finally:
+        sys.setswitchinterval(interval_s)
+        for thread in threads:
+            thread.join()
+    assert most > 0
