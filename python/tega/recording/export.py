@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, Literal
 
 from tega.errors import ConfigError
 from tega.recording.copies import note_copy
+from tega.recording.growing_table import GrowingCsv, GrowingParquet, GrowingTable, Row
 from tega.recording.mcap_reader import McapReader, Message
 from tega.recording.origin import LEAD_IN
-from tega.runtime.files.csv_writer import CsvWriter, cell_text
 from tega.runtime.files.foreign_file import tells_damage
 from tega.runtime.files.plain_name import plain_name
 from tega.runtime.lifecycle import require
-
-Row = dict[str, Any]
 
 
 @tells_damage
@@ -50,7 +49,8 @@ def export_file(
     folder.mkdir(parents=True, exist_ok=True)
     note_copy(path, folder)
     reader = McapReader(path)
-    tables: dict[str, list[Row]] = {}
+    tables: dict[str, GrowingTable] = {}
+    growing = GrowingCsv if kind == "csv" else GrowingParquet
     waiting: dict[str, Message] = {}
     epoch_ns = 0
     for message in reader.messages(lambda topic: pictures or not topic.endswith("/image")):
@@ -68,14 +68,15 @@ def export_file(
         name = message.topic.strip("/").replace("/", ".")
         if name not in tables:
             plain_name(name, what="topic", source=path.name)
-        tables.setdefault(name, []).extend(_rows(message, message.log_ns - epoch_ns))
+            tables[name] = growing(folder / f"{name}.{kind}")
+        for row in _rows(message, message.log_ns - epoch_ns):
+            tables[name].add(row)
     attached = [
         plain_name(name, what="attachment", source=path.name) for name in reader.files if name != LEAD_IN
     ]
     for name in attached:
         (folder / name).write_bytes(reader.files[name])
-    write = _write_csv if kind == "csv" else _write_parquet
-    return [write(folder / f"{name}.{kind}", rows) for name, rows in sorted(tables.items()) if rows]
+    return [table.close() for _, table in sorted(tables.items()) if table.n_rows]
 
 
 def _rows(message: Message, log_ns: int) -> Iterator[Row]:
@@ -95,61 +96,79 @@ def _rows(message: Message, log_ns: int) -> Iterator[Row]:
         row = {"log_ns": log_ns, "frame_id": value.frame_id, "x": place.x, "y": place.y, "z": place.z}
         yield row | {f"q{axis}": getattr(turn, axis) for axis in "xyzw"}
         return
-    yield {"log_ns": log_ns} | dict(_columns(value))
+    yield {"log_ns": log_ns} | _columns(value)
 
 
-def _columns(value: Any) -> Iterator[tuple[str, Any]]:
-    for field in value.DESCRIPTOR.fields:
-        content = getattr(value, field.name)
-        if field.containing_oneof is not None and not value.HasField(field.name):
-            continue
-        if field.message_type is not None and field.message_type.name == "NamedValue":
-            # One that is named as a column of the record is not that column.
-            own = {"log_ns", *value.DESCRIPTOR.fields_by_name}
-            yield from ((f"more.{one.name}" if one.name in own else one.name, one.value) for one in content)
-        elif not hasattr(content, "extend"):
-            yield field.name, str(content) if field.message_type is not None else content
-        elif field.message_type is not None and field.message_type.name == "ArmPose":
-            yield field.name, "; ".join(_pose_text(pose) for pose in content)
-        elif field.message_type is not None:
-            yield (
-                field.name,
-                " ".join(f"{f.id:03X}#{'R' if f.remote else f.data.hex().upper()}" for f in content),
-            )
-        elif field.type == field.TYPE_STRING:
-            yield field.name, " ".join(content)
-        else:
-            yield from ((f"{field.name}_{k}", item) for k, item in enumerate(content, 1))
+def _columns(value: Any) -> Row:
+    """Return the cells of a message by their columns."""
+    row: Row = {}
+    for name, optional, cells in _fields(value.DESCRIPTOR):
+        if not optional or value.HasField(name):
+            cells(row, name, getattr(value, name))
+    return row
+
+
+@cache
+def _fields(descriptor: Any) -> list[tuple[str, bool, Callable[[Row, str, Any], None]]]:
+    """Return name, whether it may be missing, and how its cells are made, of each field of a message."""
+    # A named value that is named as a column of the record is not that column.
+    own = {"log_ns", *descriptor.fields_by_name}
+    return [
+        (
+            field.name,
+            field.containing_oneof is not None,
+            partial(_named_cells, own=own) if named else _cells(field),
+        )
+        for field in descriptor.fields
+        for named in (field.message_type is not None and field.message_type.name == "NamedValue",)
+    ]
+
+
+def _named_cells(row: Row, _name: str, content: Any, *, own: set[str]) -> None:
+    for one in content:
+        row[f"more.{one.name}" if one.name in own else one.name] = one.value
+
+
+def _cells(field: Any) -> Callable[[Row, str, Any], None]:
+    """Return what puts the content of a field into a row."""
+    text: Callable[[Any], Any] | None = None
+    if not field.is_repeated:
+        text = None if field.message_type is None else str
+    elif field.message_type is not None and field.message_type.name == "ArmPose":
+        text = _poses_text
+    elif field.message_type is not None:
+        text = _frames_text
+    elif field.type == field.TYPE_STRING:
+        text = " ".join
+    else:
+        return _numbered_cells
+    return partial(_one_cell, text=text)
+
+
+def _one_cell(row: Row, name: str, content: Any, *, text: Callable[[Any], Any] | None) -> None:
+    row[name] = content if text is None else text(content)
+
+
+def _numbered_cells(row: Row, name: str, content: Any) -> None:
+    row.update(zip(_numbered(name, len(content)), content, strict=True))
+
+
+@cache
+def _numbered(name: str, n: int) -> tuple[str, ...]:
+    return tuple(f"{name}_{k}" for k in range(1, n + 1))
+
+
+def _frames_text(frames: Any) -> str:
+    return " ".join(f"{f.id:03X}#{'R' if f.remote else f.data.hex().upper()}" for f in frames)
+
+
+def _poses_text(poses: Any) -> str:
+    return "; ".join(_pose_text(pose) for pose in poses)
 
 
 def _pose_text(pose: Any) -> str:
     """Return a pose as its time, place, turn and validity."""
     return " ".join(map(str, (pose.t_ns, *pose.position, *pose.quaternion, int(pose.valid))))
-
-
-def _names(rows: Sequence[Row]) -> list[str]:
-    names: Row = {}
-    for row in rows:
-        names |= dict.fromkeys(row)
-    return list(names)
-
-
-def _write_csv(path: Path, rows: Sequence[Row]) -> Path:
-    names = _names(rows)
-    file = CsvWriter(path, names)
-    try:
-        file.write(*[",".join(cell_text(row.get(name)) for name in names) + "\n" for row in rows])
-    finally:
-        file.close()
-    return path
-
-
-def _write_parquet(path: Path, rows: Sequence[Row]) -> Path:
-    arrow = require("pyarrow", driver="export", extra="parquet")
-    parquet = require("pyarrow.parquet", driver="export", extra="parquet")
-    columns: Mapping[str, list[Any]] = {name: [row.get(name) for row in rows] for name in _names(rows)}
-    parquet.write_table(arrow.table(dict(columns)), path)
-    return path
 
 
 def _picture(message: Message, folder: Path, seq: int) -> None:
