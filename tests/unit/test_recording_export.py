@@ -27,10 +27,10 @@ def test_tables_and_pictures_say_what_was_recorded(lossless: Path, tmp_path: Pat
     metric = preset_metric("live", baseline)
     for k, row in enumerate(contacts):
         image = cv2.imread(str(tmp_path / "out" / "thumb" / f"{k:06d}.png"))
-        metrics = metric.update(np.asarray(image, np.uint8), int(row["t_ns"]))
+        metrics = metric.update(np.asarray(image, np.uint8), round(float(row["t_s"]) * 1e9))
         assert (int(row["eda"]), float(row["cci"])) == (metrics.eda, metrics.cci)
     samples = (tmp_path / "out" / "emg.samples.csv").read_text().splitlines()
-    assert samples[0] == "log_ns,chunk_t_ns,index,ch1,ch2,ch3"
+    assert samples[0] == "log_s,chunk_t_s,index,ch1,ch2,ch3"
     assert len(samples) == 1 + round(SECONDS * 1000)
     assert (tmp_path / "out" / "hand.frames.csv").read_text().count("180#") == round(SECONDS / 0.003) + 1
     with pytest.raises(ConfigError, match="is not empty"):
@@ -43,11 +43,11 @@ def test_parquet_has_the_same_columns(lossless: Path, tmp_path: Path) -> None:
     table = parquet.read_table(tmp_path / "out" / "emg.levels.parquet")
     assert table.num_rows == 15
     assert table.column_names == [
-        "log_ns",
-        "t_ns",
-        "taken_ns",
-        "channels_1",
-        "channels_2",
-        "channels_3",
+        "log_s",
+        "t_s",
+        "taken_s",
+        "ch1",
+        "ch2",
+        "ch3",
         "fused",
     ]

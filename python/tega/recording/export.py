@@ -7,7 +7,8 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any, Literal
 
-from tega.errors import ConfigError
+from tega.errors import ConfigError, TegaError
+from tega.haptics.motor_layout import find_layout
 from tega.recording.copies import note_copy
 from tega.recording.growing_table import GrowingCsv, GrowingParquet, GrowingTable, Row
 from tega.recording.mcap_reader import McapReader, Message
@@ -23,9 +24,10 @@ def export_file(
 ) -> list[Path]:
     """Write one table per topic, and the attached files as they are.
 
-    Columns are the fields of the messages, in their units; a list becomes columns that count from 1, CAN frames become
-    text such as ``180#0A0B``, an arm's forearm poses such as ``t_ns x y z qx qy qz qw valid``. ``log_ns`` is the time
-    of reception since the start of the session. EMG has a row per sample.
+    Columns are named as in a run's own tables. Times are seconds since the start of the session, exact to the
+    nanosecond: ``t_s`` when something was captured, ``log_s`` when it was received. Channels are ``ch1`` and so on,
+    motors ``m`` and their number, other lists count from 1. CAN frames become text such as ``180#0A0B``, an arm's
+    forearm poses such as ``t_ns x y z qx qy qz qw valid``. EMG has a row per sample.
 
     Args:
         path: The recording.
@@ -69,7 +71,7 @@ def export_file(
         if name not in tables:
             plain_name(name, what="topic", source=path.name)
             tables[name] = growing(folder / f"{name}.{kind}")
-        for row in _rows(message, message.log_ns - epoch_ns):
+        for row in _rows(message, (message.log_ns - epoch_ns) / 1e9):
             tables[name].add(row)
     attached = [
         plain_name(name, what="attachment", source=path.name) for name in reader.files if name != LEAD_IN
@@ -79,24 +81,24 @@ def export_file(
     return [table.close() for _, table in sorted(tables.items()) if table.n_rows]
 
 
-def _rows(message: Message, log_ns: int) -> Iterator[Row]:
+def _rows(message: Message, log_s: float) -> Iterator[Row]:
     value = message.value
     if message.schema == "tega.EmgSamples":
         n = value.n_channels
         for k in range(len(value.samples) // n):
             samples = value.samples[k * n : (k + 1) * n]
-            row: Row = {"log_ns": log_ns, "chunk_t_ns": value.t_ns, "index": value.first_index + k}
+            row: Row = {"log_s": log_s, "chunk_t_s": value.t_ns / 1e9, "index": value.first_index + k}
             yield row | {f"ch{c + 1}": sample for c, sample in enumerate(samples)}
         return
     if message.schema == "foxglove.JointStates":
-        yield {"log_ns": log_ns} | {joint.name: joint.position for joint in value.joints}
+        yield {"log_s": log_s} | {joint.name: joint.position for joint in value.joints}
         return
     if message.schema == "foxglove.PoseInFrame":
         place, turn = value.pose.position, value.pose.orientation
-        row = {"log_ns": log_ns, "frame_id": value.frame_id, "x": place.x, "y": place.y, "z": place.z}
+        row = {"log_s": log_s, "frame_id": value.frame_id, "x": place.x, "y": place.y, "z": place.z}
         yield row | {f"q{axis}": getattr(turn, axis) for axis in "xyzw"}
         return
-    yield {"log_ns": log_ns} | _columns(value)
+    yield {"log_s": log_s} | _columns(value)
 
 
 def _columns(value: Any) -> Row:
@@ -112,7 +114,8 @@ def _columns(value: Any) -> Row:
 def _fields(descriptor: Any) -> list[tuple[str, bool, Callable[[Row, str, Any], None]]]:
     """Return name, whether it may be missing, and how its cells are made, of each field of a message."""
     # A named value that is named as a column of the record is not that column.
-    own = {"log_ns", *descriptor.fields_by_name}
+    own = {"log_s", *descriptor.fields_by_name}
+    own |= {f"{name.removesuffix('_ns')}_s" for name in own if name.endswith("_ns")}
     return [
         (
             field.name,
@@ -132,6 +135,8 @@ def _named_cells(row: Row, _name: str, content: Any, *, own: set[str]) -> None:
 def _cells(field: Any) -> Callable[[Row, str, Any], None]:
     """Return what puts the content of a field into a row."""
     text: Callable[[Any], Any] | None = None
+    if field.name.endswith("_ns") and not field.is_repeated:
+        return partial(_time_cell, column=f"{field.name.removesuffix('_ns')}_s")
     if not field.is_repeated:
         text = None if field.message_type is None else str
     elif field.message_type is not None and field.message_type.name == "ArmPose":
@@ -140,8 +145,10 @@ def _cells(field: Any) -> Callable[[Row, str, Any], None]:
         text = _frames_text
     elif field.type == field.TYPE_STRING:
         text = " ".join
+    elif field.name == "intensities":
+        return _motor_cells
     else:
-        return _numbered_cells
+        return partial(_numbered_cells, stem="ch" if field.name == "channels" else f"{field.name}_")
     return partial(_one_cell, text=text)
 
 
@@ -149,13 +156,31 @@ def _one_cell(row: Row, name: str, content: Any, *, text: Callable[[Any], Any] |
     row[name] = content if text is None else text(content)
 
 
-def _numbered_cells(row: Row, name: str, content: Any) -> None:
-    row.update(zip(_numbered(name, len(content)), content, strict=True))
+def _time_cell(row: Row, _name: str, content: int, *, column: str) -> None:
+    row[column] = content / 1e9
+
+
+def _numbered_cells(row: Row, _name: str, content: Any, *, stem: str) -> None:
+    row.update(zip(_numbered(stem, len(content)), content, strict=True))
 
 
 @cache
-def _numbered(name: str, n: int) -> tuple[str, ...]:
-    return tuple(f"{name}_{k}" for k in range(1, n + 1))
+def _numbered(stem: str, n: int) -> tuple[str, ...]:
+    return tuple(f"{stem}{k}" for k in range(1, n + 1))
+
+
+def _motor_cells(row: Row, _name: str, content: Any) -> None:
+    row.update(zip(_motors(row["layout"], len(content)), content, strict=True))
+
+
+@cache
+def _motors(layout: str, n: int) -> tuple[str, ...]:
+    """Return the columns of a layout's motors, by their numbers at the device; of an unknown layout by their order."""
+    try:
+        numbers = find_layout(layout).numbers.tolist()
+    except TegaError:
+        numbers = list(range(n))
+    return tuple(f"m{number}" for number in (numbers if len(numbers) == n else range(n)))
 
 
 def _frames_text(frames: Any) -> str:
