@@ -23,8 +23,9 @@ VIDEOS = f"videos/{{video_key}}/{PLACE}.mp4"
 FILES_PER_CHUNK, VIDEO_MB = 1000, 200
 
 CODEC, PIXELS = "libsvtav1", "yuv420p"
-# Every other frame can be decoded on its own, since training reads frames at random.
-_OPTIONS = {"g": "2", "crf": "30"}
+# Every other frame can be decoded on its own, since training reads frames at random. Preset 12 takes 0.4 of the time
+# of the encoder's own choice, at 0.2 dB less and the same size (450 fingertip pictures of 320 x 240).
+_OPTIONS = {"g": "2", "crf": "30", "preset": "12"}
 
 
 class Video:
@@ -57,9 +58,9 @@ class Video:
         self.n_frames = self.n_bytes = 0
 
     def add(self, image: NDArray[np.uint8], n_times: int) -> None:
-        """Add a picture, uint8 (H, W, 3) in RGB, so many times in a row."""
+        """Add a picture, uint8 (H, W, 3) in BGR, so many times in a row."""
         for _ in range(n_times):
-            frame = self._av.VideoFrame.from_ndarray(image, format="rgb24")
+            frame = self._av.VideoFrame.from_ndarray(image, format="bgr24")
             frame.pts = self.n_frames
             self.n_frames += 1
             self._write(self._stream.encode(frame))
@@ -125,7 +126,7 @@ class EpisodeCamera:
         self._from_frame = self._video.n_frames
 
     def add(self, image: NDArray[np.uint8], n_frames: int) -> None:
-        """Show a picture, uint8 (H, W, 3) in RGB, for so many frames."""
+        """Show a picture, uint8 (H, W, 3) in BGR, for so many frames."""
         if self._video is not None:
             self._video.add(image, n_frames)
             self.episode.add(image, n_frames)
