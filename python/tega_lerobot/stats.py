@@ -50,8 +50,9 @@ class Colours:
     def add(self, image: NDArray[np.uint8], n_times: int) -> None:
         """Count a picture, uint8 (H, W, 3) in BGR, so many times."""
         cv2 = load_cv2("export")
-        for row, channel in zip(self._counts, (2, 1, 0), strict=True):
-            row += n_times * cv2.calcHist([image], [channel], None, [256], [0, 256]).ravel().astype(np.int64)
+        for colour, channel in enumerate((2, 1, 0)):
+            counts = cv2.calcHist([image], [channel], None, [256], [0, 256]).ravel()
+            self._counts[colour] += n_times * counts.astype(np.int64)
         self._n += n_times
 
     def __iadd__(self, other: Colours) -> Colours:

@@ -287,13 +287,17 @@ def test_an_export_has_every_number_of_contact_and_intent(contact: Contact, inte
                 if field == "more":
                     ours = {known.name for known in fields(Contact)}
                     own = {each["name"]: each["value"] for each in value}
-                    found = {each: row[f"more.{each}" if each in {"log_ns", *ours} else each] for each in own}
+                    ours |= {"log_s", *(f"{each[:-3]}_s" for each in ours if each.endswith("_ns"))}
+                    found = {each: row[f"more.{each}" if each in ours else each] for each in own}
                     assert repr({each: float(text) for each, text in found.items()}) == repr(own)
                 elif many is not None:
-                    cells = [row[f"{field}_{k}"] for k in range(1, len(many) + 1)]
+                    stem = "ch" if field == "channels" else f"{field}_"
+                    cells = [row[f"{stem}{k}"] for k in range(1, len(many) + 1)]
                     assert repr([_read_cell(cell, v) for cell, v in zip(cells, many, strict=True)]) == repr(
                         list(many)
                     )
+                elif field.endswith("_ns"):
+                    assert float(row[f"{field[:-3]}_s"]) == value / 1e9, field
                 else:
                     assert repr(_read_cell(row[field], value)) == repr(value), field
 

@@ -250,7 +250,7 @@ def test_a_frame_holds_what_was_newest_by_its_time(dataset: Path, lossless: Path
             return list(csv.DictReader(file))
 
     def newest(name: str, t_ns: int) -> dict[str, str]:
-        return [row for row in table_of[name] if int(row["log_ns"]) <= t_ns][-1]
+        return [row for row in table_of[name] if float(row["log_s"]) * 1e9 <= t_ns + 0.5][-1]
 
     streams = ("hand.frames", "tactile.thumb.contact", "emg.levels", "vest.frame", "emg.samples")
     table_of = {name: table(name) for name in streams}
@@ -269,8 +269,10 @@ def test_a_frame_holds_what_was_newest_by_its_time(dataset: Path, lossless: Path
         levels = newest("emg.levels", t_ns)
         assert row["observation.emg_levels"][-1] == float(levels["fused"])
         vest = newest("vest.frame", t_ns)
-        assert row["observation.vest"] == [float(vest[f"intensities_{m + 1}"]) for m in range(40)]
-        samples = [r for r in table_of["emg.samples"] if int(r["log_ns"]) <= t_ns][-(1000 // FPS) :]
+        assert row["observation.vest"] == [float(vest[f"m{m}"]) for m in range(40)]
+        samples = [r for r in table_of["emg.samples"] if float(r["log_s"]) * 1e9 <= t_ns + 0.5][
+            -(1000 // FPS) :
+        ]
         expected = [[np.float32(r[f"ch{c}"]) for c in (1, 2, 3)] for r in samples]
         assert np.array_equal(row["observation.emg"], expected)
         assert 0 <= row["observation.image_age"][1] < 1 / 60 + 1e-6
@@ -290,7 +292,7 @@ def test_the_video_shows_the_pictures(dataset: Path, lossless: Path, tmp_path: P
     errors = []
     for k in range(0, episodes(dataset)[0]["length"], 6):
         t_ns = start_ns + k * 1_000_000_000 // FPS
-        seq = [int(row["seq"]) for row in frames if int(row["log_ns"]) <= t_ns][-1]
+        seq = [int(row["seq"]) for row in frames if float(row["log_s"]) * 1e9 <= t_ns + 0.5][-1]
         image = cv2.imread(str(tmp_path / "tables" / "thumb" / f"{seq:06d}.png"))
         assert image is not None
         errors.append(np.abs(image[..., ::-1].astype(float) - shown[k]).mean())
