@@ -38,10 +38,10 @@ letting-go: ## every signal to each process of a program and to several at once,
 
 deep: ## what computes for long: all tests marked deep, and each property with 2,000 examples
 	HYPOTHESIS_PROFILE=deep $(BIN)/python -m pytest -m deep
-	HYPOTHESIS_PROFILE=deep $(BIN)/python -m pytest -m 'not slow and not deep' tests/property
+	HYPOTHESIS_PROFILE=deep $(BIN)/python -m pytest -m 'not slow and not deep' tests/*/property
 
 stress: ## the properties at the ends of the number range, and docs/stress.md from what they found
-	PYTHONPATH=tests $(BIN)/python tests/property/stress_page.py docs/stress.md
+	PYTHONPATH=tests $(BIN)/python tests/tega/property/stress_page.py docs/stress.md
 
 lint: ## formatting, clippy, ruff, mypy, layers, stub against extension, words of the pages
 	cargo fmt --all --check
@@ -60,7 +60,7 @@ lint: ## formatting, clippy, ruff, mypy, layers, stub against extension, words o
 	$(BIN)/mypy --platform win32 --follow-imports silent python
 	$(BIN)/mypy --platform darwin --follow-imports silent python
 	$(BIN)/python -m mypy.stubtest tega._native
-	$(BIN)/python -m pytest -q tests/unit/test_crate_files.py \
+	$(BIN)/python -m pytest -q tests/tega/unit/test_crate_files.py \
 		tests/docs/test_words.py
 
 fmt: ## rustfmt, ruff format, ruff --fix

@@ -131,7 +131,7 @@ def _reading() -> dict[Says, tuple[Callable[[], object], Callable[[], object]]]:
             "nothing while S is far under its threshold; a touch that only the robust fit would see "
             "is told a little later",
             "`tega-tactile` `tests/tracker.rs`, "
-            "`tests/unit/test_sim_touch.py::test_untouched_frames_are_never_contact`",
+            "`tests/tega_sim/test_sim_touch.py::test_untouched_frames_are_never_contact`",
         ): (partial(rest.update, untouched), partial(touched.update, pressed)),
         Says(
             "a picture under its old number",

@@ -11,7 +11,7 @@ import pytest
 from reference import extremes
 from reference.extremes import EXTREMES, GROUPS, Extreme, relative
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "stress.md"
+PAGE = Path(__file__).resolve().parents[3] / "docs" / "stress.md"
 for kernel in ("contact", "touch", "vest", "emg", "fraction", "decoders"):
     importlib.import_module(f"property.test_extremes_{kernel}")
 

@@ -8,6 +8,7 @@ import threading
 from collections.abc import Iterator
 
 import pytest
+from unit.test_hand_guard import limp
 
 from reference.waiting import until
 from tega.devices.hand.allegro import Allegro
@@ -15,7 +16,6 @@ from tega.devices.hand.allegro_options import AllegroOptions
 from tega.errors import DeviceUnavailableError
 from tega.safety.sleep_lock import SleepLock
 from tega_emulators.process import Emulator
-from unit.test_hand_guard import limp
 
 pytest.importorskip("dbus_fast")
 pytestmark = pytest.mark.skipif(

@@ -1,6 +1,6 @@
 """Mutates files of every format that TEGA reads, and counts what comes of it.
 
-``python tests/property/mutations.py --each 10000`` reads so many mutated files of each format, ``--only recording`` one
+``python tests/tega/property/mutations.py --each 10000`` reads so many mutated files of each format, ``--only recording`` one
 format. A recording stays a valid MCAP in most of them: its topics, schemas, types, tables, attachments, messages and
 times are changed, and it goes through one verb of the command line after another. Of a session's folder, a study's, and
 pictures with their marks and forces one file is changed, and the verbs get the folder. Exit code 1 if anything else
@@ -27,9 +27,10 @@ import cv2
 from mcap.reader import NonSeekingReader
 from mcap.writer import Writer
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path[:0] = [str(Path(__file__).parents[up]) for up in (1, 2)]
 
 from property.test_foreign_files import FAR_NS, mutated
+
 from reference.foreign_readers import READERS
 from reference.recordings import pressed
 from tega.config import check_tree

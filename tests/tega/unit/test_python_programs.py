@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-PROJECT = Path(__file__).resolve().parents[2]
+PROJECT = Path(__file__).resolve().parents[3]
 ROOTS = [PROJECT / name for name in ("python/tega", "tools/campaigns", "tools/emulators")]
 STARTS = re.compile(
     r"(subprocess\.)?Popen|subprocess\.(run|call|check_call|check_output)|(.*\.)?create_subprocess_(exec|shell)"

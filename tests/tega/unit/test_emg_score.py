@@ -20,7 +20,7 @@ from tega.emg.score import (
 )
 from tega.errors import CalibrationError, InvalidValueError, ShapeError
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 DATA = Path(os.environ.get("TEGA_DATA", ROOT.parent / "shared" / "data")) / "emg" / "my_thesis"
 RECORDINGS = ("v1", "v2", "v8", "v10")
 CHANNELS = (3, 6, 8)

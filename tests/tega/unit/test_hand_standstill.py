@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from typing import Any
 
 import pytest
+from unit.test_hand_guard import limp, steering
 
 from reference.processes import begun_by, hand_guards
 from reference.waiting import until
@@ -22,7 +23,6 @@ from tega.runtime import clock
 from tega.runtime.clock import Standstill
 from tega.wire import CanFrame
 from tega_emulators.process import Emulator
-from unit.test_hand_guard import limp, steering
 
 # More than the hand's watchdog of the test, in which it is silent.
 STOPPED_S = 2.5

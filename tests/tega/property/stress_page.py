@@ -1,4 +1,4 @@
-"""Write the page of numerical stress from the properties: ``python tests/property/stress_page.py docs/stress.md``.
+"""Write the page of numerical stress from the properties: ``python tests/tega/property/stress_page.py docs/stress.md``.
 
 All of them have to pass, the runs over a hundred million samples too; it takes some minutes.
 """

@@ -16,7 +16,7 @@ import pytest
 import tega
 from tega.runtime.child_process import own_group
 
-PROJECT = Path(__file__).resolve().parents[2]
+PROJECT = Path(__file__).resolve().parents[3]
 
 
 def toml(*parts: str) -> dict[str, Any]:

@@ -38,7 +38,7 @@ from tega.recording.session import VERSION
 from tega.records import RECORDS, Contact, NamedValue
 from tega.records.schema import own_schema, read, schema_name
 
-GOLDEN = Path(__file__).parent.parent / "golden"
+GOLDEN = Path(__file__).parents[2] / "golden"
 
 
 STREAMS = {

@@ -13,7 +13,7 @@ import tega
 from tega.loop import DualLoop, run_session
 
 PACKAGE = Path(tega.__file__).parent
-EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
 
 
 def classes(*where: str) -> Iterator[tuple[str, ast.ClassDef]]:

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-
 from property.mutations import changes
 from property.test_foreign_files import mutated
+
 from reference.can_logs import conversation, write_log
 from reference.command import call
 from tega.devices.hand.can_log import LOG_SUFFIXES, read_can_log

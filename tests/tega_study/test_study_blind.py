@@ -15,6 +15,7 @@ pytest.importorskip("matplotlib")
 pytest.importorskip("statsmodels")
 
 from click.testing import CliRunner
+from test_study_report import fill
 
 from tega.ui.cli.main import cli
 from tega_study.analyse import Analysis, analyse_study
@@ -22,7 +23,6 @@ from tega_study.journal import events_path
 from tega_study.page import number
 from tega_study.privacy import export
 from tega_study.report import write_report
-from unit.test_study_report import fill
 
 
 @pytest.fixture(scope="module")

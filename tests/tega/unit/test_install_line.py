@@ -18,7 +18,7 @@ from tega.ui.cli.devices import could_not_look
 from tega.ui.cli.doctor import _paragraph
 from tega.ui.cli.install_line import with_origin
 
-PROJECT = Path(__file__).parents[2]
+PROJECT = Path(__file__).parents[3]
 HINT = "install it with: pip install 'tega[sim,view]'"
 
 

@@ -7,9 +7,9 @@ import random
 from pathlib import Path
 
 import pytest
-
 from property.mutations import changes
 from property.test_foreign_files import mutated
+
 from reference.foreign_readers import READERS
 from tega.errors import TegaError
 

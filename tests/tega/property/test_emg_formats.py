@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-
 from property.mutations import changes
 from property.test_foreign_files import mutated
+
 from reference.emg_writers import RATE_HZ, WRITERS, content_of
 from tega.errors import TegaError
 from tega.runtime.files.signals import read_signals

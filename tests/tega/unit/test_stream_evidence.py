@@ -21,7 +21,7 @@ from tega.runtime.lsl_clock import ClockCorrection
 from tega.runtime.stamp_check import StampCheck
 
 LIVE = ("tactile", "emg", "hand", "tracker")
-PAGE = Path(__file__).parents[2] / "docs" / "faults-streams.md"
+PAGE = Path(__file__).parents[3] / "docs" / "faults-streams.md"
 
 
 def fed(counters: list[int], *, room: int = 12, same: bool = False) -> tuple[PacketOrder, list[int]]:

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from unit.test_arm_robot import Led
 
 from tega.arm import ArmSettings, LimitSettings, MappingSettings
 from tega.devices.arm.franky_arm import FrankyArm, FrankyArmOptions
@@ -15,7 +16,6 @@ from tega.errors import DeviceUnavailableError, WrongDeviceError
 from tega.ui.cli.arm import arm as arm_verb
 from tega_emulators.franka_faults import HAND_CENTRE_M, HAND_KG
 from tega_emulators.process import Emulator
-from unit.test_arm_robot import Led
 
 pytestmark = pytest.mark.slow
 moves = pytest.mark.asked_again(
