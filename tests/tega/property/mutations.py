@@ -1,7 +1,7 @@
 """Mutates files of every format that TEGA reads, and counts what comes of it.
 
-``python tests/tega/property/mutations.py --each 10000`` reads so many mutated files of each format, ``--only recording`` one
-format. A recording stays a valid MCAP in most of them: its topics, schemas, types, tables, attachments, messages and
+``python tests/tega/property/mutations.py --each 10000`` reads so many mutated files of each format, ``--only
+recording`` one format. A recording stays a valid MCAP in most of them: its topics, schemas, types, tables, attachments, messages and
 times are changed, and it goes through one verb of the command line after another. Of a session's folder, a study's, and
 pictures with their marks and forces one file is changed, and the verbs get the folder. Exit code 1 if anything else
 than an error of TEGA came of a file.
@@ -27,7 +27,8 @@ import cv2
 from mcap.reader import NonSeekingReader
 from mcap.writer import Writer
 
-sys.path[:0] = [str(Path(__file__).parents[up]) for up in (1, 2)]
+sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from property.test_foreign_files import FAR_NS, mutated
 
