@@ -1,10 +1,10 @@
 """Mutates files of every format that TEGA reads, and counts what comes of it.
 
 ``python tests/tega/property/mutations.py --each 10000`` reads so many mutated files of each format, ``--only
-recording`` one format. A recording stays a valid MCAP in most of them: its topics, schemas, types, tables, attachments,
-messages and times are changed, and it goes through one verb of the command line after another. Of a session's folder, a study's, and
-pictures with their marks and forces one file is changed, and the verbs get the folder. Exit code 1 if anything else
-than an error of TEGA came of a file.
+recording`` one format. A recording stays a valid MCAP in most of them: its topics, schemas, types, tables,
+attachments, messages and times are changed, and it goes through one verb of the command line after another. Of a
+session's folder, a study's, and pictures with their marks and forces one file is changed, and the verbs get the
+folder. Exit code 1 if anything else than an error of TEGA came of a file.
 """
 
 from __future__ import annotations
