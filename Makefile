@@ -30,7 +30,7 @@ slow: ## what waits in true time: emulated devices, sessions, kills, soaks; then
 	$(BIN)/python -m pytest -m 'slow and not deep'
 	$(MAKE) guards THIRD=today
 
-guards: ## tests have to fail without the guard they show; all of them into docs/evidence/guards.md (THIRD=today: a third)
+guards: ## tests have to fail without the guard they show; all of them into tests/hazards/guards-seen.md (THIRD=today: a third)
 	PYTHONPATH=tests $(BIN)/python -m hazards.without $(if $(THIRD),--third $(THIRD),--page)
 
 letting-go: ## every signal to each process of a program and to several at once, into docs/evidence/letting-go.md

@@ -1,4 +1,4 @@
-"""Accept emulated devices as a person would, and print the reports for docs/evidence/acceptance.md.
+"""Accept emulated devices as a person would, and print the reports for docs/evidence/devices.md.
 
 ``python -m tega_figures.acceptances OUT thumb emg vest hand tracker dead_man arm`` takes some four minutes; ``franky``
 is the arm on franky-sim's robot, in an environment with the extra ``arm-sim``. Whoever answers is this program: it says

@@ -6,7 +6,7 @@
     python -m tega_figures.check_events --fit 1000:1023 --shear texture --truth   # what the gels' true shear would tell
     python -m tega_figures.check_events --seeds 2000:2020 --conditions haptic # the table of docs/detect.md
     python -m tega_figures.check_events --narrowing --objects bag             # what a deformation could be told by
-    python -m tega_figures.check_events --conditions haptic --shear texture   # of docs/evidence/shear.md
+    python -m tega_figures.check_events --conditions haptic --shear texture   # of docs/evidence/sim-touch.md
 
 Needs the extras ``sim`` and ``study``. A seed is a person; those that the rules were fitted on are never reported.
 """

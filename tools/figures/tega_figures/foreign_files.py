@@ -1,6 +1,6 @@
 """Read files as other programs write them, and compare each with its right answer: the tables of the page on files.
 
-``TEGA_CASES=FOLDER python -m tega_figures.foreign_files`` prints the tables of ``docs/evidence/files.md``. FOLDER holds
+``TEGA_CASES=FOLDER python -m tega_figures.foreign_files`` prints the tables of ``docs/evidence/recording.md``. FOLDER holds
 a folder per case, and the reference signal that each file of EMG was written from.
 """
 

@@ -1,6 +1,6 @@
 """Says when objects truly slide over fingertips, and when what is read of the fingertips' pictures tells it.
 
-The second truth of ``docs/evidence/shear.md``: a slip as the literature has it, of the object over a fingertip,
+The second truth of ``docs/evidence/sim-touch.md``: a slip as the literature has it, of the object over a fingertip,
 whatever the object does against the palm. :func:`slides_of` has its definition.
 """
 

@@ -1,4 +1,4 @@
-"""Compare pages before and after they were rewritten: ``python -m tega_figures.readability docs/evidence/words.md``.
+"""Compare pages before and after they were rewritten: ``python -m tega_figures.readability docs/evidence/index.md``.
 
 Needs git, and the package textstat, which no extra has: ``pip install textstat==0.7.4 'setuptools<81'``.
 """

@@ -2,7 +2,7 @@
 
 ``python -m tega_figures.strangers_path walk FOLDER OUT`` walks in a fresh clone, or in a folder with the wheels of
 ``make wheels`` and the examples, and keeps times and pictures in a folder. ``… page CLONE WHEEL docs`` writes both
-into ``docs/evidence/strangers-path.md``. TEGA_DATA names the real recordings; Chromium has to be there.
+into ``docs/evidence/index.md``. TEGA_DATA names the real recordings; Chromium has to be there.
 """
 
 from __future__ import annotations
@@ -255,7 +255,7 @@ def page(clone: Path, wheel: Path, docs: Path) -> None:
     for title, out in (("From a clone", clone), ("From the wheel", wheel)):
         steps = [PathStep(**step) for step in json.loads((out / "walk.json").read_text(encoding="utf-8"))]
         told += [f"### {title}", "", *table(steps), ""]
-    file = docs / "evidence/strangers-path.md"
+    file = docs / "evidence/index.md"
     text = file.read_text(encoding="utf-8")
     before, after = text[: text.index(_BEGIN)], text[text.index(_END) + len(_END) :]
     file.write_text(before + "\n".join([_BEGIN, "", *told, _END]) + after, encoding="utf-8")

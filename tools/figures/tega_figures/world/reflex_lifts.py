@@ -4,7 +4,7 @@ The reflex goes by the true speed of the slide, by the share that the fingertips
 rise, or by the rise of the share that has truly slid. A constant addition is the control: what it prevents at the same
 closure no reflex has to.
 
-``python -m tega_figures.world.reflex_lifts`` prints the tables of docs/evidence/reflex.md.
+``python -m tega_figures.world.reflex_lifts`` prints the tables of docs/evidence/mappings.md.
 """
 
 from __future__ import annotations
