@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from tega_figures.simulated_person import main
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "evidence" / "sim-operator.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "evidence" / "sim.md"
 
 pytestmark = pytest.mark.skipif(not PAGE.is_file(), reason="not a checkout")
 

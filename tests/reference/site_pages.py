@@ -1,11 +1,11 @@
-"""Which pages of the docs teach and which prove, from the site's navigation."""
+"""Pages of the docs that teach, from the site's navigation."""
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
 
-__all__ = ["evidence_pages", "pages_of", "user_pages"]
+__all__ = ["pages_of", "user_pages"]
 
 PROJECT = Path(__file__).resolve().parents[2]
 TEACHING = ("Start", "Tutorials", "Hardware", "Reference", "Explanation")
@@ -27,8 +27,3 @@ def pages_of(*parts: str) -> list[Path]:
 def user_pages() -> list[Path]:
     """Return README and the pages that teach."""
     return [PROJECT / "README.md", *pages_of(*TEACHING)]
-
-
-def evidence_pages() -> list[Path]:
-    """Return the pages that prove."""
-    return pages_of("Evidence")
