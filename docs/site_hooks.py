@@ -17,7 +17,10 @@ from reference_pages import commands_page, drivers_page, public_modules, setting
 
 MOVED = {
     **{name: name for name in ("devices", "emg-decoders", "loop", "sim-touch")},
-    **{"sim-operator": "sim", "sim-world": "sim", "skips": "pareto", "study-silico": "study"},
+    "sim-operator": "sim",
+    "sim-world": "sim",
+    "skips": "pareto",
+    "study-silico": "study",
 }
 ABBREVIATIONS = {"CCI": "contact concentration index", "EDA": "effective deformation area"}
 

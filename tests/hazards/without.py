@@ -1,7 +1,7 @@
 """Takes one guard after another out of a copy of the program, and shows that a test or a soak then fails.
 
-``make guards`` tries all of them and writes tests/hazards/guards-seen.md; ``make guards THIRD=today`` tries the third of
-this day, as CI does, and ``--only WORD`` those with the word in their name or test. Each time of the hazard table is
+``make guards`` tries all of them and writes ``guards-seen.md`` beside this file; ``make guards THIRD=today`` tries the
+third of this day, as CI does, and ``--only WORD`` those with the word in their name or test. Each time of the hazard table is
 made ten times as long as well. A test has to pass with everything in place and to fail without the guard. One that does
 not end in time proves nothing; it is asked again alone, with more patience. The working tree is not touched but for the
 page.
@@ -217,8 +217,8 @@ _HEAD: Final = """# Guards taken out
 
 `make guards` takes one guard after another out of a copy of the program, or makes its time ten times as long, and runs
 the test or the soak that shows it. The test has to pass with the guard and to fail without it. A test that does not end
-is no proof. That command writes this page: each line has the commit that it was seen at. The
-[hazard table](../safety.md#what-can-go-wrong) says what each guard is for.
+is no proof. That command writes this file: each line has the commit that it was seen at. The
+[hazard table](../../docs/safety.md#what-can-go-wrong) says what each guard is for.
 
 """
 _COLUMNS: Final = "| without it | guard in | what then fails | seen | commit |\n|---|---|---|---|---|\n"
