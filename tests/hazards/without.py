@@ -1,10 +1,10 @@
 """Takes one guard after another out of a copy of the program, and shows that a test or a soak then fails.
 
-``make guards`` tries all of them and writes ``guards-seen.md`` beside this file; ``make guards THIRD=today`` tries the
-third of this day, as CI does, and ``--only WORD`` those with the word in their name or test. Each time of the hazard table is
-made ten times as long as well. A test has to pass with everything in place and to fail without the guard. One that does
-not end in time proves nothing; it is asked again alone, with more patience. The working tree is not touched but for the
-page.
+``make guards`` tries all of them and writes ``guards-seen.md`` beside this file; ``make guards THIRD=today`` tries
+the third of this day, as CI does, and ``--only WORD`` those with the word in their name or test. Each time of the
+hazard table is made ten times as long as well. A test has to pass with everything in place and to fail without the
+guard. One that does not end in time proves nothing; it is asked again alone, with more patience. The working tree is
+not touched but for the page.
 """
 
 from __future__ import annotations
