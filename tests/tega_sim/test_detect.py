@@ -3,19 +3,13 @@
 from __future__ import annotations
 
 import math
-import subprocess
-import sys
-from pathlib import Path
 
-import numpy as np
 import pytest
 
 from tega.stages.events import DetectedEvent, Detector, TouchFrame
 from tega.stages.events.detector import UNSURE, share_of
 from tega.stages.events.settings import FEATURES, HAND_FEATURES, SETTINGS, SINK_FEATURES, Rule
 from tega.stages.events.tracks import Low, SinkTrack, TwoMeans
-from tega_figures.slip_rule import SlipTrial, fit, left_out
-from tega_figures.slip_score import SlipsTold, score_row
 
 HZ = 60.0
 NOTHING = TouchFrame(False, 0, 0.0, 0.0, math.nan, math.nan)
@@ -168,73 +162,6 @@ def test_where_the_joints_are_no_longer_told_the_other_rules_take_over() -> None
     assert len(SETTINGS.sink.weights) == len(SINK_FEATURES)
 
 
-@pytest.mark.slow
-def test_the_simulated_bench_shows_its_lift_off() -> None:
-    pytest.importorskip("mujoco")
-    pytest.importorskip("scipy")
-    from tega_figures.check_events import WAYS, compare, judge, run
-    from tega_sim.plan import TrialPlan
-
-    kept = run(TrialPlan(object="bag", condition="non-haptic", seed=1))
-    # This person's bag slips as well. How many slips are found is a matter of many people: see the page's table.
-    assert {event.kind for event in kept.result.events} >= {"lift_off", "slip"}
-    judged = judge(kept)
-    for way in WAYS[:2]:
-        assert compare([judged], way, "lift_off").f1 == 1.0
-
-
 def test_a_rule_adds_weighed_products_to_weighed_features() -> None:
     rule = Rule(-1.0, (0.5, 0.25), 0.5, 0.1, ((0, 1, 2.0), (1, 1, -0.5)))
     assert share_of(rule, (0.5, 2.0)) == pytest.approx(1 / (1 + math.exp(1.0 - 0.25 - 0.5 - 2.0 + 2.0)))
-
-
-def test_a_rule_with_products_tells_what_no_single_feature_does() -> None:
-    rng = np.random.default_rng(1)
-    trials = []
-    for person in range(6):
-        features = rng.normal(size=(800, 3))
-        features[200:220, :2] = rng.choice([-2.0, 2.0], size=(20, 1)) + rng.normal(scale=0.1, size=(20, 2))
-        slips = np.zeros(800)
-        slips[200:220] = 1
-        asked = np.ones(800, dtype=bool)
-        trials.append(SlipTrial(np.arange(800) / 40, features, asked, slips, asked, (5.0,), person))
-    rule = fit(trials, products=2)
-    assert any(set(one[:2]) == {0, 1} for one in rule.products)
-    told = left_out(trials, products=2, parts=3)[1]
-    assert [[round(t_s) for t_s in one] for one in told] == [[5]] * 6
-
-
-def test_slips_are_scored_with_intervals_over_people_and_false_ones_where_nothing_slid() -> None:
-    found = [SlipsTold(1, 1.0, (5.0,), (5.2, 9.0), (4.0, 0.2)), SlipsTold(2, 1.0, (3.0, 7.0), (7.1,), (3.0,))]
-    cells = [cell.strip() for cell in score_row("rule", found).strip("|").split("|")]
-    assert cells[:5] == ["rule", "2", "3", "3", "2"]
-    # F1 of each person alone is 2/3: so is that of every draw.
-    assert cells[5:7] == ["0.67 (0.67 to 0.67)", "0.50 (0.00 to 1.00)"]
-    assert cells[7:] == ["0.50 (0.00 to 1.00)", "0.15 (0.10 to 0.20)"]
-
-
-def test_the_page_s_slips_are_those_of_the_sixth_set_of_people() -> None:
-    root = Path(__file__).resolve().parents[2]
-    page = root / "docs" / "detect.md"
-    if not page.is_file():
-        pytest.skip("no pages beside the tests: not a checkout")
-    from tega_figures.slip_score import read_scored, score_rows
-
-    rows = score_rows(read_scored(root / "tools/figures/tega_figures/slips-sixth.jsonl"))
-    said = page.read_text(encoding="utf-8").splitlines()
-    assert len([row for row in rows if row in said]) == 6
-    assert [row for row in said if row.startswith("| gels") and row not in rows] == []
-
-
-@pytest.mark.deep
-@pytest.mark.timeout(3600)
-def test_the_page_says_how_many_lift_offs_of_twenty_people_are_found() -> None:
-    pytest.importorskip("mujoco")
-    page = Path(__file__).resolve().parents[2] / "docs" / "detect.md"
-    if not page.is_file():
-        pytest.skip("no pages beside the tests: not a checkout")
-    words = "-m tega_figures.check_events --seeds 2000:2020 --conditions haptic"
-    said = subprocess.run([sys.executable, *words.split()], check=True, capture_output=True, text=True).stdout
-    rows = [line for line in said.splitlines() if line.startswith("| lift-off |")]
-    assert len(rows) >= 8
-    assert [row for row in rows if row not in page.read_text(encoding="utf-8").splitlines()] == []

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-import msgspec
 import pytest
 
 pytest.importorskip("mujoco")
 
 from tega.errors import InvalidValueError
-from tega_figures.information.ladder import RUNGS, STEP_RUNGS, STEPS, LadderSession, steps, table_text
-from tega_figures.information.sessions import BenchSession, LiftOutcome
 from tega_sim.commanded import HandWay, level_of_drive
-from tega_sim.conditions import Condition
 from tega_sim.operator.motor import level_effort
 from tega_sim.operator.person import typical_person
 from tega_sim.plan import TrialPlan
@@ -51,35 +47,3 @@ def test_the_drive_is_read_as_the_quarter_of_the_effort_that_it_lies_in() -> Non
     assert driven != aimed
     with pytest.raises(InvalidValueError, match="hand"):
         TrialPlan.checked({"object": "bag", "hand": "glove"})
-
-
-def test_each_rung_is_compared_with_no_vest_on_the_same_way_to_the_hand() -> None:
-    def session(seed: int, condition: Condition, hand: HandWay, slid_mm: float) -> LadderSession:
-        lift = LiftOutcome(slid_mm, True, False, 0, 0, 3.0, 15.0)  # a named tuple of a lift
-        return LadderSession(
-            hand,
-            BenchSession(
-                seed=seed, object="bag", view="hidden", condition=condition, rules=3, people="", lifts=[lift]
-            ),
-        )
-
-    ways: list[HandWay] = ["aim", "drive", "decoder"]
-    sessions = [
-        session(seed, "non-haptic", hand, 10.0 + 5 * place + seed)
-        for seed in (1, 2, 3)
-        for place, hand in enumerate(ways)
-    ]
-    sessions += [session(seed, r.condition, r.hand, 4.0 + seed) for seed in (1, 2, 3) for r in RUNGS[:4]]
-    found = steps(sessions)
-    assert [rung for rung, _ in found] == list(RUNGS[:4])
-    assert [off["slid"].mean for _, off in found] == pytest.approx([-6, -6, -6, -11])
-    text = table_text(sessions)
-    assert "| `haptic` | drive |" in text
-    assert "| `haptic` | decoder |" not in text
-    # Another mapping is another rung, on which the same people are compared with the same sessions without a vest.
-    told = [session(seed, "haptic", "aim", 3.0 + seed) for seed in (1, 2, 3)]
-    sessions += [msgspec.structs.replace(one, mapping=STEPS) for one in told]
-    found = steps(sessions)
-    assert [rung for rung, _ in found] == [*RUNGS[:4], STEP_RUNGS[1]]
-    assert found[-1][1]["slid"].mean == pytest.approx(-7)
-    assert "| `haptic (equal-steps)` | aim |" in table_text(sessions)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from tega_figures.information.agent import IdealAgent
-from tega_figures.information.bench import bench_arms, bench_table
 from tega_figures.information.compare import MARGIN, OUTCOMES, null, paired, person_outcomes
 from tega_figures.information.plant import Grasp, grasp, told_frame
 from tega_sim.operator import Operator, Rules, draw_person, sham_vest, typical_person
@@ -187,27 +186,6 @@ def lifted(seed: int, condition: str, slips: int, *, rules: int = 2) -> TrialRes
         events=(),
         simulated_s=12.0,
     )
-
-
-def test_the_bench_s_arms_are_compared_within_people_and_rules() -> None:
-    off = [lifted(seed, "non-haptic", slips) for seed, slips in ((1, 5), (2, 9), (3, 1))]
-    # One slip less for everybody, told in another order; people of other rules are others.
-    told = [lifted(seed, "oracle", slips) for seed, slips in ((3, 0), (1, 4), (2, 8))]
-    others = [lifted(seed, "non-haptic", 7, rules=1) for seed in (1, 2, 3)]
-    arms = bench_arms([*told, *others, *off])
-    assert [(arm.rules, arm.condition, arm.seeds) for arm in arms] == [
-        (2, "oracle", [3, 1, 2]),
-        (1, "non-haptic", [1, 2, 3]),
-        (2, "non-haptic", [1, 2, 3]),
-    ]
-    effort_cost = draw_person(3).grip.effort_cost
-    assert arms[0].rows[0] == [0.0, 0.0, 0.5, round(0.5 * effort_cost, 6), 1.0]
-    lines = bench_table(arms).splitlines()[2:]
-    assert [line.split(" | ")[:3] for line in lines] == [
-        ["| 1", "`non-haptic`", "7.00"],
-        ["| 2", "`non-haptic`", "5.00"],
-        ["| 2", "`oracle`", "-1.00 (-1.00 to -1.00)"],
-    ]
 
 
 @pytest.mark.deep

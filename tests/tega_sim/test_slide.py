@@ -7,7 +7,6 @@ import pytest
 
 from tega.errors import InvalidValueError
 from tega.stages.events import ShearFrame
-from tega_figures.pad_slides import PadStep, merged, pad_step, slides_of, slides_told
 from tega_figures.slide import SlideStep, fine, slid, speeding, wall
 from tega_sim.gel import Gel
 from tega_sim.world import OBJECTS
@@ -117,51 +116,3 @@ def test_what_a_contact_says_of_the_slide_goes_to_the_detector_with_its_directio
     told = ShearFrame.of(values | {"slide_mm_s": 5.0, "slide_direction_rad": np.pi / 2, "slide_sure": 0.7})
     assert told is not None
     assert told[-3:] == pytest.approx((0.0, 5.0, 0.7))
-
-
-def stepped(
-    ways_mm: list[float], *, finger: str = "index", force_n: float = 2.0, along: bool = True
-) -> list[PadStep]:
-    """Give a wall's ways over a pad, sixty a second, in the coordinates that its relief has."""
-    steps = []
-    for n, way_mm in enumerate(ways_mm):
-        one = wall(SlideStep(force_n, way_mm, 0.0), 0.0, y_mm=None if along else 0.0)
-        steps.append(pad_step(n / 60, finger, [one] if force_n else [], 1.0))
-    return steps
-
-
-@pytest.mark.parametrize("along", [True, False])
-def test_a_slide_over_a_pad_begins_where_it_has_come_a_tenth_of_a_millimetre(along: bool) -> None:
-    ways_mm = [0.0] * 30 + [0.1 * n for n in range(1, 31)] + [3.0] * 60  # 6 mm/s for half a second
-    [one] = slides_of(stepped(ways_mm, along=along))
-    assert one.begin_s == pytest.approx(30 / 60, abs=0.002)
-    assert one.end_s == pytest.approx(59 / 60, abs=0.04)
-
-
-def test_what_creeps_rolls_or_hardly_presses_is_no_slide() -> None:
-    fast = [0.1 * n for n in range(60)]
-    assert slides_of(stepped([0.05 * n for n in range(120)])) == []  # 3 mm/s
-    assert slides_of(stepped(fast, force_n=0.4)) == []
-    rolled = []
-    for n in range(60):
-        cos, sin = np.cos(0.01 * n), np.sin(0.01 * n)
-        # Around its own axis, which goes along the picture, and sideways by as much.
-        pose = np.array([[cos, -sin, 0.0, 40.0 * 0.01 * n], [0.0, 0.0, 1.0, 0.0], [-sin, -cos, 0.0, 40.0]])
-        one = wall(PRESSED, 0.0)._replace(pose_mm=pose)
-        rolled.append(pad_step(n / 60, "index", [one], 1.0))
-    assert slides_of(rolled) == []
-    assert len(slides_of(stepped(fast))) == 1
-
-
-def test_slides_of_fingers_that_go_on_together_are_one_and_those_out_of_the_picture_can_be_left_out() -> None:
-    rests = [0.0] * 30
-    first = stepped(rests + [0.1 * n for n in range(30)] + [2.9] * 90)
-    later = stepped([0.0] * 60 + [0.1 * n for n in range(30)] + [2.9] * 60, finger="ring")
-    last = stepped([0.0] * 130 + [0.3 * n for n in range(20)], finger="middle")
-    hidden = [step._replace(in_view=0.3) for step in last]
-    begins = [one.begin_s for one in merged(first + later + hidden)]
-    assert begins == pytest.approx([0.517, 2.17], abs=0.02)
-    seen = slides_told(1, 0.1, first + later + hidden, [0.6, 1.2, 2.2], seen=True)
-    assert list(seen.truth_s) == pytest.approx(begins[:1])
-    assert list(seen.told_s) == [0.6, 1.2]
-    assert seen.slid_mm[0] > 1.0

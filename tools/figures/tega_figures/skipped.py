@@ -1,4 +1,4 @@
-"""Measure what each skip saves, with it and without it in turns, and write the table of docs/evidence/skips.md.
+"""Measure what each skip saves, with it and without it in turns, and write the table of docs/evidence/pareto.md.
 
 ::
 
@@ -46,7 +46,7 @@ from tega_sim.trial import TrialPlan, run_trial
 
 PROJECT: Final = Path(__file__).resolve().parents[3]
 RESULTS: Final = PROJECT / "benches" / "skips.json"
-PAGE: Final = PROJECT / "docs" / "evidence" / "skips.md"
+PAGE: Final = PROJECT / "docs" / "evidence" / "pareto.md"
 MINUTE_NS: Final = 60_000_000_000
 TOUCH: Final = Contact(
     finger="thumb",
