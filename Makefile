@@ -3,11 +3,10 @@
 VENV ?= .venv
 BIN := $(VENV)/bin
 TOOLS := $(CURDIR)/tools/emulators:$(CURDIR)/tools/campaigns:$(CURDIR)/tools/figures
-WALK := PYTHONPATH=$(CURDIR)/tests:$(TOOLS) $(BIN)/python -m tega_figures.strangers_path
 ARM64 := aarch64-unknown-linux-gnu
 PYTHON ?= python3
 .DEFAULT_GOAL := help
-.PHONY: help setup build test slow guards letting-go deep stress lint fmt fuzz bench counts figures msrv licences arm64 wheels site pictures shots measured stranger clean
+.PHONY: help setup build test slow guards letting-go deep stress lint fmt fuzz bench counts figures msrv licences arm64 wheels site pictures shots measured words clean
 
 help: ## print this
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 10
@@ -30,7 +29,7 @@ slow: ## what waits in true time: emulated devices, sessions, kills, soaks; then
 	$(BIN)/python -m pytest -m 'slow and not deep'
 	$(MAKE) guards THIRD=today
 
-guards: ## tests have to fail without the guard they show; all of them into docs/evidence/guards.md (THIRD=today: a third)
+guards: ## tests have to fail without the guard they show; all of them into tests/hazards/guards-seen.md (THIRD=today: a third)
 	PYTHONPATH=tests $(BIN)/python -m hazards.without $(if $(THIRD),--third $(THIRD),--page)
 
 letting-go: ## every signal to each process of a program and to several at once, into docs/evidence/letting-go.md
@@ -38,12 +37,12 @@ letting-go: ## every signal to each process of a program and to several at once,
 
 deep: ## what computes for long: all tests marked deep, and each property with 2,000 examples
 	HYPOTHESIS_PROFILE=deep $(BIN)/python -m pytest -m deep
-	HYPOTHESIS_PROFILE=deep $(BIN)/python -m pytest -m 'not slow and not deep' tests/property
+	HYPOTHESIS_PROFILE=deep $(BIN)/python -m pytest -m 'not slow and not deep' tests/*/property
 
 stress: ## the properties at the ends of the number range, and docs/stress.md from what they found
-	PYTHONPATH=tests $(BIN)/python tests/property/stress_page.py docs/stress.md
+	PYTHONPATH=tests $(BIN)/python tests/tega/property/stress_page.py docs/stress.md
 
-lint: ## formatting, clippy, ruff, mypy, layers, stub against extension, words of the pages
+lint: ## formatting, clippy, ruff, mypy, layers, stub against extension
 	cargo fmt --all --check
 	cargo fmt --check --manifest-path fuzz/Cargo.toml
 	cargo fmt --check --manifest-path benches/Cargo.toml
@@ -60,8 +59,7 @@ lint: ## formatting, clippy, ruff, mypy, layers, stub against extension, words o
 	$(BIN)/mypy --platform win32 --follow-imports silent python
 	$(BIN)/mypy --platform darwin --follow-imports silent python
 	$(BIN)/python -m mypy.stubtest tega._native
-	$(BIN)/python -m pytest -q tests/unit/test_crate_files.py \
-		tests/docs/test_words.py
+	$(BIN)/python -m pytest -q tests/tega/unit/test_crate_files.py
 
 fmt: ## rustfmt, ruff format, ruff --fix
 	cargo fmt --all
@@ -114,14 +112,6 @@ pictures: ## the drawn pictures of the docs, and the demo's animation; needs lab
 	$(BIN)/python -m tega_figures.simulated_person picture docs/images/sim-emg.png
 	$(BIN)/python -m tega_figures.scene.picture docs/images/scene.webp docs/images/scene-tags.svg
 	$(BIN)/python -m tega_figures.study_console docs/images/study-console.svg
-	$(BIN)/python -m tega_figures.information picture tools/figures/tega_figures/information/fresh.json \
-		docs/images/value-of-information.png
-	$(BIN)/python -m tega_figures.world.feasible picture tools/figures/tega_figures/world/feasible.json \
-		docs/images/feasible.png
-	$(BIN)/python -m tega_figures.information.ladder picture tools/figures/tega_figures/information/ladder.jsonl \
-		docs/images/ladder.png
-	$(BIN)/python -m tega_figures.information.arms picture docs/images/arms.png \
-		$(addprefix tools/figures/tega_figures/information/,arms-vest.jsonl arms-four.jsonl arms-path.jsonl)
 	$(BIN)/tega-teleop demo --fast --out target/demo
 	cp target/demo/demo.png docs/images/demo.png
 
@@ -159,16 +149,9 @@ measured: ## the pictures of what takes hours to measure, and their tables; TEGA
 		target/this-version.raw
 	$(BIN)/tega-teleop soak --seconds 3600 --seed 7 --out target/soak
 	cp target/soak/faults.png docs/images/soak.png
-	$(BIN)/python -m tega_figures.readability docs/evidence/words.md
 
-stranger: ## type every command of a newcomer's first hour, in a clone and beside the wheels; needs Chromium, TEGA_DATA
-	rm -rf target/stranger
-	mkdir -p target/stranger/wheel
-	git clone --quiet . target/stranger/clone
-	cp -r dist/*.whl examples target/stranger/wheel
-	$(WALK) walk target/stranger/clone target/stranger/clone-kept
-	$(WALK) walk target/stranger/wheel target/stranger/wheel-kept
-	$(WALK) page target/stranger/clone-kept target/stranger/wheel-kept docs
+words: ## words of user pages, help, messages and docstrings, counted per 10,000 by the rules of plain English
+	$(BIN)/python tools/words.py
 
 clean: ## remove build output
 	rm -rf target fuzz/target benches/target dist $(VENV)

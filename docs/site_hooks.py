@@ -15,7 +15,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 from lift_player import lift_page
 from reference_pages import commands_page, drivers_page, public_modules, settings_page, stages_page
 
-MOVED = ("devices", "emg-decoders", "loop", "sim-operator", "sim-touch", "sim-world", "skips", "study-silico")
+MOVED = {
+    **{name: name for name in ("devices", "emg-decoders", "loop", "sim-touch")},
+    "sim-operator": "sim",
+    "sim-world": "sim",
+    "skips": "pareto",
+    "study-silico": "study",
+}
 ABBREVIATIONS = {"CCI": "contact concentration index", "EDA": "effective deformation area"}
 
 
@@ -69,8 +75,8 @@ def on_post_build(config: MkDocsConfig) -> None:
     Path(config.site_dir, "lift.html").write_text(
         lift_page(Path(config.docs_dir, "lift.viser")), encoding="utf-8"
     )
-    for name in MOVED:
-        link = f"evidence/{name}.html"
+    for name, page in MOVED.items():
+        link = f"evidence/{page}.html"
         Path(config.site_dir, f"{name}.html").write_text(
             f'<!doctype html><title>{name}</title><meta http-equiv="refresh" content="0; url={link}">'
             f'<a href="{link}">This page moved.</a>\n',

@@ -187,3 +187,11 @@ def recordings() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no recordings at {folder}; set TEGA_DATA to the folder that holds digit/ and emg/")
     return folder
+
+
+@pytest.fixture(scope="session")
+def lossless(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a lossless recording of one and a half seconds; nobody writes into its folder."""
+    from reference.sessions import record
+
+    return record(tmp_path_factory.mktemp("session") / "lossless")

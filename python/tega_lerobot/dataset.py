@@ -169,10 +169,10 @@ class _Dataset:
         for camera in self._cameras.values():
             camera.begin()
         for finger, image, n_times in episode.pictures():
-            self._cameras[finger].add(np.ascontiguousarray(image[..., ::-1]), n_times)
+            self._cameras[finger].add(image, n_times)
         for name, video in self._scenes.items():
             for image, n_times in scene_frames(video, episode):
-                self._cameras[name].add(np.ascontiguousarray(image[..., ::-1]), n_times)
+                self._cameras[name].add(image, n_times)
         known: dict[str, Any] = {"episode_index": number, "tasks": [task], "length": n}
         known |= {f"data/{name}": value for name, value in where.items()}
         known |= {"dataset_from_index": self._n_frames, "dataset_to_index": self._n_frames + n}

@@ -10,6 +10,7 @@ import numpy as np
 
 from tega.errors import RecordingError
 from tega.hand import JOINT_NAMES
+from tega.recording.decode_ahead import decode_ahead
 from tega.recording.mcap_reader import McapReader, Message, read_picture
 from tega.recording.origin import span
 from tega.records import Contact
@@ -84,7 +85,8 @@ class Episode(NamedTuple):
     def pictures(self) -> Iterator[tuple[str, NDArray[np.uint8], int]]:
         """Read the pictures: finger, picture as uint8 (H, W, 3) in BGR, and how many frames in a row show it."""
         places = dict.fromkeys(self.shown, 0)
-        for message in McapReader(self.path).messages(lambda topic: topic.endswith("/image")):
+        messages = McapReader(self.path).messages(lambda topic: topic.endswith("/image"))
+        for message, decoding in decode_ahead(messages):
             finger = _finger(message, "/image")
             if finger:
                 shown, place = self.shown.get(finger, ()), places.get(finger, 0)
@@ -95,8 +97,8 @@ class Episode(NamedTuple):
                     )
                 n_frames = int(shown[place])
                 places[finger] = place + 1
-                if n_frames:
-                    yield finger, read_picture(message), n_frames
+                if n_frames and decoding is not None:
+                    yield finger, decoding.result(), n_frames
 
 
 class _Stream:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from tega_sim.seams import Act, Percept
 
 
-_CHANNELS = tuple(f"channel_{k}" for k in (1, 2, 3))
+_CHANNELS = tuple(f"ch{k}" for k in (1, 2, 3))
 _COLUMNS: dict[str, tuple[str, ...]] = {
     "truth": (
         "t_s",

@@ -16,8 +16,8 @@ CLOCKS = (
     "tests/hazards/test_times.py",
     "tests/hazards/test_stamps.py",
     "tests/hazards/test_letting_go.py",
-    "tests/unit/test_arm.py",
-    "tests/unit/test_picture_votes.py",
+    "tests/tega/unit/test_arm.py",
+    "tests/tega/unit/test_picture_votes.py",
 )
 
 pytestmark = pytest.mark.skipif(not PAGE.is_file(), reason="not a checkout")

@@ -45,7 +45,7 @@ def test_the_page_has_the_committed_figures() -> None:
 def test_the_page_has_the_committed_range_of_each_constant() -> None:
     results = json.loads(CONSTANTS.read_text(encoding="utf-8"))
     assert set(results) == set(TRIED)
-    assert constants_table(results) in PAGE.with_name("touch-lines.md").read_text(encoding="utf-8")
+    assert constants_table(results) in PAGE.read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("make", [tracker, threshold, subtraction(16.0, 0.0)])

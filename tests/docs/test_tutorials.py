@@ -16,7 +16,6 @@ import pytest
 
 from reference.page_blocks import blocks_of, commands_of
 from tega.ui.cli.main import cli
-from tega_figures.strangers_path import PARTS, commands
 
 PROJECT = Path(__file__).resolve().parents[2]
 
@@ -83,17 +82,6 @@ def start(text: str, folder: Path, environment: dict[str, str]) -> subprocess.Po
             return stays
         time.sleep(0.1)
     raise AssertionError(f"{text} wrote no {written.name}")
-
-
-@pytest.mark.parametrize(
-    ("title", "n_least"),
-    [("demo", 4), ("Ten steps", 18), ("page", 1), ("Replay", 2), ("study", 12), ("Add", 4)],
-)
-def test_the_newcomers_path_finds_what_the_pages_print(title: str, n_least: int) -> None:
-    (part,) = [part for part in PARTS if title in part.title]
-    typed = [command for _, command in commands(part, PROJECT)]
-    assert len(typed) >= n_least
-    assert all(re.match(r"tega-teleop|python|pip|cp|ls|head|\. ", command) for command in typed), typed
 
 
 @pytest.mark.slow

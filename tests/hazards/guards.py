@@ -8,22 +8,22 @@ __all__ = ["GUARDS", "LATE", "Guard"]
 
 _LOST: Final = "tests/hazards/test_lost.py::test_"
 _STOP: Final = "tests/hazards/test_stop.py::test_"
-_LAWS: Final = "tests/property/test_safety.py::test_"
-_HAND: Final = "tests/unit/test_hand_guard.py::test_"
-_NAMES: Final = "tests/unit/test_hostile_names.py::test_"
+_LAWS: Final = "tests/tega/property/test_safety.py::test_"
+_HAND: Final = "tests/tega/unit/test_hand_guard.py::test_"
+_NAMES: Final = "tests/together/test_hostile_names.py::test_"
 _TIMES: Final = "tests/hazards/test_times.py::test_"
-_VOTES: Final = "tests/unit/test_emg_votes.py::test_"
-_LEAD: Final = "tests/unit/test_study_lead.py::test_"
-_DISK: Final = "tests/unit/test_recording_disk.py::test_"
-_PLAN: Final = "tests/unit/test_study_plan.py::test_"
-_PAGE: Final = "tests/unit/test_view_browser.py::test_"
-_FOREIGN: Final = "tests/property/test_foreign_files.py::test_"
-_PICTURES: Final = "tests/unit/test_picture_votes.py::test_"
-_VESTS: Final = "tests/contract/test_vests.py::test_"
-_START: Final = "tests/unit/test_arm_to_start.py::test_"
-_REFLEX: Final = "tests/property/test_reflex.py::test_"
-_STAND: Final = "tests/unit/test_hand_standstill.py::test_"
-_LIMB: Final = "tests/unit/test_limb_loss.py::test_"
+_VOTES: Final = "tests/tega/unit/test_emg_votes.py::test_"
+_LEAD: Final = "tests/tega_study/test_study_lead.py::test_"
+_DISK: Final = "tests/tools/test_recording_disk.py::test_"
+_PLAN: Final = "tests/tega_study/test_study_plan.py::test_"
+_PAGE: Final = "tests/tega_sim/test_view_browser.py::test_"
+_FOREIGN: Final = "tests/tega/property/test_foreign_files.py::test_"
+_PICTURES: Final = "tests/tega/unit/test_picture_votes.py::test_"
+_VESTS: Final = "tests/tega_bench/test_vests.py::test_"
+_START: Final = "tests/tega_study/test_arm_to_start.py::test_"
+_REFLEX: Final = "tests/tega/property/test_reflex.py::test_"
+_STAND: Final = "tests/tega/unit/test_hand_standstill.py::test_"
+_LIMB: Final = "tests/tega/unit/test_limb_loss.py::test_"
 
 
 class Guard(NamedTuple):
@@ -221,7 +221,7 @@ GUARDS: Final = (
         "programs beside a run die of the signals of a log-out",
         "    words[words.index(_BEGIN)] = _IGNORE + _BEGIN",
         "    pass",
-        "tests/unit/test_child_process.py::"
+        "tests/tega_scene/test_child_process.py::"
         "test_a_program_ignores_the_signals_of_a_log_out_and_ends_with_its_input[hand's guard]",
     ),
     Guard(
@@ -252,7 +252,7 @@ GUARDS: Final = (
         "the computer goes to sleep with the motors on",
         "            self._on_sleep()",
         "            pass",
-        "tests/unit/test_sleep_lock.py::test_a_hand_is_let_go_before_the_computer_sleeps",
+        "tests/tega/unit/test_sleep_lock.py::test_a_hand_is_let_go_before_the_computer_sleeps",
     ),
     Guard(
         "a guard that gives up says nothing",
@@ -294,20 +294,20 @@ GUARDS: Final = (
         "the loss of the arm's process is not seen",
         '        if arm.phase in {"faulted", "gone"} and (said := arm.problem):',
         '        if arm.phase == "faulted" and (said := arm.problem):',
-        "tests/unit/test_arm_run.py::test_an_arm_whose_process_is_killed_stops_and_the_run_goes_on",
+        "tests/tega/unit/test_arm_run.py::test_an_arm_whose_process_is_killed_stops_and_the_run_goes_on",
     ),
     Guard(
         "the loss of the recorder's process is not told",
         "                self._stop(self._gone())\n            self._queue.close()",
         "                pass\n            self._queue.close()",
-        "tests/unit/test_recorder_process.py::"
+        "tests/tega/unit/test_recorder_process.py::"
         "test_a_killed_process_stops_the_recording_with_a_word_and_the_file_is_recovered",
     ),
     Guard(
         "a negative dose lengthens the day",
         "_AtLeast0 = Annotated[float, msgspec.Meta(ge=0)]",
         "_AtLeast0 = float",
-        "tests/unit/test_dose_file.py::test_a_number_that_would_lengthen_the_day_is_refused",
+        "tests/together/test_dose_file.py::test_a_number_that_would_lengthen_the_day_is_refused",
     ),
     Guard(
         "any machine may be the Player's",
@@ -339,27 +339,27 @@ GUARDS: Final = (
                     self._part_from(process)""",
         """                if closing:
                     self._write(b"done\\n", process)""",
-        "tests/unit/test_guard_process.py::test_a_device_that_is_left_while_its_guard_is_replaced_is_let_go_of",
+        "tests/tega/unit/test_guard_process.py::test_a_device_that_is_left_while_its_guard_is_replaced_is_let_go_of",
     ),
     Guard(
         "a guard that dies as the device is left to it is taken for one that has it",
         "if self._closing.is_set() and (self._safe or self._has_it.is_set()):",
         "if self._closing.is_set():",
-        "tests/unit/test_guard_process.py::"
+        "tests/tega/unit/test_guard_process.py::"
         "test_a_device_that_is_left_before_its_guard_s_loss_is_seen_is_let_go_of[killed]",
     ),
     Guard(
         "a device is left to a guard that stands still",
         "            self._process.kill()  # it stands still: the thread that watches it starts another",
         "            pass",
-        "tests/unit/test_guard_process.py::"
+        "tests/tega/unit/test_guard_process.py::"
         "test_a_device_that_is_left_before_its_guard_s_loss_is_seen_is_let_go_of[stopped]",
     ),
     Guard(
         "a run removes the results of an earlier one",
         "        path.rename(kept / path.name)  # a link is moved, not what it leads to",
         "        path.unlink()",
-        "tests/unit/test_replay.py::test_the_results_of_an_earlier_run_are_kept_and_told",
+        "tests/together/test_replay.py::test_the_results_of_an_earlier_run_are_kept_and_told",
     ),
     Guard(
         "a closed terminal ends the program at once",
@@ -456,7 +456,7 @@ GUARDS: Final = (
         "a tracker's jump is believed",
         '            return f"{JUMPED} {1e3 * step_m:.0f} mm"',
         '            return ""',
-        "tests/unit/test_arm.py::test_a_jump_is_believed_once_the_hand_was_lost",
+        "tests/tega/unit/test_arm.py::test_a_jump_is_believed_once_the_hand_was_lost",
     ),
     Guard(
         "a dim picture keeps its vote",
@@ -480,31 +480,31 @@ GUARDS: Final = (
         "a black picture is given by the driver",
         "if good and time.monotonic_ns() - opened_ns",
         "if time.monotonic_ns() - opened_ns",
-        "tests/unit/test_digit.py::test_a_fault_is_counted_silences_and_is_survived[black]",
+        "tests/tega/unit/test_digit.py::test_a_fault_is_counted_silences_and_is_survived[black]",
     ),
     Guard(
         "a tracker that jumps away and back keeps its vote",
         "            self._untrusted |= len(self._jumps_ns) == _JUMPS and spread_ms <= _STEADY_MS",
         "            del spread_ms",
-        "tests/unit/test_arm.py::test_a_tracker_that_jumps_away_and_back_has_no_vote_until_it_is_steady",
+        "tests/tega/unit/test_arm.py::test_a_tracker_that_jumps_away_and_back_has_no_vote_until_it_is_steady",
     ),
     Guard(
         "the guard of a Bluetooth vest is dismissed whatever the vest took",
         "        if self.silent:\n            guard.dismiss()",
         "        if True:\n            guard.dismiss()",
-        "tests/contract/test_vests.py::test_a_vest_that_takes_no_zeros_is_not_left_alone",
+        "tests/tega_bench/test_vests.py::test_a_vest_that_takes_no_zeros_is_not_left_alone",
     ),
     Guard(
         "a run begins with a day of its own",
         "        budget.carry(dose_s=self._carried_s, heat=heat)",
         "        pass",
-        "tests/unit/test_dose_file.py::test_a_second_run_of_the_day_begins_where_the_first_ended",
+        "tests/together/test_dose_file.py::test_a_second_run_of_the_day_begins_where_the_first_ended",
     ),
     Guard(
         "who is not named has a day of their own",
         "        if others:",
         "        if False:",
-        "tests/unit/test_dose_file.py::test_who_is_not_named_begins_where_the_one_who_had_most_left_off",
+        "tests/together/test_dose_file.py::test_who_is_not_named_begins_where_the_one_who_had_most_left_off",
     ),
     Guard(
         "a rehearsal passes for a session",
@@ -528,13 +528,13 @@ GUARDS: Final = (
         "any page may press the buttons",
         '            if (why := _refused(request, token, allow_remote=allow_remote)) != "":',
         '            if (why := "") != "":',
-        "tests/unit/test_view_browser.py::test_only_pages_of_this_server_with_its_token_can_connect",
+        "tests/tega_sim/test_view_browser.py::test_only_pages_of_this_server_with_its_token_can_connect",
     ),
     Guard(
         "one refusal of the transport ends the sending",
         "                self._not_sent(_first_line(error))",
         "                return",
-        "tests/unit/test_net_stations.py::test_a_message_that_the_transport_refuses_does_not_end_the_sending",
+        "tests/tega_link/test_net_stations.py::test_a_message_that_the_transport_refuses_does_not_end_the_sending",
     ),
     Guard(
         "a copy of a running recording takes its memory",
@@ -576,7 +576,7 @@ GUARDS: Final = (
         "torques of the step before stay where a step ends with an error",
         "                out.fill(0.0)",
         "                pass",
-        "tests/unit/test_hand.py::test_whatever_is_raised_no_torque_is_left_to_be_sent",
+        "tests/tega/unit/test_hand.py::test_whatever_is_raised_no_torque_is_left_to_be_sent",
     ),
     Guard(
         "a pipe is waited for",
@@ -594,7 +594,7 @@ GUARDS: Final = (
         "the folder of a killed run blocks the next one",
         '    begun = {"format": SUMMARY_FORMAT, "version": 1, "ended": NOT_ENDED}',
         "    return",
-        "tests/unit/test_replay.py::test_a_run_that_was_killed_leaves_a_folder_that_the_next_one_takes",
+        "tests/together/test_replay.py::test_a_run_that_was_killed_leaves_a_folder_that_the_next_one_takes",
     ),
     Guard(
         "the hand's torque has the vendor's ceiling",
@@ -699,13 +699,13 @@ LATE: Final = (
         "a tracker's way back",
         "_STEADY_MS = 500.0",
         "_STEADY_MS = 5000.0",
-        "tests/unit/test_arm.py::test_a_tracker_that_jumps_away_and_back_has_no_vote_until_it_is_steady",
+        "tests/tega/unit/test_arm.py::test_a_tracker_that_jumps_away_and_back_has_no_vote_until_it_is_steady",
     ),
     _late(
         "a tracker that does not come back",
         "    lost_ms: _Ms = 250.0",
         "    lost_ms: _Ms = 2500.0",
-        "tests/unit/test_arm.py::test_a_jump_is_believed_once_the_hand_was_lost",
+        "tests/tega/unit/test_arm.py::test_a_jump_is_believed_once_the_hand_was_lost",
     ),
     _late(
         "no news on the page",

@@ -1,10 +1,10 @@
 """Takes one guard after another out of a copy of the program, and shows that a test or a soak then fails.
 
-``make guards`` tries all of them and writes docs/evidence/guards.md; ``make guards THIRD=today`` tries the third of
-this day, as CI does, and ``--only WORD`` those with the word in their name or test. Each time of the hazard table is
-made ten times as long as well. A test has to pass with everything in place and to fail without the guard. One that does
-not end in time proves nothing; it is asked again alone, with more patience. The working tree is not touched but for the
-page.
+``make guards`` tries all of them and writes ``guards-seen.md`` beside this file; ``make guards THIRD=today`` tries
+the third of this day, as CI does, and ``--only WORD`` those with the word in their name or test. Each time of the
+hazard table is made ten times as long as well. A test has to pass with everything in place and to fail without the
+guard. One that does not end in time proves nothing; it is asked again alone, with more patience. The working tree is
+not touched but for the page.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from tega import _native
 __all__ = ["PAGE", "place", "read_page", "write_page"]
 
 ROOT: Final = Path(__file__).parents[2]
-PAGE: Final = ROOT / "docs/evidence/guards.md"
+PAGE: Final = ROOT / "tests/hazards/guards-seen.md"
 _LONGEST_S: Final = 120.0
 _PATIENCE_S: Final = 15.0
 # So much longer for what is asked again alone.
@@ -217,8 +217,8 @@ _HEAD: Final = """# Guards taken out
 
 `make guards` takes one guard after another out of a copy of the program, or makes its time ten times as long, and runs
 the test or the soak that shows it. The test has to pass with the guard and to fail without it. A test that does not end
-is no proof. That command writes this page: each line has the commit that it was seen at. The
-[hazard table](../safety.md#what-can-go-wrong) says what each guard is for.
+is no proof. That command writes this file: each line has the commit that it was seen at. The
+[hazard table](../../docs/safety.md#what-can-go-wrong) says what each guard is for.
 
 """
 _COLUMNS: Final = "| without it | guard in | what then fails | seen | commit |\n|---|---|---|---|---|\n"
@@ -261,7 +261,7 @@ def main() -> int:
     parser.add_argument("--third", metavar="K", help="every third only, from the K-th on; today: the day's")
     parser.add_argument("--unseen", action="store_true", help="only what the page has not as seen to fail")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="so many at once")
-    parser.add_argument("--page", action="store_true", help="write docs/evidence/guards.md")
+    parser.add_argument("--page", action="store_true", help="write tests/hazards/guards-seen.md")
     asked = parser.parse_args()
     # A job in the background is deaf to Ctrl-C, and so are its children.
     signal.signal(signal.SIGINT, signal.default_int_handler)

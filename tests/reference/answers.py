@@ -1,6 +1,6 @@
 """Prints a digest of what the kernels answer to fixed input, so that answers of different processors can be compared.
 
-Run as a script by ``tests/unit/test_dispatch.py``. The input comes from integers alone: NumPy's own transcendental
+Run as a script by ``tests/together/test_dispatch.py``. The input comes from integers alone: NumPy's own transcendental
 functions may differ from one processor to another.
 """
 

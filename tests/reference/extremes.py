@@ -39,7 +39,7 @@ GROUPS: Final[dict[Group, tuple[str, str]]] = {
 HEAD: Final = """\
 # Stress: the kernels where numbers go wrong
 
-Every line is a property that the tests hold the kernels to (`tests/property/test_extremes_*.py`): what was done, how
+Every line is a property of the kernels (`tests/tega/property/test_extremes_*.py`): what was done, how
 far the worst result was from an exact reference, and the bound that it has to keep. The references are whole numbers
 and fractions for the contact metrics, 60-digit decimals for the vest intensity and the EMG filter
 (`tega_figures.exact`); none of them shares code with what it judges. What follows no equation is held to its

@@ -1,7 +1,7 @@
 """What of panda-python the driver ``panda`` calls, on a point that goes to its target: a stand-in, not the library.
 
 It follows the library's source where that matters: an error of the control thread is raised once, a controller that has
-started clears a reflex by itself, and stopping waits. ``tests/unit/test_arm_panda.py`` holds its names against the
+started clears a reflex by itself, and stopping waits. ``tests/tega/unit/test_arm_panda.py`` holds its names against the
 wheel.
 """
 

@@ -12,6 +12,8 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
+from tega.runtime.threads import restored
+
 ENCODERS: Mapping[str, tuple[str, Mapping[str, str]]] = {
     "h264": ("libx264", {}),
     "hevc": ("libx265", {"x265-params": "log-level=none"}),
@@ -70,6 +72,8 @@ def encode(
         stream.time_base = stream.codec_context.time_base = Fraction(1, 1000)
         if "rotation" in more:
             stream.set_display_rotation(more["rotation"])
+        with restored():
+            stream.codec_context.open()
         for picture, t_ms in zip(pictures, times_ms, strict=True):
             frame = av.VideoFrame.from_ndarray(picture, format="bgr24")
             frame.pts, frame.time_base = t_ms, Fraction(1, 1000)

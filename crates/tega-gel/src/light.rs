@@ -5,7 +5,7 @@ use crate::grid::{CELL_PX, PX_PER_MM};
 use crate::picture::{HEIGHT, LIT_COLS, LIT_ROWS, WIDTH, across, along, polynomial};
 use crate::rng::Stream;
 
-/// Colour in counts for the normal's x, y and z: constant, X, Y, X², XY, Y² each; `python -m tega_figures.fit_light`.
+/// Colour in counts for the normal's x, y and z: constant, X, Y, X², XY, Y² each; `tega_figures.fit_light` of commit 2b4cc804.
 const LIGHT: [[[f32; 6]; 3]; 3] = [
     [
         [-36.0, 102.0, 52.0, 20.0, 19.0, 43.0],

@@ -18,7 +18,7 @@ use crate::shape::{Indenter, Shape};
 use crate::shear::{WIDE_COLS, WIDE_PX, WIDE_ROWS};
 use crate::springs::STIFFNESS_N_MM3;
 
-/// Pressure from which a relief shows in full, newtons per square millimetre; `docs/evidence/shear.md` says where it comes from.
+/// Pressure from which a relief shows in full, newtons per square millimetre; `docs/evidence/sim-touch.md` says where it comes from.
 pub const FULL_PRESSURE_N_MM2: f64 = 0.44;
 
 /// The drawn pattern: pixels along a side, after which it repeats itself, and passes of the binomial filter of five taps that leave its

@@ -11,7 +11,7 @@ use crate::grid::{CELL_PX, Grid, LANES, LENGTH_MM, MARGIN_COLS, MARGIN_ROWS, PX_
 use crate::picture::{HEIGHT, WIDTH};
 use crate::springs::STIFFNESS_N_MM3;
 
-/// Traction a sideways displacement, over pressure a displacement; `docs/evidence/shear.md` says where it comes from.
+/// Traction a sideways displacement, over pressure a displacement; `docs/evidence/sim-touch.md` says where it comes from.
 pub const SHEAR_STIFFNESS_N_MM3: f64 = 0.3 * STIFFNESS_N_MM3;
 
 /// Two of the finest grid's cells on either side: 8 pixels.

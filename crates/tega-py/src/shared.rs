@@ -1,6 +1,6 @@
 //! Share a kernel among Python threads: its state behind a lock, and when others may run while it works.
 
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, PoisonError, TryLockError};
 
 use pyo3::prelude::*;
 
@@ -17,14 +17,26 @@ pub(crate) fn released<T: Send>(py: Python<'_>, long: bool, work: impl FnOnce() 
 /// there; a frozen class with this inside has the other thread wait instead.
 pub(crate) struct Shared<T>(Mutex<T>);
 
-impl<T> Shared<T> {
+impl<T: Send> Shared<T> {
     pub(crate) fn new(state: T) -> Self {
         Self(Mutex::new(state))
     }
 
     /// Work on the state, alone. `work` touches no Python object: a thread that holds the state and waits for the
     /// interpreter would wait for one that holds the interpreter and waits for the state.
+    ///
+    /// While another thread works on the state, this one waits without the interpreter lock, so that all others go on.
     pub(crate) fn with<R>(&self, work: impl FnOnce(&mut T) -> R) -> R {
-        work(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
+        loop {
+            match self.0.try_lock() {
+                Ok(mut state) => return work(&mut state),
+                Err(TryLockError::Poisoned(poisoned)) => return work(&mut poisoned.into_inner()),
+                Err(TryLockError::WouldBlock) => {
+                    Python::attach(|py| {
+                        py.detach(|| drop(self.0.lock().unwrap_or_else(PoisonError::into_inner)));
+                    });
+                }
+            }
+        }
     }
 }

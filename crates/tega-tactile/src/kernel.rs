@@ -48,6 +48,7 @@ use crate::frame::Difference;
 #[cfg(target_arch = "x86_64")]
 const STEP: usize = 32;
 /// Pixels of the largest picture whose levels are kept: more would leave the processor's caches.
+#[cfg(target_arch = "x86_64")]
 const MOST_KEPT: usize = 1 << 19;
 /// Largest Σ|weight| for which no row sum of grey values overflows an `i32` lane (512 pixels a lane in the widest row).
 pub(crate) const MAX_WEIGHT_SUM: i32 = 16_000;
@@ -137,24 +138,19 @@ impl Kernel {
         row
     }
 
-    /// Whether the levels of a picture of this size are kept as words, so that they are counted without a second reading:
-    /// where that pays, and levels below 0 are rare or of no matter, as thresholds seldom are.
-    fn keeps(&self, width: usize, height: usize) -> bool {
-        #[cfg(target_arch = "x86_64")]
+    /// Words that the levels of a row are kept in, so that they are counted without a second reading; those that stand
+    /// for no pixel are 0. Kept where that pays, and levels below 0 are rare or of no matter, as thresholds seldom are.
+    #[cfg(target_arch = "x86_64")]
+    pub(crate) fn kept_in_row(&self, width: usize, height: usize) -> usize {
         let pays = isa() != Isa::Baseline && self.factors.is_some() && width >= STEP;
-        #[cfg(not(target_arch = "x86_64"))]
-        let pays = false;
         let least = self.difference == Difference::Signed || self.least() == 0;
-        pays && least && width * height <= MOST_KEPT
+        if pays && least && width * height <= MOST_KEPT { avx2::kept_in_row(width) } else { 0 }
     }
 
-    /// Words that the levels of a row are kept in, where the kernel keeps them; those that stand for no pixel are 0.
-    pub(crate) fn kept_in_row(&self, width: usize, height: usize) -> usize {
-        #[cfg(target_arch = "x86_64")]
-        if self.keeps(width, height) {
-            return avx2::kept_in_row(width);
-        }
-        let _ = (width, height);
+    /// Words that the levels of a row are kept in: none, since no kernel here keeps them.
+    #[cfg(not(target_arch = "x86_64"))]
+    #[expect(clippy::unused_self, reason = "as where levels are kept")]
+    pub(crate) fn kept_in_row(&self, _width: usize, _height: usize) -> usize {
         0
     }
 

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, Literal
 
-from tega.errors import ConfigError
+from tega.errors import ConfigError, TegaError
+from tega.haptics.motor_layout import find_layout
 from tega.recording.copies import note_copy
+from tega.recording.growing_table import GrowingCsv, GrowingParquet, GrowingTable, Row
 from tega.recording.mcap_reader import McapReader, Message
 from tega.recording.origin import LEAD_IN
-from tega.runtime.files.csv_writer import CsvWriter, cell_text
 from tega.runtime.files.foreign_file import tells_damage
 from tega.runtime.files.plain_name import plain_name
 from tega.runtime.lifecycle import require
-
-Row = dict[str, Any]
 
 
 @tells_damage
@@ -24,9 +24,10 @@ def export_file(
 ) -> list[Path]:
     """Write one table per topic, and the attached files as they are.
 
-    Columns are the fields of the messages, in their units; a list becomes columns that count from 1, CAN frames become
-    text such as ``180#0A0B``, an arm's forearm poses such as ``t_ns x y z qx qy qz qw valid``. ``log_ns`` is the time
-    of reception since the start of the session. EMG has a row per sample.
+    Columns are named as in a run's own tables. Times are seconds since the start of the session, exact to the
+    nanosecond: ``t_s`` when something was captured, ``log_s`` when it was received. Channels are ``ch1`` and so on,
+    motors ``m`` and their number, other lists count from 1. CAN frames become text such as ``180#0A0B``, an arm's
+    forearm poses such as ``t_ns x y z qx qy qz qw valid``. EMG has a row per sample.
 
     Args:
         path: The recording.
@@ -50,7 +51,8 @@ def export_file(
     folder.mkdir(parents=True, exist_ok=True)
     note_copy(path, folder)
     reader = McapReader(path)
-    tables: dict[str, list[Row]] = {}
+    tables: dict[str, GrowingTable] = {}
+    growing = GrowingCsv if kind == "csv" else GrowingParquet
     waiting: dict[str, Message] = {}
     epoch_ns = 0
     for message in reader.messages(lambda topic: pictures or not topic.endswith("/image")):
@@ -68,88 +70,130 @@ def export_file(
         name = message.topic.strip("/").replace("/", ".")
         if name not in tables:
             plain_name(name, what="topic", source=path.name)
-        tables.setdefault(name, []).extend(_rows(message, message.log_ns - epoch_ns))
+            tables[name] = growing(folder / f"{name}.{kind}")
+        for row in _rows(message, (message.log_ns - epoch_ns) / 1e9):
+            tables[name].add(row)
     attached = [
         plain_name(name, what="attachment", source=path.name) for name in reader.files if name != LEAD_IN
     ]
     for name in attached:
         (folder / name).write_bytes(reader.files[name])
-    write = _write_csv if kind == "csv" else _write_parquet
-    return [write(folder / f"{name}.{kind}", rows) for name, rows in sorted(tables.items()) if rows]
+    return [table.close() for _, table in sorted(tables.items()) if table.n_rows]
 
 
-def _rows(message: Message, log_ns: int) -> Iterator[Row]:
+def _rows(message: Message, log_s: float) -> Iterator[Row]:
     value = message.value
     if message.schema == "tega.EmgSamples":
         n = value.n_channels
         for k in range(len(value.samples) // n):
             samples = value.samples[k * n : (k + 1) * n]
-            row: Row = {"log_ns": log_ns, "chunk_t_ns": value.t_ns, "index": value.first_index + k}
+            row: Row = {"log_s": log_s, "chunk_t_s": value.t_ns / 1e9, "index": value.first_index + k}
             yield row | {f"ch{c + 1}": sample for c, sample in enumerate(samples)}
         return
     if message.schema == "foxglove.JointStates":
-        yield {"log_ns": log_ns} | {joint.name: joint.position for joint in value.joints}
+        yield {"log_s": log_s} | {joint.name: joint.position for joint in value.joints}
         return
     if message.schema == "foxglove.PoseInFrame":
         place, turn = value.pose.position, value.pose.orientation
-        row = {"log_ns": log_ns, "frame_id": value.frame_id, "x": place.x, "y": place.y, "z": place.z}
+        row = {"log_s": log_s, "frame_id": value.frame_id, "x": place.x, "y": place.y, "z": place.z}
         yield row | {f"q{axis}": getattr(turn, axis) for axis in "xyzw"}
         return
-    yield {"log_ns": log_ns} | dict(_columns(value))
+    yield {"log_s": log_s} | _columns(value)
 
 
-def _columns(value: Any) -> Iterator[tuple[str, Any]]:
-    for field in value.DESCRIPTOR.fields:
-        content = getattr(value, field.name)
-        if field.containing_oneof is not None and not value.HasField(field.name):
-            continue
-        if field.message_type is not None and field.message_type.name == "NamedValue":
-            # One that is named as a column of the record is not that column.
-            own = {"log_ns", *value.DESCRIPTOR.fields_by_name}
-            yield from ((f"more.{one.name}" if one.name in own else one.name, one.value) for one in content)
-        elif not hasattr(content, "extend"):
-            yield field.name, str(content) if field.message_type is not None else content
-        elif field.message_type is not None and field.message_type.name == "ArmPose":
-            yield field.name, "; ".join(_pose_text(pose) for pose in content)
-        elif field.message_type is not None:
-            yield (
-                field.name,
-                " ".join(f"{f.id:03X}#{'R' if f.remote else f.data.hex().upper()}" for f in content),
-            )
-        elif field.type == field.TYPE_STRING:
-            yield field.name, " ".join(content)
-        else:
-            yield from ((f"{field.name}_{k}", item) for k, item in enumerate(content, 1))
+def _columns(value: Any) -> Row:
+    """Return the cells of a message by their columns."""
+    row: Row = {}
+    for name, optional, cells in _fields(value.DESCRIPTOR):
+        if not optional or value.HasField(name):
+            cells(row, name, getattr(value, name))
+    return row
+
+
+@cache
+def _fields(descriptor: Any) -> list[tuple[str, bool, Callable[[Row, str, Any], None]]]:
+    """Return name, whether it may be missing, and how its cells are made, of each field of a message."""
+    # A named value that is named as a column of the record is not that column.
+    own = {"log_s", *descriptor.fields_by_name}
+    own |= {f"{name.removesuffix('_ns')}_s" for name in own if name.endswith("_ns")}
+    return [
+        (
+            field.name,
+            field.containing_oneof is not None,
+            partial(_named_cells, own=own) if named else _cells(field),
+        )
+        for field in descriptor.fields
+        for named in (field.message_type is not None and field.message_type.name == "NamedValue",)
+    ]
+
+
+def _named_cells(row: Row, _name: str, content: Any, *, own: set[str]) -> None:
+    for one in content:
+        row[f"more.{one.name}" if one.name in own else one.name] = one.value
+
+
+def _cells(field: Any) -> Callable[[Row, str, Any], None]:
+    """Return what puts the content of a field into a row."""
+    text: Callable[[Any], Any] | None = None
+    if field.name.endswith("_ns") and not field.is_repeated:
+        return partial(_time_cell, column=f"{field.name.removesuffix('_ns')}_s")
+    if not field.is_repeated:
+        text = None if field.message_type is None else str
+    elif field.message_type is not None and field.message_type.name == "ArmPose":
+        text = _poses_text
+    elif field.message_type is not None:
+        text = _frames_text
+    elif field.type == field.TYPE_STRING:
+        text = " ".join
+    elif field.name == "intensities":
+        return _motor_cells
+    else:
+        return partial(_numbered_cells, stem="ch" if field.name == "channels" else f"{field.name}_")
+    return partial(_one_cell, text=text)
+
+
+def _one_cell(row: Row, name: str, content: Any, *, text: Callable[[Any], Any] | None) -> None:
+    row[name] = content if text is None else text(content)
+
+
+def _time_cell(row: Row, _name: str, content: int, *, column: str) -> None:
+    row[column] = content / 1e9
+
+
+def _numbered_cells(row: Row, _name: str, content: Any, *, stem: str) -> None:
+    row.update(zip(_numbered(stem, len(content)), content, strict=True))
+
+
+@cache
+def _numbered(stem: str, n: int) -> tuple[str, ...]:
+    return tuple(f"{stem}{k}" for k in range(1, n + 1))
+
+
+def _motor_cells(row: Row, _name: str, content: Any) -> None:
+    row.update(zip(_motors(row["layout"], len(content)), content, strict=True))
+
+
+@cache
+def _motors(layout: str, n: int) -> tuple[str, ...]:
+    """Return the columns of a layout's motors, by their numbers at the device; of an unknown layout by their order."""
+    try:
+        numbers = find_layout(layout).numbers.tolist()
+    except TegaError:
+        numbers = list(range(n))
+    return tuple(f"m{number}" for number in (numbers if len(numbers) == n else range(n)))
+
+
+def _frames_text(frames: Any) -> str:
+    return " ".join(f"{f.id:03X}#{'R' if f.remote else f.data.hex().upper()}" for f in frames)
+
+
+def _poses_text(poses: Any) -> str:
+    return "; ".join(_pose_text(pose) for pose in poses)
 
 
 def _pose_text(pose: Any) -> str:
     """Return a pose as its time, place, turn and validity."""
     return " ".join(map(str, (pose.t_ns, *pose.position, *pose.quaternion, int(pose.valid))))
-
-
-def _names(rows: Sequence[Row]) -> list[str]:
-    names: Row = {}
-    for row in rows:
-        names |= dict.fromkeys(row)
-    return list(names)
-
-
-def _write_csv(path: Path, rows: Sequence[Row]) -> Path:
-    names = _names(rows)
-    file = CsvWriter(path, names)
-    try:
-        file.write(*[",".join(cell_text(row.get(name)) for name in names) + "\n" for row in rows])
-    finally:
-        file.close()
-    return path
-
-
-def _write_parquet(path: Path, rows: Sequence[Row]) -> Path:
-    arrow = require("pyarrow", driver="export", extra="parquet")
-    parquet = require("pyarrow.parquet", driver="export", extra="parquet")
-    columns: Mapping[str, list[Any]] = {name: [row.get(name) for row in rows] for name in _names(rows)}
-    parquet.write_table(arrow.table(dict(columns)), path)
-    return path
 
 
 def _picture(message: Message, folder: Path, seq: int) -> None:

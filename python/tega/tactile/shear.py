@@ -2,7 +2,7 @@
 
 What is printed on the gel moves with it: dots where there are any, else the faint grain that every gel has.
 :class:`ShearReader` seeks it again in each frame, from where it was in the untouched gel.
-``docs/evidence/shear.md`` says how, and how well.
+``docs/evidence/sim-touch.md`` says how, and how well.
 """
 
 from __future__ import annotations

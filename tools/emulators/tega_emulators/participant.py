@@ -13,6 +13,7 @@ import json
 import random
 import re
 import socket
+import string
 import subprocess
 import sys
 import threading
@@ -25,12 +26,13 @@ from tega.config.calibration.wearing import SITES
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.runtime.child_process import python_command, python_environment
 from tega_emulators.wearer import Wearer
-from tega_study.lead.questions import KEYS
 
 __all__ = ["Participant", "Reach", "main"]
 
 _HOLD_S, _LET_GO_S = 0.6, 0.5
 _TRIES: Final = 4
+KEYS: Final = string.ascii_lowercase[:21]
+"""A key for each of the 21 marks of a scale."""
 
 
 class Reach:

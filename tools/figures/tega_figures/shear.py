@@ -2,7 +2,7 @@
 
 ::
 
-    python -m tega_figures.shear                               # tables of docs/evidence/shear.md
+    python -m tega_figures.shear                               # tables of docs/evidence/sim-touch.md
     python -m tega_figures.shear --recorded ../shared/data/digit   # and those of recordings
     python -m tega_figures.shear --picture docs/images/shear.png
 

@@ -1,4 +1,4 @@
-"""Print and draw decoders compared on simulated people: the table and the picture of docs/evidence/emg-skill.md.
+"""Print and draw decoders compared on simulated people: the table and the picture of docs/evidence/emg-decoders.md.
 
 ``python -m tega_figures.simulated_skill people.jsonl docs/images/emg-skill.png``, where people.jsonl is what
 ``tega-teleop emg people --out people.jsonl`` kept. Everything in it is simulated.

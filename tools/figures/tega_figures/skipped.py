@@ -1,4 +1,4 @@
-"""Measure what each skip saves, with it and without it in turns, and write the table of docs/evidence/skips.md.
+"""Measure what each skip saves, with it and without it in turns, and write the table of docs/evidence/pareto.md.
 
 ::
 
@@ -46,7 +46,7 @@ from tega_sim.trial import TrialPlan, run_trial
 
 PROJECT: Final = Path(__file__).resolve().parents[3]
 RESULTS: Final = PROJECT / "benches" / "skips.json"
-PAGE: Final = PROJECT / "docs" / "evidence" / "skips.md"
+PAGE: Final = PROJECT / "docs" / "evidence" / "pareto.md"
 MINUTE_NS: Final = 60_000_000_000
 TOUCH: Final = Contact(
     finger="thumb",
@@ -131,7 +131,7 @@ def _reading() -> dict[Says, tuple[Callable[[], object], Callable[[], object]]]:
             "nothing while S is far under its threshold; a touch that only the robust fit would see "
             "is told a little later",
             "`tega-tactile` `tests/tracker.rs`, "
-            "`tests/unit/test_sim_touch.py::test_untouched_frames_are_never_contact`",
+            "`tests/tega_sim/test_sim_touch.py::test_untouched_frames_are_never_contact`",
         ): (partial(rest.update, untouched), partial(touched.update, pressed)),
         Says(
             "a picture under its old number",

@@ -2,7 +2,7 @@
 
 ::
 
-    python -m tega_figures.slide                                   # tables of docs/evidence/shear.md
+    python -m tega_figures.slide                                   # tables of docs/evidence/sim-touch.md
     python -m tega_figures.slide --recorded ../shared/data/digit   # those of recordings
 
 All that is not named recorded is simulated.

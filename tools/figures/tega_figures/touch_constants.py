@@ -27,7 +27,7 @@ from tega_figures.touch_peers.other_build import PROJECT, TRACKER, built
 __all__ = ["table"]
 
 RESULTS: Final = PROJECT / "benches" / "touch_constants.json"
-TESTS: Final = ("tests/unit/test_touch_recordings.py", "tests/unit/test_touch_demo.py")
+TESTS: Final = ("tests/tools/test_touch_recordings.py", "tests/tools/test_touch_demo.py")
 VARIABLE: Final = "TRACKER_"
 TRIED: Final[dict[str, tuple[float, ...]]] = {
     "KEPT_LOADED": (0.15, 0.18),

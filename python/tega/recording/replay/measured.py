@@ -103,7 +103,7 @@ class Measured:
         self.metric: Chosen
         self.same_metric = True
         self.outside = False
-        self._exact = False
+        self._exact = self._lossless = False
         self._meters: dict[str, FrameMeter] = {}
         self._muscles: BlockMeter | None = None
 
@@ -126,7 +126,8 @@ class Measured:
         now = metric_told(self.config.stages, self.config.session.preset)
         then = head.facts.get("metric", f"{self.metric.name} 1")
         self.same_metric = then == now or then.partition(" ")[0] != self.metric.name
-        self._exact = head.lossless and self.same_metric
+        self._lossless = head.lossless
+        self._exact = self._lossless and self.same_metric
         if not self.same_metric:
             self.changed.append(f"metric: {then} -> {now}, so contacts are those recorded")
         emg = self.calibration.emg
@@ -223,11 +224,14 @@ class Measured:
         return kind if other.emg is None else other.emg.kind
 
     def frame(self, finger: str, frame: TactileFrame, told: Any) -> None:
-        """Measure a picture and note its checksum beside the one it had when it was taken."""
-        now = zlib.crc32(frame.image.tobytes())
+        """Measure a picture; if it is lossless, note its checksum beside the one it had when it was taken."""
         if self._bus is not None:
             self._bus.publish(picture_of(finger, frame))
-        self.pixels[finger].append((frame.t_ns, {"pixels_crc32": told.pixels_crc32}, {"pixels_crc32": now}))
+        if self._lossless:
+            now = zlib.crc32(frame.image.data)
+            self.pixels[finger].append(
+                (frame.t_ns, {"pixels_crc32": told.pixels_crc32}, {"pixels_crc32": now})
+            )
         meter = self._meters[finger]
         meter.metric.loaded = getattr(told, "loaded", False)  # earlier recordings do not say
         try:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import msgspec
 import numpy as np
@@ -15,7 +15,8 @@ from tega.config.calibration.store import Calibration, parse_calibration
 from tega.devices.base import DeviceInfo, EmgChunk, TactileFrame
 from tega.errors import RecordingError
 from tega.hand import joined_level
-from tega.recording.mcap_reader import McapReader, Message, read_picture
+from tega.recording.decode_ahead import decode_ahead
+from tega.recording.mcap_reader import McapReader, Message
 from tega.recording.mcap_schemas import PACKAGE, VERSIONS
 from tega.recording.origin import LEAD_IN, span
 from tega.recording.replay.players import Player, players
@@ -45,6 +46,9 @@ from tega.records import (
 )
 from tega.records.schema import read, schema_name
 from tega.runtime.files.foreign_file import load_npy, parse_json, parse_toml, tells_damage
+
+if TYPE_CHECKING:
+    from tega.recording.decode_ahead import Decoding
 
 KINDS: Final[tuple[type[Record], ...]] = (
     Adaptation,
@@ -187,10 +191,11 @@ def read_recorded(
         MissingExtraError: A package of the extra ``record`` is not installed.
     """
     reader = McapReader(path)
-    pictures: dict[str, Message] = {}
+    pictures: dict[str, Decoding] = {}
     recorded: Recorded | None = None
     passed_over: set[str] = set()
-    for message in reader.messages(lambda topic: topic.rpartition("/")[2] not in passed_over):
+    messages = reader.messages(lambda topic: topic.rpartition("/")[2] not in passed_over)
+    for message, decoding in decode_ahead(messages):
         if recorded is None:
             recorded = _begin(reader, begin, chunk)
             if not pictures_wanted(recorded.head):
@@ -198,13 +203,13 @@ def read_recorded(
         value, topic = message.value, message.topic
         match message.schema:
             case "foxglove.RawImage" | "foxglove.CompressedImage":
-                pictures[topic.split("/")[2]] = message
+                if decoding is not None and not passed_over:
+                    pictures[topic.split("/")[2]] = decoding
             case "tega.Frame":
                 finger = topic.split("/")[2]
                 picture = pictures.pop(finger, None)
-                if picture is not None and picture.value is not None:
-                    image = read_picture(picture)
-                    numbered = TactileFrame(value.t_ns, value.seq, image, value.name)
+                if picture is not None:
+                    numbered = TactileFrame(value.t_ns, value.seq, picture.result(), value.name)
                     frame(finger, numbered, value)
                     recorded.n_frames[finger] = recorded.n_frames.get(finger, 0) + 1
             case _:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import IO
 
 _ROWS_PER_WRITE = 4096
+_QUOTED = frozenset(',"\r\n')
 
 
 def time_text(t_ns: int) -> str:
@@ -32,9 +33,9 @@ def cell_text(value: object) -> str:
     if isinstance(value, bool):
         return str(int(value))
     text = repr(value) if isinstance(value, float) else str(value)
-    if any(sign in text for sign in ',"\r\n'):
-        return '"' + text.replace('"', '""') + '"'
-    return text
+    if _QUOTED.isdisjoint(text):
+        return text
+    return '"' + text.replace('"', '""') + '"'
 
 
 class CsvWriter:

@@ -5,7 +5,7 @@
 
 use std::arch::x86_64::{__m256i, _mm256_cmpgt_epi32, _mm256_set1_epi32, _mm256_setr_epi32};
 
-use super::levels::{BYTES, GROUPS, LANES, STEP, STEP_BYTES};
+use super::levels::{BYTES, LANES, STEP, STEP_BYTES};
 use crate::kernel::Images;
 
 /// Most eights behind the steps: of up to 33 pixels.

@@ -1,0 +1,482 @@
+"""The arm's chain against exact references, and what must hold for any input at any rate."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import event, given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from reference.arm import Obedience, one_euro
+from tega.arm import (
+    FRAMES,
+    ArmChain,
+    ArmCommand,
+    ArmSettings,
+    FilterSettings,
+    GateSettings,
+    LimitSettings,
+    MappingSettings,
+    Pose,
+    StampedPose,
+)
+from tega.arm import rotation as so3
+from tega.arm.frames import ToBase
+from tega.arm.gate import PoseGate
+from tega.arm.motion import Follower, closing_speed
+from tega.arm.one_euro import OneEuro, TurnOneEuro
+from tega.arm.workspace import Workspace
+
+MIDDLE = np.array([0.5, 0.0, 0.3])
+FORWARD = Rotation.from_euler("y", 90, degrees=True).as_quat()  # the tool's axis points along x
+BASE = MappingSettings(frame="base")
+
+numbers = st.floats(-1, 1)
+vectors = st.tuples(numbers, numbers, numbers).map(np.array)
+quaternions = (
+    st.tuples(numbers, numbers, numbers, numbers)
+    .map(np.array)
+    .filter(lambda q: np.linalg.norm(q) > 0.1)
+    .map(lambda q: q / np.linalg.norm(q))
+)
+
+
+def turn_between(a: np.ndarray, b: np.ndarray) -> float:
+    return float((Rotation.from_quat(a) * Rotation.from_quat(b).inv()).magnitude())
+
+
+# Rotations against SciPy.
+
+
+@given(a=quaternions, b=quaternions, v=vectors)
+def test_rotations_are_those_of_scipy(a, b, v) -> None:
+    theirs_a, theirs_b = Rotation.from_quat(a), Rotation.from_quat(b)
+    assert turn_between(so3.multiply(a, b), (theirs_a * theirs_b).as_quat()) < 1e-12
+    np.testing.assert_allclose(so3.rotate(a, v), theirs_a.apply(v), atol=1e-12)
+    np.testing.assert_allclose(so3.to_matrix(a), theirs_a.as_matrix(), atol=1e-12)
+    assert turn_between(so3.from_matrix(theirs_a.as_matrix()), a) < 1e-7
+    assert np.abs(so3.multiply(a, so3.inverse(a)) - so3.IDENTITY).max() < 1e-12
+
+
+@given(direction=vectors.filter(lambda v: np.linalg.norm(v) > 1e-3), power=st.floats(-12, 0.497))
+def test_exp_and_log_are_those_of_scipy(direction, power) -> None:
+    vector = direction / np.linalg.norm(direction) * 10**power  # from 1e-12 rad to within 1e-3 of half a turn
+    theirs = Rotation.from_rotvec(vector)
+    assert np.abs(so3.same_side(so3.exp(vector), theirs.as_quat()) - theirs.as_quat()).max() < 1e-15
+    np.testing.assert_allclose(so3.log(so3.exp(vector)), vector, rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(so3.log(theirs.as_quat()), theirs.as_rotvec(), rtol=1e-9, atol=1e-14)
+
+
+@given(q=quaternions)
+def test_both_signs_have_one_logarithm(q) -> None:
+    np.testing.assert_array_equal(so3.log(q), so3.log(-q))
+
+
+@given(axis=vectors.filter(lambda v: np.linalg.norm(v) > 0.1), total=st.floats(0.1, 20))
+def test_the_logarithm_goes_on_past_half_a_turn(axis, total) -> None:
+    axis = axis / np.linalg.norm(axis)
+    last = np.zeros(3)
+    for angle in np.linspace(0, total, 200):
+        last = so3.log_near(so3.exp(axis * angle), last)
+        np.testing.assert_allclose(last, axis * angle, atol=1e-9)
+
+
+# Frames.
+
+
+@pytest.mark.parametrize("frame", sorted(FRAMES))
+@given(q=quaternions, yaw=st.floats(-3.1, 3.1), base=st.floats(-3.1, 3.1), mirror=st.booleans(), v=vectors)
+@settings(max_examples=30)
+def test_axes_change_as_m_r_mt(frame, q, yaw, base, mirror, v) -> None:
+    to_base = ToBase(MappingSettings(frame=frame, yaw_rad=yaw, base_yaw_rad=base, mirror=mirror))
+    m, r = to_base.matrix, Rotation.from_quat(q).as_matrix()
+    place, turn = to_base(StampedPose(0, v, q))
+    np.testing.assert_allclose(place, m @ v, atol=1e-12)
+    np.testing.assert_allclose(so3.to_matrix(turn), m @ r @ m.T, atol=1e-12)
+    np.testing.assert_allclose(m @ m.T, np.eye(3), atol=1e-12)
+
+
+# One-Euro.
+
+steps_s = st.lists(st.floats(1e-3, 0.2), min_size=1, max_size=40)
+
+
+@given(
+    data=st.data(),
+    dts=steps_s,
+    cutoff=st.floats(0.1, 10),
+    beta=st.floats(0, 50),
+    d_cutoff=st.floats(0.1, 10),
+)
+def test_along_one_axis_it_is_the_published_filter(data, dts, cutoff, beta, d_cutoff) -> None:
+    xs = data.draw(st.lists(st.floats(-1, 1), min_size=len(dts), max_size=len(dts)))
+    times = np.cumsum(dts).tolist()
+    wanted = one_euro(zip(times, xs, strict=True), cutoff, beta, d_cutoff)
+    ours, turns = OneEuro(cutoff, beta, d_cutoff), TurnOneEuro(cutoff, beta, d_cutoff)
+    for number, (t_s, x, y) in enumerate(zip(times, xs, wanted, strict=True)):
+        dt_s = t_s - times[number - 1] if number else 0.0
+        np.testing.assert_allclose(ours.step(np.array([0.0, x, 0.0]), dt_s), [0, y, 0], atol=1e-12)
+        turned = turns.step(so3.exp(np.array([0.0, x, 0.0])), dt_s)  # about one axis turns add like numbers
+        np.testing.assert_allclose(so3.log(turned), [0, y, 0], atol=1e-12)
+
+
+@given(x=vectors, q=quaternions, dts=steps_s, flips=st.lists(st.booleans(), min_size=40, max_size=40))
+def test_a_constant_is_left_as_it_is_whatever_its_sign(x, q, dts, flips) -> None:
+    place, turn = OneEuro(1.5, 10, 1), TurnOneEuro(1.5, 2, 1)
+    for dt_s, flip in zip(dts, flips, strict=False):
+        np.testing.assert_array_equal(place.step(x, dt_s), x)
+        assert turn_between(turn.step(-q if flip else q, dt_s), q) < 1e-12
+
+
+@given(r=quaternions, dts=steps_s, data=st.data())
+@settings(max_examples=30)
+def test_the_filter_does_not_care_for_the_axes(r, dts, data) -> None:
+    rotation = Rotation.from_quat(r)
+    straight, turned = OneEuro(1.5, 10, 1), OneEuro(1.5, 10, 1)
+    straight_q, turned_q = TurnOneEuro(1.5, 2, 1), TurnOneEuro(1.5, 2, 1)
+    for dt_s in dts:
+        x, v = data.draw(vectors), data.draw(vectors)
+        np.testing.assert_allclose(
+            rotation.apply(straight.step(x, dt_s)), turned.step(rotation.apply(x), dt_s), atol=1e-12
+        )
+        one = straight_q.step(so3.exp(v), dt_s)
+        other = turned_q.step(so3.exp(rotation.apply(v)), dt_s)
+        assert turn_between(so3.multiply(so3.multiply(r, one), so3.inverse(r)), other) < 1e-9
+
+
+# Following.
+
+
+@given(
+    speed=st.floats(-2, 2),
+    distance=st.floats(0, 2),
+    acceleration=st.floats(0.5, 20),
+    dt_s=st.floats(1e-3, 0.1),
+)
+def test_after_a_tick_at_the_closing_speed_one_can_still_stop(speed, distance, acceleration, dt_s) -> None:
+    s = closing_speed(speed, distance, acceleration, dt_s)
+    tau = abs(s - speed) / acceleration
+    if s > 0 and tau <= dt_s:
+        way = (s + speed) / 2 * tau + s * (dt_s - tau)
+        assert way + s * s / (2 * acceleration) == pytest.approx(distance, abs=1e-9)
+    elif s == 0 and distance > 0:
+        assert speed * speed / (2 * acceleration) >= distance - 1e-12  # it comes too late to stop
+
+
+limit_sets = st.builds(
+    LimitSettings,
+    tilt_rad=st.sampled_from([0.1, 1.0, 1.5]),
+    speed_m_s=st.sampled_from([0.05, 0.25, 1.7]),
+    acceleration_m_s2=st.sampled_from([0.2, 2.0, 13.0]),
+    turn_rad_s=st.sampled_from([0.2, 1.0, 2.5]),
+    turn_acceleration_rad_s2=st.sampled_from([0.5, 6.0, 25.0]),
+    ahead_m=st.sampled_from([0.005, 0.03, 10.0]),
+    ahead_rad=st.sampled_from([0.02, 0.2, 3.0]),
+)
+
+
+@given(
+    limits=limit_sets,
+    goals=st.lists(st.tuples(vectors, quaternions, st.integers(1, 30)), min_size=1, max_size=6),
+    dt_s=st.sampled_from([0.001, 0.01, 0.02, 0.1]),
+)
+@settings(max_examples=25)
+def test_a_follower_obeys_and_arrives(limits, goals, dt_s) -> None:
+    workspace = Workspace(limits)
+    follower = Follower(limits, workspace, Pose(MIDDLE, FORWARD))
+    obedience, t_ns = Obedience(limits), 0
+    dt_ns = round(dt_s * 1e9)
+
+    def tick(goal: Pose) -> None:
+        nonlocal t_ns
+        t_ns += dt_ns
+        follower.step(goal, dt_s)
+        zero = np.zeros(3)
+        obedience.see(ArmCommand(t_ns, "following", "", follower.pose, zero, zero, 1))
+
+    for place, q, n in goals:
+        goal = workspace.inside(Pose(MIDDLE + 0.6 * place, q))
+        for _ in range(n):
+            tick(goal)
+    # A time that is long enough: there, with both limits, and twice that for what was left of the way before.
+    farthest = 1.3 / limits.speed_m_s + limits.speed_m_s / limits.acceleration_m_s2
+    turning = 3 * math.pi / limits.turn_rad_s + limits.turn_rad_s / limits.turn_acceleration_rad_s2
+    q = follower.resting().quaternion_xyzw
+    left_rad = turn_between(q, goal.quaternion_xyzw)
+    # Where the shortest turn leaves the cone, the follower slides along the cone, nearer with each tick, but later.
+    straight = workspace.holds_turning(q, so3.log(so3.multiply(goal.quaternion_xyzw, so3.inverse(q))))
+    for _ in range(min(300, math.ceil(2 * max(farthest, turning) / dt_s))):
+        tick(goal)
+    if 2 * max(farthest, turning) <= 300 * dt_s:
+        np.testing.assert_allclose(follower.pose.position_m, goal.position_m, atol=1e-6)
+        reached_rad = turn_between(follower.pose.quaternion_xyzw, goal.quaternion_xyzw)
+        assert reached_rad < (1e-4 if straight else left_rad / 2 + 1e-4)
+
+
+@given(q=quaternions, v=vectors, tilt=st.floats(0.1, 1.5))
+def test_the_cone_s_closed_form_sees_what_small_steps_see(q, v, tilt) -> None:
+    workspace = Workspace(LimitSettings(tilt_rad=tilt))
+    worst = max(workspace.tilt_rad(so3.multiply(so3.exp(3 * v * u), q)) for u in np.linspace(0, 1, 300))
+    if abs(worst - tilt) > 1e-3:
+        assert workspace.holds_turning(q, 3 * v) == (worst < tilt)
+    inside = workspace.inside(Pose(MIDDLE, q))
+    assert workspace.holds_turn(inside.quaternion_xyzw)
+    moved = turn_between(inside.quaternion_xyzw, q)
+    assert moved == pytest.approx(max(0.0, workspace.tilt_rad(q) - tilt), abs=1e-7)
+
+
+# The whole chain.
+
+FAULTS = (
+    "nan", "infinite", "long", "zero", "jump", "spin", "invalid", "old", "future", "fingers", "same", "back", "far",
+)  # fmt: skip
+
+
+def spoilt(pose: StampedPose, fault: str) -> StampedPose:
+    place, q = np.array(pose.position_m), np.array(pose.quaternion_xyzw)
+    match fault:
+        case "nan":
+            place[1] = math.nan
+        case "infinite":
+            q[2] = math.inf
+        case "long":
+            q *= 1.1
+        case "zero":
+            q *= 0
+        case "jump":
+            place += 0.5
+        case "spin":
+            q = so3.multiply(so3.exp(np.array([0, 0, 2.0])), q)
+        case "invalid":
+            return pose._replace(valid=False)
+        case "old":
+            return pose._replace(t_ns=pose.t_ns - 3_000_000_000)
+        case "future":
+            return pose._replace(t_ns=pose.t_ns + 3_000_000_000)
+        case "fingers":
+            place = np.zeros((26, 3))
+        case "far":
+            place += 1e300
+        case "back":
+            return pose._replace(t_ns=pose.t_ns - 1)
+    return pose._replace(position_m=place, quaternion_xyzw=q)
+
+
+tick = st.fixed_dictionaries(
+    {
+        "dt_ms": st.one_of(
+            st.integers(1, 20), st.sampled_from([0, 1, 16, 50, 99, 101, 250, 1000, 3000, -1, -5000])
+        ),
+        "times": st.sampled_from([1, 1, 5, 30]),
+        "v": vectors,
+        "w": vectors,
+        "faults": st.lists(st.sampled_from(FAULTS), max_size=3),
+        "good": st.integers(0, 8).map(lambda n: n > 0),
+        "flip": st.booleans(),
+        "clutch": st.integers(0, 9).map(lambda n: n > 0),
+        "dead_man": st.integers(0, 9).map(lambda n: n > 0),
+        "measured": st.sampled_from(
+            ["lag", "lag", "lag", "stuck", "none", "nan", "elsewhere", "old", "turned"]
+        ),
+        "stop": st.integers(0, 40).map(lambda n: n == 0),
+        "clear": st.booleans(),
+    }
+)
+
+
+@given(
+    limits=limit_sets, ticks=st.lists(tick, min_size=3, max_size=25), scale=st.sampled_from([0.3, 1.0, 1.5])
+)
+@settings(max_examples=30)
+def test_no_input_leads_to_a_target_that_breaks_a_limit(limits, ticks, scale) -> None:
+    chain = ArmChain(
+        ArmSettings(limits=limits, mapping=MappingSettings(frame="base", scale=scale), gate=GateSettings())
+    )
+    obedience = Obedience(limits)
+    now_ns, hand, turn, arm = 10_000_000_000, np.zeros(3), so3.IDENTITY, Pose(MIDDLE, FORWARD)
+    states = set()
+    opening = [
+        {
+            **ticks[0],
+            "clutch": c,
+            "dead_man": True,
+            "dt_ms": 10,
+            "measured": "lag",
+            "faults": [],
+            "good": True,
+        }
+        for c in (False, True)
+    ]
+    for step in opening + ticks:
+        for _ in range(step["times"]):
+            now_ns += step["dt_ms"] * 1_000_000
+            hand = hand + 0.02 * step["v"]
+            turn = so3.unit(so3.multiply(so3.exp(0.1 * step["w"]), turn))
+            good = StampedPose(now_ns, hand, -turn if step["flip"] else turn)
+            poses = [spoilt(good, fault) for fault in step["faults"]] + [good] * step["good"]
+            told = StampedPose(now_ns, *arm)
+            measured: StampedPose | None = told
+            match step["measured"]:
+                case "none":
+                    measured = None
+                case "nan":
+                    measured = spoilt(told, "nan")
+                case "elsewhere":
+                    measured = told._replace(position_m=MIDDLE + step["v"])
+                case "old":
+                    measured = told._replace(t_ns=now_ns - 2_000_000_000)
+                case "turned":
+                    measured = told._replace(quaternion_xyzw=so3.multiply(turn, FORWARD))
+            if step["stop"]:
+                chain.stop("somebody stopped it")
+            if step["clear"]:
+                chain.clear()
+            command = chain.step(
+                now_ns, poses, clutch=step["clutch"], dead_man=step["dead_man"], measured=measured
+            )
+            obedience.see(command)
+            states.add(command.state)
+            assert command.reason
+            if command.target is not None and step["measured"] == "lag":
+                arm = Pose(
+                    arm.position_m + 0.3 * (command.target.position_m - arm.position_m),
+                    command.target.quaternion_xyzw,
+                )
+    event("states " + " ".join(sorted(states)))
+    event("moved" if obedience.moved_m > 0.01 else "hardly moved")
+
+
+def follow(
+    chain: ArmChain, now_ns: int, n: int, dt_ns: int, hand=lambda _t: (np.zeros(3), so3.IDENTITY), **more
+) -> list[ArmCommand]:
+    """Step with a good hand and an arm that is where it is asked to be."""
+    out, arm = [], more.pop("arm", Pose(MIDDLE, FORWARD))
+    for number in range(n):
+        now_ns += dt_ns
+        place, q = hand(number)
+        command = chain.step(
+            now_ns,
+            [StampedPose(now_ns, place, q)],
+            measured=StampedPose(now_ns, *arm),
+            **{"clutch": True, "dead_man": True, **more},
+        )
+        arm = command.target or arm
+        out.append(command)
+    return out
+
+
+@given(
+    place=vectors,
+    q=quaternions,
+    dt_ms=st.integers(10, 90),
+    sag_m=st.floats(0, 0.025),
+    scale=st.floats(0.1, 1.5),
+)
+@settings(max_examples=25)
+def test_taking_hold_never_moves_the_target(place, q, dt_ms, sag_m, scale) -> None:
+    chain = ArmChain(ArmSettings(mapping=MappingSettings(scale=scale)))
+    start = Pose(MIDDLE + 0.1 * place, FORWARD)
+    now_ns, measured_m, held = 0, start.position_m, 0
+    for n in range(3):  # take hold, let go, take hold elsewhere
+        hand = place + 0.5 * n, so3.multiply(so3.exp(0.9 * n * place), q)
+        for tick_number in range(60):
+            now_ns += dt_ms * 1_000_000
+            command = chain.step(
+                now_ns,
+                [StampedPose(now_ns, *hand)],
+                clutch=tick_number > 50,  # by then the tracker's jump is forgotten
+                dead_man=True,
+                measured=StampedPose(now_ns, measured_m, FORWARD),
+            )
+            held += command.state == "following"
+            if command.target is not None:
+                np.testing.assert_allclose(command.target.position_m, start.position_m, atol=1e-12)
+                assert turn_between(command.target.quaternion_xyzw, FORWARD) < 1e-9
+                measured_m = start.position_m - np.array(
+                    [0, 0, sag_m]
+                )  # a spring sags, and is not followed down
+    assert command.engagements == 3
+    assert held == 27
+
+
+@given(v=vectors, w=vectors, dt_ms=st.integers(2, 50))
+@settings(max_examples=40)
+def test_q_and_minus_q_lead_to_the_same(v, w, dt_ms) -> None:
+    runs = []
+    for sign in (1, -1):
+        chain = ArmChain(ArmSettings(mapping=BASE))
+        dt_ns = dt_ms * 1_000_000
+        follow(chain, 0, 2, dt_ns, clutch=False)
+
+        def hand(n: int, sign: int = sign) -> tuple[np.ndarray, np.ndarray]:
+            return 0.002 * n * v, so3.exp(0.02 * n * w) * (sign if n % 3 else 1)
+
+        runs.append(follow(chain, 2 * dt_ns, 40, dt_ns, hand))
+    for one, other in zip(*runs, strict=True):
+        np.testing.assert_array_equal(one.target.position_m, other.target.position_m)
+        np.testing.assert_array_equal(one.target.quaternion_xyzw, other.target.quaternion_xyzw)
+
+
+@given(rate_hz=st.integers(1, 1000), v=vectors, w=vectors)
+@settings(max_examples=30)
+def test_limits_hold_at_any_rate(rate_hz, v, w) -> None:
+    limits = LimitSettings()
+    chain, obedience = ArmChain(ArmSettings(mapping=BASE)), Obedience(limits)
+    dt_ns = round(1e9 / rate_hz)
+    seconds = 100 / rate_hz
+
+    def hand(n: int) -> tuple[np.ndarray, np.ndarray]:
+        phase = math.sin(2 * math.pi * n / 40)
+        return min(0.08, 2 * seconds) * phase * v, so3.exp(min(0.5, 5 * seconds) * phase * w)
+
+    for command in follow(chain, 0, 2, dt_ns, clutch=False) + follow(chain, 2 * dt_ns, 100, dt_ns, hand):
+        obedience.see(command)
+    if rate_hz >= 20:
+        # A drawn hand that turns as fast as the gate's limit is taken for a tracker that jumps.
+        assert command.state == "following" or "no vote: it jumped" in command.reason
+    if rate_hz < 10:  # slower than the watchdog: it never begins
+        assert command.target is None
+
+
+@given(v=vectors, w=vectors, ahead_m=st.sampled_from([0.005, 0.03]), ahead_rad=st.sampled_from([0.05, 0.2]))
+@settings(max_examples=20)
+def test_the_target_stays_near_an_arm_that_is_stuck(v, w, ahead_m, ahead_rad) -> None:
+    chain = ArmChain(
+        ArmSettings(mapping=BASE, limits=LimitSettings(ahead_m=ahead_m, ahead_rad=ahead_rad, tilt_rad=1.5))
+    )
+    arm, now_ns = Pose(MIDDLE, FORWARD), 0
+    for n in range(150):
+        now_ns += 8_000_000
+        swing = math.sin(n / 10)
+        place = 0.3 * np.array([swing * v[0], math.cos(n / 17) * v[1], swing * v[2]])
+        command = chain.step(
+            now_ns,
+            [StampedPose(now_ns, place, so3.exp(0.8 * swing * w))],
+            clutch=n > 1,
+            dead_man=True,
+            measured=StampedPose(now_ns, *arm),
+        )
+        if command.target is not None:
+            assert np.linalg.norm(command.target.position_m - MIDDLE) <= ahead_m + 1e-6
+            assert turn_between(command.target.quaternion_xyzw, FORWARD) <= ahead_rad + 1e-6
+
+
+@given(speed=st.floats(0, 1.4), n=st.integers(2, 30), hz=st.sampled_from([30, 60, 90]))
+def test_the_gate_lets_pass_what_a_hand_can_do(speed, n, hz) -> None:
+    gate = PoseGate(GateSettings())
+    for i in range(n):
+        t_ns = round(i * 1e9 / hz) + 1
+        place = np.array([speed * i / hz, 0, 0])
+        assert gate.refusal(StampedPose(t_ns, place, so3.exp(place * 3)), t_ns) == ""
+
+
+def test_a_filter_that_is_off_does_nothing() -> None:
+    chain = ArmChain(ArmSettings(mapping=BASE, filter=FilterSettings(on=False)))
+    follow(chain, 0, 2, 10_000_000, clutch=False)
+    ramp = follow(chain, 20_000_000, 200, 10_000_000, lambda n: (np.array([0, 0.0005 * n, 0]), so3.IDENTITY))
+    assert ramp[-1].target is not None
+    # The gap on a ramp is that of a tick, not that of a filter.
+    assert abs(ramp[-1].target.position_m[1] - 0.0005 * 199) < 0.001

@@ -1,0 +1,108 @@
+"""The score of level series against force, and what the presets reach on real recordings."""
+
+from __future__ import annotations
+
+import doctest
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import tega.emg.score
+from tega.emg.score import (
+    RecordingScore,
+    changes_per_second,
+    delay_s,
+    rank_correlation,
+    score_recording,
+)
+from tega.errors import CalibrationError, InvalidValueError, ShapeError
+
+ROOT = Path(__file__).resolve().parents[3]
+DATA = Path(os.environ.get("TEGA_DATA", ROOT.parent / "shared" / "data")) / "emg" / "my_thesis"
+RECORDINGS = ("v1", "v2", "v8", "v10")
+CHANNELS = (3, 6, 8)
+
+
+def recording(name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    path = DATA / f"recording_force_{name}.mat"
+    if not path.exists():
+        pytest.skip(f"{path} is not there; set TEGA_DATA to the folder of the shared recordings")
+    scipy_io = pytest.importorskip("scipy.io", reason="scipy is not installed")
+    loaded = scipy_io.loadmat(path)
+    force = np.asarray(loaded["Force"], np.float64).ravel()
+    emg = np.asarray(loaded["emg"], np.float64)[:, [c - 1 for c in CHANNELS]]
+    rows = min(len(emg), len(force))
+    return emg[:rows], force[:rows]
+
+
+@pytest.fixture(scope="module")
+def scores() -> dict[str, RecordingScore]:
+    return {name: score_recording(*recording(name), 200, tau=20) for name in RECORDINGS}
+
+
+def test_live_reaches_its_targets_over_the_graded_recordings(scores: dict[str, RecordingScore]) -> None:
+    live = [score.live for score in scores.values()]
+    assert np.mean([s.rank_correlation for s in live]) >= 0.85
+    assert np.mean([s.changes_per_s for s in live]) <= 0.7
+    assert np.mean([s.delay_s for s in live]) <= 0.150
+
+
+@pytest.mark.parametrize("name", RECORDINGS)
+def test_live_is_steady_and_prompt_on_each_graded_recording(
+    name: str, scores: dict[str, RecordingScore]
+) -> None:
+    score = scores[name]
+    assert score.live.changes_per_s <= 0.7 < score.paper.changes_per_s
+    assert score.live.delay_s <= 0.150
+    assert score.live.rank_correlation >= score.paper.rank_correlation - 0.03
+
+
+def test_rank_correlation_equals_scipys() -> None:
+    stats = pytest.importorskip("scipy.stats", reason="scipy is not installed")
+    rng = np.random.default_rng(4)
+    for _ in range(20):
+        a, b = rng.integers(0, 6, 50), rng.normal(size=50)
+        assert rank_correlation(a, b) == pytest.approx(stats.spearmanr(a, b).statistic, abs=1e-14)
+
+
+def test_a_series_that_never_changes_has_no_correlation_and_no_delay() -> None:
+    assert np.isnan(rank_correlation([1, 1, 1], [1, 2, 3]))
+    assert np.isnan(delay_s([1, 1, 1, 1], [1, 2, 1, 1], 0.1))
+
+
+@pytest.mark.parametrize("blocks", [-3, -1, 0, 1, 2, 5])
+def test_a_shifted_series_is_late_by_the_shift(blocks: int) -> None:
+    levels = np.repeat(np.random.default_rng(6).integers(1, 6, 40), 4)
+    shifted = np.roll(levels, blocks)
+    assert delay_s(shifted, levels, 0.1) == pytest.approx(0.1 * blocks, abs=0.005)
+
+
+def test_changes_are_counted_per_second() -> None:
+    assert changes_per_second([1, 2, 2, 1], 0.5) == 1.0
+    assert changes_per_second([3], 0.1) == 0.0
+    assert changes_per_second([], 0.1) == 0.0
+
+
+def test_bad_input_is_refused() -> None:
+    emg, force = np.random.default_rng(7).normal(size=(400, 3)), np.zeros(400)
+    with pytest.raises(ShapeError, match="one force a sample"):
+        score_recording(emg, force[:-1], 200, tau=20)
+    with pytest.raises(ShapeError, match="at least 3"):
+        score_recording(emg, force, 200, tau=100)
+    with pytest.raises(InvalidValueError, match="split"):
+        score_recording(emg, force, 200, tau=20, split=1.0)
+    with pytest.raises(CalibrationError, match="channel 1"):
+        score_recording(np.zeros((400, 3)), force, 200, tau=20)
+    with pytest.raises(ShapeError, match="series"):
+        rank_correlation([1, 2], [1, 2, 3])
+    with pytest.raises(InvalidValueError, match="block_s"):
+        changes_per_second([1, 2], 0.0)
+    with pytest.raises(InvalidValueError, match="block_s"):
+        delay_s([1, 2], [1, 2], np.nan)
+
+
+def test_the_examples_in_the_docstrings_run() -> None:
+    assert doctest.testmod(tega.emg.score).failed == 0

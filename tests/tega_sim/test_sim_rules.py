@@ -1,0 +1,202 @@
+"""The second version of the simulated person's rules: heeds a panel that follows the closure, and no other."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tega_figures.information.agent import IdealAgent
+from tega_figures.information.compare import MARGIN, OUTCOMES, null, paired, person_outcomes
+from tega_figures.information.plant import Grasp, grasp, told_frame
+from tega_sim.operator import Operator, Rules, draw_person, sham_vest, typical_person
+from tega_sim.operator.panels import ConfirmedClosure
+from tega_sim.operator.settled import JudgingEyes, SettledGrip
+from tega_sim.operator.vision import Kind, SeenEvent
+from tega_sim.plan import TrialResult
+
+SECOND = Rules(version=2)
+
+
+def closure() -> ConfirmedClosure:
+    person = typical_person()
+    return ConfirmedClosure(person.grip, person.vest.threshold)
+
+
+def practised(slope: float, *, noise: float = 0.1) -> ConfirmedClosure:
+    """Return what is believed after a panel was felt at known closures."""
+    rng, belief = np.random.default_rng(4), closure()
+    for _ in range(4):
+        for level in (2.0, 3.0, 4.0, 5.0):
+            belief.set(level, 0.04)
+            belief.feel("front", -0.8 + slope * (level - 3) + noise * float(rng.standard_normal()), 0.04)
+    return belief
+
+
+@pytest.mark.parametrize("slope", [0.8, -0.8])
+def test_a_panel_that_follows_the_closure_is_trusted_and_then_moves_the_belief(slope: float) -> None:
+    belief = practised(slope)
+    assert belief.trust("front") > 0.8
+    assert belief.trust("back") < 0.06
+    assert belief.slope("front") * slope > 0
+    belief.set(3.0, 0.15)
+    belief.feel("front", -0.8 + slope * 0.5, 0.04, fresh=False)
+    assert 3.15 < belief.x < 3.6
+    assert belief.var < 0.15
+
+
+def test_a_panel_that_goes_its_own_way_is_not_trusted_and_moves_nothing() -> None:
+    belief = practised(0.0, noise=0.8)
+    assert belief.trust("front") < 0.05
+    belief.set(3.0, 0.15)
+    belief.feel("front", -1.5, 0.04, fresh=False)
+    assert belief.x == pytest.approx(3.0, abs=0.03)
+
+
+def test_what_is_felt_long_after_a_command_changes_the_closure_and_not_the_curve() -> None:
+    belief = practised(0.8)
+    before = belief._mean[1:].copy()
+    belief.set(3.0, 0.15)
+    belief.feel("front", -1.2, 0.04, fresh=False)
+    assert np.array_equal(belief._mean[1:], before)
+    assert belief.x < 2.9
+
+
+def test_without_and_with_a_silent_vest_the_acts_are_the_same() -> None:
+    """A check of plumbing: nothing but what is felt may differ."""
+
+    def acts(name: str | None) -> object:
+        vest = None if name is None else sham_vest(name)  # type: ignore[arg-type]
+        return grasp(Operator(draw_person(4), seed=5, rules=SECOND), vest).acts
+
+    assert acts(None) == acts("silent")
+    assert acts("informative") == acts("permuted")
+
+
+def test_practice_teaches_what_the_vest_shows_and_a_sham_teaches_distrust() -> None:
+    def trust(name: str) -> float:
+        operator, vest = Operator(draw_person(1), seed=1, rules=SECOND), sham_vest(name, seed=3)  # type: ignore[arg-type]
+        operator.practise("object", lambda t_s, level: vest(t_s, told_frame(level)))
+        belief = operator.beliefs["object"].closure
+        assert isinstance(belief, ConfirmedClosure)
+        return max(belief.trust("front"), belief.trust("back"))
+
+    assert trust("informative") > 0.5
+    assert trust("unrelated") < 0.05
+
+
+def eyes(bears_m: float) -> JudgingEyes:
+    person = typical_person()
+    streams = {
+        name: np.random.default_rng(n) for n, name in enumerate(("gaze", "looks", "poses", "reaction"))
+    }
+    return JudgingEyes(person.vision, bears_m=bears_m, width_m=0.1, **streams)
+
+
+def test_a_dent_is_judged_when_it_has_grown_and_by_what_the_object_bears() -> None:
+    looking = eyes(0.02)
+    # A look whose chance would see anything: what is judged once is not judged again.
+    assert looking._dented(0.1, 0.0)
+    assert not any(looking._dented(0.1, 0.0) for _ in range(100))
+    assert looking._dented(0.13, 0.0)
+    # It eased, and grew anew.
+    assert not looking._dented(0.05, 0.0)
+    assert looking._dented(0.07, 0.0)
+    # Half of the looks at what it bears, few at half of that; without a word about it, half at what can be seen.
+    assert eyes(0.02)._seen(0.2, 0.2) == 0.5
+    assert not eyes(0.02)._dented(0.1, 0.01)
+    assert eyes(0.0)._dented(0.1, 0.5)
+
+
+def test_what_a_command_has_not_changed_yet_is_not_answered() -> None:
+    operator = Operator(typical_person(), seed=1, rules=Rules(version=3))
+    operator.begin("object", width_m=0.07)
+    assert operator._trial is not None
+    grip = operator._trial.grip
+    assert isinstance(grip, SettledGrip)
+
+    def answered(kind: Kind, began_s: float) -> bool:
+        return grip._answers(SeenEvent(began_s + 0.3, kind, began_s))
+
+    grip._command(1.0, 3, "close")
+    assert [answered("slip", at) for at in (0.9, 1.2, 1.7)] == [False, False, True]
+    assert [answered("deformation", at) for at in (0.9, 1.2, 1.7)] == [False, True, True]
+    grip._command(5.0, 2, "cost")
+    assert [answered("slip", at) for at in (4.9, 5.2, 5.7)] == [False, True, True]
+    assert [answered("deformation", at) for at in (4.9, 5.2, 5.7)] == [False, False, True]
+
+
+def test_on_walls_that_give_the_third_version_slips_less_than_the_second() -> None:
+    slips = {
+        version: person_outcomes("off", [0, 1], version=version, giving=True, n_trials=2)[:, 0].sum()
+        for version in (2, 3)
+    }
+    assert slips[3] < slips[2]
+
+
+def test_a_wall_gives_before_it_is_harmed() -> None:
+    hard, giving = Grasp(2.4, 3.6), Grasp(2.4, 3.6, gives_from=1.5)
+    assert hard.narrower_m(3.5) == 0.0
+    assert 0 < giving.narrower_m(2.4) < giving.bears_m
+    assert giving.narrower_m(4.01) > giving.bears_m
+    assert hard.narrower_m(4.01) > hard.bears_m
+
+
+def test_the_first_version_is_the_default() -> None:
+    assert Rules().version == 1
+    assert not isinstance(Operator(typical_person(), seed=1)._closure(), ConfirmedClosure)
+
+
+def test_who_is_told_the_closure_lifts_what_the_agent_can_lift() -> None:
+    agent = IdealAgent(draw_person(2), seed=2, told="closure")
+    outcomes = [grasp(agent, None, item=Grasp(2.4, 3.6), trial=trial) for trial in range(3)]
+    assert all(outcome.highest_m > 0.2 for outcome in outcomes)
+    assert sum(outcome.slips for outcome in outcomes) <= 3
+    assert not any(outcome.dropped for outcome in outcomes)
+
+
+def test_a_null_needs_the_whole_interval_within_the_margin() -> None:
+    rng = np.random.default_rng(1)
+    off = rng.random((40, len(OUTCOMES)))
+    assert null(paired(off, off))
+    assert not null(paired(off + 2 * max(MARGIN.values()), off))
+    assert not null(paired(off + rng.standard_normal(off.shape), off))
+    shifted = paired(off + 0.5, off)["cost"]
+    assert math.isclose(shifted.mean, 0.5)
+
+
+def lifted(seed: int, condition: str, slips: int, *, rules: int = 2) -> TrialResult:
+    return TrialResult(
+        object="bag",
+        condition=condition,  # type: ignore[arg-type]
+        seed=seed,
+        rules=rules,  # type: ignore[arg-type]
+        success=True,
+        slips=slips,
+        deformations=0,
+        drops=0,
+        duration_s=12.0,
+        peak_force_n=3.0,
+        lift_off_s=4.0,
+        lifted_s=6.0,
+        slid_m=0.0,
+        deformation_m=0.0,
+        mean_level=2.5,
+        events=(),
+        simulated_s=12.0,
+    )
+
+
+@pytest.mark.deep
+def test_the_truth_does_no_harm_by_the_second_version_and_does_by_the_first() -> None:
+    """The first version is the control that shows that the test can say no. Development seeds, not fresh people."""
+    seeds = range(20)
+    cost = {
+        version: paired(
+            person_outcomes("truth", seeds, version=version), person_outcomes("off", seeds, version=version)
+        )["cost"]
+        for version in (1, 2)
+    }
+    assert cost[2].high < MARGIN["cost"]
+    assert cost[1].low > MARGIN["cost"]

@@ -1,0 +1,413 @@
+"""Every field of every record survives from the bus to each file, table and link that holds it."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+import tempfile
+from collections.abc import Iterator
+from io import BufferedReader, BufferedWriter
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from msgspec.structs import asdict, replace
+
+from reference.record_fields import FILE, Table, fields_now, problems
+from reference.record_strategies import records_of
+from tega.config import FINGERS, check_tree
+from tega.config.calibration import Calibration
+from tega.devices.base import DeviceInfo
+from tega.recording.export import export_file
+from tega.recording.mcap_reader import McapReader, Message, read_picture
+from tega.recording.mcap_schemas import MESSAGES
+from tega.recording.replay.recorded import KINDS, Recorded, read_recorded
+from tega.recording.session import Recording
+from tega.records import (
+    RECORDS,
+    Contact,
+    Intent,
+    Joints,
+    LogLine,
+    Picture,
+    PoseRecord,
+    Record,
+    TrackerAxes,
+)
+from tega.records.bus import Bus
+from tega.records.schema import fields, own_schema, read, schema_name, values
+from tega.records.table import columns, rows
+from tega.runtime.object_pipe import receive_object, send_object
+from tega_lerobot.episode import read_episode
+from tega_link.clock import Offset
+from tega_link.commands import Commands
+from tega_link.messages import Feature, HandMessage, Welcome, decode, encode
+from tega_link.touch import FarTouch
+from tega_scene.records import SceneVideo
+
+pytest.importorskip("foxglove", reason="needs the extra tega[record]")
+
+START_NS = 5_000_000_000
+_LEVELS = {"DEBUG": 10, "INFO": 20, "WARNING": 30, "ERROR": 40, "FATAL": 50}
+_each = st.tuples(*map(records_of, RECORDS))
+_one = st.sampled_from(RECORDS).flatmap(records_of)
+
+
+def same(one: Any, other: Any) -> bool:
+    """Whether two records are equal in every field, and every NaN is like another."""
+    return type(one) is type(other) and repr(_plain(one)) == repr(_plain(other))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return value.dtype, value.shape, value.tolist()
+    return (
+        {name: _plain(field) for name, field in asdict(value).items()} if isinstance(value, Record) else value
+    )
+
+
+def recorded(folder: Path, published: tuple[Record, ...]) -> Path:
+    """Publish records on the bus of a recording, and return its file."""
+    tree = {
+        "session": {"pace": "fast"},
+        "recording": {"dir": str(folder), "lossless": True, "stop_free_mib": 0.0},
+    }
+    config, bus = check_tree(tree, {}, base=folder).config, Bus()
+    recording = Recording(config, folder, bus)
+    infos = {name: DeviceInfo(driver="x", kind="tactile", label=name, live=False) for name in FINGERS}
+    recording.describe(
+        config,
+        calibration=Calibration(preset="live", origin="made up"),
+        calibration_name="made up",
+        baselines=dict.fromkeys(FINGERS, np.zeros((4, 4, 3), np.uint8)),
+        sources=infos | {"emg": DeviceInfo(driver="x", kind="emg", label="emg", live=False)},
+        facts={
+            "layout": "x40",
+            "pace": "steady",
+            "live_vest": "true",
+            "steered": "true",
+            "observed": "false",
+        },
+    )
+    recording.start(START_NS, START_NS)
+    for record in published:
+        bus.publish(record)
+    assert bus.problem() == ""
+    facts = recording.close({})
+    assert (facts["state"], facts["dropped"]) == ("complete", {})
+    return folder / str(facts["file"])
+
+
+def read_back(path: Path) -> Iterator[Record]:
+    """Read every record of a file: TEGA's own by its schema, the others out of the viewers' messages."""
+    reader, picture = McapReader(path), None
+    for message in reader.messages():
+        epoch_ns = int(reader.metadata["tega"]["epoch_ns"])
+        if message.schema == "foxglove.RawImage":
+            picture = message
+        elif message.schema == "tega.Frame":
+            assert picture is not None
+            finger, image = message.topic.split("/")[2], read_picture(picture)
+            yield read(Picture, message.value, finger=finger, image=image)
+        elif message.schema.startswith("tega."):
+            kind, named = _kind_of(message)
+            yield read(kind, message.value, **named)
+        else:
+            yield _of_viewer(message, epoch_ns)
+
+
+def _kind_of(message: Message) -> tuple[type[Record], dict[str, str]]:
+    """Return the type of a message, and the fields that its topic holds."""
+    for kind in RECORDS:
+        if f"tega.{schema_name(kind)}" == message.schema:
+            ours, theirs = kind.topic.split("/"), message.topic.split("/")
+            pairs = list(zip(ours, theirs, strict=False))
+            if len(ours) == len(theirs) and all(a == b or a.startswith("{") for a, b in pairs):
+                named = {a.strip("{}"): b for a, b in pairs if a.startswith("{")}
+                return kind, {name: text for name, text in named.items() if name in kind.unwritten}
+    raise AssertionError(message.topic)
+
+
+def _of_viewer(message: Message, epoch_ns: int) -> Record:
+    value, topic = message.value, message.topic
+    t_ns = value.timestamp.seconds * 10**9 + value.timestamp.nanos - epoch_ns
+    if message.schema == "foxglove.CompressedVideo":
+        return SceneVideo(camera=value.frame_id, t_ns=t_ns, data=value.data, video=value.format)
+    if message.schema == "foxglove.JointStates":
+        return Joints(t_ns=t_ns, angles_rad=tuple(joint.position for joint in value.joints))
+    if message.schema == "foxglove.Log":
+        level = _LEVELS[value.DESCRIPTOR.fields_by_name["level"].enum_type.values_by_number[value.level].name]
+        return LogLine(t_ns=t_ns, level=level, name=value.name, text=value.message)
+    if message.schema == "foxglove.FrameTransform":
+        turn = tuple(getattr(value.rotation, axis) for axis in "xyzw")
+        return TrackerAxes(
+            t_ns=t_ns, parent=value.parent_frame_id, child=value.child_frame_id, quaternion=turn
+        )
+    (kind,) = (one for one in RECORDS if issubclass(one, PoseRecord) and one.topic == topic)
+    place, turn = value.pose.position, value.pose.orientation
+    return kind(
+        t_ns=t_ns,
+        taken_ns=message.log_ns - epoch_ns,
+        frame=value.frame_id,
+        position=tuple(getattr(place, axis) for axis in "xyz"),
+        quaternion=tuple(getattr(turn, axis) for axis in "xyzw"),
+    )
+
+
+@settings(max_examples=12, deadline=None)
+@given(published=_each)
+def test_every_record_is_read_out_of_its_file_as_the_bus_delivered_it(published: tuple[Record, ...]) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        path = recorded(Path(folder), published)
+        found = list(read_back(path))
+        for one in published:
+            wanted = _for_viewers(one.current())
+            if isinstance(one, Picture):
+                (there,) = (picture for picture in found if isinstance(picture, Picture))
+                wanted = replace(one, pixels_crc32=there.pixels_crc32)
+            assert any(same(wanted, _for_viewers(other)) for other in found), one
+        assert len(found) >= len(published)
+        _check_replay(read_recorded(path), {type(one): one for one in published})
+
+
+def _for_viewers(record: Record) -> Record:
+    """Return a record without the sign of 0 where a viewer's message has it: some of these do not keep it."""
+    if own_schema(type(record)):
+        return record
+    numbers = {name: getattr(record, name, ()) for name in ("position", "quaternion", "angles_rad")}
+    return replace(
+        record, **{name: tuple(v + 0.0 for v in value) for name, value in numbers.items() if value}
+    )
+
+
+def _check_replay(read_for: Recorded, of: dict[type[Record], Any]) -> None:
+    """Check the records that a replay reads out of the file against those that were published."""
+    for kind in set(KINDS) & of.keys():
+        one = of[kind].current()
+        records = read_for.contacts[one.finger] if kind is Contact else read_for.of(kind)
+        assert any(same(record, one) for record in records), kind
+
+
+@settings(deadline=None)
+@given(record=_one)
+def test_a_record_reaches_another_process_as_it_is(record: Record) -> None:
+    file = io.BytesIO()
+    writer: Any = BufferedWriter(file)  # bytes in memory stand for the pipe
+    send_object(writer, record)
+    reader: Any = BufferedReader(io.BytesIO(file.getvalue()))  # likewise
+    assert same(record, receive_object(reader))
+
+
+@settings(deadline=None)
+@given(contact=records_of(Contact), intent=records_of(Intent))
+def test_contact_and_intent_come_over_the_link_with_every_field(contact: Contact, intent: Intent) -> None:
+    sent = decode(Feature, encode(Feature(session=1, sequence=0, sent_ns=10, t_ns=5, contact=contact)))
+    assert same(sent.contact, contact)
+    touch = FarTouch("robot", ttl_ns=2**62)
+    welcome = Welcome(station=1, fingers={contact.finger: 60.0}, hand=False, arm=False)
+    touch.welcome(welcome)
+    stream = touch.fingers(welcome)[contact.finger].stream
+    assert stream is not None
+    touch._start_ns = 0
+    touch.feature(contact.finger, encode(sent), 10, Offset(0, 0))
+    came = stream.next_until(10)
+    if sent.malformed():
+        assert came is None
+    else:
+        assert same(came, replace(contact, t_ns=5, taken_ns=0, known_ns=0))
+
+    commands = Commands(
+        ttl_ns=2**62, offset=lambda _now: Offset(0, 0), hand=True, tracker=None, clock=lambda: 10
+    )
+    commands.start(0, None)
+    commands.begin(1)
+    asked = HandMessage(session=1, sequence=0, sent_ns=10, intent=replace(intent, t_ns=5))
+    obeyed = commands.hand(encode(asked))
+    there = commands.blocks.next_until(10)
+    if asked.malformed():
+        assert (obeyed, there) == (None, None)
+    else:
+        assert obeyed is not None
+        assert same(obeyed.intent, asked.intent)
+        # The robot's station has one channel: the level itself.
+        assert same(there, replace(intent, t_ns=5, taken_ns=0, channels=(intent.level,)))
+
+
+def _read_cell(text: str, like: Any) -> Any:
+    """Return a cell's value, of the type of another one."""
+    if text == "" and not isinstance(like, str):
+        return None
+    return text == "1" if isinstance(like, bool) else type(like)(text) if like is not None else text
+
+
+@settings(deadline=None)
+@given(one=st.sampled_from([kind for kind in RECORDS if kind.table]).flatmap(records_of))
+def test_a_table_has_every_field_of_its_columns(one: Record) -> None:
+    names = [name for name in one.table if name not in {"t_s", "frames", *one.columns}]
+    values_of = {name: getattr(one, name) for name in names}
+    many = {
+        name: [f"{name}{k}" for k in range(len(value))]
+        for name, value in values_of.items()
+        if isinstance(value, tuple)
+    }
+    text = ",".join(columns(type(one), **many)) + "\n" + "".join(rows(one))
+    for row in csv.DictReader(io.StringIO(text, newline="")):
+        assert None not in row
+        for name, value in values_of.items():
+            if name in many:
+                cells = [row[column] for column in many[name]]
+                found: Any = tuple(_read_cell(cell, v) for cell, v in zip(cells, value, strict=True))
+            else:
+                found = _read_cell(row[_written(type(one), name)], value)
+            assert repr(found) == repr(value), name
+
+
+def _written(kind: type[Record], name: str) -> str:
+    at = kind.__struct_fields__.index(name)
+    return kind.__struct_encode_fields__[at]
+
+
+@settings(max_examples=20, deadline=None)
+@given(contact=records_of(Contact), intent=records_of(Intent))
+def test_an_export_has_every_number_of_contact_and_intent(contact: Contact, intent: Intent) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        path = recorded(Path(folder) / "session", (contact, intent))
+        export_file(path, Path(folder) / "tables")
+        for one in (contact.current(), intent):
+            name = one.where.strip("/").replace("/", ".")
+            with (Path(folder) / "tables" / f"{name}.csv").open(encoding="utf-8", newline="") as file:
+                (row,) = csv.DictReader(file)
+            for field, value in values(one).items():
+                many = value if isinstance(value, list | tuple) else None
+                if field == "more":
+                    ours = {known.name for known in fields(Contact)}
+                    own = {each["name"]: each["value"] for each in value}
+                    ours |= {"log_s", *(f"{each[:-3]}_s" for each in ours if each.endswith("_ns"))}
+                    found = {each: row[f"more.{each}" if each in ours else each] for each in own}
+                    assert repr({each: float(text) for each, text in found.items()}) == repr(own)
+                elif many is not None:
+                    stem = "ch" if field == "channels" else f"{field}_"
+                    cells = [row[f"{stem}{k}"] for k in range(1, len(many) + 1)]
+                    assert repr([_read_cell(cell, v) for cell, v in zip(cells, many, strict=True)]) == repr(
+                        list(many)
+                    )
+                elif field.endswith("_ns"):
+                    assert float(row[f"{field[:-3]}_s"]) == value / 1e9, field
+                else:
+                    assert repr(_read_cell(row[field], value)) == repr(value), field
+
+
+@settings(max_examples=20, deadline=None)
+@given(
+    contacts=st.lists(records_of(Contact), min_size=1, max_size=4),
+    intent=records_of(Intent),
+)
+def test_a_data_set_has_contact_and_intent_as_they_were_recorded(
+    contacts: list[Contact], intent: Intent
+) -> None:
+    """Frames are 40 ms apart, and so are the records; what is not a number is 0 there."""
+    touched = [
+        replace(one, finger="thumb", t_ns=k * 40_000_000, taken_ns=k * 40_000_000)
+        for k, one in enumerate(contacts)
+    ]
+    asked = replace(intent, t_ns=0, taken_ns=0)
+    with tempfile.TemporaryDirectory() as folder:
+        episode = read_episode(recorded(Path(folder), (asked, *touched)), fps=25)
+    assert episode.n_frames == len(touched)
+    wanted = [replace(one).current() for one in touched]
+    touch = [(one.eda, one.cci, one.in_contact) for one in wanted]
+    assert np.array_equal(episode.columns["observation.touch"].values, _as_stored(touch))
+    further = [(one.area_mm2, one.depth_mm, one.force_n) for one in wanted]
+    if any(math.isfinite(v) for row in further for v in row if v is not None):
+        assert np.array_equal(episode.columns["observation.touch_si"].values, _as_stored(further))
+    else:
+        assert "observation.touch_si" not in episode.columns
+    levels = episode.columns["observation.emg_levels"].values
+    assert np.array_equal(levels, _as_stored([(*asked.channels, asked.level)] * len(touched)))
+
+
+def _as_stored(rows_of: list[tuple[Any, ...]]) -> np.ndarray:
+    numbers = np.array([[math.nan if v is None else v for v in row] for row in rows_of], np.float64)
+    with np.errstate(over="ignore"):
+        return np.nan_to_num(numbers.astype(np.float32), posinf=0.0, neginf=0.0)
+
+
+# Field numbers.
+
+
+def _table() -> Table:
+    found: Table = json.loads(FILE.read_text(encoding="utf-8"))
+    return found
+
+
+def test_a_record_has_the_field_numbers_that_its_files_have() -> None:
+    table = _table()
+    assert problems(table) == []
+    for name, kind in MESSAGES.items():
+        assert str(getattr(kind, "version", 1)) in table[name], (
+            "run python -m reference.record_fields --update"
+        )
+
+
+class _Before(Record, frozen=True, kw_only=True):
+    t_ns: int
+    force_n: float = 0.0
+
+
+class _InTheMiddle(Record, frozen=True, kw_only=True):
+    version: ClassVar[int] = 2
+    t_ns: int
+    more: float = 0.0
+    force_n: float = 0.0
+
+
+class _SameVersion(Record, frozen=True, kw_only=True):
+    t_ns: int
+    force_n: float = 0.0
+    more: float = 0.0
+
+
+class _WithoutDefault(Record, frozen=True, kw_only=True):
+    version: ClassVar[int] = 2
+    t_ns: int
+    force_n: float = 0.0
+    more: float
+
+
+class _OtherType(Record, frozen=True, kw_only=True):
+    version: ClassVar[int] = 2
+    t_ns: int
+    force_n: int = 0
+
+
+class _AtTheEnd(Record, frozen=True, kw_only=True):
+    version: ClassVar[int] = 2
+    t_ns: int
+    force_n: float = 0.0
+    more: float = 0.0
+
+
+@pytest.mark.parametrize(
+    ("kind", "said"),
+    [
+        (_InTheMiddle, "new ones go to the end"),
+        (_OtherType, "new ones go to the end"),
+        (_SameVersion, "raise the version"),
+        (_WithoutDefault, "more has no default"),
+        (_AtTheEnd, ""),
+        (_Before, ""),
+    ],
+)
+def test_a_field_in_the_middle_or_without_a_new_version_is_refused(kind: type[Record], said: str) -> None:
+    found = problems({"Made": {"1": fields_now(_Before)}}, {"Made": kind})
+    assert [said in one for one in found] == [True] * bool(said)
+
+
+def test_a_version_before_that_of_files_is_refused() -> None:
+    (found,) = problems({"Made": {"1": fields_now(_Before), "2": fields_now(_AtTheEnd)}}, {"Made": _Before})
+    assert "version 1 is before" in found
