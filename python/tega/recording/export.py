@@ -95,10 +95,11 @@ def _rows(message: Message, log_ns: int) -> Iterator[Row]:
         row = {"log_ns": log_ns, "frame_id": value.frame_id, "x": place.x, "y": place.y, "z": place.z}
         yield row | {f"q{axis}": getattr(turn, axis) for axis in "xyzw"}
         return
-    yield {"log_ns": log_ns} | dict(_columns(value))
+    yield {"log_ns": log_ns} | dict(message_columns(value))
 
 
-def _columns(value: Any) -> Iterator[tuple[str, Any]]:
+def message_columns(value: Any) -> Iterator[tuple[str, Any]]:
+    """Return the fields of a message as columns; a list becomes columns that count from 1."""
     for field in value.DESCRIPTOR.fields:
         content = getattr(value, field.name)
         if field.containing_oneof is not None and not value.HasField(field.name):
