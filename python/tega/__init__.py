@@ -14,13 +14,7 @@ Example:
 from __future__ import annotations
 
 import importlib
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from tega import config, devices, emg, errors, hand, haptics, loop, plot, tactile, wire
-    from tega._native import __version__
-    from tega.loop.program import session
-    from tega.recording.opened import open_recording
+from typing import Any
 
 __all__ = [
     "__version__",

@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, overload
 import msgspec
 import numpy as np
 
+import tega.haptics  # noqa: F401  # draws vest frames
 from tega.devices.base import DeviceInfo
 from tega.errors import RecordingError
 from tega.recording.export import message_columns
