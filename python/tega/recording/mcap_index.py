@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from tega.errors import RecordingError
+from tega.recording.foreign import no_session
 from tega.recording.mcap_reader import MOST_RECORD, McapReader, Message, decoded_message, open_recording
 from tega.runtime.files.foreign_file import tells_damage
 from tega.runtime.lifecycle import require
@@ -61,6 +62,8 @@ class IndexedReader(McapReader):
     def __init__(self, path: Path) -> None:
         super().__init__(path)
         begun = next(self.messages(lambda _topic: False), None)  # refuses a file that is no recording
+        if begun is None and not (self.metadata or self._channels):
+            raise no_session(path, ())
         self._chunks: list[_Chunk] = []
         self._passed: dict[str, NDArray[Any]] = {}
         self._newest: tuple[int, dict[str, list[Any]]] = (-1, {})
