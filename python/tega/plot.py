@@ -148,8 +148,8 @@ def _columns(data: Any) -> Any:
 
 
 def _names(table: Any) -> Sequence[str]:
-    found = table.dtype.names if isinstance(table, np.ndarray) else table.keys()
-    return [str(name) for name in found or ()]
+    found = table.dtype.names or () if isinstance(table, np.ndarray) else table.keys()
+    return [str(name) for name in found]
 
 
 def _column(table: Any, name: str) -> Any:

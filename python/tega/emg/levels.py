@@ -256,7 +256,7 @@ class GraspIntent:
 
     def __repr__(self) -> str:
         """Samples, rate, block, preset and channels."""
-        return f"<GraspIntent: {self._told}, {self._channels} channels>"
+        return f"<GraspIntent: {self._told}, {self._channels} channel{'s' * (self._channels != 1)}>"
 
     def process(self, samples: ArrayLike) -> NDArray[np.int64]:
         """Take the next samples.
