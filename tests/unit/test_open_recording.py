@@ -97,7 +97,7 @@ def test_samples_have_a_row_each_at_the_source_s_rate(lossless: Path) -> None:
 
 def test_pictures_are_decoded_one_by_one(lossless: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     decoded: list[str] = []
-    read = mcap_index.decoded_message
+    read = mcap_reader.decoded_message
 
     def counted(record: Any, channel: Any, *rest: Any) -> Any:
         decoded.append(channel.topic)

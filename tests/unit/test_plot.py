@@ -39,7 +39,7 @@ def test_a_contact_is_outlined_where_there_is_one() -> None:
     axes = tega.plot.contact(pressed(60.0, noise=1), baseline(), "paper")
     assert len(axes.images) == 1
     assert len(axes.lines) == len(axes.collections) == 1
-    assert axes.lines[0].get_xdata()[0] == pytest.approx(40, abs=2)
+    assert np.asarray(axes.lines[0].get_xdata())[0] == pytest.approx(40, abs=2)
     assert tega.plot.contact(baseline(), baseline(), "paper").get_title() == "no contact"
 
 

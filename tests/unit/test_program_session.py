@@ -190,6 +190,17 @@ def test_a_device_that_cannot_be_opened_is_the_error_of_the_with_statement(tmp_p
         pytest.fail("the block was entered")
 
 
+def test_a_session_is_used_once_and_in_a_with_statement(tmp_path: Path) -> None:
+    s = session(settings(tmp_path))
+    with pytest.raises(InvalidValueError, match="with statement"):
+        next(s)
+    with s:
+        next(s)
+    with pytest.raises(InvalidValueError, match="has been used"):
+        s.__enter__()
+    assert silent(tmp_path)
+
+
 def test_settings_are_read_from_a_file(tmp_path: Path) -> None:
     path = tmp_path / "lab.toml"
     path.write_text(
@@ -206,17 +217,19 @@ def test_settings_are_read_from_a_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize("way", ["exception", "SIGTERM"])
 def test_emulated_vest_and_hand_are_safe_after_a_failing_program(tmp_path: Path, way: str) -> None:
     with emulated_lab(tmp_path, emg_hz=250.0, hand=True, vest=True, fingers=("thumb",)) as lab:
-        config = check_tree(lab.tree, {}, base=tmp_path).config
+        recorded = {"dir": str(tmp_path / "session"), "stop_free_mib": 0.0}
+        config = check_tree({**lab.tree, "recording": recorded}, {}, base=tmp_path).config
         seen: list[bool] = [False, False]
 
         def follow(s: ProgramSession) -> None:
-            until_s = time.monotonic() + 60
+            until_s, n_sent = time.monotonic() + 60, 0
             for moment in s:
                 if moment.state == "active":
                     s.vest.send(np.full(40, 50))
                     s.hand.level(5)
+                    n_sent += 1
                     seen[:] = seen[0] or not lab.at_rest(), seen[1] or not lab.limp()
-                if all(seen) or time.monotonic() > until_s:
+                if (all(seen) and n_sent > 10) or time.monotonic() > until_s:
                     if way == "exception":
                         raise ZeroDivisionError
                     os.kill(os.getpid(), signal.SIGTERM)
@@ -229,3 +242,8 @@ def test_emulated_vest_and_hand_are_safe_after_a_failing_program(tmp_path: Path,
         until_s = time.monotonic() + 10
         while not lab.at_rest():
             assert time.monotonic() < until_s
+    recording = open_recording(tmp_path / "session")
+    assert max(max(frame.intensities, default=0) for frame in recording["/vest/program"]) == 50
+    exchanges = recording["/hand/bus"].to_numpy()  # its records have the machine's clock
+    assert np.abs(exchanges["t_s"] - exchanges["log_s"]).max() < 1e-6
+    assert exchanges["level"].max() == 5

@@ -144,7 +144,8 @@ class ProgramVest(MotorTests):
 
     def frame(self, t_ns: int, frame: MotorLevels) -> MotorLevels:
         """Return the frame of a tick: the program's while it stands and the run is active, else the loop's."""
-        sent = self._frame.now() if self._guard is not None and self._guard.felt else None
+        active = self._guard is not None and self._guard.state == "active"
+        sent = self._frame.now() if active else None
         newest = () if sent is None else tuple(sent.intensities.tolist())
         if newest != self._newest:
             self._newest = newest
@@ -262,8 +263,10 @@ class ProgramSession:
         """Open the devices and begin the run.
 
         Raises:
-            TegaError: Settings, calibration or devices are at fault.
+            TegaError: Settings, calibration or devices are at fault, or the session has been used before.
         """
+        if self._thread.ident is not None:
+            raise InvalidValueError("the session has been used", "make another one with tega.session")
         closes_on_exit(self.close)
         try:
             self._thread.start()
@@ -300,8 +303,10 @@ class ProgramSession:
         """Wait for the next moment.
 
         Raises:
-            TegaError: The run ended with an error.
+            TegaError: The run ended with an error, or has not begun.
         """
+        if self._thread.ident is None:
+            raise InvalidValueError("the session has not begun", "use it in a with statement")
         with self._change:
             self._n_asked += 1
             self._change.notify_all()
@@ -316,12 +321,12 @@ class ProgramSession:
     def close(self) -> None:
         """End the run and wait until the outputs are silent; an interrupt is raised after that."""
         self._stop.ask("the program has left the session")
-        interrupted: KeyboardInterrupt | None = None
+        interrupted: BaseException | None = None
         until_s = time.monotonic() + _PATIENCE_S
         while self._thread.is_alive():
             try:
                 self._thread.join(_LOOK_S)
-            except KeyboardInterrupt as error:
+            except (KeyboardInterrupt, SystemExit) as error:
                 if time.monotonic() > until_s:
                     raise
                 interrupted = error
