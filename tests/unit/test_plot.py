@@ -105,9 +105,6 @@ def test_what_is_printed_is_short() -> None:
     assert (
         repr(vest_frame([50, 0, 0, 0], [0] * 4)) == "MotorLevels('paper32', 4 of 32 motors on, at most 50 %)"
     )
-    assert repr(Contact(finger="thumb", t_ns=5, in_contact=False)) == (
-        "Contact(finger='thumb', t_ns=5, in_contact=False)"
-    )
     setup = MuscleSetup("raw", 1000.0, 100, ("a",), (1.0,), "live")
     assert repr(RulesDecoder(setup, RulesOptions())) == (
         "<RulesDecoder: levels by the paper's rules (Eq 10 to 13)>"

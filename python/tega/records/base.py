@@ -44,7 +44,7 @@ DRAWINGS: dict[type[msgspec.Struct], Callable[[Any], str]] = {}
 """What draws a record type as HTML for a notebook; the module that can do so adds it."""
 
 
-class Record(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True, repr_omit_defaults=True):
+class Record(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """A fact that passes through a run, and the topic that it belongs to.
 
     Attributes:
