@@ -7,12 +7,14 @@ Example:
     >>> import tega
     >>> tega.emg.fuse_levels([2, 2, 5])
     2
+    >>> tega.open_recording("examples/recorded-lift")["/touch/event"][0].kind
+    'contact'
 """
 
 from __future__ import annotations
 
 import importlib
-from types import ModuleType
+from typing import Any
 
 __all__ = [
     "__version__",
@@ -23,20 +25,26 @@ __all__ = [
     "hand",
     "haptics",
     "loop",
+    "open_recording",
+    "plot",
+    "session",
     "tactile",
     "wire",
 ]
 
-_MODULES = frozenset(__all__) - {"__version__"}
+# Names that are no module of the package, and their modules.
+_PLACES = {
+    "__version__": "tega._native",
+    "open_recording": "tega.recording.opened",
+    "session": "tega.loop.program",
+}
 
 
-def __getattr__(name: str) -> ModuleType | str:
-    if name in _MODULES:
+def __getattr__(name: str) -> Any:
+    if name in _PLACES:
+        return getattr(importlib.import_module(_PLACES[name]), name)
+    if name in __all__:
         return importlib.import_module(f"tega.{name}")
-    if name == "__version__":
-        from tega._native import __version__
-
-        return __version__
     raise AttributeError(f"module 'tega' has no attribute {name!r}")
 
 

@@ -73,9 +73,8 @@ def test_the_verbs_a_page_names_exist(page: Path) -> None:
 
 
 def test_the_readme_s_python_runs() -> None:
-    (code,) = re.findall(
-        r"```python\n(.*?)```", (PROJECT / "README.md").read_text(encoding="utf-8"), re.DOTALL
-    )
+    text = (PROJECT / "README.md").read_text(encoding="utf-8")
+    code, _ = re.findall(r"```python\n(.*?)```", text, re.DOTALL)  # the second one needs devices
     names: dict[str, object] = {}
     exec(compile(code, "README.md", "exec"), names)
     assert isinstance(names["packet"], bytes)

@@ -24,13 +24,14 @@ Example:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Literal, cast, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tega import _native
 from tega.errors import DtypeError, ShapeError
+from tega.runtime.leading_axes import each_item, each_number
 
 __all__ = [
     "BlockMean",
@@ -251,6 +252,11 @@ class GraspIntent:
             weights=[] if weights is None else [float(w) for w in weights],
         )
         self._channels = len(values)
+        self._told = f"{kind}, {rate_hz:g} Hz, blocks of {tau}, preset {preset}"
+
+    def __repr__(self) -> str:
+        """Samples, rate, block, preset and channels."""
+        return f"<GraspIntent: {self._told}, {self._channels} channel{'s' * (self._channels != 1)}>"
 
     def process(self, samples: ArrayLike) -> NDArray[np.int64]:
         """Take the next samples.
@@ -298,39 +304,54 @@ class GraspIntent:
         return self._core.holding
 
 
-def grasp_level(value: float, maximum: float) -> int:
+@overload
+def grasp_level(value: float, maximum: float) -> int: ...
+@overload
+def grasp_level(value: ArrayLike, maximum: ArrayLike) -> NDArray[np.int64]: ...
+def grasp_level(value: ArrayLike, maximum: ArrayLike) -> int | NDArray[np.int64]:
     """Put a block mean on its level: ``⌊4 value / maximum + 1⌋`` clamped to 1..5 (Eq 11).
 
     A value of at least a border times (1 - 1e-9) counts as on it, so that decimals mean what they say.
 
     Args:
-        value: Block mean; negative values and NaN are level 1, the open hand.
-        maximum: Block mean at maximum effort, in the same unit.
+        value: Block mean; negative values and NaN are level 1, the open hand. Or an array of them.
+        maximum: Block mean at maximum effort, in the same unit. Arrays are broadcast, such as (k, channels) against
+            (channels,).
 
     Returns:
-        The level, 1 to 5.
+        The level, 1 to 5; for arrays int64 of their common shape.
 
     Raises:
+        DtypeError: An array does not hold real numbers.
         InvalidValueError: The maximum is not finite or not greater than 0.
 
     Example:
         >>> grasp_level(0.00225, 0.003)
         4
+        >>> grasp_level([[0.0, 1.0], [2.0, 3.0]], [4.0, 4.0])
+        array([[1, 2],
+               [3, 4]])
     """
-    return _native.grasp_level(value, maximum)
+    if isinstance(value, (np.ndarray, Sequence)) or isinstance(maximum, (np.ndarray, Sequence)):
+        return each_number(_native.grasp_level, value, maximum, dtype=np.int64)
+    return _native.grasp_level(cast("float", value), cast("float", maximum))
 
 
-def fuse_levels(levels: Sequence[int] | NDArray[np.integer]) -> int:
+@overload
+def fuse_levels(levels: Sequence[int]) -> int: ...
+@overload
+def fuse_levels(levels: NDArray[np.integer]) -> int | NDArray[np.int64]: ...
+def fuse_levels(levels: Sequence[int] | NDArray[np.integer]) -> int | NDArray[np.int64]:
     """Fuse the channels' levels: the one most agree on (Eq 12), else their mean, rounded down (Eq 13).
 
     For three channels this is the printed rule. For any number the level with the most votes wins; where
     several share the most votes, the mean of all levels decides.
 
     Args:
-        levels: Levels, 1 to 5, one a channel.
+        levels: Levels, 1 to 5, one a channel; an array may have leading axes, such as (k, channels).
 
     Returns:
-        The fused level.
+        The fused level; for an array with leading axes int64 of those.
 
     Raises:
         InvalidValueError: There is no level, or one is not 1 to 5.
@@ -339,6 +360,9 @@ def fuse_levels(levels: Sequence[int] | NDArray[np.integer]) -> int:
         >>> fuse_levels([1, 2, 5])
         2
     """
+    if isinstance(levels, np.ndarray) and levels.ndim > 1:
+        fused = [_native.fuse_levels(row.tolist()) for row in levels.reshape(-1, levels.shape[-1])]
+        return np.array(fused, np.int64).reshape(levels.shape[:-1])
     return _native.fuse_levels(list(levels))
 
 
@@ -356,14 +380,15 @@ def channel_maxima(
     the 95th does not hang on one block.
 
     Args:
-        samples: The contraction, ``(n, channels)``; a single channel may be ``(n,)``.
+        samples: The contraction, ``(n, channels)``; a single channel may be ``(n,)``. An array with leading axes,
+            ``(..., n, channels)``, holds a contraction of its own in each place.
         rate_hz: Sample rate, Hz.
         tau: Samples per block.
         kind: "raw", "rectified" or "envelope".
         percentile: 0 to 100, linear between ranks.
 
     Returns:
-        Maxima, ``(channels,)``, ``float64``, in the unit of ``samples``.
+        Maxima, ``(channels,)``, or ``(..., channels)``, ``float64``, in the unit of ``samples``.
 
     Raises:
         InvalidValueError: The rate, ``tau``, ``kind`` or ``percentile`` cannot be used.
@@ -376,4 +401,9 @@ def channel_maxima(
         >>> channel_maxima(np.full((400, 2), 0.5), 200, tau=20, kind="envelope").round(9)
         array([0.5, 0.5])
     """
-    return _native.channel_maxima(_rows(samples, None), rate_hz, tau, kind, percentile)
+
+    def maxima(rows: ArrayLike) -> NDArray[np.float64]:
+        return _native.channel_maxima(_rows(rows, None), rate_hz, tau, kind, percentile)
+
+    several = np.asarray(samples)
+    return maxima(samples) if several.ndim < 3 else each_item(maxima, several, item_axes=2)

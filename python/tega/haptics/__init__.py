@@ -15,6 +15,7 @@ from tega.haptics.vest import (
     contact_type,
     intensity,
     vest_frame,
+    vest_intensities,
 )
 
 __all__ = [
@@ -30,4 +31,5 @@ __all__ = [
     "contact_type",
     "intensity",
     "vest_frame",
+    "vest_intensities",
 ]

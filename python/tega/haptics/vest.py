@@ -16,17 +16,20 @@ Example:
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from types import MappingProxyType
-from typing import Final, Literal, TypeAlias, cast
+from typing import Final, Literal, TypeAlias, cast, overload
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from tega import _native
 from tega.errors import DtypeError, InvalidValueError, ShapeError
 from tega.haptics.motor_layout import SHIPPED, Mirror, find_layout
+from tega.haptics.torso import torso_svg
+from tega.runtime.leading_axes import each_number
 
 __all__ = [
     "CONTACT_RULES",
@@ -41,6 +44,7 @@ __all__ = [
     "contact_type",
     "intensity",
     "vest_frame",
+    "vest_intensities",
 ]
 
 Layout: TypeAlias = str
@@ -68,13 +72,18 @@ CONTACT_RULES: Final[Mapping[ContactType, str]] = MappingProxyType(
 """The reading rule behind each answer of :func:`contact_type`, for display."""
 
 
+Law: TypeAlias = Literal["logistic", "linear"]
+
+
+@overload
+def intensity(value: float, maximum: float, *, end_value: float = 0.01, law: Law = "logistic") -> float: ...
+@overload
 def intensity(
-    value: float,
-    maximum: float,
-    *,
-    end_value: float = 0.01,
-    law: Literal["logistic", "linear"] = "logistic",
-) -> float:
+    value: ArrayLike, maximum: ArrayLike, *, end_value: float = 0.01, law: Law = "logistic"
+) -> NDArray[np.float64]: ...
+def intensity(
+    value: ArrayLike, maximum: ArrayLike, *, end_value: float = 0.01, law: Law = "logistic"
+) -> float | NDArray[np.float64]:
     """Return the motor intensity in percent for a metric's value (Eq 7 to 9).
 
     The logistic law is ``100 / (1 + exp(-k (value - maximum/2)))`` with ``k = 2 ln((1 - e)/e) / maximum``,
@@ -84,29 +93,35 @@ def intensity(
     with ``value``.
 
     Args:
-        value: The metric, in its own unit; any finite number.
-        maximum: The finger's calibrated maximum, same unit; finite and above 0.
+        value: The metric, in its own unit; any finite number, or an array of them.
+        maximum: The finger's calibrated maximum, same unit; finite and above 0. Arrays are broadcast.
         end_value: Share of full intensity at value 0, above 0 and below 0.5.
         law: ``"logistic"`` as printed, or ``"linear"``: 100 · value/maximum held within 0 to 100.
 
     Returns:
-        0 to 100.
+        0 to 100; for arrays float64 of their common shape, each element as for its numbers alone.
 
     Raises:
+        DtypeError: An array does not hold real numbers.
         InvalidValueError: An argument is not finite or out of its range, or the law is not known.
 
     Example:
         >>> round(intensity(0.5, 2.0), 6)
         9.132525
+        >>> intensity([0.0, 1.0, 2.0], 2.0)
+        array([ 1., 50., 99.])
     """
+    if law not in {"logistic", "linear"}:
+        raise InvalidValueError(f"law = {law!r} is not known: choose 'logistic' or 'linear'")
+    function: Callable[[float, float], float] = _native.linear_intensity
     if law == "logistic":
-        return _native.logistic_intensity(value, maximum, end_value=end_value)
-    if law == "linear":
-        return _native.linear_intensity(value, maximum)
-    raise InvalidValueError(f"law = {law!r} is not known: choose 'logistic' or 'linear'")
+        function = partial(_native.logistic_intensity, end_value=end_value)
+    if isinstance(value, (np.ndarray, Sequence)) or isinstance(maximum, (np.ndarray, Sequence)):
+        return each_number(function, value, maximum, dtype=np.float64)
+    return function(cast("float", value), cast("float", maximum))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class MotorLevels:
     """Intensities of one layout's motors at one moment.
 
@@ -144,6 +159,15 @@ class MotorLevels:
         if not isinstance(other, MotorLevels):
             return NotImplemented
         return self.layout == other.layout and self.intensities.tobytes() == other.intensities.tobytes()
+
+    def __repr__(self) -> str:
+        """Layout, and how many motors vibrate how hard."""
+        on = self.intensities[self.intensities > 0]
+        most = f", at most {on.max()} %" if on.size else ""
+        return f"MotorLevels({self.layout!r}, {on.size} of {self.intensities.size} motors on{most})"
+
+    def _repr_html_(self) -> str:
+        return torso_svg(self.layout, self.intensities.tolist())
 
     def __hash__(self) -> int:
         """Hash of layout and motors."""
@@ -220,6 +244,48 @@ def vest_frame(
     if not np.isfinite(shown).all():
         raise InvalidValueError(f"front = {faces[0]}, back = {faces[1]}: a number is not finite")
     return MotorLevels(layout, _read_only(_native.vest_percents(np.array(shown))))
+
+
+def vest_intensities(
+    front: ArrayLike, back: ArrayLike, *, layout: Layout = "paper32", mirror: Mirror = "none"
+) -> NDArray[np.uint8]:
+    """Fill the finger columns as :func:`vest_frame` does, for any number of moments.
+
+    Args:
+        front: (..., 4): thumb, index, middle, ring in percent.
+        back: The same fingers, likewise; the leading axes are broadcast.
+        layout: As for :func:`vest_frame`.
+        mirror: Likewise.
+
+    Returns:
+        uint8 (..., motors), percent: along the last axis the intensities of :func:`vest_frame`.
+
+    Raises:
+        ShapeError: The last axis of a face has not four numbers, or the leading axes do not go together.
+        DtypeError: A face holds something that is not a number.
+        InvalidValueError: A number is not finite, or layout or mirror is not known.
+
+    Example:
+        >>> vest_intensities([[80, 60, 40, 20], [0, 0, 0, 100]], [0] * 4)[:, :4]
+        array([[ 80,  60,  40,  20],
+               [  0,   0,   0, 100]], dtype=uint8)
+    """
+    try:
+        faces = [np.asarray(face, np.float64) for face in (front, back)]
+        shape = np.broadcast_shapes(*(face.shape for face in faces))
+    except (TypeError, ValueError) as error:
+        raise (ShapeError if "broadcast" in str(error) else DtypeError)(f"front and back: {error}") from error
+    if any(face.shape[-1:] != (4,) for face in faces):
+        hint = "give thumb, index, middle and ring along the last axis"
+        raise ShapeError(f"front has shape {faces[0].shape}, back {faces[1].shape}, not (..., 4)", hint)
+    # The four columns of each face, then what rests.
+    columns = [*(np.broadcast_to(face, shape) for face in faces), np.zeros((*shape[:-1], 1))]
+    places = [
+        8 if m.column >= 4 else m.column + 4 * (m.face == "back")
+        for m in find_layout(layout).mirrored(mirror).motors
+    ]
+    shown = np.concatenate(columns, axis=-1)[..., places]
+    return _native.vest_percents(np.ascontiguousarray(shown.ravel())).reshape(shown.shape)
 
 
 class FeltMap:

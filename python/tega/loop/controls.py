@@ -29,6 +29,7 @@ class Controls:
         go: Returns whether an armed run may become active.
         haptics: Returns whether the vest's motors may run.
         authority: Returns the authority of the reflex, 0 to 1; ``None`` for the settings' and the button's.
+        level: Returns the closure level of a program, 1 to 5; ``None`` for that of the muscles.
         motor_tests: Takes wishes to feel one motor of the vest while the run is armed.
     """
 
@@ -36,4 +37,5 @@ class Controls:
     go: Callable[[], bool] = _yes
     haptics: Callable[[], bool] = _yes
     authority: Callable[[], float | None] = _as_set
+    level: Callable[[], float | None] = _as_set
     motor_tests: MotorTests = field(default_factory=MotorTests)

@@ -299,7 +299,7 @@ class DualLoop:
 
     def _tick_vest(self, t_ns: int) -> None:
         self._touch_changed = False
-        if self._contacts:
+        if self._contacts or self._vest.driven:
             self._vest.refresh(t_ns)
             self.report.n_vest_ticks += 1
             self._hand.publish_joints(t_ns)

@@ -69,6 +69,11 @@ class LoopView(NamedTuple):
     reflex: str = ""
 
     @property
+    def t_s(self) -> float:
+        """Time since the start of the session, seconds."""
+        return self.t_ns / 1e9
+
+    @property
     def felt(self) -> dict[str, Contact]:
         """The contacts that are not too old to be felt, by finger."""
         return {name: one for name, one in self.contacts.items() if self.t_ns - one.t_ns <= STALE_NS}

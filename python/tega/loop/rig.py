@@ -112,7 +112,7 @@ def open_rig(
         steering = open_arm(stack, config, inputs, tracker=tracker)
     progress("running", 0, 0)
     guard = watch_over(
-        config, prepared, sinks, bus, joined, go=controls.go, steering=steering, condition=condition
+        config, prepared, sinks, bus, joined, controls=controls, steering=steering, condition=condition
     )
     return Rig(config, bus, prepared, sinks, inputs, guard, steering, joined)
 

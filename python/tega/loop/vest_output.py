@@ -82,6 +82,11 @@ class VestOutput:
         self._n_asked, self._on = 0, True
         self.frame: MotorLevels | None = None
 
+    @property
+    def driven(self) -> bool:
+        """Whether frames are due without a finger: a motor is tried, or a program sends them."""
+        return self._tests is not None and self._tests.active
+
     def refresh(self, t_ns: int) -> None:
         """Make the frame of a tick, and write it to every vest."""
         self._make(t_ns, only_news=False)

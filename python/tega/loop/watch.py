@@ -14,6 +14,7 @@ from tega.safety.guard import Guard, Watched
 if TYPE_CHECKING:
     from tega.loop.arm import Steering
     from tega.loop.condition import MuscleAlert
+    from tega.loop.controls import Controls
     from tega.loop.inbox.prepared import Prepared
     from tega.loop.inbox.sources import SourceReport
     from tega.loop.parts import Part
@@ -28,13 +29,13 @@ def watch_over(
     bus: Bus,
     parts: Sequence[Part],
     *,
-    go: Callable[[], bool],
+    controls: Controls,
     steering: Steering | None,
     condition: MuscleAlert | None = None,
 ) -> Guard:
     """Make the guard of the live devices; recordings cannot be lost and need none.
 
-    ``go`` returns whether an armed run may become active; the other arguments are open devices and parts.
+    ``controls`` allow an armed run to become active and may set a level; the rest are open devices and parts.
     """
     alerts: dict[str, Callable[[], str]] = {"subscribers": bus.problem}
     streams = [
@@ -69,7 +70,15 @@ def watch_over(
     if hands:
         alerts["hand"] = lambda: _first(hands, "problem")
         needs["hand's guard"] = lambda: _first(hands, "guard_problem")
-    return Guard(config.safety, streams=streams, vests=vests, go=go, alerts=alerts, needs=needs)
+    return Guard(
+        config.safety,
+        streams=streams,
+        vests=vests,
+        go=controls.go,
+        program=controls.level,
+        alerts=alerts,
+        needs=needs,
+    )
 
 
 def _first(hands: Sequence[object], name: str) -> str:

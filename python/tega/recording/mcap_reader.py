@@ -142,11 +142,16 @@ class McapReader:
                         continue
                     self._check_own()
                     try:
-                        message = _message(one, self._channels[one.channel_id], self._schemas, wanted)
+                        message = decoded_message(one, self._channels[one.channel_id], self._schemas, wanted)
                     except Exception as error:  # of a damaged schema or message, or one of an unknown channel
                         self.cut = type(error).__name__
                         return
                     yield message
+
+    @property
+    def part_begins(self) -> int:
+        """Place in the file of the newest part, which holds the message that a first pass has just returned."""
+        return self._parts[-1][0]
 
     def _place(self, since_ns: int) -> int:
         """Return where the first part begins that may hold a log time or a later one."""
@@ -184,7 +189,10 @@ class McapReader:
         self._own = True
 
 
-def _message(record: Any, channel: Any, schemas: dict[int, Any], wanted: Callable[[str], bool]) -> Message:
+def decoded_message(
+    record: Any, channel: Any, schemas: dict[int, Any], wanted: Callable[[str], bool]
+) -> Message:
+    """Return a message of the file, its value decoded where its topic is wanted."""
     schema, value = schemas.get(channel.schema_id), None
     if schema is not None and schema.encoding == "protobuf" and wanted(channel.topic):
         value = decoder(schema.name, schema.data).FromString(record.data)

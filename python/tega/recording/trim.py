@@ -34,6 +34,7 @@ _LEADING = frozenset(
         "Skip",
         "Haptics",
         "TriedMotor",
+        "ProgramFrame",
         "Imposed",
         "ReflexGrip",
         "HandLook",

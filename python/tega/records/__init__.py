@@ -41,7 +41,7 @@ from tega.records.run import (
     Value,
 )
 from tega.records.touch import Contact, Event, NamedValue, Picture
-from tega.records.vest import SentFrame, TriedMotor, VestFrame, VestRecord
+from tega.records.vest import ProgramFrame, SentFrame, TriedMotor, VestFrame, VestRecord
 
 __all__ = [
     "RECORDS",
@@ -79,6 +79,7 @@ __all__ = [
     "Picture",
     "PoseNumbers",
     "PoseRecord",
+    "ProgramFrame",
     "Record",
     "RecorderStatus",
     "ReflexGrip",
@@ -128,6 +129,7 @@ RECORDS: tuple[type[Record], ...] = (
     BesideIntent,
     Event,
     TriedMotor,
+    ProgramFrame,
     AdaptationSwitch,
     Adaptation,
     MuscleCondition,

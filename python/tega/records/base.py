@@ -9,8 +9,8 @@ open, and what they do not say is the default.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, ClassVar, Self
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any, ClassVar, Self
 
 import msgspec
 
@@ -38,6 +38,10 @@ Newtons = Annotated[float, quantity("N")]
 Share = Annotated[float, quantity("1")]
 Percent = Annotated[float, quantity("%")]
 Milliseconds = Annotated[float, quantity("ms")]
+
+
+DRAWINGS: dict[type[msgspec.Struct], Callable[[Any], str]] = {}
+"""What draws a record type as HTML for a notebook; the module that can do so adds it."""
 
 
 class Record(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
@@ -74,6 +78,11 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
         """Time at which the fact came to be known, nanoseconds since the session's start: files are in this order."""
         t_ns: int = getattr(self, "t_ns", 0)
         return t_ns
+
+    def _repr_html_(self) -> str | None:
+        """Return the record as HTML for a notebook; ``None`` for a type that nothing draws."""
+        draw = next((DRAWINGS[kind] for kind in type(self).__mro__ if kind in DRAWINGS), None)
+        return None if draw is None else draw(self)
 
     def current(self) -> Self:
         """Return this record as the newest version spells it."""

@@ -21,6 +21,7 @@ from tega.records.base import (
     SquareMillimetres,
     quantity,
 )
+from tega.records.html import record_html
 
 if TYPE_CHECKING:
     import numpy as np
@@ -168,6 +169,9 @@ class Contact(Record, frozen=True, kw_only=True):
     def log_ns(self) -> int:
         """Time at which the loop took the contact in."""
         return self.taken_ns
+
+    def _repr_html_(self) -> str:
+        return record_html(self, f"{self.finger}, {self.t_ns / 1e9:.3f} s")
 
     def current(self) -> Contact:
         """Return the contact with each named value that has a field of its name and unit in that field."""

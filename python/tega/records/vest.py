@@ -48,6 +48,20 @@ class TriedMotor(Record, frozen=True, kw_only=True):
     percent: Annotated[int, quantity("%", "uint32")]
 
 
+class ProgramFrame(Record, frozen=True, kw_only=True):
+    """Frame that a program sends in the place of the loop's own.
+
+    Attributes:
+        t_ns: The tick from which on, since the start of the session.
+        intensities: Of each motor, as in a vest frame; empty while the loop's own frames stand.
+    """
+
+    topic: ClassVar[str] = "/vest/program"
+
+    t_ns: Ns
+    intensities: tuple[Annotated[int, quantity("%", "uint32")], ...] = ()
+
+
 class SentFrame(VestRecord, frozen=True, kw_only=True):
     """Frame that a real vest was sent, after its own limits."""
 

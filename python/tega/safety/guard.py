@@ -66,6 +66,7 @@ class Guard:
         vests: Tells of each live vest, by name, whether it can be reached.
         calibration: Returns why what is there cannot be used, ``""`` when it can.
         go: Whether an armed run may become active.
+        program: Returns the level that a program sets in the place of the muscles' own; ``None`` for none.
         alerts: What else to tell without changing the state, by name: each returns it, ``""`` for nothing.
         needs: What else the run cannot go on without, by name: each returns why it is missing, ``""`` if it is there.
 
@@ -84,13 +85,14 @@ class Guard:
         vests: Mapping[str, Callable[[], bool]] = {},
         calibration: Callable[[], str] = lambda: "",
         go: Callable[[], bool] = lambda: True,
+        program: Callable[[], float | None] = lambda: None,
         alerts: Mapping[str, Callable[[], str]] = {},
         needs: Mapping[str, Callable[[], str]] = {},
     ) -> None:
         self._settings = settings or SafetySection()
         s = self._settings
         self._streams, self._vests = list(streams), dict(vests)
-        self._calibration, self._go = calibration, go
+        self._calibration, self._go, self._program = calibration, go, program
         self._alerts, self._needs = dict(alerts), dict(needs)
         self._alerted: dict[str, str] = {}
         live = bool(streams or vests or needs)
@@ -133,10 +135,12 @@ class Guard:
             wanted: The muscles' level, 1 to 5, with fractions where they ask for a closure.
 
         Returns:
-            It while active, the last one in hold, else the open hand's; never outside 1 to 5.
+            It or a program's while active, the last one in hold, else the open hand's; never outside 1 to 5.
         """
-        wanted = _OPEN if math.isnan(wanted) else min(max(wanted, _OPEN), _CLOSED)
         state = self._states.state
+        if state == "active" and (program := self._program()) is not None:
+            wanted = program
+        wanted = _OPEN if math.isnan(wanted) else min(max(wanted, _OPEN), _CLOSED)
         if state == "active":
             self._level = wanted
         elif state != "hold":

@@ -9,6 +9,7 @@ from __future__ import annotations
 import collections.abc
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from html import escape
 from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple
 
 import msgspec
@@ -137,6 +138,13 @@ class _Stage:
     options_type: ClassVar[type[StageOptions]] = StageOptions
     requires: ClassVar[tuple[str, ...]] = ()
     extra: ClassVar[str] = ""
+
+    def __repr__(self) -> str:
+        """Class and summary."""
+        return f"<{type(self).__name__}: {self.summary}>"
+
+    def _repr_html_(self) -> str:
+        return f"<p><b>{escape(type(self).__name__)}</b>: {escape(self.summary)}</p>"
 
 
 class Metric(_Stage, ABC):

@@ -358,13 +358,13 @@ def contact_mask(
 ) -> NDArray[np.bool_]:
     """Return the pixels that :func:`read_contact` counts as contact: their number is its ``eda``.
 
-    Args and errors are those of :func:`read_contact`.
+    Args and errors are those of :func:`read_contact`; frames and baselines may have leading axes, which are broadcast.
 
     Returns:
-        bool (H, W).
+        bool (..., H, W).
     """
     preset = _native.Preset(reading=reading, order=order, outline=outline, noise=noise)
-    return preset.mask(frame, baseline)
+    return _each_picture(preset.mask, frame, baseline)
 
 
 def pressure_map(
@@ -379,13 +379,25 @@ def pressure_map(
     """Return the map that :func:`read_contact` measures on, for display.
 
     ``paper``: grey values after blur and noise floor. ``live``: the response to the dent's slopes in counts, one
-    value a cell of a few pixels, and 0 all over without contact. Args and errors are those of :func:`read_contact`.
+    value a cell of a few pixels, and 0 all over without contact. Args and errors are those of :func:`contact_mask`.
 
     Returns:
-        float32 (H, W).
+        float32 (..., H, W).
     """
     preset = _native.Preset(reading=reading, order=order, outline=outline, noise=noise)
-    return preset.pressure_map(frame, baseline)
+    return _each_picture(preset.pressure_map, frame, baseline)
+
+
+def _each_picture(
+    read: Callable[[NDArray[np.uint8], NDArray[np.uint8]], NDArray[Any]],
+    frames: NDArray[np.uint8],
+    baselines: NDArray[np.uint8],
+) -> NDArray[Any]:
+    if max(getattr(frames, "ndim", 0), getattr(baselines, "ndim", 0)) <= 3:
+        return read(frames, baselines)
+    from tega.runtime.leading_axes import each_item
+
+    return each_item(read, frames, baselines, item_axes=3)
 
 
 def estimate_baseline(frames: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:

@@ -34,6 +34,8 @@ PUBLIC: Final = (
     "tega.hand",
     "tega.haptics",
     "tega.haptics.motor_layout",
+    "tega.plot",
+    "tega.recording.opened",
     "tega.records",
     "tega.recording.replay",
     "tega.runtime.features",
@@ -42,6 +44,7 @@ PUBLIC: Final = (
     "tega.tactile",
     "tega.loop",
     "tega.loop.parts",
+    "tega.loop.program",
     "tega.wire",
 )
 """The modules that others may import from, by their ``__all__``."""

@@ -15,8 +15,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import msgspec
+import numpy as np
 
 from tega.hand import joined_level
+from tega.haptics import MotorLevels
 from tega.loop.hand import ModelledAllegro
 from tega.loop.hand_output import HandOutput
 from tega.loop.inbox.stream import NEVER_NS, Item, PulledStream
@@ -50,6 +52,7 @@ from tega.records import (
     HandCommand,
     Haptics,
     Intent,
+    ProgramFrame,
     Record,
     ReflexGrip,
     SentFrame,
@@ -63,7 +66,6 @@ from tega.runtime.clock import ManualClock
 from tega.runtime.files.foreign_file import tells_damage
 
 if TYPE_CHECKING:
-    from tega.haptics import MotorLevels
     from tega.wire import CanFrame
 
 
@@ -219,13 +221,16 @@ def _recorded_haptics(recorded: Recorded) -> Callable[[], bool]:
 
 
 class _RecordedTrials:
-    """Motors that were tried in the run."""
+    """Motors that were tried in the run, and frames that a program sent."""
 
     def __init__(self, recorded: Recorded) -> None:
-        self._tried = recorded.of(TriedMotor)
-        self.active = bool(self._tried)
+        self._tried, self._sent = recorded.of(TriedMotor), recorded.of(ProgramFrame)
+        self.active = bool(self._tried or self._sent)
 
     def frame(self, t_ns: int, frame: MotorLevels) -> MotorLevels:
+        program = next((one for one in reversed(self._sent) if one.t_ns <= t_ns), None)
+        if program is not None and program.intensities:
+            frame = MotorLevels(frame.layout, np.array(program.intensities, np.uint8))
         newest = next((one for one in reversed(self._tried) if one.t_ns <= t_ns), None)
         return (
             frame if newest is None or not newest.percent else lit_frame(frame, newest.motor, newest.percent)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
+from tega.records.html import rows_html
 from tega.stages.learned.features import Blocks, as_samples
 from tega.stages.learned.latch import Latch
 from tega.stages.learned.model import Model, load_model, save_model
@@ -83,6 +84,21 @@ class LearnedDecoder:
     def save(self, path: Path) -> None:
         """Write the model to a file."""
         save_model(self.model, path)
+
+    def __repr__(self) -> str:
+        """Model, channels, rate and training time."""
+        m = self.model
+        return (
+            f"<LearnedDecoder: {m.model} on {', '.join(m.channels)}, {m.kind}, {m.rate_hz:g} Hz, "
+            f"learned from {m.duration_s:.0f} s>"
+        )
+
+    def _repr_html_(self) -> str:
+        m = self.model
+        rows = [("model", m.model, ""), ("channels", ", ".join(m.channels), ""), ("samples", m.kind, "")]
+        rows += [("rate", f"{m.rate_hz:g}", "Hz"), ("block", f"{1000 * m.tau / m.rate_hz:g}", "ms")]
+        rows += [("participant", m.person or "not named", ""), ("learned from", f"{m.duration_s:.0f}", "s")]
+        return rows_html("LearnedDecoder", rows)
 
     def restart(self) -> None:
         """Forget all samples."""

@@ -56,6 +56,7 @@ class ProportionalDecoder:
         full: float = 0.8,
         smoothing_s: float = 0.15,
     ) -> None:
+        self._told = f"{kind}, {rate_hz:g} Hz, closes by channel {', '.join(map(str, channels[:1]))}"
         self._maxima = np.atleast_1d(np.asarray(maxima, np.float64))
         if self._maxima.ndim != 1 or not (self._maxima > 0).all():
             raise ShapeError(f"maxima = {self._maxima}", "give a number above 0 for each channel")
@@ -77,6 +78,10 @@ class ProportionalDecoder:
         # Of a block's drive less the smoothed one before it; half the gain of that is the smoothed one's own.
         self._variance = 0.0
         self.decoded: list[Decoded] = []
+
+    def __repr__(self) -> str:
+        """Samples, rate and closing channel."""
+        return f"<ProportionalDecoder: {self._told}>"
 
     def process(self, samples: ArrayLike) -> NDArray[np.float64]:
         """Take the next samples; return the closure of each block completed, 0 to 1, ``(k,)``, float64."""

@@ -1,0 +1,377 @@
+"""Run a session from a Python program: it receives what happens, and may send to vest and hand.
+
+The loop runs in a thread of its own, as ``tega-teleop run`` runs it: with the same limits, guard and watchdogs. The
+program's frames and levels lapse unless it sends new ones. Leaving the ``with`` block, in whatever way, ends the run:
+the vest gets zeros, and the hand is let go.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Iterator
+from os import PathLike
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Final, Self
+
+import numpy as np
+
+from tega.config import SessionConfig, load_config
+from tega.config.calibration import EmgMaxima
+from tega.devices.at_exit import closes_on_exit, release
+from tega.devices.base import DeviceInfo, EmgChunk
+from tega.errors import ConfigError, DeviceUnavailableError, InvalidValueError
+from tega.haptics import MotorLevels
+from tega.loop.controls import Controls
+from tega.loop.inbox.prepared import Muscles
+from tega.loop.inbox.sources import SourceReport
+from tega.loop.inbox.stream import LiveStream, PulledStream
+from tega.loop.moment import LoopView, Moment
+from tega.loop.motor_tests import MotorTests
+from tega.loop.parts import Part, RunStart
+from tega.loop.session import run_session
+from tega.records import Intent, ProgramFrame
+from tega.records.bus import Bus
+from tega.records.display import Notice
+from tega.runtime.clock import ManualClock, SystemClock
+from tega.runtime.lifecycle import Opened
+from tega.safety.stop import Stop
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from tega.loop.inbox.prepared import Prepared
+    from tega.runtime.clock import Clock
+    from tega.safety.guard import Guard
+
+__all__ = ["ProgramHand", "ProgramSession", "ProgramVest", "session"]
+
+_LOG = logging.getLogger(__name__)
+_LONGEST_S: Final = 10.0
+_LOOK_S: Final = 0.05
+_PATIENCE_S: Final = 10.0
+
+
+def session(
+    settings: str | PathLike[str] | SessionConfig, *, sets: tuple[str, ...] = (), person: str | None = None
+) -> ProgramSession:
+    """Return a session of some settings, to be used in a ``with`` statement.
+
+    Args:
+        settings: Settings file, or settings that are loaded already.
+        sets: Settings to override, such as ``"session.pace=fast"``.
+        person: Whose calibration to use.
+
+    Raises:
+        ConfigError: The settings are wrong.
+    """
+    if isinstance(settings, SessionConfig):
+        if sets or person is not None:
+            raise ConfigError("sets and person are for a settings file", "change the loaded settings instead")
+        return ProgramSession(settings)
+    if person is not None:
+        sets = (*sets, f'calibration.person="{person}"')
+    path = Path(settings)
+    return ProgramSession(load_config(path, sets=sets).config, name=path.name)
+
+
+class _Lapsing:
+    """A value that a program sends, for a time of the session's clock."""
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._sent: tuple[Any, int] = (None, 0)
+
+    def send(self, value: Any, for_s: float) -> None:
+        if not 0 < for_s <= _LONGEST_S:
+            raise InvalidValueError(f"for_s = {for_s} is out of range: above 0 to {_LONGEST_S:g} s")
+        self._sent = value, self._clock.now_ns() + round(for_s * 1e9)
+
+    def now(self) -> Any:
+        value, until_ns = self._sent
+        return value if value is not None and self._clock.now_ns() < until_ns else None
+
+
+class ProgramVest(MotorTests):
+    """Vest of a session, as a program sends to it; frames pass the vest's limits and the wearer's daily dose."""
+
+    def __init__(self, clock: Clock, *, driver: str | None) -> None:
+        super().__init__()
+        self._frame, self._driver = _Lapsing(clock), driver
+        self._layout = ""
+        self._guard: Guard | None = None
+        self._newest: tuple[int, ...] | None = None
+
+    def join(self, run: RunStart) -> None:
+        """Take note of the run's layout and guard."""
+        self._layout, self._guard = run.layout, run.guard
+
+    @property
+    def layout(self) -> str:
+        """Name of the layout."""
+        return self._layout
+
+    def send(self, intensities: ArrayLike | MotorLevels, *, for_s: float = 0.2) -> None:
+        """Have the vest show a frame in the place of touch.
+
+        Args:
+            intensities: Percent, 0 to 100, one number for each motor of the layout.
+            for_s: Time after which the frame lapses unless another was sent, above 0 to 10 s of the session.
+
+        Raises:
+            DeviceUnavailableError: The settings name no vest.
+            InvalidValueError: A number is out of range, or the frame is of another layout.
+            ShapeError: There are not as many numbers as motors.
+        """
+        if self._driver is None:
+            raise DeviceUnavailableError("the session has no vest", "set vest.driver")
+        if isinstance(intensities, MotorLevels):
+            if intensities.layout != self._layout:
+                raise InvalidValueError(f"frame of layout {intensities.layout}, not {self._layout}")
+            numbers = intensities.intensities.astype(np.float64)
+        else:
+            numbers = np.asarray(intensities, np.float64)
+        if not bool(np.all((numbers >= 0) & (numbers <= 100))):
+            raise InvalidValueError("intensities are out of range: 0 to 100 percent")
+        self._frame.send(MotorLevels(self._layout, np.rint(numbers).astype(np.uint8)), for_s)
+
+    @property
+    def active(self) -> bool:
+        """Whether frames are due: in a session with a vest, always."""
+        return self._driver is not None
+
+    def frame(self, t_ns: int, frame: MotorLevels) -> MotorLevels:
+        """Return the frame of a tick: the program's while it stands and the run is active, else the loop's."""
+        active = self._guard is not None and self._guard.state == "active"
+        sent = self._frame.now() if active else None
+        newest = () if sent is None else tuple(sent.intensities.tolist())
+        if newest != self._newest:
+            self._newest = newest
+            self._bus.publish(ProgramFrame(t_ns=t_ns, intensities=newest))
+        return super().frame(t_ns, frame if sent is None else sent)
+
+
+class ProgramHand:
+    """Hand of a session, as a program steers it; levels pass the guard and the hand's limits."""
+
+    def __init__(self, clock: Clock, *, driver: str | None) -> None:
+        self._level, self._driver = _Lapsing(clock), driver
+
+    def level(self, level: float, *, for_s: float = 0.5) -> None:
+        """Have the hand close to a level in the place of the muscles'.
+
+        Args:
+            level: 1 (open) to 5 (closed), with fractions.
+            for_s: Time after which the level lapses unless another was sent, above 0 to 10 s of the session. The
+                muscles then steer again; without EMG the hand opens.
+
+        Raises:
+            DeviceUnavailableError: The settings name no hand.
+            InvalidValueError: A number is out of range.
+        """
+        if self._driver is None:
+            raise DeviceUnavailableError("the session has no hand", "set hand.driver")
+        if not 1 <= level <= 5:
+            raise InvalidValueError(f"level = {level} is out of range: 1 to 5")
+        self._level.send(float(level), for_s)
+
+    def asked(self) -> float | None:
+        """Return the program's level; ``None`` while none stands."""
+        level: float | None = self._level.now()
+        return level
+
+
+class _NoMuscles(Opened):
+    """EMG of a session whose hand a program steers: it has no samples."""
+
+    ended = True
+
+    @property
+    def info(self) -> DeviceInfo:
+        return DeviceInfo(driver="program", kind="emg", label="no EMG", live=False, unit="level")
+
+    def open(self) -> None:
+        pass
+
+    def close(self) -> None:
+        pass
+
+    def read(self, timeout_s: float) -> EmgChunk | None:  # noqa: ARG002  # as every source
+        return None
+
+
+class _ProgramPart(Part):
+    """Part of the run that knows the program."""
+
+    brings_input = endless = True
+
+    def __init__(self, config: SessionConfig, vest: ProgramVest, begun: Callable[[], None]) -> None:
+        self._config, self._vest, self._begun = config, vest, begun
+
+    def prepared(self, prepared: Prepared) -> Prepared:
+        if prepared.muscles is not None or self._config.hand.driver is None:
+            return prepared
+        stream = PulledStream[Intent]([]) if prepared.fingers else LiveStream[Intent]()
+        maxima = EmgMaxima(kind="envelope", rate_hz=10.0, tau=1, channels=("program",), maxima=(5.0,))
+        source: Any = _NoMuscles()
+        return prepared._replace(muscles=Muscles(source, maxima, None, SourceReport(), stream))
+
+    def head(self, run: RunStart) -> None:
+        self._vest.join(run)
+
+    def begin(self, run: RunStart) -> None:  # noqa: ARG002  # the clock runs
+        self._begun()
+
+
+class ProgramSession:
+    """Session that a program follows and may send to; use it in a ``with`` statement, once.
+
+    It is an iterator of moments, :class:`tega.loop.LoopView`: at real pace the newest one that the program has not had
+    yet, else every one, for which the run waits.
+
+    Args:
+        config: The settings.
+        name: Name of the settings file, for messages.
+
+    Attributes:
+        config: The settings.
+        vest: The vest, to send to.
+        hand: The hand, to steer.
+        n_skipped: Moments that the program was too slow for.
+        summary: Summary of the run, once it has ended; empty before.
+    """
+
+    def __init__(self, config: SessionConfig, *, name: str = "SETTINGS.toml") -> None:
+        self.config, self._name = config, name
+        self._waits = config.session.pace == "fast"
+        self._clock: Clock = ManualClock() if self._waits else SystemClock()
+        self.vest = ProgramVest(self._clock, driver=config.vest.driver)
+        self.hand = ProgramHand(self._clock, driver=config.hand.driver)
+        self.n_skipped = 0
+        self.summary: dict[str, Any] = {}
+        self._stop = Stop()
+        self._change = threading.Condition()
+        self._moment: LoopView | None = None
+        self._n_given = self._n_asked = 0
+        self._begun = self._over = False
+        self._error: BaseException | None = None
+        self._thread = threading.Thread(target=self._run, name="tega-session", daemon=True)
+
+    def __enter__(self) -> Self:
+        """Open the devices and begin the run.
+
+        Raises:
+            TegaError: Settings, calibration or devices are at fault, or the session has been used before.
+        """
+        if self._thread.ident is not None:
+            raise InvalidValueError("the session has been used", "make another one with tega.session")
+        closes_on_exit(self.close)
+        try:
+            self._thread.start()
+            with self._change:
+                while not (self._begun or self._over):
+                    self._change.wait(_LOOK_S)
+        except BaseException:
+            self.close()
+            raise
+        if not self._begun:
+            self.close()
+            self._raise()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """End the run: the vest gets zeros, and the hand is let go.
+
+        Raises:
+            TegaError: The run ended with an error, and the program did not.
+        """
+        self.close()
+        if error is None:
+            self._raise()
+        elif self._error is not None:
+            error.add_note(f"the session ended with an error, too: {self._error}")
+
+    def __iter__(self) -> Iterator[LoopView]:
+        """Return the moments of the session."""
+        return self
+
+    def __next__(self) -> LoopView:
+        """Wait for the next moment.
+
+        Raises:
+            TegaError: The run ended with an error, or has not begun.
+        """
+        if self._thread.ident is None:
+            raise InvalidValueError("the session has not begun", "use it in a with statement")
+        with self._change:
+            self._n_asked += 1
+            self._change.notify_all()
+            while self._moment is None and not self._over:
+                self._change.wait(_LOOK_S)
+            moment, self._moment = self._moment, None
+        if moment is None:
+            self._raise()
+            raise StopIteration
+        return moment
+
+    def close(self) -> None:
+        """End the run and wait until the outputs are silent; an interrupt is raised after that."""
+        self._stop.ask("the program has left the session")
+        interrupted: BaseException | None = None
+        until_s = time.monotonic() + _PATIENCE_S
+        while self._thread.is_alive():
+            try:
+                self._thread.join(_LOOK_S)
+            except (KeyboardInterrupt, SystemExit) as error:
+                if time.monotonic() > until_s:
+                    raise
+                interrupted = error
+        release(self.close)
+        if interrupted is not None:
+            raise interrupted
+
+    def _raise(self) -> None:
+        error, self._error = self._error, None
+        if error is not None:
+            raise error
+
+    def _run(self) -> None:
+        bus = Bus()
+        bus.subscribe(Moment, self._take, name="program", vital=self._waits)
+        bus.subscribe(Notice, lambda notice: _LOG.info("%s", notice.text), name="program")
+        try:
+            self.summary = run_session(
+                self.config,
+                clock=self._clock,
+                bus=bus,
+                controls=Controls(stop=self._stop, level=self.hand.asked, motor_tests=self.vest),
+                parts=[_ProgramPart(self.config, self.vest, self._begin)],
+                settings=self._name,
+            )
+        except KeyboardInterrupt:
+            pass  # it was asked to stop before the loop had begun
+        except BaseException as error:  # raised in the program's thread
+            self._error = error
+        finally:
+            with self._change:
+                self._over = True
+                self._change.notify_all()
+
+    def _begin(self) -> None:
+        with self._change:
+            self._begun = True
+            self._change.notify_all()
+
+    def _take(self, moment: Moment) -> None:
+        """Take a moment in the loop's thread, which waits for the program only where time is not the world's."""
+        with self._change:
+            self.n_skipped += self._moment is not None
+            self._moment = moment.view
+            self._n_given += 1
+            self._change.notify_all()
+            while self._waits and self._n_asked <= self._n_given and not self._stop.asked:
+                self._change.wait(_LOOK_S)

@@ -1,0 +1,158 @@
+"""Draw contacts, their course, vest frames and levels on Matplotlib axes.
+
+Each function draws on the axes given, or on new ones, and returns them. A course is drawn from a topic of a recording,
+a data frame or a structured array: anything with columns by name, ``t_s`` among them.
+
+Example:
+    >>> import tega
+    >>> recording = tega.open_recording("examples/recorded-lift")
+    >>> axes = tega.plot.course(recording["/tactile/thumb/contact"], "force_n")
+    >>> axes.get_xlabel(), axes.get_ylabel()
+    ('time (s)', 'force_n')
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tega import tactile
+from tega.errors import InvalidValueError
+from tega.haptics import MotorLevels
+from tega.haptics.motor_layout import find_layout
+from tega.haptics.torso import HEIGHT, WIDTH, spots
+from tega.records import VestRecord
+from tega.runtime.lifecycle import require
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from numpy.typing import NDArray
+
+__all__ = ["contact", "course", "levels", "vest"]
+
+_MASK_COLOUR, _MOTOR_COLOUR = "#ff8c00", "#0a7e74"
+
+
+def contact(
+    frame: NDArray[np.uint8],
+    baseline: NDArray[np.uint8],
+    reading: tactile.Reading = "live",
+    *,
+    axes: Axes | None = None,
+) -> Axes:
+    """Draw a fingertip's picture, the outline of its contact and the contact's middle.
+
+    Args:
+        frame: The picture, uint8 (H, W, 3), BGR.
+        baseline: Picture of the untouched gel, likewise.
+        reading: Preset of :func:`tega.tactile.read_contact`.
+        axes: Axes to draw on; ``None`` for new ones.
+
+    Raises:
+        MissingExtraError: Matplotlib is not installed.
+        TegaError: As :func:`tega.tactile.read_contact`.
+    """
+    axes = _axes(axes)
+    found = tactile.read_contact(frame, baseline, reading=reading)
+    axes.imshow(frame[..., ::-1])
+    if found.in_contact:
+        axes.contour(tactile.contact_mask(frame, baseline, reading), [0.5], colors=[_MASK_COLOUR])
+        axes.plot(*found.centroid_xy, "+", color=_MASK_COLOUR)
+    axes.set_title(f"EDA {found.eda} px², CCI {found.cci:.3g} grey/px²" if found.in_contact else "no contact")
+    axes.set_axis_off()
+    return axes
+
+
+def course(data: Any, *names: str, axes: Axes | None = None) -> Axes:
+    """Draw columns over time.
+
+    Args:
+        data: A topic of a recording, a data frame, or another mapping of columns.
+        names: Columns to draw.
+        axes: Axes to draw on; ``None`` for new ones.
+
+    Raises:
+        MissingExtraError: Matplotlib is not installed.
+        InvalidValueError: There is no such column.
+    """
+    axes, table = _axes(axes), _columns(data)
+    for name in names:
+        axes.plot(_column(table, "t_s"), _column(table, name), label=name)
+    axes.set_xlabel("time (s)")
+    axes.set_ylabel(names[0] if len(names) == 1 else "")
+    if len(names) > 1:
+        axes.legend()
+    return axes
+
+
+def levels(data: Any, *, axes: Axes | None = None) -> Axes:
+    """Draw the level of each muscle, and their fused level, over time.
+
+    Args:
+        data: The topic ``/emg/levels`` of a recording, or its columns.
+        axes: Axes to draw on; ``None`` for new ones.
+
+    Raises:
+        MissingExtraError: Matplotlib is not installed.
+        InvalidValueError: There is no column ``fused``.
+    """
+    axes, table = _axes(axes), _columns(data)
+    times = _column(table, "t_s")
+    for name in [name for name in _names(table) if name.startswith("channels_")]:
+        axes.step(times, _column(table, name), where="post", alpha=0.5, label=f"muscle {name[9:]}")
+    axes.step(times, _column(table, "fused"), where="post", color="black", label="fused")
+    axes.set(xlabel="time (s)", ylabel="level", yticks=range(1, 6))
+    axes.legend()
+    return axes
+
+
+def vest(frame: MotorLevels | VestRecord, *, axes: Axes | None = None) -> Axes:
+    """Draw a vest frame: each motor a disc, the darker the harder it vibrates.
+
+    Args:
+        frame: The frame; its front is drawn at the left.
+        axes: Axes to draw on; ``None`` for new ones.
+
+    Raises:
+        MissingExtraError: Matplotlib is not installed.
+        InvalidValueError: The layout is not known.
+    """
+    axes = _axes(axes)
+    drawn = list(spots(find_layout(frame.layout), list(frame.intensities)))
+    faces = np.array([[*_rgb(), spot.percent / 100] for spot in drawn])
+    axes.scatter([s.x for s in drawn], [s.y for s in drawn], s=120, c=faces, edgecolors="grey")
+    for x, name in ((WIDTH / 2, "front"), (1.5 * WIDTH, "back")):
+        axes.text(x, 0.1 * HEIGHT, name, ha="center")
+    axes.set(xlim=(0, 2 * WIDTH), ylim=(HEIGHT, 0), aspect="equal", title=frame.layout)
+    axes.set_axis_off()
+    return axes
+
+
+def _rgb() -> tuple[float, float, float]:
+    red, green, blue = (int(_MOTOR_COLOUR[k : k + 2], 16) / 255 for k in (1, 3, 5))
+    return red, green, blue
+
+
+def _axes(axes: Axes | None) -> Axes:
+    pyplot: Any = require("matplotlib.pyplot", driver="plot", extra="plot")
+    if axes is not None:
+        return axes
+    made: Axes = pyplot.subplots()[1]
+    return made
+
+
+def _columns(data: Any) -> Any:
+    return data.columns() if callable(getattr(data, "columns", None)) else data
+
+
+def _names(table: Any) -> Sequence[str]:
+    found = table.dtype.names or () if isinstance(table, np.ndarray) else table.keys()
+    return [str(name) for name in found]
+
+
+def _column(table: Any, name: str) -> Any:
+    if name not in (names := _names(table)):
+        raise InvalidValueError(f"no column {name!r}", f"there are {', '.join(names)}")
+    return table[name]

@@ -1,0 +1,208 @@
+"""Find the messages of a recording by topic and time, and read only the parts of the file that hold them.
+
+A finished file has an index at its end. An unfinished one has none: it is passed over once, as far as it can be read.
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections import defaultdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from tega.errors import RecordingError
+from tega.recording.foreign import no_session
+from tega.recording.mcap_reader import MOST_RECORD, McapReader, Message, decoded_message, open_recording
+from tega.runtime.files.foreign_file import tells_damage
+from tega.runtime.lifecycle import require
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+PLACE = np.dtype([("log_ns", np.int64), ("part", np.int32), ("number", np.int32)])
+"""Place of a message: its log time, nanoseconds since 1970, its part of the file, and its number in there by topic."""
+
+
+class _Chunk(NamedTuple):
+    """Part of a file: where it begins, its log times, and by channel where the list of its messages is."""
+
+    begins: int
+    from_ns: int
+    until_ns: int
+    lists: Mapping[int, int]
+
+
+@tells_damage
+def open_indexed(path: Path) -> IndexedReader:
+    """Open a recording for access by topic and time; no message is decoded.
+
+    Raises:
+        RecordingError: It cannot be read, or is no recording of TEGA's.
+        MissingExtraError: A package of the extra ``record`` is not installed.
+    """
+    return IndexedReader(path)
+
+
+class IndexedReader(McapReader):
+    """Reads messages of a recording by their places.
+
+    Args:
+        path: The file.
+
+    Attributes:
+        topics: Name of each topic's schema, by topic.
+        from_ns: Log time of the first message, nanoseconds since 1970; 0 without a message.
+        until_ns: Log time of the last message.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        begun = next(self.messages(lambda _topic: False), None)  # refuses a file that is no recording
+        if begun is None and not (self.metadata or self._channels):
+            raise no_session(path, ())
+        self._chunks: list[_Chunk] = []
+        self._passed: dict[str, NDArray[Any]] = {}
+        self._newest: tuple[int, dict[str, list[Any]]] = (-1, {})
+        if begun is None or not self._read_summary():
+            self._pass_over()
+        self.topics: dict[str, str] = {}
+        for channel in self._channels.values():
+            schema = self._schemas.get(channel.schema_id)
+            self.topics[channel.topic] = "" if schema is None else schema.name
+        self.from_ns = min((chunk.from_ns for chunk in self._chunks), default=0)
+        self.until_ns = max((chunk.until_ns for chunk in self._chunks), default=0)
+
+    def places(self, topic: str, *, from_ns: int, to_ns: int) -> NDArray[Any]:
+        """Return the places of a topic's messages in a span of log time, of :data:`PLACE`, in the file's order.
+
+        Raises:
+            RecordingError: The index is damaged.
+        """
+        found = self._passed.get(topic) if self._passed else self._listed(topic, from_ns, to_ns)
+        if found is None:
+            return np.empty(0, PLACE)
+        return found[(found["log_ns"] >= from_ns) & (found["log_ns"] < to_ns)]
+
+    def message(self, topic: str, place: Any) -> Message:
+        """Return the message of a topic at a place; the part of the file that was read last stays in memory.
+
+        Raises:
+            RecordingError: That part of the file is damaged.
+        """
+        begins = self._chunks[place["part"]].begins
+        try:
+            if self._newest[0] != begins:
+                self._newest = begins, self._read_chunk(begins)
+            record = self._newest[1][topic][place["number"]]
+            return decoded_message(
+                record, self._channels[record.channel_id], self._schemas, lambda _topic: True
+            )
+        except Exception as error:  # whatever damage makes the reader say
+            raise self._damaged(error) from error
+
+    def _damaged(self, error: Exception) -> RecordingError:
+        return RecordingError(
+            f"{self.path.name}: damaged: {type(error).__name__}: {str(error)[:200]}",
+            "inspect says how far it can be read; trim copies the part before the damage",
+        )
+
+    def _read_summary(self) -> bool:
+        """Read the index at the file's end; return whether there is one."""
+        reading = require("mcap.reader", driver="recording", extra="record")
+        with open_recording(self.path) as file:
+            try:
+                reader = reading.SeekingReader(file, record_size_limit=MOST_RECORD)
+                summary = reader.get_summary()
+                if summary is None or summary.statistics is None or not summary.chunk_indexes:
+                    return False
+                for table in reader.iter_metadata():
+                    self.metadata.setdefault(table.name, {}).update(table.metadata)
+            except Exception:  # cut short, or damaged there: the messages may be good
+                return False
+        self._channels, self._schemas = summary.channels, summary.schemas
+        self._chunks = [
+            _Chunk(
+                one.chunk_start_offset,
+                one.message_start_time,
+                one.message_end_time,
+                one.message_index_offsets,
+            )
+            for one in sorted(summary.chunk_indexes, key=lambda one: one.chunk_start_offset)
+        ]
+        return True
+
+    def _pass_over(self) -> None:
+        """Note the place of every message as far as the file can be read."""
+        found: dict[str, tuple[array[int], array[int], array[int]]] = {}
+        numbers: dict[str, int] = defaultdict(int)
+        begins = -1
+        for message in self.messages(lambda _topic: False):
+            if self.part_begins != begins:
+                begins = self.part_begins
+                numbers.clear()
+                self._chunks.append(_Chunk(begins, message.log_ns, message.log_ns, {}))
+            newest = self._chunks[-1]
+            self._chunks[-1] = newest._replace(
+                from_ns=min(newest.from_ns, message.log_ns), until_ns=max(newest.until_ns, message.log_ns)
+            )
+            columns = found.setdefault(message.topic, (array("q"), array("q"), array("q")))
+            numbered = (message.log_ns, len(self._chunks) - 1, numbers[message.topic])
+            for column, value in zip(columns, numbered, strict=True):
+                column.append(value)
+            numbers[message.topic] += 1
+        for topic, columns in found.items():
+            places = np.empty(len(columns[0]), PLACE)
+            for name, column in zip(PLACE.names or (), columns, strict=True):
+                places[name] = column
+            self._passed[topic] = places
+
+    def _listed(self, topic: str, from_ns: int, to_ns: int) -> NDArray[Any] | None:
+        """Read the places of a topic's messages off the lists that follow each part of the file."""
+        ids = {number for number, channel in self._channels.items() if channel.topic == topic}
+        found = []
+        with open_recording(self.path) as file:
+            for number, chunk in enumerate(self._chunks):
+                if chunk.until_ns < from_ns or chunk.from_ns >= to_ns:
+                    continue
+                entries: list[tuple[int, int]] = []
+                for channel in ids & chunk.lists.keys():
+                    try:
+                        entries += self._record_at(file, chunk.lists[channel]).records
+                    except Exception as error:  # whatever damage makes the reader say
+                        raise self._damaged(error) from error
+                if entries:
+                    times = np.array(sorted(entries, key=lambda entry: entry[1]), np.uint64)[:, 0]
+                    places = np.empty(len(times), PLACE)
+                    places["log_ns"], places["part"] = times, number
+                    places["number"] = np.arange(len(times))
+                    found.append(places)
+        return np.concatenate(found) if found else None
+
+    def _read_chunk(self, begins: int) -> dict[str, list[Any]]:
+        """Return the messages of a part of the file, by topic."""
+        reading = require("mcap.stream_reader", driver="recording", extra="record")
+        records = require("mcap.records", driver="recording", extra="record")
+        with open_recording(self.path) as file:
+            chunk = self._record_at(file, begins)
+        inside = [chunk] if isinstance(chunk, records.Message) else reading.breakup_chunk(chunk)
+        found: dict[str, list[Any]] = defaultdict(list)
+        for one in inside:
+            if isinstance(one, records.Message):
+                found[self._channels[one.channel_id].topic].append(one)
+        return found
+
+    @staticmethod
+    def _record_at(file: Any, begins: int) -> Any:
+        reading = require("mcap.stream_reader", driver="recording", extra="record")
+        file.seek(begins)
+        return next(
+            iter(
+                reading.StreamReader(
+                    file, skip_magic=True, emit_chunks=True, record_size_limit=MOST_RECORD
+                ).records
+            )
+        )

@@ -1,0 +1,244 @@
+"""Turn the messages of a recording into records and into columns of numbers, by their record types."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from functools import cache
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from tega.hand import JOINT_NAMES
+from tega.recording.mcap_schemas import PACKAGE
+from tega.records import HandExchange, Joints, LogLine, Picture, PoseRecord, Record, TrackerAxes
+from tega.records.schema import fields, own_schema, read, schema_name, values
+from tega.records.types import record_types
+from tega.records.video import VideoPacket
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from numpy.typing import NDArray
+
+    from tega.devices.base import DeviceInfo
+    from tega.recording.mcap_reader import Message
+
+Columns = dict[str, list[Any]]
+
+_LOG_LEVELS: Final = {1: 10, 2: 20, 3: 30, 4: 40, 5: 50}
+_NO_UNIT: Final = frozenset({"", "1", "ns", "the source's"})
+
+
+def find_kind(topic: str, schema: str) -> tuple[type[Record], dict[str, str]] | None:
+    """Return the record type of a topic, and the fields that the topic names; ``None`` for an unknown one."""
+    for kind in record_types():
+        name = f"{PACKAGE}.{schema_name(kind)}" if own_schema(kind) else kind.schema
+        where = kind.topic.replace("/image", "/frame") if kind is Picture else kind.topic
+        found = _pattern(where).fullmatch(topic)
+        if schema == name and found is not None:
+            return kind, found.groupdict()
+    return None
+
+
+@cache
+def _pattern(topic: str) -> re.Pattern[str]:
+    parts = re.split(r"\{(\w+)\}", topic)
+    return re.compile(
+        "".join(f"(?P<{part}>[^/]+)" if k % 2 else re.escape(part) for k, part in enumerate(parts))
+    )
+
+
+def record_of(kind: type[Record], message: Message, named: Mapping[str, str], zero_ns: int) -> Record:
+    """Return the record of a message.
+
+    Args:
+        kind: Its type.
+        message: The message, decoded.
+        named: Fields that the topic names.
+        zero_ns: Log time at the start of the session.
+    """
+    value: Any = message.value
+    if own_schema(kind):
+        extra: dict[str, Any] = {"image": None} if kind is Picture else {}
+        unwritten = {name: text for name, text in named.items() if name in kind.unwritten}
+        return read(kind, value, **unwritten, **extra)
+    make: Any = kind
+    t_ns = value.timestamp.seconds * 1_000_000_000 + value.timestamp.nanos - zero_ns
+    if issubclass(kind, Joints):
+        return kind(t_ns=t_ns, angles_rad=tuple(joint.position for joint in value.joints))
+    if issubclass(kind, LogLine):
+        return kind(t_ns=t_ns, level=_LOG_LEVELS.get(value.level, 0), name=value.name, text=value.message)
+    if issubclass(kind, VideoPacket):
+        made: Record = make(t_ns=t_ns, data=value.data, video=value.format, **named)
+        return made
+    if issubclass(kind, TrackerAxes):
+        return kind(
+            t_ns=t_ns,
+            parent=value.parent_frame_id,
+            child=value.child_frame_id,
+            quaternion=_axes(value.rotation, "xyzw"),
+        )
+    assert issubclass(kind, PoseRecord)
+    place, turn = _axes(value.pose.position, "xyz"), _axes(value.pose.orientation, "xyzw")
+    return kind(
+        t_ns=t_ns, taken_ns=message.log_ns - zero_ns, frame=value.frame_id, position=place, quaternion=turn
+    )
+
+
+def _axes(value: Any, names: str) -> tuple[float, ...]:
+    return tuple(getattr(value, name) for name in names)
+
+
+def row_of(record: Record, *, shift_ns: int) -> dict[str, Any]:
+    """Return a record as a row: times in seconds, units in the names, lists numbered from 1.
+
+    Args:
+        record: The record.
+        shift_ns: Added to its times.
+    """
+    row: dict[str, Any] = {}
+    said: dict[str, Any] = values(record) if not isinstance(record, Joints) else {"t_ns": record.t_ns}
+    if isinstance(record, Joints):
+        row |= dict(zip((f"{name}_rad" for name in JOINT_NAMES), record.angles_rad, strict=False))
+    for name, column, is_time in _names(type(record)):
+        value: Any = said.get(name)
+        if is_time:
+            row[column] = np.nan if value is None else (value + shift_ns) / 1e9
+        elif name == "more" and value:
+            # One that is named as a column of the record is not that column.
+            row |= {
+                f"more.{one['name']}" if one["name"] in said else one["name"]: one["value"] for one in value
+            }
+        elif not isinstance(value, (tuple, list, np.ndarray)):
+            row[column] = value
+        elif not len(value) or isinstance(value[0], (int, float, str, np.number)):
+            places = type(record).columns.get(name, ())
+            given = (
+                places if len(places) == len(value) else [f"{column}_{k}" for k in range(1, len(value) + 1)]
+            )
+            row |= dict(zip(given, value, strict=True))
+        else:
+            row[column] = value
+    return {
+        name: value for name, value in row.items() if value is not None or name in _optional(type(record))
+    }
+
+
+@cache
+def _names(kind: type[Record]) -> tuple[tuple[str, str, bool], ...]:
+    """Return of each field its name, its column, and whether it is a time."""
+    found = []
+    for field in fields(kind):
+        is_time = field.unit == "ns" and field.name.endswith("_ns")
+        column = f"{field.name.removesuffix('_ns')}_s" if is_time else with_unit(field.name, field.unit)
+        found.append((field.name, column, is_time))
+    return tuple(found)
+
+
+@cache
+def _optional(kind: type[Record]) -> frozenset[str]:
+    return frozenset(
+        column for field, (_, column, _) in zip(fields(kind), _names(kind), strict=True) if field.optional
+    )
+
+
+@cache
+def with_unit(name: str, unit: str) -> str:
+    """Return a column's name with its unit at the end, such as ``cci_grey_per_px2``.
+
+    Example:
+        >>> with_unit("front", "%"), with_unit("force_n", "N"), with_unit("eda", "px²")
+        ('front_percent', 'force_n', 'eda_px2')
+    """
+    if unit in _NO_UNIT:
+        return name
+    spelled = (
+        {"B": "bytes"}.get(unit, unit)
+        .replace("²", "2")
+        .replace("³", "3")
+        .replace("/", "_per_")
+        .replace("%", "percent")
+    )
+    spelled = re.sub(r"\W+", "_", spelled.replace("µ", "u")).strip("_")
+    return name if name.lower().endswith(f"_{spelled.lower()}") else f"{name}_{spelled}"
+
+
+def sample_names(info: DeviceInfo | None, n_channels: int) -> list[str]:
+    """Return a column for each channel of EMG: its name and unit, no two alike."""
+    names = list(info.channels) if info is not None else []
+    names = names if len(names) == n_channels else [f"ch{k}" for k in range(1, n_channels + 1)]
+    unit = "" if info is None else info.unit
+    counts = Counter(names)
+    return [
+        with_unit(name if counts[name] == 1 else f"{name}_{k}", unit) for k, name in enumerate(names, start=1)
+    ]
+
+
+def column_names(kind: type[Record]) -> list[str]:
+    """Return the columns of a record type whose lists are not counted, as a topic without messages has them."""
+    return [column for _, column, _ in _names(kind)]
+
+
+def arrays_of(rows: Iterable[Mapping[str, Any]], *, most_rows: int = 4096) -> dict[str, NDArray[Any]]:
+    """Return rows as columns; numbers that are missing are NaN, missing texts ``None``.
+
+    Args:
+        rows: The rows; a name may be missing in some.
+        most_rows: Rows that are collected as Python objects before they become arrays.
+    """
+    blocks: dict[str, list[NDArray[Any]]] = {}
+    waiting: list[Mapping[str, Any]] = []
+    n_rows = 0
+
+    def settle() -> None:
+        nonlocal n_rows
+        for name in dict.fromkeys(name for row in waiting for name in row):
+            parts = blocks.setdefault(name, [] if not n_rows else [np.full(n_rows, None, object)])
+            parts.append(_array([row.get(name) for row in waiting]))
+        n_rows += len(waiting)
+        for parts in blocks.values():
+            if (missing := n_rows - sum(map(len, parts))) > 0:
+                parts.append(np.full(missing, None, object))
+        waiting.clear()
+
+    for row in rows:
+        waiting.append(row)
+        if len(waiting) >= most_rows:
+            settle()
+    settle()
+    return {name: _joined(parts) for name, parts in blocks.items()}
+
+
+def _array(column: list[Any]) -> NDArray[Any]:
+    kinds = {type(value) for value in column}
+    if kinds == {bool}:
+        return np.array(column, bool)
+    if kinds and kinds <= {int, np.int64} and all(-(2**63) <= value < 2**63 for value in column):
+        return np.array(column, np.int64)
+    if kinds <= {int, float, bool, np.int64, np.float64, type(None)} and kinds != {type(None)}:
+        return np.array([np.nan if value is None else value for value in column], np.float64)
+    made = np.empty(len(column), object)
+    made[:] = column
+    return made
+
+
+def _joined(parts: list[NDArray[Any]]) -> NDArray[Any]:
+    if len(parts) == 1:
+        return _numbers(parts[0])
+    kinds = {part.dtype.kind for part in parts}
+    if "O" not in kinds or len(kinds) == 1:
+        return _numbers(np.concatenate(parts))
+    return _numbers(np.concatenate([part.astype(object) for part in parts]))
+
+
+def _numbers(column: NDArray[Any]) -> NDArray[Any]:
+    """Return a column of objects as numbers where it holds nothing else; one of nothing alone is NaN."""
+    if column.dtype != object or any(isinstance(value, (str, bytes, tuple, list, dict)) for value in column):
+        return column
+    return np.array([np.nan if value is None else value for value in column], np.float64)
+
+
+def machine_clock(kind: type[Record] | None) -> bool:
+    """Return whether a record's time is on the machine's monotonic clock, not the session's."""
+    return kind is HandExchange

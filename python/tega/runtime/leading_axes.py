@@ -1,0 +1,42 @@
+"""Apply a function of one item to arrays of any number of leading axes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tega.errors import DtypeError
+
+
+def each_number(function: Callable[..., Any], *values: ArrayLike, dtype: Any) -> NDArray[Any]:
+    """Return a function of numbers applied to each element of arrays, which are broadcast against each other.
+
+    Raises:
+        DtypeError: An array does not hold real numbers.
+    """
+    arrays = [np.asarray(value) for value in values]
+    for array in arrays:
+        if array.dtype.kind not in "fiu":
+            raise DtypeError(f"an array of {array.dtype} holds no real numbers", "give floats or integers")
+    several = np.broadcast(*arrays)
+    made = [function(*(number.item() for number in numbers)) for numbers in several]
+    return np.array(made, dtype).reshape(several.shape)
+
+
+def each_item(function: Callable[..., NDArray[Any]], *arrays: NDArray[Any], item_axes: int) -> NDArray[Any]:
+    """Return a function of items, such as pictures of three axes, applied along the leading axes of arrays.
+
+    Args:
+        function: Takes an item of each array, and returns arrays of one shape.
+        arrays: Arrays whose leading axes are broadcast against each other.
+        item_axes: Number of an item's axes.
+    """
+    shape = np.broadcast_shapes(*(array.shape[: array.ndim - item_axes] for array in arrays))
+    several = [np.broadcast_to(array, shape + array.shape[array.ndim - item_axes :]) for array in arrays]
+    if not shape:
+        return function(*several)
+    found = [function(*(array[index] for array in several)) for index in np.ndindex(shape)]
+    return np.stack(found).reshape(*shape, *found[0].shape) if found else np.empty(shape)

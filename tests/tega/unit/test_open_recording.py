@@ -1,0 +1,363 @@
+"""A recording opened in Python: the same numbers and pictures as other readers find, and nothing loaded too early."""
+
+from __future__ import annotations
+
+import sys
+from itertools import pairwise
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+
+import tega
+from reference.sessions import record
+from tega.errors import MissingExtraError, RecordingError, TegaError
+from tega.recording import mcap_index, mcap_reader
+from tega.recording.mcap_folder import SessionFolder
+from tega.recording.mcap_schemas import decoder
+from tega.recording.opened import PictureTopic
+from tega.recording.record_columns import find_kind, with_unit
+from tega.records import Contact
+from tega.records.types import record_types
+
+CONTACT = "/tactile/thumb/contact"
+
+
+def by_the_public_reader(path: Path, topic: str) -> list[tuple[int, Any]]:
+    with path.open("rb") as file:
+        found = make_reader(file).iter_messages(topics=[topic])
+        return [
+            (raw.log_time, decoder(schema.name, schema.data).FromString(raw.data))
+            for schema, _, raw in found
+            if schema is not None
+        ]
+
+
+def test_columns_hold_what_the_public_reader_finds(lossless: Path) -> None:
+    recording = tega.open_recording(lossless)
+    zero_ns = int(recording.start.timestamp()) * 1_000_000_000
+    for topic, names in {
+        CONTACT: {
+            "eda_px2": "eda",
+            "cci_grey_per_px2": "cci",
+            "front_percent": "front",
+            "force_n": "force_n",
+        },
+        "/emg/levels": {"fused": "fused"},
+        "/run/state": {},
+        "/hand/frames": {"level": "level"},
+    }.items():
+        found = by_the_public_reader(lossless, topic)
+        table = recording[topic].to_numpy()
+        assert len(table) == len(found) == len(recording[topic])
+        assert table["t_s"].tolist() == [value.t_ns / 1e9 for _, value in found]
+        steps = np.diff([log_ns - zero_ns for log_ns, _ in found])
+        assert np.diff(table["log_s"]) == pytest.approx(steps / 1e9, abs=1e-6)
+        for column, name in names.items():
+            assert table[column].tolist() == pytest.approx([getattr(value, name) for _, value in found])
+
+
+def test_every_topic_has_columns_and_records(lossless: Path) -> None:
+    recording = tega.open_recording(lossless.parent)
+    for name, topic in recording.items():
+        if isinstance(topic, PictureTopic):
+            continue
+        assert topic.kind is not None, name
+        columns = topic.columns()
+        lengths = {len(column) for column in columns.values()}
+        assert len(lengths) == 1
+        assert name == "/emg/samples" or lengths == {len(topic)}
+        assert "log_s" in columns
+        assert name == "/run/end" or "t_s" in columns
+        assert isinstance(topic[0], topic.kind)
+        assert isinstance(topic[-1], topic.kind)
+        assert len(list(topic)) == len(topic) == len(topic.log_s)
+    assert recording.complete
+    assert repr(recording).startswith("<recording trial-001.mcap: 1.5 s, ")
+    with pytest.raises(KeyError, match="no such topic; there are"):
+        recording["/nothing"]
+    with pytest.raises(IndexError):
+        recording[CONTACT][len(recording[CONTACT])]
+
+
+def test_samples_have_a_row_each_at_the_source_s_rate(lossless: Path) -> None:
+    found = by_the_public_reader(lossless, "/emg/samples")
+    table = tega.open_recording(lossless)["/emg/samples"].to_numpy()
+    names = [name for name in table.dtype.names or () if name not in {"t_s", "log_s", "index"}]
+    samples = np.concatenate([np.reshape(value.samples, (-1, value.n_channels)) for _, value in found])
+    assert np.array_equal(np.stack([table[name] for name in names], axis=-1), samples)
+    assert np.array_equal(table["index"], np.arange(len(samples)))
+    assert np.diff(table["t_s"]) == pytest.approx(1e-3)
+    assert all(name.endswith("_uV") for name in names)
+
+
+def test_pictures_are_decoded_one_by_one(lossless: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    decoded: list[str] = []
+    read = mcap_reader.decoded_message
+
+    def counted(record: Any, channel: Any, *rest: Any) -> Any:
+        decoded.append(channel.topic)
+        return read(record, channel, *rest)
+
+    monkeypatch.setattr(mcap_index, "decoded_message", counted)
+    topic = "/tactile/thumb/image"
+    pictures = tega.open_recording(lossless)[topic]
+    assert (len(pictures), decoded) == (90, [])
+    found = by_the_public_reader(lossless, topic)
+    for number in (40, -1, 0):
+        value = found[number][1]
+        assert np.array_equal(
+            pictures[number], np.frombuffer(value.data, np.uint8).reshape(value.height, value.width, 3)
+        )
+    assert decoded == [topic] * 3
+    assert pictures.to_numpy().shape == (90, *pictures[0].shape)
+    assert [picture.shape for picture in pictures[2:4]] == [pictures[0].shape] * 2
+    with pytest.raises(RecordingError, match="/tactile/thumb/frame"):
+        pictures.to_pandas()
+
+
+@settings(max_examples=30, deadline=None)
+@given(cuts=st.lists(st.floats(-1, 3, allow_nan=False), max_size=4))
+def test_slices_share_out_the_messages(lossless: Path, cuts: list[float]) -> None:
+    recording = tega.open_recording(lossless)
+    edges = [None, *sorted(cuts), None]
+    parts = [recording[a:b] for a, b in pairwise(edges)]
+    for topic in (CONTACT, "/tactile/ring/image"):
+        joined = np.concatenate([part[topic].log_s for part in parts])
+        assert np.array_equal(joined, recording[topic].log_s)
+        for part, (begin, end) in zip(parts, pairwise(edges), strict=True):
+            times = part[topic].log_s
+            assert all(
+                (begin is None or t >= begin - 1e-9) and (end is None or t < end + 1e-9) for t in times
+            )
+    empty = recording.between(1.0, 1.0)[CONTACT]
+    assert (len(empty), empty.to_numpy()["force_n"].shape) == (0, (0,))
+    for wrong in ((2.0, 1.0), (float("nan"), 1.0)):
+        with pytest.raises(RecordingError, match="no span"):
+            recording.between(*wrong)
+
+
+def test_files_of_a_session_are_read_as_one(tmp_path: Path) -> None:
+    paths = [record(tmp_path / "session"), record(tmp_path / "session")]
+    alone = [tega.open_recording(path) for path in paths]
+    both = tega.open_recording(tmp_path / "session")
+    assert both.files == tuple(paths)
+    apart_s = (alone[1].start - alone[0].start).total_seconds()
+    table = both[CONTACT].to_numpy()
+    first, second = (one[CONTACT].to_numpy() for one in alone)
+    assert table["file"].tolist() == [0] * len(first) + [1] * len(second)
+    assert table["force_n"].tolist() == [*first["force_n"], *second["force_n"]]
+    assert table["t_s"][len(first) :] == pytest.approx(second["t_s"] + apart_s, abs=1e-5)
+    assert sum(both[apart_s - 1e-3 :][CONTACT].to_numpy()["file"]) == len(second)
+    pictures = both["/tactile/thumb/image"]
+    assert np.array_equal(pictures[90], alone[1]["/tactile/thumb/image"][0])
+    assert "wall clock" in both.clock
+    assert "file" in both["/emg/samples"].columns()
+
+
+def test_an_unfinished_file_is_read_as_far_as_it_goes(lossless: Path, tmp_path: Path) -> None:
+    whole = tega.open_recording(lossless)[CONTACT].to_numpy()
+    data = lossless.read_bytes()
+    lengths = []
+    for share in (0.999, 0.7, 0.5, 0.3):
+        cut = tmp_path / f"{share}.mcap"
+        cut.write_bytes(data[: int(len(data) * share)])
+        recording = tega.open_recording(cut)
+        if CONTACT not in recording:
+            lengths.append(0)
+            continue
+        table = recording[CONTACT].to_numpy()
+        assert not recording.complete
+        assert table["force_n"].tolist() == whole["force_n"][: len(table)].tolist()
+        assert recording["/tactile/thumb/image"][0].ndim == 3
+        lengths.append(len(table))
+    assert lengths == sorted(lengths, reverse=True)
+    assert lengths[0] == len(whole)
+
+
+class _Counted:
+    """A file that counts what is read from it."""
+
+    n_bytes = 0
+
+    def __init__(self, file: IO[bytes]) -> None:
+        self._file = file
+
+    def read(self, *n: int) -> bytes:
+        data = self._file.read(*n)
+        _Counted.n_bytes += len(data)
+        return data
+
+    def __enter__(self) -> _Counted:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._file.close()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._file, name)
+
+
+def test_opening_and_one_picture_read_a_small_part_of_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a file of any length the head, the first part, the index at the end, and the part that is asked for."""
+    read: dict[int, tuple[int, int]] = {}
+    path = record(tmp_path / "session")
+    opened = mcap_reader.open_recording
+    for times in (8, 32):
+        long = tmp_path / f"{times}.mcap"
+        _repeated(path, long, times=times)
+        for module in (mcap_reader, mcap_index):
+            monkeypatch.setattr(module, "open_recording", lambda path: _Counted(opened(path)))
+        _Counted.n_bytes = 0
+        recording = tega.open_recording(long)
+        at_opening = _Counted.n_bytes
+        assert len(recording["/tactile/thumb/image"]) == 90 * times
+        recording["/tactile/thumb/image"][45 * times]
+        read[times] = at_opening, _Counted.n_bytes
+        assert at_opening < long.stat().st_size / 4
+        for module in (mcap_reader, mcap_index):
+            monkeypatch.setattr(module, "open_recording", opened)
+    grown = read[32][1] - read[8][1]
+    assert grown < 0.2 * (long.stat().st_size * 24 / 32)
+
+
+def _repeated(source: Path, target: Path, *, times: int) -> None:
+    """Write a recording whose messages are those of another one after the other, later each time."""
+    from mcap.writer import Writer
+
+    with source.open("rb") as old, target.open("wb") as new:
+        reader = make_reader(old)
+        writer = Writer(new, chunk_size=256 * 1024)
+        writer.start(library="tega")
+        for table in reader.iter_metadata():
+            writer.add_metadata(table.name, table.metadata)
+        channels: dict[int, int] = {}
+        messages = list(reader.iter_messages())
+        for schema, channel, _ in messages:
+            if channel.id not in channels:
+                assert schema is not None
+                made = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[channel.id] = writer.register_channel(channel.topic, "protobuf", made)
+        for k in range(times):
+            for _, channel, one in messages:
+                t_ns = one.log_time + k * 2_000_000_000
+                writer.add_message(channels[channel.id], t_ns, one.data, t_ns)
+        writer.finish()
+
+
+def test_frames_and_tables_carry_topic_and_clock(lossless: Path) -> None:
+    topic = tega.open_recording(lossless)[CONTACT]
+    table = topic.to_numpy()
+    frame, arrow = topic.to_pandas(), topic.to_arrow()
+    assert frame.attrs["clock"] == topic.clock
+    assert arrow.schema.metadata[b"topic"] == CONTACT.encode()
+    for name in table.dtype.names or ():
+        assert np.array_equal(frame[name].to_numpy(), table[name], equal_nan=table[name].dtype.kind == "f")
+        assert np.allclose(
+            np.array(arrow[name].to_pylist(), float), table[name].astype(float), equal_nan=True
+        )
+    assert "1970" not in topic.clock
+
+
+@pytest.mark.parametrize(("package", "method"), [("pandas", "to_pandas"), ("pyarrow", "to_arrow")])
+def test_a_missing_package_is_named(
+    lossless: Path, monkeypatch: pytest.MonkeyPatch, package: str, method: str
+) -> None:
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(MissingExtraError, match="pip install") as told:
+        getattr(tega.open_recording(lossless)[CONTACT], method)()
+    assert package in str(told.value)
+
+
+def test_a_guest_s_topics_have_their_record_types() -> None:
+    kind = find_kind("/scene/front/video", "foxglove.CompressedVideo")
+    assert kind is not None
+    assert kind[1] == {"camera": "front"}
+    for one in record_types():
+        schema = one.schema if one.schema.startswith("foxglove.") else f"tega.{one.schema or one.__name__}"
+        topic = one.topic.replace("{", "").replace("}", "").replace("/image", "/frame")
+        found = find_kind(topic, schema)
+        assert found is not None, one
+        assert found[0].topic == one.topic
+
+
+def test_an_unknown_topic_has_the_message_s_fields(lossless: Path) -> None:
+    """A topic of a feature that is not installed."""
+    assert find_kind("/elsewhere", "tega.Contact") is None
+    topic = tega.open_recording(lossless)[CONTACT]
+    topic.kind = None
+    assert topic.columns()["eda"].tolist() == [
+        value.eda for _, value in by_the_public_reader(lossless, CONTACT)
+    ]
+
+
+@pytest.mark.parametrize("content", [b"", b"no MCAP", b"\x89MCAP0\r\n"])
+def test_what_is_no_recording_is_refused(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "x.mcap"
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match=r"x\.mcap"):
+        tega.open_recording(path)
+    with pytest.raises(RecordingError):
+        tega.open_recording(tmp_path / "missing.mcap")
+    with pytest.raises(RecordingError):
+        tega.open_recording()
+
+
+@settings(max_examples=25, deadline=None)
+@given(places=st.lists(st.tuples(st.floats(0, 1), st.integers(0, 255)), min_size=1, max_size=4))
+def test_a_damaged_file_is_read_or_refused(
+    lossless: Path, tmp_path_factory: pytest.TempPathFactory, places: list[tuple[float, int]]
+) -> None:
+    data = bytearray(lossless.read_bytes())
+    for share, value in places:
+        data[min(int(share * len(data)), len(data) - 1)] = value
+    path = tmp_path_factory.mktemp("damaged") / "trial-001.mcap"
+    path.write_bytes(data)
+    try:
+        recording = tega.open_recording(path)
+        repr(recording)
+        for name, topic in recording.items():
+            if name.endswith(("/contact", "/samples", "/state")):
+                topic.to_numpy()
+            elif name.endswith("/image") and len(topic):
+                topic[len(topic) // 2]
+    except TegaError:
+        return
+
+
+def test_hostile_names_are_escaped(lossless: Path, tmp_path: Path) -> None:
+    target = tmp_path / "<script>x.mcap"
+    target.write_bytes(lossless.read_bytes())
+    html = tega.open_recording(target)._repr_html_()
+    assert "<script>" not in html
+    assert "&lt;script&gt;" in html
+    assert CONTACT in html
+
+
+def test_a_folder_s_unfinished_file_is_finished_first(tmp_path: Path) -> None:
+    path = record(tmp_path / "session")
+    left = path.with_name("trial-002.mcap.part")
+    left.write_bytes(path.read_bytes()[:-4000])
+    recording = tega.open_recording(tmp_path / "session")
+    assert [file.name for file in recording.files] == ["trial-001.mcap", "trial-002.mcap"]
+    assert len(recording[CONTACT]) == 180
+    assert SessionFolder(tmp_path / "session").index()["trials"][1]["state"] == "recovered"
+
+
+def test_older_contacts_are_read_as_the_newest_version(lossless: Path) -> None:
+    contact = tega.open_recording(lossless)[CONTACT][30]
+    assert isinstance(contact, Contact)
+    assert contact.finger == "thumb"
+
+
+def test_units_end_names_once() -> None:
+    assert with_unit("rate", "Hz") == "rate_Hz"
+    assert with_unit("force_n", "N") == "force_n"
+    assert with_unit("flexor", "µV") == "flexor_uV"
+    assert with_unit("x", "'; DROP") == "x_DROP"
