@@ -49,6 +49,16 @@ class Rig(NamedTuple):
     steering: Steering | None
     parts: list[Part]
 
+    @property
+    def devices(self) -> frozenset[str]:
+        """Which of ``emg``, ``hand`` and ``vest`` are connected, for displays."""
+        present = {
+            "emg": self.prepared.muscles is not None,
+            "hand": self.sinks.steered is not None,
+            "vest": bool(self.sinks.live_vests),
+        }
+        return frozenset(name for name, there in present.items() if there)
+
 
 def open_rig(
     stack: ExitStack,

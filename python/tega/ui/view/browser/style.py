@@ -27,6 +27,7 @@ _AGEING = f"""
   animation: tega-late 1ms linear calc({NO_NEWS_S}s - var(--tega-since)) forwards }}
 .tega-late span {{ animation: tega-age 86400s linear calc(0s - var(--tega-since)) forwards }}
 .tega-late span::after {{ counter-reset: age var(--tega-age); content: counter(age) " s" }}
+.tega-ended {{ filter: grayscale(1); opacity: 0.5 }}
 .tega-badge {{ animation: tega-grey 1ms linear calc({NO_NEWS_S}s - var(--tega-since)) forwards }}
 """
 
