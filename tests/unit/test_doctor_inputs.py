@@ -74,7 +74,7 @@ def test_every_seat_is_examined_and_what_is_wrong_is_told(
     with attached() as (cap, foot, port):
         found = told(tmp_path)
         assert list(found) == seats
-        assert {f.status for (f,) in found.values()} == {"fine"}
+        assert {f.status for (f,) in found.values()} == {"ok"}
         assert "spacemouse SpaceNavigator is open and at rest" in found["input.motion"][0].finding
         with pytest.raises(SystemExit) as ended:
             main(["doctor", str(tmp_path / "lab.toml")])
@@ -85,7 +85,7 @@ def test_every_seat_is_examined_and_what_is_wrong_is_told(
         # A pedal tells of changes only, so the foot comes down while somebody listens.
         with once_open(port, foot, "press 0"):
             found = told(tmp_path)
-        assert found["input.motion"][0].status == "doubt"
+        assert found["input.motion"][0].status == "warning"
         assert "the cap is pushed or turned" in found["input.motion"][0].finding
         assert "touched: " in found["input.dead_man"][0].finding
         assert "is down" in found["input.dead_man"][0].finding
@@ -94,14 +94,14 @@ def test_every_seat_is_examined_and_what_is_wrong_is_told(
 
         with once_open(port, cap, "unplug", seats=2):
             found = told(tmp_path)
-        assert [found[seat][0].status for seat in seats] == ["wrong", "fine", "wrong"]
+        assert [found[seat][0].status for seat in seats] == ["error", "ok", "error"]
         assert "opened, and then had no data" in found["input.motion"][0].finding
         found = told(tmp_path)
         assert found["input.motion"][0].status == "missing"
         assert found["input.motion"][0].todo
         port.can_open = False
         (finding,) = told(tmp_path)["input.dead_man"]
-        assert finding.status == "wrong"
+        assert finding.status == "error"
         assert "does not open" in finding.finding
         assert any("udev rule" in step for step in finding.todo)
 

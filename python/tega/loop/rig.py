@@ -127,14 +127,18 @@ def open_rig(
     return Rig(config, bus, prepared, sinks, inputs, guard, steering, joined)
 
 
+def names_input(config: SessionConfig) -> bool:
+    """Return whether settings name a device that gives input: a fingertip camera, an EMG amplifier or an arm."""
+    return bool(config.tactile.in_use()) or config.emg is not None or config.arm is not None
+
+
 def _refuse_no_input(config: SessionConfig, prepared: Prepared | None, parts: Sequence[Part]) -> None:
     """Refuse a run to which nothing gives input.
 
     Raises:
         ConfigError: The settings name no source, and no part brings one.
     """
-    named = config.tactile.in_use() or config.emg is not None or config.arm is not None
-    if not named and prepared is None and not any(part.brings_input for part in parts):
+    if not names_input(config) and prepared is None and not any(part.brings_input for part in parts):
         raise ConfigError(
             "no input: neither a tactile source nor EMG is set, nor an arm",
             "set at least one, such as [tactile.thumb], [emg] or [arm]",

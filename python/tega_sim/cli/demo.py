@@ -272,6 +272,6 @@ def _print(report: DemoReport, *, real_time: bool) -> None:
             f" at {event.t_s:.2f} s"
             for event in trial.events
         )
-        out.print(f"{trial.object}: {events or 'nothing happened'}", style="dim", markup=False)
+        out.print(f"{trial.object}: {events or _without_events(trial)}", style="dim", markup=False)
     pace = "in real time" if real_time else f"{report.real_time_factor:.1f} times as fast as real time"
     out.print(f"simulated {report.simulated_s:.1f} s in {report.wall_s:.1f} s, {pace}")

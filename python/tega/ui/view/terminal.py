@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping, Sequence
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
-from rich.columns import Columns
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.panel import Panel
@@ -96,13 +95,14 @@ def _vest_lines(frame: MotorLevels | None) -> list[Text]:
 
 def _vest_panels(frame: MotorLevels | None) -> RenderableType:
     """Draw both faces as panels, a row of motors a line."""
-    return Columns(
-        [
+    grid = Table.grid(padding=(0, 1))
+    grid.add_row(
+        *(
             Panel(Text("\n").join(_motors(face, each=3)), title=name, width=20)
             for name, face in _faces(frame).items()
-        ],
-        padding=(0, 1),
+        )
     )
+    return grid
 
 
 def _device_rows(view: LoopView) -> dict[str, Text]:
