@@ -98,7 +98,7 @@ def run(made: Lab, script: Callable[[], None]) -> list[Shown]:
     return moments
 
 
-def compared(made: Lab, moments: list[Shown], folder: Path) -> dict[str, list[Shown]]:
+def compared(moments: list[Shown], folder: Path) -> dict[str, list[Shown]]:
     """Compare every moment, and return them by state."""
     recorded = read_recorded(next(folder.rglob("*.mcap")))
     states: dict[str, list[Shown]] = {}
@@ -139,7 +139,7 @@ def test_armed_active_held_idle_and_stopped_show_what_the_recording_has(tmp_path
             time.sleep(1.0)
 
         moments = run(made, script)
-    states = compared(made, moments, tmp_path)
+    states = compared(moments, tmp_path)
     assert set(states) == {"armed", "active", "hold", "idle", "stopped"}
     # The muscles squeeze while the run waits, and after the loss the last level stands: the hand is open all the same.
     waiting = states["armed"][-1]
@@ -167,6 +167,6 @@ def test_a_lost_hand_is_not_shown_as_steered(tmp_path: Path) -> None:
         made.tree["hand"]["options"]["silent_after_ms"] = 200.0
         with pytest.raises(DeviceUnavailableError):
             made.run(script, observe=lambda view: moments.append(shown(view)))
-    states = compared(made, moments, tmp_path)
+    states = compared(moments, tmp_path)
     assert states["stopped"][-1].page["hand"].startswith("command zero torque")
     assert states["stopped"][-1].view.reason

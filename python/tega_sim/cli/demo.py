@@ -16,7 +16,7 @@ from tega_sim.cli.options import loop_options, loop_sets
 if TYPE_CHECKING:
     from tega.ui.view.state import ViewState
     from tega_sim.demo import DemoReport
-    from tega_sim.plan import TrialPlan
+    from tega_sim.plan import TrialPlan, TrialResult
     from tega_sim.rig import TrialSteering
     from tega_sim.seams import Shear
 
@@ -224,6 +224,17 @@ def _at_keyboard(plan: TrialPlan) -> Iterator[TrialSteering]:
     with Keys() as keys:
         click.echo(KEYS_HELP, err=True)
         yield KeyboardOperator(keys.read, full_effort=lab.calibrated.full_effort)
+
+
+def _without_events(trial: TrialResult) -> str:
+    """Describe the outcome of a trial in which the scorer noted no event."""
+    if trial.drops:
+        return "lifted, then dropped"
+    if trial.lift_off_s is None:
+        return f"not lifted off the table; it slid or fell over by {1000 * trial.slid_m:.1f} mm"
+    return (
+        "lifted and held, without slip or deformation" if trial.success else "lifted off, below 0.2 m for 1 s"
+    )
 
 
 def _print(report: DemoReport, *, real_time: bool) -> None:

@@ -24,7 +24,9 @@ def try_arm(case: DriverCase) -> list[Finding]:
     options = driver.harmless(case.options) if isinstance(driver, HarmlessDevice) else None
     if options is None:
         said = f"{case.driver} was not opened: its driver does not say how to without moving the arm"
-        return [case.told("", "warning", said, todo=("try it in tega-teleop run, with the stop within reach",))]
+        return [
+            case.told("", "warning", said, todo=("try it in tega-teleop run, with the stop within reach",))
+        ]
     arm = driver(options)
     try:
         with arm:

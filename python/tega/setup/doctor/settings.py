@@ -52,7 +52,9 @@ def examine(
 
 def _no_input(config: SessionConfig) -> list[Finding]:
     """Find that `run` would refuse the settings because nothing in them gives input."""
-    if names_input(config) or config.guests:  # a feature's table may bring input, such as that of a second station
+    if (
+        names_input(config) or config.guests
+    ):  # a feature's table may bring input, such as that of a second station
         return []
     return [
         Finding(

@@ -102,7 +102,9 @@ def changed_values(values: dict[str, SettingValue]) -> dict[str, SettingValue]:
         for key, value in values.items()
         if key not in default
         or default[key].value != value.value
-        or (key == "session.preset" and value.origin != "default" and preset != SessionConfig().session.preset)
+        or (
+            key == "session.preset" and value.origin != "default" and preset != SessionConfig().session.preset
+        )
     }
 
 

@@ -28,7 +28,11 @@ _WIDTHS = (60, 110)
 
 @click.command(epilog="Example: tega-teleop doctor lab.toml")
 @click.argument("config", type=click.Path(path_type=Path), metavar="[SETTINGS.toml]", required=False)
-@click.option("--person", metavar="ID", help="Participant ID whose calibration is checked (default: calibration.person).")
+@click.option(
+    "--person",
+    metavar="ID",
+    help="Participant ID whose calibration is checked (default: calibration.person).",
+)
 @click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
 @click.option(
     "--udev-rules", is_flag=True, help="Print the rules that let your user open the devices, and end."

@@ -62,7 +62,7 @@ def open_page(url: str) -> None:
     Over SSH the command that forwards the page's port is printed as well.
     """
     # Not click.echo: it would write past the progress bar, which then shares the line with the address.
-    print("\n".join(address_lines(url, os.environ)), file=sys.stderr)  # noqa: T201
+    print("\n".join(address_lines(url, os.environ)), file=sys.stderr)
     has_desktop = sys.platform in {"win32", "darwin"} or {"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ)
     if sys.stderr.isatty() and has_desktop and "SSH_CONNECTION" not in os.environ:
         webbrowser.open(url)

@@ -48,7 +48,9 @@ def run_options(function: _Function) -> _Function:
         click.option(
             "--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable."
         ),
-        click.option("--person", metavar="ID", help="Participant ID whose calibration is used (calibration.person)."),
+        click.option(
+            "--person", metavar="ID", help="Participant ID whose calibration is used (calibration.person)."
+        ),
         click.argument("config", type=click.Path(path_type=Path), metavar="CONFIG.toml"),
     ):
         function = option(function)

@@ -27,7 +27,7 @@ from tega.ui.view.browser.state_html import (
     run_state_html,
     status_html,
 )
-from tega.ui.view.browser.style import STYLE
+from tega.ui.view.browser.style import STOP_MARK, STYLE
 from tega.ui.view.browser.timeline import KEPT_S, Timeline
 from tega.ui.view.browser.touch import TouchSheet
 from tega.ui.view.browser.vest import TRIED, vest_svg
@@ -93,6 +93,10 @@ class Page:
         gui.add_html(STYLE)
         gui.main_panel.dock_right()
         gui.main_panel.set_width(_CHART_WIDTH)
+        # First of all, and it stays in sight while the panel, or a phone's sheet, is scrolled.
+        gui.add_html(STOP_MARK)
+        stop = self.inputs["stop"] = gui.add_button("Stop", color="red")
+        stop.on_click(lambda _event: controls.stop())
         self.run_state = gui.add_html("")
         self.lights = gui.add_html("")
         self._phone = gui.add_html("")
@@ -164,9 +168,6 @@ class Page:
         if (undo := controls.undo) is not None:
             button = self.inputs["undo"] = gui.add_button("Undo adaptation", color="gray")
             button.on_click(lambda _event: undo())
-
-        stop = self.inputs["stop"] = gui.add_button("Stop", color="red")
-        stop.on_click(lambda _event: controls.stop())
 
     def paint(
         self, state: ViewState, *, turn: int, rates_hz: dict[str, float], latency_ms: dict[str, float]

@@ -6,7 +6,7 @@ from typing import Final
 
 from tega.ui.view.run_state import NO_NEWS_S
 
-__all__ = ["NARROW_PX", "PHONE_EM", "STYLE"]
+__all__ = ["NARROW_PX", "PHONE_EM", "STOP_MARK", "STYLE"]
 
 NARROW_PX: Final = 1199
 """Up to this width of the window the panels stand below the scene: beside it they would leave it a strip."""
@@ -35,6 +35,13 @@ _PICTURES = """
 .tega-sheet { display: block; box-sizing: border-box; width: 100%; height: auto; padding: 0 10px 8px }
 """
 
+STOP_MARK: Final = '<div class="tega-stop"></div>'
+"""Stands before the button Stop, which the style finds by it."""
+
+_STOP = """
+div:has(> .tega-stop) + div { position: sticky; top: 0; z-index: 20; background: #fff; padding-top: 6px }
+"""
+
 # A phone's sheet stands below the scene, as wide as the window; viser's own is narrower and covers the scene.
 _PHONE = f"""
 .tega-phone {{ display: none; padding-top: 14px }}
@@ -60,5 +67,5 @@ _NARROW = f"""
 }}
 """
 
-STYLE: Final = f'<style class="tega-style">{_AGEING}{_PICTURES}{_PHONE}{_NARROW}</style>'
+STYLE: Final = f'<style class="tega-style">{_AGEING}{_PICTURES}{_STOP}{_PHONE}{_NARROW}</style>'
 """Of the whole page, as an HTML element."""
