@@ -8,6 +8,7 @@ import pytest
 from rich.console import Console
 
 from reference.moments import Moments
+from tega.ui.cli.page import address_lines
 from tega.ui.view.terminal import render
 
 VIEW = (
@@ -68,3 +69,14 @@ def test_hand_levels_rates_latency_and_both_faces_are_in_sight(width: int, heigh
 def test_alerts_that_do_not_fit_are_counted() -> None:
     assert "! 2 more" in "\n".join(screen(80, 24))
     assert "more" not in "\n".join(screen(120, 40))
+
+
+def test_the_page_s_address_has_a_line_of_its_own_and_over_ssh_the_command_that_forwards_its_port() -> None:
+    url = "http://127.0.0.1:8080/kJ2nX0bq3mX4T5v6y7z8Aw/"
+    assert address_lines(url, {})[-1] == url
+    over = address_lines(url, {"SSH_CONNECTION": "10.0.0.2 50000 10.0.0.7 22", "USER": "lab"})
+    assert over[1] == url
+    assert over[-1] == "ssh -N -L 8080:127.0.0.1:8080 lab@10.0.0.7"
+    assert max(map(len, over)) < 80
+    served = address_lines("http://10.0.0.7:8080/t/", {"SSH_CONNECTION": "10.0.0.2 50000 10.0.0.7 22"})
+    assert len(served) == 2

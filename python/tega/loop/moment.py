@@ -33,7 +33,7 @@ class LoopView(NamedTuple):
         vest: The newest frame that the vest confirmed as sent; the computed frame where no vest is connected; ``None``
             before the first.
         intent: The newest intent; ``None`` before the first.
-        angles_rad: The hand's 16 joint angles as reported, or modelled where no hand is connected; ``None`` without EMG.
+        angles_rad: The hand's 16 joint angles as reported, modelled where no hand is connected; ``None`` without EMG.
         counts: What was done since the start: frames of one finger (mean), EMG blocks, hand ticks, vest frames.
         inputs: What the operator's input devices say, by what they are for.
         state: Of the run, and why; ``""`` without a guard.

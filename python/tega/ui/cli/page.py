@@ -30,8 +30,8 @@ def view_options(function: _Function) -> _Function:
     """Add ``--view``, ``--view-port`` and ``--view-address``."""
     address = click.option(
         "--view-address", metavar="IP", expose_value=False, callback=_keep_address,
-        help="Address of this machine to serve the page at, for a second screen. Anyone with the printed URL can control "
-        "the run.",
+        help="Address of this machine to serve the page at, for a second screen. Anyone with the printed URL can "
+        "control the run.",
     )  # fmt: skip
     port = click.option(
         "--view-port", type=click.IntRange(0, 65_535), default=DEFAULT_PORT, show_default=True,

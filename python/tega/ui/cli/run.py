@@ -106,7 +106,7 @@ def run_settings(
     from tega.records.display import Notice
     from tega.safety.ctrl_c import CtrlC
     from tega.ui.cli.options import stop_keys
-    from tega.ui.cli.page import run_viewed
+    from tega.ui.cli.page import open_page, run_viewed
     from tega.ui.cli.report import tell_summary
     from tega.ui.cli.run_view import stage
     from tega.ui.cli.streams import streamed
@@ -150,7 +150,7 @@ def run_settings(
                 settings=name,
                 bus=bus,
                 wait=wait_for_go,
-                **({} if display is None else {"opened": display.opened}),
+                opened=open_page if display is None else display.opened,
             )
         else:
             summary = run_session(

@@ -38,8 +38,15 @@ _PICTURES = """
 STOP_MARK: Final = '<div class="tega-stop"></div>'
 """Stands before the button Stop, which the style finds by it."""
 
-_STOP = """
-div:has(> .tega-stop) + div { position: sticky; top: 0; z-index: 20; background: #fff; padding-top: 6px }
+# A phone scrolls its sheet as a whole: there Stop stands at the lower edge of the window.
+_STOP = f"""
+[style*="overflow: hidden"]:has(.tega-stop) {{ overflow: visible !important }}
+div:has(> .tega-stop) + div {{ position: sticky; top: 0; z-index: 20; background: #fff; padding-top: 6px }}
+@media (max-width: {PHONE_EM}em) {{
+  div:has(> .tega-stop) + div {{ position: fixed; top: auto; bottom: 0; left: 0; right: 0; margin: 0 !important;
+    padding: 8px; box-shadow: 0 -1px 4px #0003 }}
+  div:has(> .tega-stop) + div button {{ height: 44px !important; width: 100% }}
+}}
 """
 
 # A phone's sheet stands below the scene, as wide as the window; viser's own is narrower and covers the scene.
