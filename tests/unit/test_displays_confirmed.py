@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import io
 import re
+import threading
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -14,10 +15,17 @@ import pytest
 from rich.console import Console
 
 from hazards.bench import Lab, lab
+from reference.parts import observed
+from reference.waiting import until
+from tega.config import check_tree
 from tega.errors import DeviceUnavailableError
+from tega.loop import run_session
 from tega.loop.moment import LoopView
 from tega.recording.replay.recorded import Recorded, read_recorded
-from tega.records import HandCommand, Intent, Joints, SentFrame
+from tega.records import HandCommand, Intent, Joints, SentFrame, VestFrame
+from tega.records.bus import Bus
+from tega.runtime.clock import PausableClock
+from tega.ui.view.browser import BrowserView, Controls
 from tega.ui.view.browser.state_html import status_html
 from tega.ui.view.browser.vest import vest_svg
 from tega.ui.view.state import ViewState
@@ -26,7 +34,7 @@ from tega.ui.view.terminal import render
 pytestmark = pytest.mark.slow
 
 ROWS = {"muscles", "hand", "vest"}
-_R = TypeVar("_R", HandCommand, Joints, SentFrame, Intent)
+_R = TypeVar("_R", HandCommand, Joints, SentFrame, VestFrame, Intent)
 
 
 class Shown(NamedTuple):
@@ -77,13 +85,17 @@ def check(moment: Shown, recorded: Recorded) -> None:
     if joints is not None and not ended:
         bends = [sum(joints.angles_rad[4 * k + 1 : 4 * k + 4]) for k in range(4)]
         expected = " ".join(f"{bend:.2f}" for bend in bends)
-        assert f"reported bend {expected} rad" in moment.page["hand"]
+        source = "reported" if "hand" in view.devices else "modelled"
+        assert f"{source} bend {expected} rad" in moment.page["hand"]
     intent = newest(recorded.of(Intent), t_ns)
     if intent is not None and not ended:
         assert f"level {intent.level}: " in moment.page["muscles"]
         silent = t_ns - intent.t_ns > 400_000_000
         assert moment.page["muscles"].startswith("no data") == silent
-    sent = [0] * 40 if ended else list(newest(recorded.of(SentFrame), t_ns).intensities)  # type: ignore[union-attr]
+    frames = recorded.of(SentFrame if "vest" in view.devices else VestFrame)
+    frame = newest(frames, t_ns)
+    assert frame is not None
+    sent = [0] * 40 if ended else list(frame.intensities)
     assert moment.discs == [value for value in sent if value]
     assert (
         f"up to {max(sent)} %" in moment.page["vest"]
@@ -170,3 +182,39 @@ def test_a_lost_hand_is_not_shown_as_steered(tmp_path: Path) -> None:
     states = compared(moments, tmp_path)
     assert states["stopped"][-1].page["hand"].startswith("command zero torque")
     assert states["stopped"][-1].view.reason
+
+
+def test_a_paused_run_shows_its_last_moment_and_go_cannot_be_pressed(tmp_path: Path) -> None:
+    source = {"driver": "synthetic-touch", "options": {"seed": 1, "duration_s": 4.0}}
+    muscles = {"driver": "synthetic-emg", "kind": "raw", "options": {"seed": 1, "duration_s": 4.0}}
+    recording = {"dir": str(tmp_path / "recorded"), "stop_free_mib": 0.0}
+    tree = {"session": {"pace": "real"}, "tactile": {"thumb": source}, "emg": muscles, "recording": recording}
+    config = check_tree(tree, {}, base=tmp_path).config
+    controls = Controls(can_pause=True, can_mute=True, can_go=True)
+    moments: list[Shown] = []
+    with BrowserView(port=0, controls=controls) as view:
+        bus = observed(lambda loop: moments.append(shown(loop)), Bus())
+        view.watch(bus)
+        clock = PausableClock(lambda: controls.paused)
+        beside = threading.Thread(target=lambda: run_session(config, bus=bus, clock=clock))
+        beside.start()
+        until(lambda: len(moments) > 30)
+        assert view.page.inputs["go"].disabled  # the run steers already
+        controls.paused = True
+        until(lambda: "PAUSED" in view.page.run_state.content)
+        time.sleep(0.5)
+        n_shown, last = len(moments), moments[-1]
+        time.sleep(0.5)
+        assert len(moments) == n_shown
+        until(lambda: f"<b>{last.page['hand']}</b>" in view.page.status.content)
+        controls.paused = False
+        beside.join(30.0)
+        until(lambda: "STOPPED" in view.page.run_state.content)
+        until(lambda: "tega-ended" in view.page._vest.content)
+        assert view.page.inputs["haptics"].disabled
+        assert view.page.inputs["go"].disabled
+    assert not beside.is_alive()
+    recorded = read_recorded(next((tmp_path / "recorded").rglob("*.mcap")))
+    check(last, recorded)
+    check(moments[-1], recorded)
+    assert last.page["vest"].startswith("computed, no vest connected")

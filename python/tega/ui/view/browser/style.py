@@ -40,7 +40,9 @@ STOP_MARK: Final = '<div class="tega-stop"></div>'
 
 # A phone scrolls its sheet as a whole: there Stop stands at the lower edge of the window.
 _STOP = f"""
-[style*="overflow: hidden"]:has(.tega-stop) {{ overflow: clip !important; min-width: 0 }}
+@media (min-width: {PHONE_EM}.01em) {{
+  [style*="overflow: hidden"]:has(.tega-stop) {{ overflow: clip !important; min-width: 0 }}
+}}
 div:has(> .tega-stop) + div {{ position: sticky; top: 0; z-index: 20; background: #fff; padding-top: 6px }}
 @media (max-width: {PHONE_EM}em) {{
   div:has(> .tega-stop) + div {{ position: fixed; top: auto; bottom: 0; left: 0; right: 0; margin: 0 !important;
