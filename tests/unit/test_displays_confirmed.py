@@ -23,6 +23,7 @@ from tega.loop import run_session
 from tega.loop.moment import LoopView
 from tega.recording.replay.recorded import Recorded, read_recorded
 from tega.records import HandCommand, Intent, Joints, SentFrame, VestFrame
+from tega.records.vest import VestRecord
 from tega.records.bus import Bus
 from tega.runtime.clock import PausableClock
 from tega.ui.view.browser import BrowserView, Controls
@@ -34,7 +35,7 @@ from tega.ui.view.terminal import render
 pytestmark = pytest.mark.slow
 
 ROWS = {"muscles", "hand", "vest"}
-_R = TypeVar("_R", HandCommand, Joints, SentFrame, VestFrame, Intent)
+_R = TypeVar("_R", HandCommand, Joints, VestRecord, Intent)
 
 
 class Shown(NamedTuple):
