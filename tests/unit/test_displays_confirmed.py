@@ -23,8 +23,8 @@ from tega.loop import run_session
 from tega.loop.moment import LoopView
 from tega.recording.replay.recorded import Recorded, read_recorded
 from tega.records import HandCommand, Intent, Joints, SentFrame, VestFrame
-from tega.records.vest import VestRecord
 from tega.records.bus import Bus
+from tega.records.vest import VestRecord
 from tega.runtime.clock import PausableClock
 from tega.ui.view.browser import BrowserView, Controls
 from tega.ui.view.browser.state_html import status_html
