@@ -185,7 +185,8 @@ class OperatorStation(Station):
     def shown(self, view: LoopView) -> LoopView:
         """Complete a moment with how link and arm are."""
         state = self._state
-        return view._replace(link=self.words, arm="" if state is None else state.arm)
+        devices = view.devices | {"hand"}
+        return view._replace(link=self.words, arm="" if state is None else state.arm, devices=devices)
 
     @property
     def words(self) -> str:

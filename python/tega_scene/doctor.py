@@ -47,7 +47,7 @@ def _look(camera: SceneConfig) -> Finding:
             if (lens.width, lens.height) != camera.size:
                 return Finding(
                     check=check,
-                    status="wrong",
+                    status="error",
                     finding=f"{camera.lens.name} is of pictures of {lens.width}×{lens.height}, and the camera "
                     f"films {camera.width}×{camera.height}",
                     why="a lens is calibrated for one size",
@@ -62,7 +62,7 @@ def _look(camera: SceneConfig) -> Finding:
         busy = holders(node) if node.startswith("/dev/") else []
         return Finding(
             check=check,
-            status="wrong" if busy else "missing",
+            status="error" if busy else "missing",
             finding=error.message,
             why=f"{', '.join(busy)} has {node} open" if busy else "",
             todo=todo,
@@ -80,11 +80,11 @@ def _look(camera: SceneConfig) -> Finding:
     film.leave()
     measured = {"rate_hz": round(rate_hz, 1), "dropped_pictures": float(tally.dropped)}
     if tally.trouble:
-        return Finding(check=check, status="wrong", finding=tally.trouble, device=camera.source)
+        return Finding(check=check, status="error", finding=tally.trouble, device=camera.source)
     if tally.dropped:
         return Finding(
             check=check,
-            status="doubt",
+            status="warning",
             finding=f"{name}: {tally.dropped} of {tally.seen} pictures could not be encoded in time",
             why="this machine is busy, or the pictures are many and large for it",
             todo=("take a smaller size or rate_hz, or video = 'h264'",),
@@ -94,7 +94,7 @@ def _look(camera: SceneConfig) -> Finding:
     if is_camera(camera.source) and rate_hz < _SLOW * camera.rate_hz:
         return Finding(
             check=check,
-            status="doubt",
+            status="warning",
             finding=f"{name} sends {rate_hz:.0f} pictures a second, not {camera.rate_hz:g}",
             why="in the dark many cameras slow down; or the USB bus or the network carries no more",
             todo=("more light, another port, a smaller size, or its true rate_hz in [[scene]]",),
@@ -103,7 +103,7 @@ def _look(camera: SceneConfig) -> Finding:
         )
     return Finding(
         check=check,
-        status="fine",
+        status="ok",
         finding=f"{name} is filmed and encoded: {rate_hz:.0f} pictures a second, {camera.width}×{camera.height}",
         device=camera.source,
         measured=measured,

@@ -232,6 +232,7 @@ class Lift:
                 self._bus,
                 hand,
                 guard=guard,
+                devices=frozenset({"emg", "hand", "vest"}),
                 complete=[] if self._reflex is None else [self._reflex.shown],
             ),
             look=self._looks() if self._lab.config.stages.slips == "hand" else None,

@@ -34,6 +34,7 @@ class Lab:
         changes: What the newest run's state did.
         views: The newest moment of it.
         summary: Of the newest run.
+        may_go: Whether an armed run may become active.
         running: Programs that are ended with the lab.
     """
 
@@ -45,6 +46,7 @@ class Lab:
         self.views: list[LoopView] = []
         self.summary: dict[str, Any] = {}
         self.stop = Stop()
+        self.may_go = True
         self.running: list[subprocess.Popen[bytes]] = []
 
     @property
@@ -121,7 +123,7 @@ class Lab:
             self.summary = run_session(
                 check_tree(self.tree, {}, base=self.folder).config,
                 progress=progress,
-                controls=Controls(stop=self.stop),
+                controls=Controls(stop=self.stop, go=lambda: self.may_go),
                 bus=observed(look, on_state=self.changes.append),
             )
         finally:

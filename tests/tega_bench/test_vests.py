@@ -137,7 +137,7 @@ def test_contract_of_the_vest_on_screen(terminal: tuple[Path, list[bytes]]) -> N
     with driver(driver.options_type(terminal=path)) as vest:
         for _ in range(1000):
             vest.write(0, TOUCH)
-            if b"  12   9   6   3        2   0  15   8" in b"".join(seen):
+            if b"  80  60  40  20       13   0 100  53" in b"".join(seen):
                 break
             time.sleep(0.02)
         else:

@@ -88,7 +88,7 @@ def test_doctor_names_the_evidence(tmp_path: Path) -> None:
         tree = {"emg": {"driver": "cyton", "kind": "raw", "options": {"port": device.port}}}
         config = check_tree(tree, {}, base=tmp_path).config
         finding = examine(config, name="lab.toml").findings[0]
-    assert finding.status == "wrong"
+    assert finding.status == "error"
     assert "counter: the counter does not move" in finding.finding
 
 
@@ -103,7 +103,7 @@ def test_a_column_that_counts_and_a_range_that_is_wrong_are_reported(tmp_path: P
         assert "the converter is said to give 0 to 255" in said
         tree = {"emg": {"driver": "serial-emg", "kind": "raw", "options": {"port": device.port, **options}}}
         report = examine(check_tree(tree, {}, base=tmp_path).config, name="lab.toml")
-    assert [one.status for one in report.findings if "values: ch1 changes" in one.finding] == ["wrong"]
+    assert [one.status for one in report.findings if "values: ch1 changes" in one.finding] == ["error"]
 
 
 pylsl = pytest.importorskip("pylsl")

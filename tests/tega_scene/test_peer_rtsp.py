@@ -150,7 +150,7 @@ def test_a_server_that_is_lost_is_told_counted_and_found_again(film: Path, tmp_p
 def test_doctor_films_it_for_a_moment(film: Path, tmp_path: Path) -> None:
     with RtspServer(film) as server:
         found = {one.check: one for one in examine(config_of(tmp_path, server.url), name="lab.toml").findings}
-    assert found["scene.front"].status == "fine"
+    assert found["scene.front"].status == "ok"
     assert f"{WIDE}×{HIGH}" in found["scene.front"].finding
 
 

@@ -331,7 +331,7 @@ def test_doctor_films_each_camera_for_a_moment(tmp_path: Path) -> None:
     config = check_tree(settings(tmp_path, *cameras), {}, base=tmp_path).config
     found = {one.check: one for one in examine(config, name="lab.toml").findings}
     assert [(name, found[f"scene.{name}"].status) for name in ("front", "side", "back")] == [
-        ("front", "fine"),
+        ("front", "ok"),
         ("side", "missing"),
         ("back", "missing"),
     ]
@@ -346,7 +346,7 @@ def test_doctor_names_the_program_that_has_a_camera_open(tmp_path: Path) -> None
     with Path("/dev/full").open("rb", buffering=0):
         (held,) = check_scene(config)
     (free,) = check_scene(config)
-    assert (held.status, free.status, free.why) == ("wrong", "missing", "")
+    assert (held.status, free.status, free.why) == ("error", "missing", "")
     assert f"({os.getpid()}) has /dev/full open" in held.why
 
 
@@ -358,7 +358,7 @@ def test_doctor_tells_a_lens_of_another_size(tmp_path: Path) -> None:
     config = check_tree(settings(tmp_path, camera), {}, base=tmp_path).config
     (found,) = (one for one in examine(config, name="lab.toml").findings if one.check == "scene.front")
     assert (found.status, found.finding) == (
-        "wrong",
+        "error",
         "cam.json is of pictures of 640×480, and the camera films 192×128",
     )
 

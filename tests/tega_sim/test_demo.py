@@ -207,7 +207,7 @@ def text_of(shown: object) -> str:
 
 
 def test_the_screen_shows_fingers_vest_muscles_hand_and_rates() -> None:
-    screen = text_of(render(view(), title="test", rates_hz={"touch": 60.0}))
+    screen = text_of(render(view(), title="test", rates_hz={"touch": 60.0}, height=40))
     for word in (
         "thumb",
         "focal",
@@ -215,7 +215,7 @@ def test_the_screen_shows_fingers_vest_muscles_hand_and_rates() -> None:
         "no sensor",
         "front",
         "back",
-        "muscle 3",
+        "channels 2 · 3 · 3",
         "level 3: half",
         "60 Hz",
         "2.5 s",
@@ -231,8 +231,8 @@ def test_the_screen_tells_what_is_lifted() -> None:
 
 def test_a_screen_without_input_says_so() -> None:
     screen = text_of(render(LoopView(0, {}, None, None, None, {}), title="test", rates_hz={}))
-    assert "no EMG yet" in screen
-    assert "no vest frame" in screen
+    assert "no EMG connected" in screen
+    assert "no vest connected" in screen
 
 
 def test_the_live_view_draws_ten_times_a_second_at_most_and_measures_rates() -> None:

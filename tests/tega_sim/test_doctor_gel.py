@@ -50,7 +50,7 @@ def test_a_gel_that_is_touched_or_has_drifted_is_told_in_its_own_noise(tmp_path:
     assert any(
         "differs from its baseline by" in one.finding and "times its noise" in one.finding for one in touched
     )
-    assert all(one.status == "doubt" for one in touched)
+    assert all(one.status == "warning" for one in touched)
     assert touched[-1].measured["difference_noises"] > 3
     # What a quiet sensor shows clearly, one that is five times as noisy does not.
     faint = [ball(force_n=0.05)]
@@ -105,7 +105,7 @@ def test_lights_that_are_off_are_told_with_and_without_a_baseline(tmp_path: Path
     off = [np.clip((p.astype(float) - gel.still()) + 6, 0, 255).astype(np.uint8) for p in pictures(gel)]
     for told in (case(tmp_path, pictures(gel)), DriverCase("tactile.thumb", "tactile", "digit", None)):
         first = look_at_gel(told, "D1", off)[0]
-        assert first.status == "wrong"
+        assert first.status == "error"
         assert "the picture is dark" in first.finding
     assert look_at_gel(DriverCase("tactile.thumb", "tactile", "digit", None), "D1", pictures(gel)) == []
 
@@ -116,5 +116,5 @@ def test_a_few_pictures_say_nothing_and_another_size_is_named(tmp_path: Path) ->
     assert look_at_gel(told, "D1", pictures(gel, indenters=[ball(force_n=4.0)])[:3]) == []
     turned = [np.swapaxes(p, 0, 1) for p in pictures(gel)]
     (found,) = look_at_gel(told, "D1", turned)
-    assert found.status == "wrong"
+    assert found.status == "error"
     assert "thumb.npy is 240×320, D1 sends 320×240" in found.finding

@@ -65,7 +65,8 @@ def test_the_run_s_state_stands_first_with_the_reason_of_a_hold(moments):
     moment = moments.at(1.0, images=False)
 
     def shown(view: BrowserView, **state) -> str:
-        view.offer(moment._replace(loop=moment.loop._replace(**state)))
+        devices = frozenset({"emg", "hand", "vest"})
+        view.offer(moment._replace(loop=moment.loop._replace(devices=devices, **state)))
         wanted = state["state"].upper()
         until(lambda: wanted in view.page.run_state.content)
         content: str = view.page.run_state.content

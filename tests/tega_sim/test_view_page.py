@@ -203,6 +203,14 @@ def test_on_a_phone_the_sheet_is_as_wide_as_the_screen(browser):
         assert scene.bounding_box()["height"] > 300
         thumb = sheet.get_by_text("thumb", exact=True).first.bounding_box()
         assert thumb["y"] >= lights.bounding_box()["y"] + lights.bounding_box()["height"]
+        # Stop is in sight, however far the sheet is scrolled.
+        stop = page.get_by_role("button", name="Stop")
+        for _ in range(3):
+            place = stop.bounding_box()
+            assert 0 <= place["y"] <= 844 - place["height"]
+            page.mouse.move(195, 650)
+            page.mouse.wheel(0, 2000)
+            time.sleep(0.1)
 
 
 def test_a_hold_and_the_end_of_a_run_are_read_on_the_page(browser):

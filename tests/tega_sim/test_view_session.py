@@ -173,7 +173,8 @@ def test_run_with_view_says_where_and_prints_the_summary(tmp_path, capsys):
         main(["run", str(config), "--view", "--view-port", "0", "--json"])
     out, err = capsys.readouterr()
     assert ended.value.code == 0, err
-    assert err.startswith("view: http://127.0.0.1:")
+    assert err.splitlines()[1].startswith("http://127.0.0.1:")
+    assert err.splitlines()[-1] == err.splitlines()[1]
     assert json.loads(out)["ended"] == "complete"
 
 

@@ -90,7 +90,7 @@ def test_without_one_the_next_command_stands_there(lab: Path) -> None:
 def test_where_no_person_is_named_those_there_are_named(lab: Path) -> None:
     keep_all(lab)
     (finding,) = told(lab)
-    assert finding.status == "doubt"
+    assert finding.status == "warning"
     assert "there are those of p01" in finding.finding
     assert finding.todo[0].endswith("\ntega-teleop doctor lab.toml --person p01")
 
@@ -98,7 +98,7 @@ def test_where_no_person_is_named_those_there_are_named(lab: Path) -> None:
 def test_one_that_is_there_and_fresh_is_fine(lab: Path) -> None:
     keep_all(lab)
     (finding,) = told(lab, "calibration.person=p01")
-    assert finding.status == "fine"
+    assert finding.status == "ok"
     assert finding.finding == (
         "p01's calibration is there and fresh: thumb, EMG, vest (8 of 8 places named right)"
     )
@@ -111,7 +111,7 @@ def test_what_is_missing_of_a_person_names_whose_there_is_and_the_command(lab: P
     assert "p02 has no calibration on D20641 (there is one of p01)" in thumb.finding
     assert thumb.todo == ("run this:\ntega-teleop calibrate lab.toml --person p02 --only tactile",)
     assert emg.todo == ("run this:\ntega-teleop calibrate lab.toml --person p02 --only emg",)
-    assert vest.status == "doubt"  # a run goes without thresholds
+    assert vest.status == "warning"  # a run goes without thresholds
     assert vest.todo == ("run this:\ntega-teleop calibrate lab.toml --person p02 --only vest",)
 
 
@@ -119,8 +119,8 @@ def test_a_copied_one_is_foreign(lab: Path) -> None:
     keep_all(lab)
     write_record(touch(person="p07"), lab / "calibrations" / "people" / "p01" / "touch-D20641.toml")
     fine, foreign = told(lab, "calibration.person=p01")
-    assert fine.status == "fine"
-    assert foreign.status == "wrong"
+    assert fine.status == "ok"
+    assert foreign.status == "error"
     assert "was made for p07 on D20641, not for p01" in foreign.finding
     assert foreign.todo == ("run this:\ntega-teleop calibrate lab.toml --person p01 --only tactile",)
 
@@ -128,7 +128,7 @@ def test_a_copied_one_is_foreign(lab: Path) -> None:
 def test_one_made_another_way_is_wrong(lab: Path) -> None:
     keep_all(lab, kind="envelope")
     _, wrong = told(lab, "calibration.person=p01")
-    assert wrong.status == "wrong"
+    assert wrong.status == "error"
     assert "was calibrated with kind = envelope, the settings have raw" in wrong.finding
 
 
@@ -137,7 +137,7 @@ def test_an_old_one_is_told_with_its_age(lab: Path) -> None:
     found = told(lab, "calibration.person=p01")
     fine, thumb, emg = found
     assert "fresh: vest (8 of 8" in fine.finding  # that is good for 90 days
-    assert (thumb.status, emg.status) == ("doubt", "doubt")
+    assert (thumb.status, emg.status) == ("warning", "warning")
     assert thumb.finding == "thumb: maxima: 40 days old, warned of after 720 hours"
     assert emg.finding == "EMG: 40 days old, warned of after 12 hours"
     assert emg.todo == ("run this:\ntega-teleop calibrate lab.toml --person p01 --refresh",)
@@ -147,7 +147,7 @@ def test_a_damaged_one_is_wrong(lab: Path) -> None:
     keep_all(lab)
     (lab / "calibrations" / "people" / "p01" / "emg-ttyUSB0.toml").write_text("format =", encoding="utf-8")
     _, wrong = told(lab, "calibration.person=p01")
-    assert wrong.status == "wrong"
+    assert wrong.status == "error"
     assert "damaged" in wrong.finding
 
 
@@ -157,7 +157,7 @@ def test_a_file_that_does_not_fit_or_is_not_there(lab: Path) -> None:
     maxima = EmgMaxima(kind="raw", rate_hz=500.0, tau=50, channels=("ch1",), maxima=(1.0,))
     save_calibration(Calibration(preset="live", origin="test", emg=maxima), lab / "c.toml")
     (wrong,) = told(lab, f"calibration.file={lab / 'c.toml'}")
-    assert wrong.status == "wrong"
+    assert wrong.status == "error"
     assert wrong.finding == "c.toml: has no maxima for finger 'thumb'"
     assert wrong.todo[-1].endswith("tega-teleop calibrate lab.toml --person ID")
 

@@ -457,8 +457,8 @@ def test_a_fitts_test_is_done_on_a_page(calibrated: Muscles, tmp_path: Path) -> 
     with launched() as browser, ThreadPoolExecutor(1) as pool:
         tested = Wizard(["emg", "fitts", str(file), "--person", "p01", *words], lambda _prompt: "")
         running = pool.submit(tested.run)
-        until(lambda: any(line.startswith("view: ") for line in tested.lines) or running.done())
-        address = next(line for line in tested.lines if line.startswith("view: ")).removeprefix("view: ")
+        until(lambda: any(line.startswith("http") for line in tested.lines) or running.done())
+        address = next(line for line in tested.lines if line.startswith("http"))
         with opened(browser, address.strip()) as page:
             page.get_by_role("button", name="Ready").click()
             page.get_by_text(re.compile(r"± 0\.\d\d level")).wait_for()

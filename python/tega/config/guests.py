@@ -34,19 +34,6 @@ def guest_tables() -> dict[str, tuple[Feature, str]]:
     }
 
 
-def guest_defaults() -> dict[str, Any]:
-    """Return every feature's table with its default values, by key; a table without defaults is left out."""
-    found: dict[str, Any] = {}
-    for key, (feature, target) in guest_tables().items():
-        wanted = load_target(target, extra=feature.extra)
-        if isinstance(wanted, type):
-            try:
-                found[key] = wanted()
-            except TypeError:
-                continue
-    return found
-
-
 def read_guest_tables(
     given: Mapping[str, Any], context: TableContext, convert: Callable[[Any, Any, str], Any]
 ) -> dict[str, Any]:

@@ -308,7 +308,14 @@ class DualLoop:
                 if newest is None or t_ns - newest.t_ns > STALE_NS:
                     self.report.n_stale_ticks[finger] += 1
         if self._moments is not None and self._moments.wanted:
-            self._moments.show(t_ns, dict(self._newest), self._vest.frame, self._intent, self.report)
+            self._moments.show(
+                t_ns,
+                dict(self._newest),
+                self._vest.confirmed,
+                self._intent,
+                self.report,
+                command=self._hand.level,
+            )
 
     def _leave(self, t_ns: int, reason: str) -> list[BaseException]:
         """Silence every vest and let go of every hand; one that fails does not keep the others from it."""
@@ -321,12 +328,15 @@ class DualLoop:
             try:
                 self._guard.stop(t_ns, reason)
                 if self._moments is not None:
-                    self._moments.stopped()
+                    self._moments.stopped(self._vest.confirmed, [_said(problem) for problem in problems])
             except BaseException as error:  # of a vital subscriber; reported by the caller
                 problems.append(error)
         return problems
 
 
 def _failure(error: BaseException) -> str:
-    said = error.message if isinstance(error, TegaError) else str(error)
-    return f"stopped: {said or type(error).__name__}"
+    return f"stopped: {_said(error)}"
+
+
+def _said(error: BaseException) -> str:
+    return (error.message if isinstance(error, TegaError) else str(error)) or type(error).__name__

@@ -30,9 +30,10 @@ class LoopView(NamedTuple):
     Attributes:
         t_ns: Time since the start of the session.
         contacts: The newest contact of each finger, however old; a finger without a frame yet is missing.
-        vest: The frame of this tick; ``None`` without tactile sources.
+        vest: The newest frame that the vest confirmed as sent; the computed frame where no vest is connected; ``None``
+            before the first.
         intent: The newest intent; ``None`` before the first.
-        angles_rad: The hand's 16 joint angles as measured or modelled; ``None`` without a hand.
+        angles_rad: The hand's 16 joint angles as reported, modelled where no hand is connected; ``None`` without EMG.
         counts: What was done since the start: frames of one finger (mean), EMG blocks, hand ticks, vest frames.
         inputs: What the operator's input devices say, by what they are for.
         state: Of the run, and why; ``""`` without a guard.
@@ -46,6 +47,8 @@ class LoopView(NamedTuple):
         target_rad: The 16 joint angles that the hand steers to; ``None`` where it does not tell them.
         vest_condition: What the vest says of itself, such as name, link and battery; ``""`` where it says nothing.
         reflex: What the hand is told beyond the person's own closure, and why; ``""`` without a reflex.
+        command: Closure level of the newest command to the hand, with what the reflex added, 1 to 5; 0 if none stands.
+        devices: Which of ``emg``, ``hand`` and ``vest`` are connected; files and models are not.
     """
 
     t_ns: int
@@ -67,6 +70,8 @@ class LoopView(NamedTuple):
     target_rad: Sequence[float] | None = None
     vest_condition: str = ""
     reflex: str = ""
+    command: float = 0.0
+    devices: frozenset[str] = frozenset()
 
     @property
     def t_s(self) -> float:
@@ -116,6 +121,7 @@ class Moments:
         inputs: The operator's input devices; ``None`` for none.
         guard: Has the run's state; ``None`` for none.
         trace: Has the ages of what is felt and done; ``None`` where that is not traced.
+        devices: Which of ``emg``, ``hand`` and ``vest`` are connected.
         complete: Add what the loop does not know, one after the other.
     """
 
@@ -127,11 +133,13 @@ class Moments:
         inputs: Inputs | None = None,
         guard: Guard | None = None,
         trace: LatencyTrace | None = None,
+        devices: frozenset[str] = frozenset(),
         complete: Sequence[Callable[[LoopView], LoopView]] = (),
     ) -> None:
         self._bus, self._hand = bus, hand
         self._inputs, self._guard, self._trace, self._complete = inputs, guard, trace, complete
         self._commanded = hand if isinstance(hand, CommandedHand) else None
+        self._devices = devices
         self._shown: Moment | None = None
         self._event: Event | None = None
         if self.wanted:
@@ -149,6 +157,8 @@ class Moments:
         vest: MotorLevels | None,
         intent: Intent | None,
         report: LoopReport,
+        *,
+        command: float,
     ) -> None:
         """Publish the view at a tick."""
         guard, trace = self._guard, self._trace
@@ -163,6 +173,8 @@ class Moments:
             inputs={} if self._inputs is None else self._inputs.seen,
             event=self._event,
             target_rad=None if target_rad is None else target_rad.tolist(),
+            command=command,
+            devices=self._devices,
         )
         if guard is not None:
             view = view._replace(
@@ -176,10 +188,23 @@ class Moments:
         self._shown = Moment(t_ns=t_ns, view=view)
         self._bus.publish(self._shown)
 
-    def stopped(self) -> None:
-        """Publish the last view as stopped: a display must not go on saying that things move."""
+    def stopped(self, vest: MotorLevels | None, problems: Sequence[str]) -> None:
+        """Publish the last view as stopped: a display must not go on saying that things move.
+
+        Args:
+            vest: The newest frame that the vest confirmed; not zeros if it did not confirm them.
+            problems: Errors on the way out, such as a hand that did not confirm that it was let go.
+        """
         if self._shown is not None and self._guard is not None:
-            view = self._shown.view._replace(state="stopped", reason=self._guard.reason)
+            view = self._shown.view
+            view = view._replace(
+                state="stopped",
+                reason=self._guard.reason,
+                vest=vest,
+                command=0.0,
+                target_rad=None,
+                alerts=(*view.alerts, *(f"on the way out: {problem}" for problem in problems)),
+            )
             self._bus.publish(Moment(t_ns=self._shown.t_ns, view=view))
 
     def _note_event(self, event: Event) -> None:

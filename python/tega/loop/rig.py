@@ -49,6 +49,16 @@ class Rig(NamedTuple):
     steering: Steering | None
     parts: list[Part]
 
+    @property
+    def devices(self) -> frozenset[str]:
+        """Which of ``emg``, ``hand`` and ``vest`` are connected, for displays."""
+        present = {
+            "emg": self.prepared.muscles is not None,
+            "hand": self.sinks.steered is not None,
+            "vest": bool(self.sinks.live_vests),
+        }
+        return frozenset(name for name, there in present.items() if there)
+
 
 def open_rig(
     stack: ExitStack,
@@ -117,14 +127,18 @@ def open_rig(
     return Rig(config, bus, prepared, sinks, inputs, guard, steering, joined)
 
 
+def names_input(config: SessionConfig) -> bool:
+    """Return whether settings name a device that gives input: a fingertip camera, an EMG amplifier or an arm."""
+    return bool(config.tactile.in_use()) or config.emg is not None or config.arm is not None
+
+
 def _refuse_no_input(config: SessionConfig, prepared: Prepared | None, parts: Sequence[Part]) -> None:
     """Refuse a run to which nothing gives input.
 
     Raises:
         ConfigError: The settings name no source, and no part brings one.
     """
-    named = config.tactile.in_use() or config.emg is not None or config.arm is not None
-    if not named and prepared is None and not any(part.brings_input for part in parts):
+    if not names_input(config) and prepared is None and not any(part.brings_input for part in parts):
         raise ConfigError(
             "no input: neither a tactile source nor EMG is set, nor an arm",
             "set at least one, such as [tactile.thumb], [emg] or [arm]",

@@ -174,6 +174,7 @@ def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) ->
             inputs=rig.inputs,
             guard=guard,
             trace=trace,
+            devices=rig.devices,
             complete=_displayed(rig, reflex),
         ),
         look=prepared.look

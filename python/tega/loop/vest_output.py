@@ -52,7 +52,7 @@ class VestOutput:
         trace: Follows camera frames to the vest.
 
     Attributes:
-        frame: The newest frame; ``None`` before the first.
+        frame: The newest frame as computed; ``None`` before the first.
     """
 
     def __init__(
@@ -80,12 +80,18 @@ class VestOutput:
         self.rate_hz, self.by_frame = rate_hz, by_frame
         self._tests = tests
         self._n_asked, self._on = 0, True
+        self._sent: MotorLevels | None = None
         self.frame: MotorLevels | None = None
 
     @property
     def driven(self) -> bool:
         """Whether frames are due without a finger: a motor is tried, or a program sends them."""
         return self._tests is not None and self._tests.active
+
+    @property
+    def confirmed(self) -> MotorLevels | None:
+        """The newest frame that the real vest confirmed as sent; the computed frame where there is no real vest."""
+        return self._sent if self._live_vests else self.frame
 
     def refresh(self, t_ns: int) -> None:
         """Make the frame of a tick, and write it to every vest."""
@@ -103,9 +109,11 @@ class VestOutput:
         """Let every motor rest, whatever happens; return what went wrong."""
         problems: list[BaseException] = []
         silence = self._touch.silence()
+        self.frame = None if self.frame is None else silence
         for vest in self._live_vests:
             try:
-                self._publish(records.SentFrame, t_ns, vest.write(t_ns, silence))
+                self._sent = vest.write(t_ns, silence)
+                self._publish(records.SentFrame, t_ns, self._sent)
             except BaseException as error:  # a panic of native code, too; reported by the caller
                 problems.append(error)
         for sink in self._vests:
@@ -152,12 +160,11 @@ class VestOutput:
         before = self.frame
         if news := before is None or not only_news or frame != before:
             self.frame = frame
-            sent = None
             for vest in self._live_vests:
-                sent = vest.write(t_ns, frame)
-                self._publish(records.SentFrame, t_ns, sent)
+                self._sent = vest.write(t_ns, frame)
+                self._publish(records.SentFrame, t_ns, self._sent)
             if trial is not None:
-                trial.sent(t_ns, sent)
+                trial.sent(t_ns, self._sent)
         if trace is not None:
             trace.vest(t_ns, began_ns, made_ns, changed=self._changes(before, frame))
         if news:

@@ -98,7 +98,7 @@ def _rows(message: Message, log_s: float) -> Iterator[Row]:
         row = {"log_s": log_s, "frame_id": value.frame_id, "x": place.x, "y": place.y, "z": place.z}
         yield row | {f"q{axis}": getattr(turn, axis) for axis in "xyzw"}
         return
-    yield {"log_s": log_s} | _columns(value)
+    yield {"log_s": log_s} | message_columns(value)
 
 
 def _columns(value: Any) -> Row:

@@ -141,8 +141,8 @@ def _identity(device: Any) -> AcceptanceStep:
 def _found(case: DriverCase) -> AcceptanceStep:
     """Return what ``doctor`` says of a device that is opened without force."""
     findings = try_all([case], _LOOK_S)
-    bad = [f for f in findings if f.status in {"wrong", "missing"}]
-    doubts = [f for f in findings if f.status == "doubt"]
+    bad = [f for f in findings if f.status in {"error", "missing"}]
+    doubts = [f for f in findings if f.status == "warning"]
     measured = {k: v for f in findings for k, v in f.measured.items()}
     said = "; ".join(f"{f.finding} ({f.why})" if f.why else f.finding for f in findings)
     todo = "; ".join(step for f in (*bad, *doubts) for step in f.todo)

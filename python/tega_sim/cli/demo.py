@@ -16,7 +16,7 @@ from tega_sim.cli.options import loop_options, loop_sets
 if TYPE_CHECKING:
     from tega.ui.view.state import ViewState
     from tega_sim.demo import DemoReport
-    from tega_sim.plan import TrialPlan
+    from tega_sim.plan import TrialPlan, TrialResult
     from tega_sim.rig import TrialSteering
     from tega_sim.seams import Shear
 
@@ -226,6 +226,17 @@ def _at_keyboard(plan: TrialPlan) -> Iterator[TrialSteering]:
         yield KeyboardOperator(keys.read, full_effort=lab.calibrated.full_effort)
 
 
+def _without_events(trial: TrialResult) -> str:
+    """Describe the outcome of a trial in which the scorer noted no event."""
+    if trial.drops:
+        return "lifted, then dropped"
+    if trial.lift_off_s is None:
+        return f"not lifted off the table; it slid or fell over by {1000 * trial.slid_m:.1f} mm"
+    return (
+        "lifted and held, without slip or deformation" if trial.success else "lifted off, below 0.2 m for 1 s"
+    )
+
+
 def _print(report: DemoReport, *, real_time: bool) -> None:
     """Print the summary: one row a trial, then what stood behind it."""
     from rich.box import SIMPLE
@@ -272,6 +283,6 @@ def _print(report: DemoReport, *, real_time: bool) -> None:
             f" at {event.t_s:.2f} s"
             for event in trial.events
         )
-        out.print(f"{trial.object}: {events or 'nothing happened'}", style="dim", markup=False)
+        out.print(f"{trial.object}: {events or _without_events(trial)}", style="dim", markup=False)
     pace = "in real time" if real_time else f"{report.real_time_factor:.1f} times as fast as real time"
     out.print(f"simulated {report.simulated_s:.1f} s in {report.wall_s:.1f} s, {pace}")

@@ -41,17 +41,17 @@ def test_arm_and_tracker_are_tried_and_what_is_lost_is_told(tmp_path: Path) -> N
     with emulated_lab(tmp_path, arm=True) as lab:
         found = told(lab.tree, tmp_path)
         assert {check: [f.status for f in found[check]] for check in ("arm", "arm.tracker")} == {
-            "arm": ["fine"],
-            "arm.tracker": ["fine"],
+            "arm": ["ok"],
+            "arm.tracker": ["ok"],
         }
         assert found["arm"][0].finding == "simulated-arm is open; its hand is at 0.500 0.000 0.300 m"
         assert found["arm"][0].measured["loop_hz"] > 0
         assert "sees the forearm" in found["arm.tracker"][0].finding
         lab.headset.say("lose")
         lost = told(lab.tree, tmp_path)["arm.tracker"][0]
-        assert (lost.status, lost.finding.split(", ")[-1]) == ("doubt", "and calls all of them lost")
+        assert (lost.status, lost.finding.split(", ")[-1]) == ("warning", "and calls all of them lost")
         del lab.tree["arm"]["tracker"], lab.tree["input"]["dead_man"]
-        said = [f.finding for f in told(lab.tree, tmp_path)["arm"] if f.status == "wrong"]
+        said = [f.finding for f in told(lab.tree, tmp_path)["arm"] if f.status == "error"]
     assert said == [
         "no dead-man switch is set, and without one a run leads no arm",
         "nothing leads the arm: neither arm.tracker nor input.motion is set",
@@ -67,13 +67,13 @@ def test_a_robot_is_asked_and_the_exact_fix_is_told(tmp_path: Path) -> None:
             "arm": {"driver": "franky", "options": {**robot.address, "realtime": "ignore"}}
         }
         fine, mistaken = told(tree, tmp_path)["arm"][:2]
-        assert fine.status == "fine"
+        assert fine.status == "ok"
         assert fine.finding.startswith(f"robot server 10 (FR3) at {robot.address['host']}; franky-control 2.")
         assert mistaken.finding == "the settings say panda, and the robot is an FR3"
         assert mistaken.todo == ("set arm.options.robot = 'fr3': the joints have other limits",)
         tree["arm"]["options"] |= {"robot": "fr3", "realtime": "enforce"}
         machine = [f for f in told(tree, tmp_path)["arm"] if "PREEMPT_RT" in f.finding]
-        assert all(f.status == "fine" or f.todo for f in machine)
+        assert all(f.status == "ok" or f.todo for f in machine)
     gone = told(tree, tmp_path)["arm"][0]
     assert gone.status == "missing"
     assert "cannot be reached" in gone.finding

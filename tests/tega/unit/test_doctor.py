@@ -105,8 +105,8 @@ def test_a_bench_with_every_emulator_up_is_fine(
     bench.write_settings(settings)
     out, _ = call(capsys, "doctor", settings, "--json", code=0)
     said = json.loads(out)
-    assert {f["status"] for f in said["findings"]} <= {"fine", "doubt"}
-    assert {f["check"] for f in said["findings"] if f["status"] == "fine"} >= {"emg", "vest", "hand"}
+    assert {f["status"] for f in said["findings"]} <= {"ok", "warning"}
+    assert {f["check"] for f in said["findings"] if f["status"] == "ok"} >= {"emg", "vest", "hand"}
     assert said["settings"] == "lab.toml"
     emg = next(f for f in said["findings"] if f["check"] == "emg")
     assert emg["measured"]["rate_hz"] > 0
@@ -142,7 +142,7 @@ def test_packages_that_drivers_need_to_look_are_told_once(monkeypatch: pytest.Mo
 
 def test_an_unexpected_error_of_one_driver_is_one_finding() -> None:
     findings = try_all([DriverCase("emg", "emg", "emg-file", object())], 5.0)
-    assert findings[0].status == "wrong"
+    assert findings[0].status == "error"
     assert "unexpected AttributeError" in findings[0].finding
 
 

@@ -26,7 +26,7 @@ def test_a_hand_of_another_version(tmp_path: Path) -> None:
         )
         finding = only(told(tmp_path, case + "bus = { sleep_after_open = 0.0 }\n"))
         assert not hand.say("look")["servo_on"]
-    assert finding.status == "wrong"
+    assert finding.status == "error"
     assert "version 5.0" in finding.finding
     assert finding.todo
 
@@ -41,7 +41,7 @@ def test_an_amplifier_that_is_too_slow(tmp_path: Path) -> None:
                 f'options = {{ port = "{board.port}", rate_hz = 500, measure_s = 0.25 }}\n',
             )
         )
-    assert finding.status == "wrong"
+    assert finding.status == "error"
     assert "samples/s" in finding.finding
     assert any("delay()" in step for step in finding.todo)
 
@@ -54,7 +54,7 @@ def test_an_amplifier_that_hums(tmp_path: Path) -> None:
             f'[emg]\ndriver = "cyton"\nkind = "raw"\noptions = {{ port = "{board.port}", measure_s = 0.3 }}\n',
         )
     assert examination.exit_code == 0
-    assert any("50 Hz mains" in f.finding for f in examination.findings if f.status == "doubt")
+    assert any("50 Hz mains" in f.finding for f in examination.findings if f.status == "warning")
 
 
 def test_a_player_that_is_not_there(tmp_path: Path) -> None:
@@ -84,18 +84,18 @@ def test_a_vest_behind_version_3_tells_name_link_and_battery(tmp_path: Path) -> 
         player.say("flat")
         findings = told(tmp_path, settings).findings
         assert seen_by(player).errors == []
-    assert well.status == "fine"
+    assert well.status == "ok"
     assert "(TactSuitX40 connected, Player version 3, battery 98 %, fit not told)" in well.finding
     assert well.measured == {"battery_percent": 98.0}
     assert "--only vest" in well.todo[0]
     assert [(f.status, f.finding) for f in findings if f.check == "vest"][1:] == [
-        ("doubt", "the vest's battery is at 9 %")
+        ("warning", "the vest's battery is at 9 %")
     ]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("fault", "status", "said"), [("black", "wrong", "black"), ("cut", "missing", "does not open")]
+    ("fault", "status", "said"), [("black", "error", "black"), ("cut", "missing", "does not open")]
 )
 def test_a_camera_in_trouble(tmp_path: Path, fault: str, status: str, said: str) -> None:
     with Emulator("digit") as camera:
@@ -123,7 +123,7 @@ def test_a_camera_slower_than_agreed_and_a_baseline_of_another_size(tmp_path: Pa
         )
     slow, baseline = examination.findings
     assert "where 60 were agreed" in slow.finding
-    assert baseline.status == "wrong"
+    assert baseline.status == "error"
     assert "gel.npy is 320×240" in baseline.finding
 
 
@@ -142,7 +142,7 @@ def test_one_device_named_twice_is_opened_once(tmp_path: Path) -> None:
     thumb, index = examination.findings
     assert (thumb.check, thumb.status) == ("tactile.thumb", "missing")
     assert "no camera has the serial number 'D20641'" in thumb.finding
-    assert (index.check, index.status) == ("tactile.index", "wrong")
+    assert (index.check, index.status) == ("tactile.index", "error")
     assert "tactile.thumb name the same device" in index.finding
 
 
@@ -164,7 +164,7 @@ def test_what_would_overwrite_a_recording_is_not_opened(tmp_path: Path) -> None:
         '[hand]\ndriver = "can-recorder"\noptions = { file = "vest.csv" }\n',
     )
     assert table.read_text() == "kept"
-    assert examination.findings[0].status == "fine"
+    assert examination.findings[0].status == "ok"
     assert "needs no device" in examination.findings[0].finding
 
 
@@ -204,7 +204,7 @@ def test_a_vest_over_bluetooth(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
                 f'options = {{ scan_s = 1.0, address = "{found.options["address"]}" }}\n',
             )
         )
-        assert finding.status == "fine"
+        assert finding.status == "ok"
         assert not any(any(motors) for _, motors in seen_by(vest).history)
 
 
@@ -217,7 +217,7 @@ def test_a_vest_board_that_may_not_be_opened(tmp_path: Path) -> None:
         with port.installed():
             assert [found.options for found in HidVest.discover(1.0)] == [{"serial": "EMULATED"}]
             settings = '[vest]\ndriver = "hid-vest"\n'
-            assert only(told(tmp_path, settings)).status == "fine"
+            assert only(told(tmp_path, settings)).status == "ok"
             port.can_open = False
             finding = only(told(tmp_path, settings))
     assert "does not open" in finding.finding

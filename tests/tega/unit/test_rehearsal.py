@@ -65,7 +65,7 @@ def _run(folder: Path, module: str, *words: str, code: int = 0) -> subprocess.Co
 
 
 def test_a_study_of_two_people_goes_from_calibration_to_report(lab: Path) -> None:
-    assert "All is well" in teleop(lab, "doctor", "lab.toml").stdout
+    assert "Ready" in teleop(lab, "doctor", "lab.toml").stdout
     for seed, person in enumerate(("p01", "p02")):
         quick = ("--person", person, "--time-scale", "0.2", "--pause-s", "0")
         assert "Finished" in rehearse(lab, seed, "calibrate", "lab.toml", *quick).stderr

@@ -108,9 +108,7 @@ def main(images: Path, *wanted: str) -> None:
                 [*tega, *words, "--set", f"scene=[{cameras}]"], cwd=folder, stderr=subprocess.PIPE, text=True
             )
             assert run.stderr is not None
-            address = (
-                next(line for line in run.stderr if line.startswith("view: ")).removeprefix("view: ").strip()
-            )
+            address = next(line for line in run.stderr if line.startswith("http")).strip()
             with launched() as browser:
                 for name in wanted or WINDOWS:
                     shot(browser, address, WINDOWS[name], images / f"{name}.webp")

@@ -93,7 +93,7 @@ def page(folder: Path, board: Emulator, picture: Path) -> None:
     )
     assert process.stderr is not None
     try:
-        address = next(line for line in process.stderr if line.startswith("view: ")).removeprefix("view: ")
+        address = next(line for line in process.stderr if line.startswith("http"))
         with (
             launched() as browser,
             opened(browser, address.strip(), width_px=_WIDTH_PX, height_px=_HEIGHT_PX) as shown,

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from tega.devices.base import Options
 from tega.devices.vest.vest_stream import StreamedVest, VestLink, VestOptions
 from tega.errors import DeviceUnavailableError
-from tega.wire import vest_levels
 
-_HEADING = "     front L ──── R      back L ──── R"
+_HEADING = "  %  front L ──── R      back L ──── R"
 _LINES = 6
 
 
@@ -31,7 +30,7 @@ class ScreenVestOptions(VestOptions, frozen=True):
 
 
 class ScreenVest(StreamedVest):
-    """Draws the sixteen levels of each motor as a number, both panels from the wearer's left."""
+    """Draws the intensity of each motor in percent, both panels from the wearer's left."""
 
     name: ClassVar[str] = "on-screen-vest"
     summary: ClassVar[str] = "a vest drawn in a terminal"
@@ -88,7 +87,7 @@ class _Screen:
         if self._out is None:
             raise DeviceUnavailableError("on-screen-vest: the terminal is not open")
         up = f"\x1b[{_LINES}A" if self._drawn and self._out.isatty() else ""
-        rows = vest_levels(intensities).reshape(2, 5, 4)
+        rows = intensities.reshape(2, 5, 4)
         lines = [
             "     " + "".join(f"{v:>4}" for v in front) + "     " + "".join(f"{v:>4}" for v in back)
             for front, back in zip(rows[0], rows[1], strict=True)

@@ -38,7 +38,7 @@ class CalibrationLook(NamedTuple):
     what: str
     problem: str = ""
     command: str = ""
-    status: Literal["doubt", "wrong", "missing"] = "doubt"
+    status: Literal["warning", "error", "missing"] = "warning"
 
 
 def look_at(config: SessionConfig, *, settings: str, now: datetime) -> list[CalibrationLook]:
@@ -60,7 +60,7 @@ def look_at(config: SessionConfig, *, settings: str, now: datetime) -> list[Cali
             return needed_record(folder, person, wanted, info, what=what, settings=settings)
         except CalibrationError as error:
             there = folder.file(person, part, device_name(info)).is_file()
-            found.append(CalibrationLook(what, error.message, error.hint, "wrong" if there else "missing"))
+            found.append(CalibrationLook(what, error.message, error.hint, "error" if there else "missing"))
             return None
 
     def warned(what: str, warnings: list[str]) -> None:
@@ -79,7 +79,7 @@ def look_at(config: SessionConfig, *, settings: str, now: datetime) -> list[Cali
         if (record := look("EMG", EmgRecord, info)) is not None:
             if (said := _other_way(record, config)) is not None:
                 found.append(
-                    CalibrationLook("EMG", said, calibrate_command(settings, person, "emg"), "wrong")
+                    CalibrationLook("EMG", said, calibrate_command(settings, person, "emg"), "error")
                 )
             else:
                 warned("EMG", emg_warnings(record, config, settings=settings, now=now))
@@ -90,7 +90,7 @@ def look_at(config: SessionConfig, *, settings: str, now: datetime) -> list[Cali
             warned(f"vest{fit}", vest_warnings(config, folder, person, settings=settings, now=now))
         except CalibrationError as error:
             command = calibrate_command(settings, person, "vest")
-            found.append(CalibrationLook("vest", f"vest: {error.message}", command, "wrong"))
+            found.append(CalibrationLook("vest", f"vest: {error.message}", command, "error"))
     return found
 
 

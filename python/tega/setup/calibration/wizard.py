@@ -456,6 +456,6 @@ class _Places(msgspec.Struct, frozen=True, kw_only=True):
 def _check_live(device: Device) -> None:
     if not device.info.live:
         raise CalibrationError(
-            f"{device.info.driver}: {device.info.label} is a recording; there is nobody to guide",
+            f"{device.info.driver}: {device.info.label} generates or replays its signal and cannot be calibrated",
             "name a live device in the settings",
         )

@@ -24,7 +24,9 @@ def try_arm(case: DriverCase) -> list[Finding]:
     options = driver.harmless(case.options) if isinstance(driver, HarmlessDevice) else None
     if options is None:
         said = f"{case.driver} was not opened: its driver does not say how to without moving the arm"
-        return [case.told("", "doubt", said, todo=("try it in tega-teleop run, with the stop within reach",))]
+        return [
+            case.told("", "warning", said, todo=("try it in tega-teleop run, with the stop within reach",))
+        ]
     arm = driver(options)
     try:
         with arm:
@@ -38,11 +40,11 @@ def try_arm(case: DriverCase) -> list[Finding]:
         return [failed(case, error, device=arm.info.label)]
     label = arm.info.label
     if seen is None:
-        return [case.told(label, "wrong", f"{case.driver} opened, and did not say where its hand is")]
+        return [case.told(label, "error", f"{case.driver} opened, and did not say where its hand is")]
     x, y, z = map(float, seen.position_m)
     said = f"{case.driver} is open; its hand is at {x:.3f} {y:.3f} {z:.3f} m"
     measured = {"loop_hz": health.rate_hz, "worst_ms": health.worst_ms}
-    return [case.told(label, "fine", said, why="; ".join(arm.info.notes), measured=measured)]
+    return [case.told(label, "ok", said, why="; ".join(arm.info.notes), measured=measured)]
 
 
 def _preflight(case: DriverCase, driver: PreflightedArm) -> list[Finding]:
@@ -52,8 +54,8 @@ def _preflight(case: DriverCase, driver: PreflightedArm) -> list[Finding]:
         return [failed(case, error, device=getattr(case.options, "host", ""))]
     device = getattr(case.options, "host", "")
     good = "; ".join(what for ok, what, _ in findings if ok)
-    told = [case.told(device, "fine", good, why="asked without moving it")] if good else []
-    return told + [case.told(device, "wrong", what, todo=(fix,)) for ok, what, fix in findings if not ok]
+    told = [case.told(device, "ok", good, why="asked without moving it")] if good else []
+    return told + [case.told(device, "error", what, todo=(fix,)) for ok, what, fix in findings if not ok]
 
 
 def try_tracker(case: DriverCase) -> list[Finding]:
@@ -75,14 +77,14 @@ def try_tracker(case: DriverCase) -> list[Finding]:
     if not poses:
         why = problem or "; ".join(info.notes)
         return [
-            case.told(info.label, "wrong", f"{name} opened, and gave no pose", why=why, measured=measured)
+            case.told(info.label, "error", f"{name} opened, and gave no pose", why=why, measured=measured)
         ]
     if not seen:
         said = f"{name} sends poses, and calls all of them lost"
         todo = ("hold the tracked forearm where the tracker sees it, and look again",)
-        return [case.told(info.label, "doubt", said, why=problem, todo=todo, measured=measured)]
+        return [case.told(info.label, "warning", said, why=problem, todo=todo, measured=measured)]
     said = f"{name} sees the forearm, {seen / _LOOK_S:.0f} poses a second"
-    return [case.told(info.label, "fine", said, why=problem, measured=measured)]
+    return [case.told(info.label, "ok", said, why=problem, measured=measured)]
 
 
 def check_arm(config: SessionConfig) -> list[Finding]:
@@ -93,7 +95,7 @@ def check_arm(config: SessionConfig) -> list[Finding]:
     seats, findings = config.input.in_use(), []
 
     def wrong(said: str, todo: str) -> None:
-        findings.append(Finding(check="arm", status="wrong", finding=said, todo=(todo,), driver=arm.driver))
+        findings.append(Finding(check="arm", status="error", finding=said, todo=(todo,), driver=arm.driver))
 
     if "dead_man" not in seats:
         wrong(

@@ -193,7 +193,7 @@ def try_all(cases: Sequence[DriverCase], deadline_s: float) -> list[Finding]:
             return [
                 Finding(
                     check=case.check,
-                    status="wrong",
+                    status="error",
                     finding=f"{case.driver} failed with an unexpected {type(error).__name__}: {error}",
                     todo=("report it to whoever made the driver",),
                     driver=case.driver,
@@ -222,7 +222,7 @@ def _seen(check: str, found: Found) -> Finding:
     if found.problem:
         return Finding(
             check=check,
-            status="wrong",
+            status="error",
             finding=found.problem,
             why=found.note,
             todo=(found.hint,) if found.hint else (),
@@ -231,7 +231,7 @@ def _seen(check: str, found: Found) -> Finding:
         )
     return Finding(
         check=check,
-        status="doubt",
+        status="warning",
         finding=f"seen and not opened: {found.label} ({found.driver})",
         why=found.note,
         todo=("tega-teleop init writes settings with it; then tega-teleop doctor lab.toml tries it",),

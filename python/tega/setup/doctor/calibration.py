@@ -47,7 +47,7 @@ def check_calibration(config: SessionConfig, *, settings: str, now: datetime | N
     fine = [one.what for one in looked if not one.problem]
     if fine:
         said = f"{person}'s calibration is there and fresh: {', '.join(fine)}"
-        findings.insert(0, Finding(check=CHECK, status="fine", finding=said))
+        findings.insert(0, Finding(check=CHECK, status="ok", finding=said))
     return findings
 
 
@@ -71,7 +71,7 @@ def _nobody(config: SessionConfig, settings: str) -> Finding:
         them = ", ".join(people[:6]) + (" …" if len(people) > 6 else "")
         return Finding(
             check=CHECK,
-            status="doubt",
+            status="warning",
             finding=f"no person is named, so no calibration was looked at; there are those of {them}",
             why="a run on live devices needs one",
             todo=(
@@ -96,7 +96,7 @@ def _of_a_file(config: SessionConfig, file: Path, settings: str) -> Finding:
             preset=config.session.preset, fingers=config.tactile.in_use(), emg=None, name=file.name
         )
     except CalibrationError as error:
-        status: Status = "wrong" if file.exists() else "missing"
+        status: Status = "error" if file.exists() else "missing"
         todo = tuple(step for step in (error.hint, again) if step)
         return Finding(check=CHECK, status=status, finding=error.message, todo=todo)
     wrong = ""
@@ -107,15 +107,15 @@ def _of_a_file(config: SessionConfig, file: Path, settings: str) -> Finding:
         elif kind != config.emg.kind:
             wrong = f"{file.name}: made for emg kind = {kind!r}, the settings have {config.emg.kind!r}"
     if wrong:
-        return Finding(check=CHECK, status="wrong", finding=wrong, todo=(again,))
+        return Finding(check=CHECK, status="error", finding=wrong, todo=(again,))
     command = calibrate_command(settings, "ID", "touch")
     refused = [
         said for one in config.tactile.in_use() for said in refused_law(one, calibration.touch(one), command)
     ]
     if refused:
-        return Finding(check=CHECK, status="doubt", finding=f"{file.name}: {'; '.join(refused)}")
+        return Finding(check=CHECK, status="warning", finding=f"{file.name}: {'; '.join(refused)}")
     said = f"the file {file.name} fits these settings; whose it is, on which devices and how old is not in it"
-    return Finding(check=CHECK, status="fine", finding=said)
+    return Finding(check=CHECK, status="ok", finding=said)
 
 
 def _finding(looked: CalibrationLook) -> Finding:

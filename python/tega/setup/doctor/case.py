@@ -74,7 +74,7 @@ def failed(
     if status is None:
         # The thing is there, but not the right one, not fast enough, or not for us.
         wrong = isinstance(error, WrongDeviceError | SampleRateError | StreamContradictionError)
-        status = "wrong" if wrong or isinstance(error.__cause__, PermissionError) else "missing"
+        status = "error" if wrong or isinstance(error.__cause__, PermissionError) else "missing"
     steps = tuple(step for step in (error.hint, *todo) if step)
     return case.told(device, status, error.message, why=why, todo=steps)
 
@@ -83,7 +83,7 @@ def late(case: DriverCase, deadline_s: float) -> Finding:
     """Return the finding for a device that did not answer in time."""
     return case.told(
         "",
-        "wrong",
+        "error",
         f"{case.driver} was not done within {deadline_s:g} s",
         why="the device, its driver or the machine is held up",
         todo=("unplug it, plug it in again and look once more",),

@@ -39,22 +39,22 @@ def try_amplifier(case: DriverCase) -> list[Finding]:
         # A pseudo-terminal is always held by the emulator behind it.
         busy = holders(port) if port.startswith("/dev/") and not port.startswith("/dev/pts/") else []
         why = f"{', '.join(busy)} has {port} open" if busy else ""
-        return [failed(case, error, device=label, why=why, status="wrong" if busy else None)]
+        return [failed(case, error, device=label, why=why, status="error" if busy else None)]
     channels = f"{len(info.channels)} channels"
     if not info.live:
         said = f"{case.driver} {label}: a recording, {channels} at {info.rate_hz or 0:g} samples a second"
-        return [case.told(label, "fine", said)]
+        return [case.told(label, "ok", said)]
     rate_hz = measured_hz or info.rate_hz or 0.0
     measured = {"rate_hz": round(rate_hz, 1), "n_samples": float(n_samples)}
     if not n_samples:
         said = f"{case.driver} {label} opened, and then sent nothing for {_LOOK_S:g} s"
-        return [case.told(label, "wrong", said, todo=("check its power and its cable",))]
+        return [case.told(label, "error", said, todo=("check its power and its cable",))]
     said = f"{case.driver} {label} sends {rate_hz:.0f} samples a second, {channels}"
     about = [note for note in info.notes if not any(fault in note for fault in (*faults, *told))]
     findings = [
         case.told(
             label,
-            "doubt",
+            "warning",
             f"{case.driver} {label}: {fault}",
             why="without electrodes on a person this is to be expected",
             todo=("put the electrodes on (docs/placement.md), rest, and look again",),
@@ -65,14 +65,14 @@ def try_amplifier(case: DriverCase) -> list[Finding]:
     findings += [
         case.told(
             label,
-            "wrong",
+            "error",
             f"{case.driver} {label}: {one}",
             todo=(one.hint,) if one.hint else (),
             measured=measured,
         )
         for one in contradictions
     ]
-    return [case.told(label, "fine", said, why="; ".join(about), measured=measured), *findings]
+    return [case.told(label, "ok", said, why="; ".join(about), measured=measured), *findings]
 
 
 def _read(source: Any) -> int:

@@ -7,8 +7,8 @@ from typing import Literal
 
 import msgspec
 
-Status = Literal["fine", "doubt", "wrong", "missing"]
-"""``fine``; ``doubt``: works, but look at it; ``wrong``: there, but of no use as it is; ``missing``: not there."""
+Status = Literal["ok", "warning", "error", "missing"]
+"""``ok``; ``warning``: usable, with a limitation; ``error``: present but not usable; ``missing``: not found."""
 
 _MISSING = 3
 
@@ -51,8 +51,8 @@ class Examination(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def exit_code(self) -> int:
-        """0 where everything that was examined can be used, doubts included; else 3."""
-        return _MISSING if {f.status for f in self.findings} & {"wrong", "missing"} else 0
+        """0 where everything that was examined can be used, warnings included; else 3."""
+        return _MISSING if {f.status for f in self.findings} & {"error", "missing"} else 0
 
     def count(self, statuses: Sequence[Status]) -> int:
         """Return how many findings have one of the statuses."""

@@ -52,7 +52,7 @@ def look_at_gel(case: DriverCase, label: str, pictures: Sequence[NDArray[np.uint
         height, width = baseline.shape[:2]
         said = f"the baseline {case.baseline.name} is {width}×{height}, {label} sends {sent[1]}×{sent[0]}"
         why = "size or orientation was another when it was taken"
-        return [case.told(label, "wrong", said, why=why, todo=("take the baseline again",))]
+        return [case.told(label, "error", said, why=why, todo=("take the baseline again",))]
     return [*_is_dark(case, label, pictures), *_compared(case, label, pictures, baseline, case.baseline)]
 
 
@@ -65,7 +65,7 @@ def _is_dark(case: DriverCase, label: str, pictures: Sequence[NDArray[np.uint8]]
         return []
     why = "the gel's lights are off, weak or covered: touch moves the colours by less than their noise"
     return [
-        case.told(label, "wrong", f"{case.driver} {label}: {said}", why=why, measured={"noise_counts": noise})
+        case.told(label, "error", f"{case.driver} {label}: {said}", why=why, measured={"noise_counts": noise})
     ]
 
 
@@ -91,7 +91,7 @@ def _compared(
     findings = [
         case.told(
             label,
-            "doubt",
+            "warning",
             f"{case.driver} {label}: {words}",
             why="dirt, wear and aged lights look like touch, or hide it",
             todo=(
@@ -107,7 +107,7 @@ def _compared(
         findings.append(
             case.told(
                 label,
-                "doubt",
+                "warning",
                 f"{case.driver} {label}: the gel differs from its baseline by {contact.difference:.1f} times its "
                 f"noise, and touch is told from {contact.threshold:.1f} on",
                 why="something touches the gel, or the baseline is stale: gels and lights drift",

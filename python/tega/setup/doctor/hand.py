@@ -22,15 +22,15 @@ def try_hand(case: DriverCase) -> list[Finding]:
     driver = driver_class(case.driver, "hand")
     if not isinstance(driver, HarmlessDevice):
         said = f"{case.driver} was not opened: it does not say how to without force"
-        return [case.told("", "doubt", said)]
+        return [case.told("", "warning", said)]
     options = driver.harmless(case.options)
     hand: Any = driver(case.options if options is None else options)
     label = hand.info.label
     if options is None:
-        return [case.told(label, "fine", f"{case.driver} needs no device; it was not opened")]
+        return [case.told(label, "ok", f"{case.driver} needs no device; it was not opened")]
     why, step = _bus(case)
     if why:
-        return [case.told(label, "wrong", f"the hand cannot be reached: {why}", todo=(step,))]
+        return [case.told(label, "error", f"the hand cannot be reached: {why}", todo=(step,))]
     try:
         with hand:
             measured = _look(hand)
@@ -42,14 +42,14 @@ def try_hand(case: DriverCase) -> list[Finding]:
     )
     if not measured:
         said = f"the bus {label} opens; this driver does not listen, so what is on it was not seen"
-    findings = [case.told(label, "fine", said, why="; ".join(info.notes), measured=measured)]
+    findings = [case.told(label, "ok", said, why="; ".join(info.notes), measured=measured)]
     known = [c for c in joints_c if c is not None]
     if joints_c and len(known) < len(joints_c):
         said = f"{len(joints_c) - len(known)} of {len(joints_c)} joints report no temperature"
-        findings.append(case.told(label, "doubt", said))
+        findings.append(case.told(label, "warning", said))
     if known and max(known) > _WARM_C:
         said = f"a joint is at {max(known)} °C; its torque is reduced above {_WARM_C}, at 80 it is let go"
-        findings.append(case.told(label, "doubt", said, todo=("let it cool down",)))
+        findings.append(case.told(label, "warning", said, todo=("let it cool down",)))
     return findings
 
 

@@ -23,7 +23,7 @@ def try_input(case: DriverCase) -> list[Finding]:
             info = source.info
     except TegaError as error:
         refused = isinstance(error.__cause__, OSError)
-        return [failed(case, error, device=source.info.label, status="wrong" if refused else None)]
+        return [failed(case, error, device=source.info.label, status="error" if refused else None)]
     name = f"{case.driver} {info.label}"
     if not state.live:
         why = "; ".join(info.notes)
@@ -31,22 +31,22 @@ def try_input(case: DriverCase) -> list[Finding]:
         return [
             case.told(
                 info.label,
-                "wrong",
+                "error",
                 said,
                 why=why,
                 todo=("let it go, check its cable or battery, look again",),
             )
         ]
-    doubts = [case.told(info.label, "doubt", f"{name}: {note}") for note in info.notes]
+    doubts = [case.told(info.label, "warning", f"{name}: {note}") for note in info.notes]
     if touched := _touched(state):
         why = "harmless if you touch it just now; else it would move or release something by itself"
         said = f"{name} says that it is touched: {touched}"
         return [
-            case.told(info.label, "doubt", said, why=why, todo=("let it go and look again",)),
+            case.told(info.label, "warning", said, why=why, todo=("let it go and look again",)),
             *doubts,
         ]
     why = "at rest it says nothing: move it in tega-teleop run, which shows what it says"
-    return [case.told(info.label, "fine", f"{name} is open and at rest", why=why), *doubts]
+    return [case.told(info.label, "ok", f"{name} is open and at rest", why=why), *doubts]
 
 
 def _listen(source: InputSource) -> InputReading:

@@ -6,6 +6,7 @@ from collections import defaultdict
 from typing import Final
 
 from tega.config import SessionConfig
+from tega.loop.rig import names_input
 from tega.runtime.features import targets
 from tega.setup.doctor.arm import check_arm
 from tega.setup.doctor.bench import try_all
@@ -35,17 +36,9 @@ def examine(
         deadline_s: How long all devices together may take, side by side.
     """
     cases = cases_of(config)
+    no_input = _no_input(config)
     if not cases and not config.guests:
-        nothing = Finding(
-            check="settings",
-            status="doubt",
-            finding="the settings name no device",
-            todo=(
-                "plug a device in, and write the settings anew: tega-teleop init",
-                "or rehearse on emulated devices: tega-teleop init --emulated",
-            ),
-        )
-        return Examination(settings=name, findings=(nothing,))
+        return Examination(settings=name, findings=tuple(no_input))
     twice = _same_device(cases)
     # Opened twice at once, a device would only complain about that.
     left = {id(case) for case, _ in twice}
@@ -54,7 +47,27 @@ def examine(
     others = [finding for _, finding in twice] + check_arm(config)
     for _, check in targets("checks"):
         others += check(config)
-    return Examination(settings=name, findings=(*findings, *others, *calibration))
+    return Examination(settings=name, findings=(*no_input, *findings, *others, *calibration))
+
+
+def _no_input(config: SessionConfig) -> list[Finding]:
+    """Find that `run` would refuse the settings because nothing in them gives input."""
+    if (
+        names_input(config) or config.guests
+    ):  # a feature's table may bring input, such as that of a second station
+        return []
+    return [
+        Finding(
+            check="settings",
+            status="error",
+            finding="the settings name no input: no fingertip camera, no EMG amplifier and no arm",
+            why="`run` refuses such settings",
+            todo=(
+                "plug a device in, and write new settings: tega-teleop init",
+                "or rehearse on emulated devices: tega-teleop init --emulated",
+            ),
+        )
+    ]
 
 
 def cases_of(config: SessionConfig) -> list[DriverCase]:
@@ -99,7 +112,7 @@ def _same_device(cases: list[DriverCase]) -> list[tuple[DriverCase, Finding]]:
             case,
             Finding(
                 check=case.check,
-                status="wrong",
+                status="error",
                 finding=f"{case.check} and {sharing[0].check} name the same device: {name}",
                 why="one device cannot be two",
                 todo=("look at the numbers printed on the devices and correct the settings",),

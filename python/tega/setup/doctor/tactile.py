@@ -53,24 +53,24 @@ def try_camera(case: DriverCase) -> tuple[list[Finding], FoundCamera | None]:
     except TegaError as error:
         return [_unusable(case, error, source)], None
     if not frames:
-        return [case.told(label, "wrong", f"{name} opened, and sent no picture")], None
+        return [case.told(label, "error", f"{name} opened, and sent no picture")], None
     height, width = frames[-1].image.shape[:2]
     seen = {f.seq: f.image for f in frames if f.image.shape == frames[-1].image.shape}
     gel = look_at_gel(case, label, list(seen.values()))
     if not info.live:
         length = f"{info.n_items} pictures" if info.n_items else "pictures"
         said = f"{name}: a recording, {length} of {width}×{height} at {info.rate_hz or 0:g} a second"
-        return gel or [case.told(label, "fine", said)], None
+        return gel or [case.told(label, "ok", said)], None
     findings = [
         *_pictures(
             case, label, rate_hz, info.rate_hz, source.counts if isinstance(source, CountingSource) else None
         ),
-        *(case.told(label, "doubt", f"{name}: {note}") for note in info.notes),
+        *(case.told(label, "warning", f"{name}: {note}") for note in info.notes),
         *gel,
     ]
     if not findings:
         said = f"{name} sends {rate_hz:.0f} pictures a second, {width}×{height}"
-        findings = [case.told(label, "fine", said, measured={"rate_hz": round(rate_hz, 1)})]
+        findings = [case.told(label, "ok", said, measured={"rate_hz": round(rate_hz, 1)})]
     return findings, FoundCamera(case.check, label, info.rate_hz or 0.0, height * width)
 
 
@@ -84,7 +84,7 @@ def _pictures(
         findings.append(
             case.told(
                 label,
-                "doubt",
+                "warning",
                 f"{case.driver} {label} sends {rate_hz:.0f} pictures a second where {agreed_hz:g} were agreed",
                 why="the USB bus or hub is overloaded, the cable is bad, or this machine is busy",
                 todo=(
@@ -102,7 +102,7 @@ def _pictures(
         findings.append(
             case.told(
                 label,
-                "doubt",
+                "warning",
                 f"{case.driver} {label}: of {counts.received} pictures some could not be used: {kinds}",
                 why="pictures arrive damaged: cable, hub, or too much on one USB bus",
                 todo=("use a short cable and another port; the driver withholds such pictures by itself",),
@@ -132,7 +132,7 @@ def crowded(cameras: Sequence[FoundCamera], nodes: Sequence[VideoNode] | None = 
         findings.append(
             Finding(
                 check=there[0].check if len({c.check for c in there}) == 1 else "tactile",
-                status="doubt",
+                status="warning",
                 finding=f"{len(there)} sensors share USB bus {bus} and send {mb_s:.0f} MB/s together",
                 why=f"one USB 2 bus carries about {_USB2_MB_S:g}; DIGITs that starve each other report no error, "
                 "their pictures come late, torn, or mixed up with another sensor's",
@@ -164,7 +164,7 @@ def _read(source: TactileSource) -> tuple[list[TactileFrame], float]:
 def _unusable(case: DriverCase, error: TegaError, source: Any) -> Finding:
     label = source.info.label
     if isinstance(source, CountingSource) and source.counts.received:
-        return failed(case, error, device=label, status="wrong")
+        return failed(case, error, device=label, status="error")
     node = next((n for n in video_nodes() if n.serial and n.serial == label), None)
     place = node.device if node is not None else str(getattr(case.options, "source", None) or "")
     if not place.startswith("/dev/") or not os.path.exists(place):  # noqa: PTH110  # a device's name, not a path of ours
@@ -172,10 +172,10 @@ def _unusable(case: DriverCase, error: TegaError, source: Any) -> Finding:
     if not os.access(place, os.R_OK | os.W_OK):
         return case.told(
             label,
-            "wrong",
+            "error",
             f"{label} is there, but your user may not open {place}",
             todo=("tega-teleop doctor --udev-rules prints rules that allow it, and how to install them",),
         )
     busy = holders(place)
     why = f"{', '.join(busy)} has {place} open" if busy else ""
-    return failed(case, error, device=label, status="wrong", why=why)
+    return failed(case, error, device=label, status="error", why=why)

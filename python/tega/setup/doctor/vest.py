@@ -26,7 +26,7 @@ def try_vest(case: DriverCase) -> list[Finding]:
     vest: Any = driver(case.options if options is None else options)
     label = vest.info.label
     if options is None:
-        return [case.told(label, "fine", f"{case.driver} needs no device; it was not opened")]
+        return [case.told(label, "ok", f"{case.driver} needs no device; it was not opened")]
     try:
         with vest:
             info, condition, battery = (
@@ -42,6 +42,6 @@ def try_vest(case: DriverCase) -> list[Finding]:
     said = f"{case.driver}, {label}: the vest answers{f' ({condition})' if condition else ''}; it was sent zeros only"
     measured = {} if battery is None else {"battery_percent": float(battery)}
     return [
-        case.told(label, "fine", said, measured=measured, todo=(_ASK,) if condition else ()),
-        *(case.told(label, "doubt", note) for note in info.notes),
+        case.told(label, "ok", said, measured=measured, todo=(_ASK,) if condition else ()),
+        *(case.told(label, "warning", note) for note in info.notes),
     ]

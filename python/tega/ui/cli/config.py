@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import msgspec
 
 from tega.runtime.files.toml_text import toml_value
 from tega.ui.cli.options import json_option
+
+if TYPE_CHECKING:
+    from tega.config import SettingValue
 
 # A longer value moves its origin to the right.
 _VALUE_WIDTH = 48
@@ -27,8 +30,9 @@ def config() -> None:
 @config.command(epilog="Example: tega-teleop config show session.toml --set session.preset=paper")
 @click.argument("file", type=click.Path(path_type=Path), required=False)
 @_sets_option
+@click.option("--changed", is_flag=True, help="Print only settings that differ from their default or preset.")
 @json_option
-def show(*, file: Path | None, sets: tuple[str, ...], as_json: bool) -> None:
+def show(*, file: Path | None, sets: tuple[str, ...], changed: bool, as_json: bool) -> None:
     """Print every setting, its value with its unit, and where the value came from.
 
     That is the default, the preset, a line of the file (lab.toml:12), an environment variable, or --set. With --json:
@@ -39,6 +43,8 @@ def show(*, file: Path | None, sets: tuple[str, ...], as_json: bool) -> None:
     from tega.ui.cli.options import echo_json
 
     values = load_config(file, sets=sets).values
+    if changed:
+        values = changed_values(values)
     if as_json:
         echo_json(
             [
@@ -51,6 +57,9 @@ def show(*, file: Path | None, sets: tuple[str, ...], as_json: bool) -> None:
         key: _text(value) if value is None else f"{_text(value)} {unit_of(key)}".rstrip()
         for key, (value, _) in values.items()
     }
+    if not values:
+        click.echo("every setting has its default value")
+        return
     width = max(map(len, values))
     value_width = min(_VALUE_WIDTH, max(map(len, said.values())))
     for key, (_, origin) in values.items():
@@ -80,6 +89,23 @@ def check(*, file: Path, sets: tuple[str, ...], as_json: bool) -> None:
         echo_json({"file": file.name, "ok": False, "error": error.message, "hint": error.hint})
         raise
     echo_json({"file": file.name, "ok": True, "error": "", "hint": ""})
+
+
+def changed_values(values: dict[str, SettingValue]) -> dict[str, SettingValue]:
+    """Return the settings that differ from those of an empty file with the same preset."""
+    from tega.config import SessionConfig, load_config
+
+    preset = values["session.preset"].value
+    default = load_config(None, environ={}, sets=[f"session.preset={preset}"]).values
+    return {
+        key: value
+        for key, value in values.items()
+        if key not in default
+        or default[key].value != value.value
+        or (
+            key == "session.preset" and value.origin != "default" and preset != SessionConfig().session.preset
+        )
+    }
 
 
 def _plain(value: Any) -> Any:

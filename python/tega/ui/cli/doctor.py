@@ -1,4 +1,4 @@
-"""Check the devices and tell what is wrong, why, and what to do: ``tega-teleop doctor``."""
+"""Check the devices; print each problem with its cause and its fix: ``tega-teleop doctor``."""
 
 from __future__ import annotations
 
@@ -16,18 +16,23 @@ if TYPE_CHECKING:
     from tega.setup.doctor import Examination, Finding
 
 
-_MARKS = {
-    "fine": ("ok", "green"),
-    "doubt": ("look", "yellow"),
-    "wrong": ("WRONG", "red"),
-    "missing": ("none", "red"),
+_COLOURS = {
+    "ok": "green",
+    "warning": "yellow",
+    "error": "red",
+    "missing": "red",
 }
+_STATUS_WIDTH = max(map(len, _COLOURS))
 _WIDTHS = (60, 110)
 
 
 @click.command(epilog="Example: tega-teleop doctor lab.toml")
 @click.argument("config", type=click.Path(path_type=Path), metavar="[SETTINGS.toml]", required=False)
-@click.option("--person", metavar="ID", help="Look at this person's calibration; else calibration.person.")
+@click.option(
+    "--person",
+    metavar="ID",
+    help="Participant ID whose calibration is checked (default: calibration.person).",
+)
 @click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable.")
 @click.option(
     "--udev-rules", is_flag=True, help="Print the rules that let your user open the devices, and end."
@@ -41,16 +46,16 @@ def doctor(
     udev_rules: bool,
     as_json: bool,
 ) -> None:
-    """Check the devices; print what is wrong, why, and what to do.
+    """Check the devices; print each problem with its cause and its fix.
 
-    Without SETTINGS.toml a DIGIT, an EMG amplifier, a vest and an Allegro Hand are looked for, within 10 s. With it,
-    exactly the devices it names are opened, read for a moment and closed, within 30 s, and the calibration is looked
-    at: is there one for these devices and this person, and is it fresh. No motor is switched on and no vest vibrates.
+    Without SETTINGS.toml it searches for a DIGIT, an EMG amplifier, a vest and an Allegro Hand, within 10 s. With it,
+    exactly the devices that it names are opened, read briefly and closed, within 30 s. The calibration is checked for
+    these devices, this person and its age. No motor is switched on and no vest vibrates.
 
-    Exit codes: 0 all can be used, 3 something is missing or of no use as it is, 1 the settings are faulty, 2 usage.
+    Exit codes: 0 ready, 3 `run` would fail because of an error or a missing device, 1 invalid settings, 2 usage.
 
     With --json: {"format", "version", "settings", "ok", "exit_code", "findings"}, each finding with "check", "status"
-    (fine, doubt, wrong, missing), "finding", "why", "todo", "driver", "device", "measured".
+    (ok, warning, error, missing), "finding", "why", "todo", "driver", "device", "measured".
     """
     from tega.ui.cli.options import echo_json
 
@@ -119,18 +124,18 @@ def told(examination: Examination) -> list[str]:
 def _paragraph(finding: Finding, width: int) -> list[str]:
     from tega.ui.cli.install_line import with_origin
 
-    word, colour = _MARKS[finding.status]
-    head = (
-        f"{click.style(f'{word:<5}', fg=colour, bold=finding.status != 'fine')}  {finding.check:<{width}}  "
+    mark = click.style(
+        f"{finding.status:<{_STATUS_WIDTH}}", fg=_COLOURS[finding.status], bold=finding.status != "ok"
     )
-    margin = " " * (5 + 2 + width + 2)
+    head = f"{mark}  {finding.check:<{width}}  "
+    margin = " " * (_STATUS_WIDTH + 2 + width + 2)
     sentence = finding.finding
     if not (finding.driver and sentence.startswith(finding.driver)):
         sentence = sentence[:1].upper() + sentence[1:]
     said = _wrapped(sentence, margin)
     lines = [head + said[0].removeprefix(margin), *said[1:]]
     if finding.why:
-        label = "" if finding.status == "fine" else "why: "
+        label = "" if finding.status == "ok" else "why: "
         lines += _wrapped(label + finding.why, margin)
     for step in finding.todo:
         words, *commands = with_origin(step).split("\n")
@@ -152,11 +157,9 @@ def _wrapped(text: str, margin: str, hang: str = "") -> list[str]:
 
 
 def _summary(examination: Examination) -> list[str]:
-    n_bad, n_doubts = examination.count(("wrong", "missing")), examination.count(("doubt",))
+    n_bad, n_warnings = examination.count(("error", "missing")), examination.count(("warning",))
     if n_bad:
-        what = (
-            f"{_number(n_bad)} {'thing needs' if n_bad == 1 else 'things need'} your hands before a session."
-        )
+        what = f"Fix {n_bad} problem{'' if n_bad == 1 else 's'} before you start a session."
         if not examination.settings:
             return [
                 what,
@@ -165,17 +168,9 @@ def _summary(examination: Examination) -> list[str]:
                 "Once something is plugged in, `tega-teleop init` writes settings with what it finds.",
             ]
         return [what]
-    if n_doubts:
-        return [
-            f"Everything can be used; {_number(n_doubts).lower()} {'thing' if n_doubts == 1 else 'things'} to look at."
-        ]
+    ready = f"Ready, with {n_warnings} warning{'' if n_warnings == 1 else 's'}" if n_warnings else "Ready"
     if examination.settings.endswith(".toml"):
-        return [f"All is well: tega-teleop run {examination.settings}"]
+        return [f"{ready}: tega-teleop run {examination.settings}"]
     if examination.settings:
-        return ["All is well."]
-    return ["All is well: `tega-teleop init` writes settings with what was found."]
-
-
-def _number(n: int) -> str:
-    words = ("No", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight", "Nine", "Ten")
-    return words[n] if n < len(words) else str(n)
+        return [f"{ready}."]
+    return [f"{ready}: `tega-teleop init` writes settings for these devices."]

@@ -7,6 +7,7 @@ import os
 import sys
 import traceback
 from collections.abc import Sequence
+from difflib import get_close_matches
 from typing import Any, NamedTuple
 
 import click
@@ -33,14 +34,14 @@ _VERBS = {
         "Start", "tega.ui.cli.replay", "replay", "Run the loop on pictures and EMG from files; write tables."
     ),
     "verify": _Verb(
-        "Start", "tega.ui.cli.verify", "verify", "Compute a recorded session again, and compare."
+        "Start", "tega.ui.cli.verify", "verify", "Re-run a recording and check that the output is identical."
     ),
-    "play": _Verb("Start", "tega.ui.cli.play", "play", "Feel a recorded session again on a vest and a hand."),
+    "play": _Verb("Start", "tega.ui.cli.play", "play", "Play a recording on the vest and the hand."),
     "init": _Verb(
         "Prepare", "tega.ui.cli.init", "init", "Write a settings file for the devices that are plugged in."
     ),
     "doctor": _Verb(
-        "Prepare", "tega.ui.cli.doctor", "doctor", "Check the devices; say what is wrong and what to do."
+        "Prepare", "tega.ui.cli.doctor", "doctor", "Check the devices; print each problem with its fix."
     ),
     "calibrate": _Verb(
         "Prepare",
@@ -123,6 +124,20 @@ class _Verbs(click.Group):
         with needs_tools(f"tega-teleop {cmd_name}"):
             command: click.Command = getattr(importlib.import_module(verb.module), verb.function)
         return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the verb of a command line; an unknown one gets the nearest known verbs as a hint."""
+        try:
+            return super().resolve_command(ctx, args)
+        except click.UsageError as error:
+            near = get_close_matches(args[0], self.list_commands(ctx), n=2)
+            if not near:
+                raise
+            raise click.UsageError(
+                f"{error.format_message()} Did you mean {' or '.join(near)}?", ctx
+            ) from error
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
         rows = [(verb.group, name, verb.summary) for name, verb in _VERBS.items()]

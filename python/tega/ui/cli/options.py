@@ -113,10 +113,17 @@ def progress_bar(*, enabled: bool = True) -> Iterator[Callable[[str, int, int], 
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("preparing", total=None)
 
+        shown: list[tuple[str, int]] = []
+
         def show(what: str, done: int, total: int) -> None:
+            if shown and shown[-1][0] != what and shown[-1][1]:  # full before the next work takes its place
+                bar.update(task, completed=shown[-1][1], refresh=True)
+            shown[:] = [(what, total)]
             if total == 0:
                 bar.reset(task, description=what, total=None)
             elif total <= 1000 or done % 16 == 0 or done == total:
-                bar.update(task, description=what, completed=done, total=total)
+                bar.update(task, description=what, completed=done, total=total, refresh=done == total)
 
         yield show
+        if shown and shown[0][1]:
+            bar.update(task, completed=shown[0][1], refresh=True)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 import sys
 import webbrowser
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TypeVar
+from urllib.parse import urlsplit
 
 import click
 
@@ -29,8 +30,8 @@ def view_options(function: _Function) -> _Function:
     """Add ``--view``, ``--view-port`` and ``--view-address``."""
     address = click.option(
         "--view-address", metavar="IP", expose_value=False, callback=_keep_address,
-        help="Address of this machine to serve the page at, for a second screen. Whoever has the whole address that is "
-        "printed can press its buttons.",
+        help="Address of this machine to serve the page at, for a second screen. Anyone with the printed URL can "
+        "control the run.",
     )  # fmt: skip
     port = click.option(
         "--view-port", type=click.IntRange(0, 65_535), default=DEFAULT_PORT, show_default=True,
@@ -56,11 +57,33 @@ def page_address() -> dict[str, Any]:
 
 
 def open_page(url: str) -> None:
-    """Tell a page's address on stderr, and open it in the browser where somebody sits at a terminal of a desktop."""
-    click.echo(f"view: {url}", err=True)
+    """Print a page's address on stderr, and open it in the browser of a desktop.
+
+    Over SSH the command that forwards the page's port is printed as well.
+    """
+    # Not click.echo: it would write past the progress bar, which then shares the line with the address.
+    print("\n".join(address_lines(url, os.environ)), file=sys.stderr)
     has_desktop = sys.platform in {"win32", "darwin"} or {"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ)
     if sys.stderr.isatty() and has_desktop and "SSH_CONNECTION" not in os.environ:
         webbrowser.open(url)
+
+
+def address_lines(url: str, environ: Mapping[str, str]) -> list[str]:
+    """Return a page's address on a line of its own, and over SSH the command that forwards its port.
+
+    Args:
+        url: The address.
+        environ: The environment of the program.
+    """
+    lines = ["view: open this page in a browser", url]
+    host, port = urlsplit(url).hostname, urlsplit(url).port
+    connection = environ.get("SSH_CONNECTION", "").split()
+    if len(connection) == 4 and host in {"127.0.0.1", "localhost", "::1"}:
+        name = f"{environ.get('USER', 'USER')}@{connection[2]}"
+        there = f"[{host}]" if ":" in str(host) else host
+        lines += ["over SSH, forward its port first, from the machine with the browser:"]
+        lines += [f"ssh -N -L {port}:{there}:{port} {name}"]
+    return lines
 
 
 @contextmanager
@@ -92,7 +115,9 @@ def browser_observer(
 
     with BrowserView(title, port=port, controls=controls, **(options | page_address())) as view:
         opened(view.url)
+        url = view.url
         yield view
+    click.echo(f"view: the page was served until now at\n{url}", err=True)
     if view.problem:
         click.echo(f"view: {view.problem}", err=True)
 

@@ -34,7 +34,7 @@ def run_options(function: _Function) -> _Function:
         click.option(
             "--wait-for-go",
             is_flag=True,
-            help="With --view: stay armed until the page's Go; a click on the torso has a motor vibrate meanwhile.",
+            help="With --view: wait for the Go button on the page. Until then, click a motor to test it.",
         ),
         click.option(
             "--lossless", is_flag=True, help="Record the pictures as they are (recording.lossless)."
@@ -48,7 +48,9 @@ def run_options(function: _Function) -> _Function:
         click.option(
             "--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable."
         ),
-        click.option("--person", metavar="ID", help="Whose calibration to use (calibration.person)."),
+        click.option(
+            "--person", metavar="ID", help="Participant ID whose calibration is used (calibration.person)."
+        ),
         click.argument("config", type=click.Path(path_type=Path), metavar="CONFIG.toml"),
     ):
         function = option(function)
@@ -104,7 +106,7 @@ def run_settings(
     from tega.records.display import Notice
     from tega.safety.ctrl_c import CtrlC
     from tega.ui.cli.options import stop_keys
-    from tega.ui.cli.page import run_viewed
+    from tega.ui.cli.page import open_page, run_viewed
     from tega.ui.cli.report import tell_summary
     from tega.ui.cli.run_view import stage
     from tega.ui.cli.streams import streamed
@@ -148,6 +150,7 @@ def run_settings(
                 settings=name,
                 bus=bus,
                 wait=wait_for_go,
+                opened=open_page if display is None else display.opened,
             )
         else:
             summary = run_session(

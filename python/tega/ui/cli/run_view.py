@@ -32,6 +32,13 @@ class TerminalDisplay:
         self._newest: tuple[LoopView, Mapping[str, str], float] | None = None
         self._waiting = Backlog("view", most=1, newest=True, idle=self._draw)
 
+    def opened(self, url: str) -> None:
+        """Print the page's address, and keep it in sight in the frame."""
+        from tega.ui.cli.page import open_page
+
+        open_page(url)
+        self._view.address = url
+
     def watch(self, bus: Bus) -> None:
         """Show the moments of a run from now on."""
         from tega.loop.moment import Moment  # not before a run opens its devices

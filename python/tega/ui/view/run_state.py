@@ -1,4 +1,4 @@
-"""Describe the run's states for displays: what each means, and what is to be read beside it."""
+"""Describe the run's states for displays: each one's meaning for the connected devices, and the text beside it."""
 
 from __future__ import annotations
 
@@ -7,24 +7,52 @@ from typing import TYPE_CHECKING, Final
 if TYPE_CHECKING:
     from tega.loop.moment import LoopView
 
-__all__ = ["MEANINGS", "NO_NEWS", "NO_NEWS_S", "lines_beside"]
+__all__ = ["NO_NEWS", "NO_NEWS_S", "lines_beside", "meaning"]
 
-MEANINGS: Final = {
-    "idle": "the hand is open, the vest rests",
+_WITH_HAND: Final = {
+    "idle": "the hand is open",
     "armed": "ready; waiting for the start",
     "active": "the muscles steer the hand",
     "hold": "the hand keeps its level",
     "stopped": "",
 }
-"""What the devices do in each state."""
+_WITHOUT_HAND: Final = {
+    "idle": "level 1",
+    "armed": "ready; waiting for the start",
+    "active": "the muscles are decoded",
+    "hold": "the level is kept",
+    "stopped": "",
+}
 
 NO_NEWS_S: Final = 1.5
 """After so long without a new moment of the run a display says so, seconds; the loop shows one 30 times a second."""
 NO_NEWS: Final = "no news from the run for"
 
 
+def meaning(view: LoopView) -> str:
+    """Return the effect of a state on the devices that are connected; ``""`` for a run that has ended.
+
+    Args:
+        view: A moment with a state.
+    """
+    if view.state == "stopped":
+        return ""
+    with_hand, with_vest = "hand" in view.devices, "vest" in view.devices
+    said = []
+    if "emg" in view.devices or with_hand or view.state == "armed":
+        said.append((_WITH_HAND if with_hand else _WITHOUT_HAND)[view.state])
+    if with_vest and view.state == "active":
+        said.append("the vest shows touch")
+    elif with_vest and view.state == "idle":
+        said.append("the vest rests")
+    missing = [name for name in ("hand", "vest") if name not in view.devices]
+    if missing:
+        said.append(f"no {' and no '.join(missing)} connected")
+    return ", ".join(said)
+
+
 def lines_beside(view: LoopView) -> tuple[str, list[str]]:
-    """Return why the run is in its state, ``""`` where that is good news, and what is wrong besides.
+    """Return the reason for the run's state, ``""`` where that is good news, and the other alerts.
 
     Args:
         view: A moment with a state.

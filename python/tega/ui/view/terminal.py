@@ -1,4 +1,4 @@
-"""Show a run live in the terminal: fingers, vest, muscles, hand and rates on one screen."""
+"""Show a run live in the terminal: fingers, vest, muscles, hand and rates, within the terminal's height and width."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping, Sequence
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
-from rich.columns import Columns
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.panel import Panel
@@ -16,9 +15,9 @@ from rich.text import Text
 
 from tega.haptics import CONTACT_RULES, FINGERS
 from tega.loop.touch import STALE_NS
+from tega.ui.view.device_rows import device_rows
 from tega.ui.view.labels import ContactLabels
-from tega.ui.view.run_state import MEANINGS, NO_NEWS, NO_NEWS_S, lines_beside
-from tega.wire import HAND_FINGERS
+from tega.ui.view.run_state import NO_NEWS, NO_NEWS_S, lines_beside, meaning
 
 if TYPE_CHECKING:
     from tega.haptics import MotorLevels
@@ -26,8 +25,9 @@ if TYPE_CHECKING:
 
 __all__ = ["TerminalView", "render"]
 
-_BAR_WIDTH = 18
+_WIDEST, _WIDE, _TALL = 120, 104, 30
 _REFRESH_S = 0.1
+_MOST_ALERTS = 2
 _STATE_STYLES = {
     "idle": "black on yellow",
     "armed": "black on cyan",
@@ -35,19 +35,18 @@ _STATE_STYLES = {
     "hold": "black on dark_orange",
     "stopped": "white on red",
 }
-_POSES = ("open", "pre-shape", "half", "wrap", "tight")
 _CONTACT_COLOURS = {"none": "grey50", "focal": "bold yellow", "broad": "bold cyan", "mixed": "white"}
 _SHADES = " ·░▒▓█"
 
 
-def _bar(share: float, colour: str, width: int = _BAR_WIDTH) -> Text:
+def _bar(share: float, colour: str, width: int) -> Text:
     filled = round(min(max(share, 0.0), 1.0) * width)
     return Text("█" * filled, style=colour) + Text("─" * (width - filled), style="grey37")
 
 
-def _touch(view: LoopView, labels: ContactLabels) -> Table:
+def _touch(view: LoopView, labels: ContactLabels, *, bar: int) -> Table:
     table = Table(box=None, padding=(0, 1), expand=False)
-    for name in ("", "CCI (front)", "EDA (back)", "contact"):
+    for name in ("", "CCI (front) %", "EDA (back) %", "contact"):
         table.add_column(name, no_wrap=True)
     for finger in FINGERS:
         contact = view.contacts.get(finger)
@@ -55,76 +54,75 @@ def _touch(view: LoopView, labels: ContactLabels) -> Table:
             table.add_row(finger, Text("no sensor", style="grey50"))
             continue
         if view.t_ns - contact.t_ns > STALE_NS:
-            # Never the last value: nobody knows what is so now.
+            # Never the last value: the contact now is unknown.
             table.add_row(finger, Text("no data", style="bold yellow"))
             continue
         kind = labels.name(contact)
         table.add_row(
             finger,
-            _bar(contact.cci_norm, "blue") + Text(f" {contact.front:3.0f}"),
-            _bar(contact.eda_norm, "green") + Text(f" {contact.back:3.0f}"),
+            _bar(contact.cci_norm, "blue", bar) + Text(f" {contact.front:3.0f}"),
+            _bar(contact.eda_norm, "green", bar) + Text(f" {contact.back:3.0f}"),
             Text(f"{kind:<6}", style=_CONTACT_COLOURS[kind]),
         )
     return table
 
 
-def _face(intensities: Sequence[int]) -> Text:
-    """Draw one face of the vest: a block a motor, four a row, as the wearer's left to right."""
-    text = Text()
+def _motors(intensities: Sequence[int], *, each: int) -> list[Text]:
+    """Draw the motors of a face, a text for each row of four, from the wearer's left to right."""
+    rows = []
     for start in range(0, len(intensities), 4):
+        row = Text()
         for value in intensities[start : start + 4]:
             shade = _SHADES[min(len(_SHADES) - 1, -(-value * (len(_SHADES) - 1) // 100))]
-            text.append(shade * 3 + " ", style="red" if value >= 60 else "magenta")
-        text.append("\n")
+            row.append(shade * each, style="red" if value >= 60 else "magenta").append(" ")
+        rows.append(row)
+    return rows
+
+
+def _faces(frame: MotorLevels | None) -> dict[str, Sequence[int]]:
+    values = [] if frame is None else [int(v) for v in frame.intensities]
+    half = len(values) // 2
+    return {"front": values[:half], "back": values[half:]} if values else {}
+
+
+def _vest_lines(frame: MotorLevels | None) -> list[Text]:
+    """Draw a face a line, its rows of four motors side by side from the top."""
+    return [
+        Text(f"  {name:<6}", "grey70") + Text("│", "grey37").join(_motors(face, each=2))
+        for name, face in _faces(frame).items()
+    ]
+
+
+def _vest_panels(frame: MotorLevels | None) -> RenderableType:
+    """Draw both faces as panels, a row of motors a line."""
+    grid = Table.grid(padding=(0, 1))
+    grid.add_row(
+        *(
+            Panel(Text("\n").join(_motors(face, each=3)), title=name, width=20)
+            for name, face in _faces(frame).items()
+        )
+    )
+    return grid
+
+
+def _device_rows(view: LoopView) -> dict[str, Text]:
+    """Return a line each for muscles, hand and vest; grey once the run has ended."""
+    style = "grey50" if view.state == "stopped" else ""
+    rows = device_rows(view).items()
+    return {name: Text.assemble((f"{name:<8}", "grey50"), (text, style)) for name, text in rows}
+
+
+def _inputs(view: LoopView) -> Text:
+    """Draw the operator's input devices: axes that are pushed, and whether the switch is held."""
+    text = Text()
+    for name, seen in view.inputs.items():
+        style = "bold red" if not seen.state.live else "bold green" if seen.held else "grey70"
+        text.append(f"{name.replace('_', ' ')} ", "grey50").append(f"{seen.words(name)}   ", style)
     return text
 
 
-def _vest(frame: MotorLevels | None) -> RenderableType:
-    if frame is None:
-        return Text("no vest frame", style="grey50")
-    values = [int(v) for v in frame.intensities]
-    half = len(values) // 2
-    faces = (
-        Panel(_face(values[:half]), title="front", width=20),
-        Panel(_face(values[half:]), title="back", width=20),
-    )
-    return Columns(faces, padding=(0, 1))
-
-
-def _intent(view: LoopView) -> Table:
-    table = Table(box=None, padding=(0, 1), expand=False)
-    for _ in range(3):
-        table.add_column(no_wrap=True)
-    if view.intent is None:
-        table.add_row("muscles", Text("no EMG yet", style="grey50"), "")
-        return table
-    channels, level_asked = view.intent.channels, view.intent.level
-    for number, level in enumerate(channels, start=1):
-        table.add_row(f"muscle {number}", _bar(level / 5, "yellow", 10), f"level {level}")
-    table.add_row("hand", _bar(level_asked / 5, "red", 10), f"level {level_asked}: {_POSES[level_asked - 1]}")
-    return table
-
-
-def _closure(angles_rad: Sequence[float] | None) -> Text:
-    if angles_rad is None:
-        return Text("")
-    bends = [sum(angles_rad[4 * finger + 1 : 4 * finger + 4]) for finger in range(4)]
-    return Text(
-        "  ".join(f"{n} {b:4.2f}" for n, b in zip(HAND_FINGERS, bends, strict=True)) + " rad bend", "grey70"
-    )
-
-
-def _inputs(view: LoopView) -> Table:
-    """Draw what the operator's input devices say: axes that are pushed, and whether the switch is held."""
-    table = Table(box=None, padding=(0, 1), expand=False)
-    for name, seen in view.inputs.items():
-        style = "bold red" if not seen.state.live else "bold green" if seen.held else "grey70"
-        table.add_row(name.replace("_", " "), Text(seen.words(name), style=style))
-    return table
-
-
 def _arm(view: LoopView) -> Text:
-    """Draw what the arm does and why, what the operator holds, and where the hand is."""
+    """Draw the arm's state with its reason, the operator's switches, and the place of the hand."""
     text = Text.assemble((f"arm   {view.arm}", "bold"))
     if (arm := view.seen_arm) is not None:
         text.append(f"\n      {arm.switches}; hand at {arm.place}", "grey70")
@@ -132,23 +130,61 @@ def _arm(view: LoopView) -> Text:
 
 
 def _task(rows: Mapping[str, str]) -> Text:
-    """Draw what is going on, such as object, phase and height of a simulated trial."""
+    """Draw the task, such as object, phase and height of a simulated trial."""
     text = Text()
     for name, value in rows.items():
         text.append(f"{name} ", style="grey50").append(f"{value}   ", style="bold")
     return text
 
 
-def _state(view: LoopView, *, late: bool) -> Text:
-    """Draw the run's state, why it is so where that is no good news, and what is wrong."""
+def _state(view: LoopView, *, late: bool, most_alerts: int | None) -> Text:
+    """Draw the run's state, its reason unless that is good news, and the alerts."""
     style = "white on grey50" if late else _STATE_STYLES[view.state]
-    text = Text.assemble((f" {view.state.upper()} ", f"bold {style}"), f" {MEANINGS[view.state]}")
+    text = Text.assemble((f" {view.state.upper()} ", f"bold {style}"), f" {meaning(view)}")
     reason, alerts = lines_beside(view)
     if reason:
         text.append(f"\n{reason}", "bold yellow")
-    for alert in alerts:
+    for alert in alerts[:most_alerts]:
         text.append(f"\n! {alert}", "yellow")
+    if more := len(alerts[len(alerts[:most_alerts]) :]):
+        text.append(f"\n! {more} more: enlarge the terminal", "yellow")
     return text
+
+
+def _head(view: LoopView, rows: Mapping[str, str], *, age_s: float, tall: bool) -> list[RenderableType]:
+    """Return the lines that say how the run is."""
+    late = age_s >= NO_NEWS_S and view.state != "stopped"
+    lines: list[RenderableType] = []
+    if late:
+        lines.append(Text(f"{NO_NEWS} {age_s:.0f} s: the values below may be out of date", "bold red"))
+    if view.state:
+        lines.append(_state(view, late=late, most_alerts=None if tall else _MOST_ALERTS))
+    if rows:
+        lines.append(_task(rows))
+    return lines
+
+
+def _touch_and_vest(view: LoopView, labels: ContactLabels, *, wide: bool, tall: bool) -> list[RenderableType]:
+    """Return fingers and vest: side by side, or the vest below with a face a line."""
+    touch, vest = _touch(view, labels, bar=14 if wide else 18), _device_rows(view)["vest"]
+    rule = f"focal: {CONTACT_RULES['focal']}\nbroad: {CONTACT_RULES['broad']}"
+    rules = [Text(rule, style="grey50")] if tall else []
+    if not wide or view.vest is None:
+        return [touch, *rules, vest, *_vest_lines(view.vest)]
+    beside = Table.grid(padding=(0, 2))
+    beside.add_row(touch, _vest_panels(view.vest))
+    return [beside, *rules, vest]
+
+
+def _more(view: LoopView) -> list[RenderableType]:
+    """Return the lines of devices that not every run has."""
+    return [
+        *([Text(f"touch   {view.newest_event}", "bold")] if view.newest_event else []),
+        *([Text(f"reflex  {view.reflex}")] if view.reflex else []),
+        *([_inputs(view)] if view.inputs else []),
+        *([_arm(view)] if view.arm else []),
+        *([Text(f"link    {view.link}")] if view.link else []),
+    ]
 
 
 def render(
@@ -159,41 +195,43 @@ def render(
     rows: Mapping[str, str] = {},
     age_s: float = 0.0,
     labels: ContactLabels | None = None,
+    address: str = "",
+    width: int = 80,
+    height: int = 24,
 ) -> RenderableType:
     """Draw one moment of the loop.
 
     Args:
-        view: What the loop shows.
+        view: The moment.
         title: Heading of the frame.
-        rates_hz: Measured rates to show, by name.
-        rows: What else to tell, by name; one line in all.
-        age_s: How old the moment is; an old one is told to be, unless it is the last.
-        labels: Names the contacts, and remembers what it called them.
+        rates_hz: Measured rates, by name.
+        rows: Further texts by name; one line in all.
+        age_s: Age of the moment; the display says if it is old, unless it is the last.
+        labels: Names the contacts with hysteresis.
+        address: Address of the page, shown in the frame.
+        width: Columns of the terminal; up to 120 are used.
+        height: Lines of the terminal; 24 are enough for state, fingers, vest, muscles, hand, rates and latency.
     """
-    late = age_s >= NO_NEWS_S and view.state != "stopped"
+    wide, tall = width >= _WIDE, height >= _TALL
     rates = "   ".join(f"{name} {rate:.0f} Hz" for name, rate in rates_hz.items())
+    devices = _device_rows(view)
     body = Group(
-        *(
-            [Text(f"{NO_NEWS} {age_s:.0f} s: what stands here may no longer be so", "bold red")]
-            if late
-            else []
-        ),
-        *([_state(view, late=late)] if view.state else []),
-        *([_task(rows)] if rows else []),
-        _touch(view, labels or ContactLabels()),
-        Text(f"focal: {CONTACT_RULES['focal']}\nbroad: {CONTACT_RULES['broad']}", style="grey50"),
-        _vest(view.vest),
-        _intent(view),
-        _closure(view.angles_rad),
-        *([Text(f"touch  {view.newest_event}", "bold")] if view.newest_event else []),
-        *([Text(f"reflex {view.reflex}")] if view.reflex else []),
-        *([_inputs(view)] if view.inputs else []),
-        *([_arm(view)] if view.arm else []),
-        *([Text(f"link  {view.link}")] if view.link else []),
+        *_head(view, rows, age_s=age_s, tall=tall),
+        *_touch_and_vest(view, labels or ContactLabels(), wide=wide, tall=tall),
+        devices["muscles"],
+        devices["hand"],
         Text(f"{view.t_ns / 1e9:6.1f} s   {rates}", style="grey70"),
         *([Text(view.latency, style="grey70")] if view.latency else []),
+        *_more(view),
     )
-    return Panel(body, title=title, title_align="left", width=78)
+    return Panel(
+        body,
+        title=title,
+        title_align="left",
+        subtitle=address or None,
+        subtitle_align="left",
+        width=min(width, _WIDEST),
+    )
 
 
 class TerminalView:
@@ -205,6 +243,9 @@ class TerminalView:
         title: Heading of the frame.
         console: Where to draw; standard error when ``None``.
         now_s: The clock that the refresh and the shown rates go by.
+
+    Attributes:
+        address: Address of the page in the browser, shown in the frame; empty without one.
     """
 
     def __init__(
@@ -214,7 +255,7 @@ class TerminalView:
         console: Console | None = None,
         now_s: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._title = title
+        self._title, self.address = title, ""
         self._now_s = now_s
         self._live = Live(console=console or Console(stderr=True), auto_refresh=False, transient=True)
         self._drawn_s = -_REFRESH_S
@@ -234,9 +275,9 @@ class TerminalView:
         self._live.stop()
 
     def __call__(self, view: LoopView, rows: Mapping[str, str] = {}, *, age_s: float = 0.0) -> None:
-        """Draw a moment, what else is told of it and its age, unless one was drawn just now.
+        """Draw a moment with further texts and its age, unless one was drawn less than 0.1 s ago.
 
-        What fails in drawing is told on the screen in its place, and drawing goes on with the next moment.
+        If drawing fails, the screen shows the error, and drawing goes on with the next moment.
         """
         now_s = self._now_s()
         if now_s - self._drawn_s < _REFRESH_S:
@@ -251,8 +292,11 @@ class TerminalView:
                 rows=rows,
                 age_s=age_s,
                 labels=self._labels,
+                address=self.address,
+                width=self._live.console.width,
+                height=self._live.console.height,
             )
-        except Exception as error:  # the run goes on, and its state is told all the same
+        except Exception as error:  # the run goes on, and its state is still shown
             drawn = Text(f"{view.state.upper()}  not drawn: {type(error).__name__}: {error}", "bold red")
         self._live.update(drawn, refresh=True)
 

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tega.emg import ButterworthLowpass
-from tega.ui.view.browser.decoders_apart import closure_of
 from tega.ui.view.figures import CCI_BLUE, EDA_GREEN, MUSCLE_COLOURS, POSE_RED
 
 if TYPE_CHECKING:
@@ -50,7 +49,7 @@ def drives(emg: EmgTail, n_points: int = _POINTS) -> NDArray[np.float64]:
 
 
 class CourseChart:
-    """Draw CCI, EDA and the closure asked for over the newest seconds.
+    """Draw CCI, EDA and the commanded closure over the newest seconds.
 
     Args:
         gui: viser's GUI; the chart is added where it stands.
@@ -75,7 +74,7 @@ class CourseChart:
         touching = [contact for contact in loop.felt.values() if contact.in_contact]
         n = max(len(touching), 1)
         cci, eda = sum(c.cci_norm for c in touching) / n, sum(c.eda_norm for c in touching) / n
-        closure = 0.0 if loop.intent is None else closure_of(loop.intent)
+        closure = max(loop.command - 1, 0) / 4
         self._course.append((t_s, cci, eda, closure))
         while self._course[0][0] < t_s - COURSE_S - self._kept_s:
             self._course.popleft()

@@ -27,7 +27,7 @@ from tega.ui.view.browser.state_html import (
     run_state_html,
     status_html,
 )
-from tega.ui.view.browser.style import STYLE
+from tega.ui.view.browser.style import STOP_MARK, STYLE
 from tega.ui.view.browser.timeline import KEPT_S, Timeline
 from tega.ui.view.browser.touch import TouchSheet
 from tega.ui.view.browser.vest import TRIED, vest_svg
@@ -85,6 +85,7 @@ class Page:
         self._sheet, self._labels, self._delays = TouchSheet(), ContactLabels(), Delays()
         self.seek: SeekSlider | None = None
         self._past_ns: int | None = None
+        self._ended = False
         self.scene = Scene(server, eye_m=eye_m, at_m=at_m)
         self.inputs: dict[str, Any] = {}
         gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(31, 95, 191))
@@ -92,6 +93,10 @@ class Page:
         gui.add_html(STYLE)
         gui.main_panel.dock_right()
         gui.main_panel.set_width(_CHART_WIDTH)
+        # First of all, and it stays in sight while the panel, or a phone's sheet, is scrolled.
+        gui.add_html(STOP_MARK)
+        stop = self.inputs["stop"] = gui.add_button("Stop", color="red")
+        stop.on_click(lambda _event: controls.stop())
         self.run_state = gui.add_html("")
         self.lights = gui.add_html("")
         self._phone = gui.add_html("")
@@ -158,13 +163,11 @@ class Page:
         if controls.can_go:
             go = self.inputs["go"] = gui.add_button("Go", color="green")
             go.on_click(lambda _event: controls.go())
+            self._offer_go(ready=False)
 
         if (undo := controls.undo) is not None:
             button = self.inputs["undo"] = gui.add_button("Undo adaptation", color="gray")
             button.on_click(lambda _event: undo())
-
-        stop = self.inputs["stop"] = gui.add_button("Stop", color="red")
-        stop.on_click(lambda _event: controls.stop())
 
     def paint(
         self, state: ViewState, *, turn: int, rates_hz: dict[str, float], latency_ms: dict[str, float]
@@ -217,6 +220,8 @@ class Page:
         return vest_svg(state.loop.vest, can_try=self._controls.try_motor is not None)
 
     def _paint_touch(self, captions: str, vest: str) -> None:
+        if self._ended:
+            captions, vest = (f'<div class="tega-ended">{html}</div>' for html in (captions, vest))
         self._captions.content, self._vest.content = captions, vest
         self._phone.content = f'<div class="tega-phone">{captions}{self._pictures.content}{vest}</div>'
 
@@ -258,6 +263,11 @@ class Page:
             age_s: How old it is.
             problem: What went wrong with the page.
         """
+        self._ended = loop.state == "stopped"
+        self._offer_go(ready=loop.state == "armed" and not self._controls.may_go)
+        for name in ("haptics", "reflex", "pause", "undo"):
+            if (control := self.inputs.get(name)) is not None and control.disabled != self._ended:
+                control.disabled = self._ended
         self.run_state.content = run_state_html(
             loop,
             int(time.monotonic() * BEATS_PER_S),
@@ -266,6 +276,18 @@ class Page:
             paused=self._controls.paused,  # so that no news is no bad news
             haptics=self._controls.haptics,
         )
+
+    def _offer_go(self, *, ready: bool) -> None:
+        """Let Go be pressed only while an armed run waits for it; a run that steers already is not offered it."""
+        go = self.inputs.get("go")
+        if go is not None and go.disabled == ready:
+            go.disabled, go.color = not ready, "green" if ready else "gray"
+
+    def paint_last(self, state: ViewState) -> None:
+        """Put the end of a run on the page: nothing that it shows moves any more."""
+        self.paint_text(state)
+        self._paint_touch(captions_html(state, self._labels), self._torso(state))
+        self._draw_scene(state)
 
     def paint_text(self, state: ViewState) -> None:
         """Put the run's state and the lines of text on the page."""

@@ -236,7 +236,7 @@ class BrowserView:
         try:
             if (state := self._state) is None:
                 return
-            self.page.paint_text(state)
+            self.page.paint_last(state)
             self._server.flush()
             time.sleep(_LAST_S)  # what is flushed is sent by another thread
         except BaseException as error:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Final
 from tega.haptics import FINGERS
 from tega.loop.touch import STALE_NS
 from tega.ui.view.browser.ghost import GHOST_COLOUR
-from tega.ui.view.run_state import MEANINGS, NO_NEWS, NO_NEWS_S, lines_beside
+from tega.ui.view.device_rows import SILENT_NS, device_rows
+from tega.ui.view.run_state import NO_NEWS, NO_NEWS_S, lines_beside, meaning
 
 if TYPE_CHECKING:
     from tega.loop.moment import LoopView
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
     from tega.ui.view.labels import ContactLabels
     from tega.ui.view.state import ViewState
 
-_POSES = ("open", "pre-shape", "half", "wrap", "tight")
 _TYPE_COLOURS = {"none": "#868e96", "focal": "#e67700", "broad": "#0b7285", "mixed": "#495057"}
 _STATE_COLOURS = {
     "idle": "#e8b500",
@@ -28,8 +28,6 @@ _STATE_COLOURS = {
 }
 _ARM_COLOURS = {"idle": "#868e96", "following": "#2b8a3e", "holding": "#e8590c", "stopped": "#c92a2a"}
 PAUSED: Final = "#495057"
-# Twice the time after which a block of muscles is late.
-_SILENT_NS = 400_000_000
 FONT: Final = "font-family:system-ui,sans-serif;font-size:12px;color:#343a40"
 
 LEGEND: Final = (
@@ -61,7 +59,7 @@ def run_state_html(
     elif not ended:
         words = f"{NO_NEWS} " + (f"{age_s:.0f} s" if age_s >= NO_NEWS_S else "<span></span>")
         shown = ' style="visibility:visible;max-height:3em"' if age_s >= NO_NEWS_S else ""
-        late = f'<b class="tega-late"{shown}>{words}: what stands here may no longer be so</b>'
+        late = f'<b class="tega-late"{shown}>{words}: the values below may be out of date</b>'
     if problem:
         lines.append(f'<span style="color:#e8590c">! {escape(problem)}</span>')
     if view.state:
@@ -69,7 +67,7 @@ def run_state_html(
         if not paused:
             ageing = "" if ended else ' class="tega-badge"'
             badge = badge_html(view.state.upper(), _STATE_COLOURS[view.state], ageing)
-            lines.append(f"{badge} {escape(MEANINGS[view.state])}")
+            lines.append(f"{badge} {escape(meaning(view))}")
         if not haptics and not ended:
             lines.append(badge_html("HAPTICS OFF", PAUSED) + " switched off on this page: every motor rests")
         if reason:
@@ -87,17 +85,20 @@ def badge_html(text: str, colour: str, more: str = "") -> str:
 def lights_html(state: ViewState) -> str:
     """Show a light for each part of the run: green where something fresh came, orange where not, grey without one."""
     loop = state.loop
+    ended = loop.state == "stopped"
     seen: dict[str, bool | None] = {}
     for finger in FINGERS:
         contact = loop.contacts.get(finger)
         seen[finger] = None if contact is None else state.t_ns - contact.t_ns <= STALE_NS
-    seen["muscles"] = None if loop.intent is None else state.t_ns - loop.intent.t_ns <= _SILENT_NS
+    seen["muscles"] = None if loop.intent is None else state.t_ns - loop.intent.t_ns <= SILENT_NS
     seen["vest"] = None if loop.vest is None else True
     seen["hand"] = None if loop.angles_rad is None and state.poses is None else True
     if loop.arm or loop.seen_arm is not None:
         seen["arm"] = loop.seen_arm is not None and loop.seen_arm.state != "stopped"
     if loop.link:
         seen["link"] = True
+    if ended:
+        seen = dict.fromkeys(seen)
     words = {True: ("#2b8a3e", "well"), False: ("#e8590c", "silent"), None: ("#ced4da", "absent")}
     cells = " ".join(
         f'<span style="white-space:nowrap" title="{name}: {words[well][1]}">'
@@ -134,17 +135,13 @@ def arm_html(view: LoopView) -> str:
 
 def status_html(state: ViewState) -> str:
     """List the lines of text of a moment, two pairs a line."""
-    intent = state.loop.intent
     rows = {"time": f"{state.t_ns / 1e9:.1f} s", **state.rows}
-    if intent is not None:
-        rows["hand"] = f"level {intent.level}: {_POSES[intent.level - 1]}"
-        rows["muscles"] = "levels " + " · ".join(str(level) for level in intent.channels)
     if newest := state.loop.newest_event:
         rows["touch"] = newest
     if state.loop.reflex:
         rows["reflex"] = state.loop.reflex
     if state.loop.vest_condition:
-        rows["vest"] = state.loop.vest_condition
+        rows["vest link"] = state.loop.vest_condition
     rows |= {name.replace("_", " "): seen.words(name) for name, seen in state.loop.inputs.items()}
     pairs = [
         f'<td style="color:#868e96;padding-right:8px">{escape(name)}</td>'
@@ -156,7 +153,17 @@ def status_html(state: ViewState) -> str:
     lines = "".join(
         f"<tr>{left}{right}</tr>" for left, right in zip_longest(pairs[:half], pairs[half:], fillvalue="")
     )
-    return f'<table style="{FONT};margin:2px 8px;line-height:1.5">{lines}</table>'
+    ended = ' class="tega-ended"' if state.loop.state == "stopped" else ""
+    return f'<table{ended} style="{FONT};margin:2px 8px;line-height:1.5">{_device_lines(state.loop)}{lines}</table>'
+
+
+def _device_lines(loop: LoopView) -> str:
+    """List muscles as decoded, hand as commanded and reported, and vest as sent, a line each."""
+    return "".join(
+        f'<tr><td style="color:#868e96;padding-right:8px;vertical-align:top">{name}</td>'
+        f'<td colspan="3"><b>{escape(text)}</b></td></tr>'
+        for name, text in device_rows(loop).items()
+    )
 
 
 def captions_html(state: ViewState, labels: ContactLabels) -> str:

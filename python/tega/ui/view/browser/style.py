@@ -6,7 +6,7 @@ from typing import Final
 
 from tega.ui.view.run_state import NO_NEWS_S
 
-__all__ = ["NARROW_PX", "PHONE_EM", "STYLE"]
+__all__ = ["NARROW_PX", "PHONE_EM", "STOP_MARK", "STYLE"]
 
 NARROW_PX: Final = 1199
 """Up to this width of the window the panels stand below the scene: beside it they would leave it a strip."""
@@ -27,11 +27,28 @@ _AGEING = f"""
   animation: tega-late 1ms linear calc({NO_NEWS_S}s - var(--tega-since)) forwards }}
 .tega-late span {{ animation: tega-age 86400s linear calc(0s - var(--tega-since)) forwards }}
 .tega-late span::after {{ counter-reset: age var(--tega-age); content: counter(age) " s" }}
+.tega-ended {{ filter: grayscale(1); opacity: 0.5 }}
 .tega-badge {{ animation: tega-grey 1ms linear calc({NO_NEWS_S}s - var(--tega-since)) forwards }}
 """
 
 _PICTURES = """
 .tega-sheet { display: block; box-sizing: border-box; width: 100%; height: auto; padding: 0 10px 8px }
+"""
+
+STOP_MARK: Final = '<div class="tega-stop"></div>'
+"""Stands before the button Stop, which the style finds by it."""
+
+# A phone scrolls its sheet as a whole: there Stop stands at the lower edge of the window.
+_STOP = f"""
+@media (min-width: {PHONE_EM}.01em) {{
+  [style*="overflow: hidden"]:has(.tega-stop) {{ overflow: clip !important; min-width: 0 }}
+}}
+div:has(> .tega-stop) + div {{ position: sticky; top: 0; z-index: 20; background: #fff; padding-top: 6px }}
+@media (max-width: {PHONE_EM}em) {{
+  div:has(> .tega-stop) + div {{ position: fixed; top: auto; bottom: 0; left: 0; right: 0; margin: 0 !important;
+    padding: 8px; box-shadow: 0 -1px 4px #0003 }}
+  div:has(> .tega-stop) + div button {{ height: 44px !important; width: 100% }}
+}}
 """
 
 # A phone's sheet stands below the scene, as wide as the window; viser's own is narrower and covers the scene.
@@ -59,5 +76,5 @@ _NARROW = f"""
 }}
 """
 
-STYLE: Final = f'<style class="tega-style">{_AGEING}{_PICTURES}{_PHONE}{_NARROW}</style>'
+STYLE: Final = f'<style class="tega-style">{_AGEING}{_PICTURES}{_STOP}{_PHONE}{_NARROW}</style>'
 """Of the whole page, as an HTML element."""

@@ -1,0 +1,221 @@
+"""Terminal and page show what was confirmed: each state of a real emulated run is compared with its recording."""
+
+from __future__ import annotations
+
+import html
+import io
+import re
+import threading
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+import pytest
+from rich.console import Console
+
+from hazards.bench import Lab, lab
+from reference.parts import observed
+from reference.waiting import until
+from tega.config import check_tree
+from tega.errors import DeviceUnavailableError
+from tega.loop import run_session
+from tega.loop.moment import LoopView
+from tega.recording.replay.recorded import Recorded, read_recorded
+from tega.records import HandCommand, Intent, Joints, SentFrame, VestFrame
+from tega.records.bus import Bus
+from tega.records.vest import VestRecord
+from tega.runtime.clock import PausableClock
+from tega.ui.view.browser import BrowserView, Controls
+from tega.ui.view.browser.state_html import status_html
+from tega.ui.view.browser.vest import vest_svg
+from tega.ui.view.state import ViewState
+from tega.ui.view.terminal import render
+
+pytestmark = pytest.mark.slow
+
+ROWS = {"muscles", "hand", "vest"}
+_R = TypeVar("_R", HandCommand, Joints, VestRecord, Intent)
+
+
+class Shown(NamedTuple):
+    """A moment as both displays drew it.
+
+    Attributes:
+        view: The moment.
+        terminal: Rows of the terminal by name.
+        page: Rows of the page by name.
+        discs: Percent on the discs of the page's vest that turn, in the order of the frame.
+    """
+
+    view: LoopView
+    terminal: dict[str, str]
+    page: dict[str, str]
+    discs: list[int]
+
+
+def shown(view: LoopView) -> Shown:
+    console = Console(file=io.StringIO(), width=80, color_system=None)
+    console.print(render(view, title="test", rates_hz={}))
+    assert isinstance(console.file, io.StringIO)
+    lines = [line.strip("│").strip() for line in console.file.getvalue().splitlines()]
+    assert len(lines) <= 24
+    terminal = {line[:8].strip(): line[8:].strip() for line in lines if line[:8].strip() in ROWS}
+    page = status_html(ViewState(view.t_ns, view))
+    cells = re.findall(r"<tr><td[^>]*>(muscles|hand|vest)</td><td[^>]*><b>(.*?)</b>", page)
+    discs = [int(text) for text in re.findall(r'pointer-events="none">(\d+)<', vest_svg(view.vest))]
+    return Shown(view, terminal, {name: html.unescape(text) for name, text in cells}, discs)
+
+
+def newest(records: Sequence[_R], t_ns: int) -> _R | None:
+    return next((one for one in reversed(records) if one.t_ns <= t_ns), None)
+
+
+def check(moment: Shown, recorded: Recorded) -> None:
+    """Compare what both displays show at a moment with the newest records up to it."""
+    view, t_ns = moment.view, moment.view.t_ns
+    assert moment.terminal == moment.page
+    assert set(moment.page) == ROWS
+    command = newest(recorded.of(HandCommand), t_ns)
+    assert command is not None
+    said = re.match(r"command (?:level (\d)|zero torque)", moment.page["hand"])
+    assert said is not None, moment.page
+    ended = view.state == "stopped"
+    assert int(said[1] or 0) == (0 if ended else command.level)
+    joints = newest(recorded.of(Joints), t_ns)
+    if joints is not None and not ended:
+        bends = [sum(joints.angles_rad[4 * k + 1 : 4 * k + 4]) for k in range(4)]
+        expected = " ".join(f"{bend:.2f}" for bend in bends)
+        source = "reported" if "hand" in view.devices else "modelled"
+        assert f"{source} bend {expected} rad" in moment.page["hand"]
+    intent = newest(recorded.of(Intent), t_ns)
+    if intent is not None and not ended:
+        assert f"level {intent.level}: " in moment.page["muscles"]
+        silent = t_ns - intent.t_ns > 400_000_000
+        assert moment.page["muscles"].startswith("no data") == silent
+    frames = recorded.of(SentFrame if "vest" in view.devices else VestFrame)
+    frame = newest(frames, t_ns)
+    assert frame is not None
+    sent = [0] * 40 if ended else list(frame.intensities)
+    assert moment.discs == [value for value in sent if value]
+    assert (
+        f"up to {max(sent)} %" in moment.page["vest"]
+        if any(sent)
+        else "all motors at 0 %" in moment.page["vest"]
+    )
+
+
+def run(made: Lab, script: Callable[[], None]) -> list[Shown]:
+    moments: list[Shown] = []
+    made.run(script, observe=lambda view: moments.append(shown(view)))
+    return moments
+
+
+def compared(moments: list[Shown], folder: Path) -> dict[str, list[Shown]]:
+    """Compare every moment, and return them by state."""
+    recorded = read_recorded(next(folder.rglob("*.mcap")))
+    states: dict[str, list[Shown]] = {}
+    for moment in moments:
+        states.setdefault(moment.view.state, []).append(moment)
+        if moment.view.intent is not None and moment.view.vest is not None:
+            check(moment, recorded)
+    return states
+
+
+def bench(folder: Path, **tables: Any) -> Any:
+    recording = {"dir": str(folder / "recorded"), "stop_free_mib": 0.0}
+    return lab(
+        folder,
+        emg=True,
+        hand=True,
+        vest=True,
+        fingers=("thumb",),
+        camera_hz=30.0,
+        recording=recording,
+        **tables,
+    )
+
+
+def test_armed_active_held_idle_and_stopped_show_what_the_recording_has(tmp_path: Path) -> None:
+    with bench(tmp_path, safety={"hold_ms": 1000.0}) as made:
+        made.may_go = False
+
+        def script() -> None:
+            made.until(lambda: made.state == "armed")
+            time.sleep(1.0)
+            made.may_go = True
+            made.until(lambda: made.state == "active")
+            time.sleep(1.5)
+            made.emg.say("unplug")
+            made.until(lambda: made.state == "hold")
+            made.until(lambda: made.state == "idle")
+            time.sleep(1.0)
+
+        moments = run(made, script)
+    states = compared(moments, tmp_path)
+    assert set(states) == {"armed", "active", "hold", "idle", "stopped"}
+    # The muscles squeeze while the run waits, and after the loss the last level stands: the hand is open all the same.
+    waiting = states["armed"][-1]
+    assert waiting.view.intent is not None
+    assert waiting.page["hand"].startswith("command level 1: open")
+    assert states["active"][-1].page["hand"].startswith("command level 5: tight")
+    assert states["idle"][-1].page["hand"].startswith("command level 1: open")
+    assert states["idle"][-1].page["muscles"].startswith("no data for ")
+    end = states["stopped"][-1]
+    assert end.page["hand"].startswith("command zero torque")
+    assert end.page["vest"].startswith("sent: all motors at 0 %")
+    assert end.discs == []
+
+
+def test_a_lost_hand_is_not_shown_as_steered(tmp_path: Path) -> None:
+    with bench(tmp_path) as made:
+
+        def script() -> None:
+            made.until(lambda: made.state == "active")
+            time.sleep(1.0)
+            made.hand.say("silence")
+            made.until(lambda: made.state == "stopped")
+
+        moments: list[Shown] = []
+        made.tree["hand"]["options"]["silent_after_ms"] = 200.0
+        with pytest.raises(DeviceUnavailableError):
+            made.run(script, observe=lambda view: moments.append(shown(view)))
+    states = compared(moments, tmp_path)
+    assert states["stopped"][-1].page["hand"].startswith("command zero torque")
+    assert states["stopped"][-1].view.reason
+
+
+def test_a_paused_run_shows_its_last_moment_and_go_cannot_be_pressed(tmp_path: Path) -> None:
+    source = {"driver": "synthetic-touch", "options": {"seed": 1, "duration_s": 4.0}}
+    muscles = {"driver": "synthetic-emg", "kind": "raw", "options": {"seed": 1, "duration_s": 4.0}}
+    recording = {"dir": str(tmp_path / "recorded"), "stop_free_mib": 0.0}
+    tree = {"session": {"pace": "real"}, "tactile": {"thumb": source}, "emg": muscles, "recording": recording}
+    config = check_tree(tree, {}, base=tmp_path).config
+    controls = Controls(can_pause=True, can_mute=True, can_go=True)
+    moments: list[Shown] = []
+    with BrowserView(port=0, controls=controls) as view:
+        bus = observed(lambda loop: moments.append(shown(loop)), Bus())
+        view.watch(bus)
+        clock = PausableClock(lambda: controls.paused)
+        beside = threading.Thread(target=lambda: run_session(config, bus=bus, clock=clock))
+        beside.start()
+        until(lambda: len(moments) > 30)
+        assert view.page.inputs["go"].disabled  # the run steers already
+        controls.paused = True
+        until(lambda: "PAUSED" in view.page.run_state.content)
+        time.sleep(0.5)
+        n_shown, last = len(moments), moments[-1]
+        time.sleep(0.5)
+        assert len(moments) == n_shown
+        until(lambda: f"<b>{last.page['hand']}</b>" in view.page.status.content)
+        controls.paused = False
+        beside.join(30.0)
+        until(lambda: "STOPPED" in view.page.run_state.content)
+        until(lambda: "tega-ended" in view.page._vest.content)
+        assert view.page.inputs["haptics"].disabled
+        assert view.page.inputs["go"].disabled
+    assert not beside.is_alive()
+    recorded = read_recorded(next((tmp_path / "recorded").rglob("*.mcap")))
+    check(last, recorded)
+    check(moments[-1], recorded)
+    assert last.page["vest"].startswith("computed, no vest connected")
