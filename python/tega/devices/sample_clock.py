@@ -39,9 +39,8 @@ class SampleClock:
 
     Args:
         rate_hz: The rate they are said to come at.
-        counter_turn: After how many samples the device's own counter repeats, so that a loss of whole turns is
-            seen in the elapsed time alone; ``None`` for a device that does not count, where time tells nothing
-            about losses.
+        counter_turn: Number of samples after which the device's counter wraps, needed to detect a loss of whole turns
+            from the elapsed time; ``None`` for a device that does not count, where time reveals no losses.
 
     Example:
         >>> clock = SampleClock(250.0)
@@ -146,7 +145,7 @@ class SampleClock:
         self.forget_rate()
 
     def forget_rate(self) -> None:
-        """Measure afresh: what was between the arrivals so far is not known."""
+        """Restart the measurement: the number of samples between the arrivals so far is unknown."""
         self._points.clear()
 
     def _on_line(self) -> float:

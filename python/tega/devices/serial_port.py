@@ -1,7 +1,7 @@
-"""Read and write a serial port without waiting, and say in plain words what is wrong with it.
+"""Read and write a serial port without waiting, and explain its errors in plain words.
 
-On Linux a native thread drains the port and stamps what arrives, so that neither waits for the interpreter lock;
-elsewhere that is done by whoever reads.
+On Linux a native thread drains the port and stamps arriving bytes, so that neither waits for the interpreter lock;
+elsewhere the reading thread does that.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class SerialPort:
     Args:
         port: Its name, such as ``/dev/ttyUSB0``, ``/dev/serial/by-id/…`` or ``COM3``.
         baud: Bits per second.
-        driver: Who uses it, for the messages.
+        driver: Name of the driver, for messages.
 
     Raises:
         DeviceUnavailableError: It is not there, in use, not allowed, or cannot be set up.
@@ -72,7 +72,7 @@ class SerialPort:
         """Return what has arrived since the last call, without waiting, and when the last of it did.
 
         Returns:
-            The bytes, and nanoseconds of the monotonic clock; what they are without a byte means nothing.
+            The bytes, and a time in nanoseconds of the monotonic clock; ignore the time if there are no bytes.
 
         Raises:
             DeviceUnavailableError: The port is gone.

@@ -20,7 +20,7 @@ class PandaArmOptions(FrankaOptions, frozen=True, kw_only=True):
     Attributes:
         clip_m: The target given to the robot is no farther from its hand, so the hand goes no faster than about
             clip √K / 2.
-        clip_rad: Likewise for turns.
+        clip_rad: The same limit for the rotation.
     """
 
     clip_m: Annotated[float, msgspec.Meta(gt=0, le=0.05)] = 0.02

@@ -66,8 +66,8 @@ class ChordsOptions(LiveSerialOptions, frozen=True, kw_only=True):
 
     Attributes:
         baud: Bits per second; left out: 230400 is tried, then 115200.
-        rate_hz: Samples per second, for a board whose name is not known here.
-        bits: Of its converter, likewise.
+        rate_hz: Samples per second, for a board that the driver does not know by name.
+        bits: Resolution of the converter, for such a board.
     """
 
     baud: BaudRate | None = None

@@ -61,7 +61,7 @@ class EmgFile(Opened):
 
     @property
     def info(self) -> DeviceInfo:
-        """Name, rate and channels; once open the number of samples, and in the notes what was decided and lost."""
+        """Name, rate and channels; once open, also the number of samples, and notes on choices and losses."""
         signals = self._signals
         return DeviceInfo(
             driver="emg-file",

@@ -1,4 +1,4 @@
-"""Open and read live EMG sources: prove their rate, stamp their samples, keep their health, tell their silence."""
+"""Open and read live EMG sources: check their rate, stamp samples, track health, report silence."""
 
 from __future__ import annotations
 
@@ -143,7 +143,7 @@ class LiveEmg(Opened):
         return None
 
     def _label(self) -> str:
-        """Return what it is called."""
+        """Return the label."""
         raise NotImplementedError
 
     def _undecided(self) -> bool:
@@ -155,14 +155,14 @@ class LiveEmg(Opened):
         return ""
 
     def _own_notes(self) -> tuple[str, ...]:
-        """Return what a reader of the results must know."""
+        """Return the notes that a reader of the results must know."""
         return ()
 
     # What is the same in all of them.
 
     @property
     def info(self) -> DeviceInfo:
-        """Name, rate, channels, and in the notes what is wrong with the signal so far."""
+        """Name, rate and channels, with notes on the signal faults so far."""
         # Each looked at once: the thread that reads may put another in its place meanwhile.
         clock, order, health = self._clock, self._order, self._health
         notes = self._own_notes()
@@ -253,8 +253,8 @@ class LiveEmg(Opened):
     def read(self, timeout_s: float) -> EmgChunk | None:
         """Return the next samples without a gap between them, or ``None`` when none came within ``timeout_s``.
 
-        What came before the first call is thrown away: a port keeps half a second at most, and what it lost is no
-        loss to anybody.
+        Samples from before the first call are discarded: a port keeps at most half a second, and such losses are not
+        counted.
 
         Raises:
             DeviceUnavailableError: The source is not open, was unplugged, or has been silent for too long.
@@ -347,8 +347,8 @@ class LiveEmg(Opened):
     def _measure(self, clock: SampleClock, rate_hz: float) -> None:
         """Wait for the first sample, then measure until the rate is proven, or certainly another.
 
-        It is proven once no lateness of a USB adapter can hide another. A source whose samples come later than that is
-        judged by its measured rate after ``measure_s``.
+        The rate is proven once no delay of a USB adapter can hide another rate. A source with larger delays is judged
+        by its measured rate after ``measure_s``.
         """
         wait_s, patience_s = self._settings.start_s, _PATIENCE * self._settings.measure_s
         waited_s = measured_s = 0.0

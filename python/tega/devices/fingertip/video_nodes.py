@@ -23,7 +23,7 @@ class VideoNode(NamedTuple):
 
     Attributes:
         device: What to open, such as ``/dev/video2``; on Windows and macOS ``camera:2``.
-        name: What the kernel calls the camera.
+        name: Name of the camera in the kernel.
         serial: Its USB serial number; ``""`` where it has none.
         revision: Its firmware revision, 0x0200 for 2.00; 0 where it is not known.
         usb_id: Vendor and product, such as ``2833:0209``; ``""`` for a camera that is not on USB.
@@ -71,8 +71,8 @@ def numbered_cameras(
 ) -> list[VideoNode]:
     """List the cameras of Windows or macOS, in the order of the numbers that OpenCV opens them by.
 
-    Neither system tells a camera's serial number, so a camera is named by its number, which may change when cameras are
-    plugged in or out. Untried on either system.
+    Neither system reports a camera's serial number, so a camera is selected by its index, which may change when
+    cameras are plugged in or out. Untested on either system.
 
     Args:
         system: As ``sys.platform`` names it.

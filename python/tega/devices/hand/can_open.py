@@ -79,7 +79,7 @@ def open_can_bus(
         channel: Which of the adapter's buses.
 
     Raises:
-        DeviceUnavailableError: The adapter is not there, refuses, or needs what is not installed.
+        DeviceUnavailableError: The adapter is missing, refuses, or needs a package that is not installed.
     """
     with _quiet():
         try:
@@ -95,7 +95,7 @@ def open_can_bus(
 
 
 def _explained(error: Exception, interface: str, can: Any) -> tuple[str, str]:
-    """Return what is wrong in one sentence, and the next step."""
+    """Return the problem in one sentence, and the next step."""
     known = sorted(can.VALID_INTERFACES)
     if interface not in known:
         near = difflib.get_close_matches(interface, known, 1)

@@ -43,7 +43,7 @@ class PythonCanOptions(Options, frozen=True):
 
 
 def may_have_hardware(interface: str, channel: str | int) -> bool:
-    """Tell whether there may be a real hand on one of python-can's buses."""
+    """Return whether a real hand may be connected to one of python-can's buses."""
     return interface not in _NO_HARDWARE and not str(channel).startswith("vcan")
 
 

@@ -1,4 +1,4 @@
-"""Connect to the OpenXR runtime, and tell in plain words what it cannot do or what is missing."""
+"""Connect to the OpenXR runtime, and explain missing features in plain words."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Made(NamedTuple):
     extensions: frozenset[str]
 
     def check(self, source: str) -> None:
-        """Check that it can do what a source needs.
+        """Check that the runtime supports a source.
 
         Raises:
             DeviceUnavailableError: It cannot.

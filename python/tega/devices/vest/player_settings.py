@@ -26,8 +26,8 @@ class PlayerOptions(VestOptions, frozen=True):
 
     Attributes:
         host: Where the Player runs.
-        allow_remote: Whether that may be another machine. Whoever answers there gets the frames, and with version 3 the
-            key: its certificate is not checked.
+        allow_remote: If true, the host may be another machine. Any program that answers there receives the frames,
+            and with version 3 the key: the certificate is not checked.
         port: Its port for version 2.
         port_v3: Its port for version 3.
         version: Which to speak; ``auto`` asks for version 3 where an ``app_id`` is set, then for version 2.
@@ -76,7 +76,7 @@ def _key(file: Path | None) -> str:
 
 
 def _is_here(host: str) -> bool:
-    """Tell whether a host is this machine, without asking anybody for a name."""
+    """Return whether a host is this machine, without a name lookup."""
     if host.lower() == "localhost":
         return True
     try:

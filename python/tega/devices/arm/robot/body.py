@@ -60,7 +60,7 @@ class RobotBody(Protocol):
         ...
 
     def recover(self) -> str:
-        """Clear a fault that a person has seen; return what is still wrong, ``""`` for nothing."""
+        """Clear a fault that a person has seen; return the remaining fault, ``""`` if there is none."""
         ...
 
     @property

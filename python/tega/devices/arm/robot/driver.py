@@ -1,4 +1,4 @@
-"""Start the arm's process, send it targets, and keep what it last told: the run's end of the arm."""
+"""Start the arm's process, send it targets, and keep its latest report (the run's side)."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class ArmOptions(Options, frozen=True, kw_only=True):
     """Settings that every arm has.
 
     Attributes:
-        rate_hz: Of the arm's loop.
+        rate_hz: Rate of the arm's loop.
         speed_m_s: Whatever is asked, the target goes no faster at the arm's end.
         turn_rad_s: Nor turns faster.
     """
@@ -128,7 +128,7 @@ class ProcessArm(Opened):
         """Start the arm's process and wait until it has found the arm.
 
         Raises:
-            TegaError: What the arm's process found wrong, or it did not answer.
+            TegaError: The arm's process reported a problem, or did not answer.
         """
         if self._process is not None:
             return
@@ -221,7 +221,7 @@ class ProcessArm(Opened):
         )
 
     def measured(self) -> StampedPose | None:
-        """Return where the hand is, base's axes, as last told; ``None`` before it has told.
+        """Return the newest reported pose of the hand, in the base's axes; ``None`` before the first.
 
         Raises:
             DeviceUnavailableError: It is not open.

@@ -207,7 +207,7 @@ class FrankyBody:
         return self._fault
 
     def _named(self, said: str) -> str:
-        """Add what the robot calls it to what franky says."""
+        """Add the robot's own name for an error to franky's message."""
         try:
             state = self._robot.state
         except Exception:  # it does not answer any more; what franky says has to do
@@ -223,7 +223,7 @@ class FrankyBody:
         self._fault = self._fault or " ".join(said.split())
 
     def recover(self) -> str:
-        """Clear a fault; return what is still wrong, ``""`` for nothing."""
+        """Clear a fault; return the remaining fault, ``""`` if there is none."""
         self._tracker, self._fault = None, ""
         try:
             self._robot.recover_from_errors()

@@ -29,8 +29,9 @@ _STOP_S: Final = 3.0
 class PandaBody:
     """Leads one Franka robot through panda-python.
 
-    panda-python clips no error and watches over nobody, so the target is clipped to the measured pose here, at every
-    tick; and it clears a reflex by itself when a controller starts, so that none is started while there is one.
+    panda-python neither clips the error nor monitors the person nearby, so this class clips the target to the
+    measured pose at every tick. panda-python also clears a reflex when a controller starts, so no controller is
+    started during a reflex.
 
     Args:
         options: Those of :class:`tega.devices.arm.panda_arm.PandaArmOptions`.
@@ -208,7 +209,7 @@ class PandaBody:
         self._fault = self._fault or " ".join(said.split())
 
     def recover(self) -> str:
-        """Clear a fault; return what is still wrong, ``""`` for nothing."""
+        """Clear a fault; return the remaining fault, ``""`` if there is none."""
         self._fault = ""
         try:
             self.rest()

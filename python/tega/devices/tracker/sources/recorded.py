@@ -17,7 +17,7 @@ _COLUMNS = ["t_s", *PoseNumbers.table]
 
 
 def read_poses(path: Path) -> list[StampedPose]:
-    """Return the poses of a file; what is wrong with a pose is for the gate to see, not for the reader.
+    """Return the poses of a file; the gate, not the reader, rejects bad poses.
 
     The columns may stand in any order, separated by commas, semicolons or tabs.
 
@@ -70,7 +70,7 @@ class RecordedPoses:
 
     Args:
         poses: What to play, in the order of their stamps.
-        delay_ns: They arrive so much later than they were measured.
+        delay_ns: Delay between measurement and arrival.
 
     Raises:
         RecordingError: There are none.
