@@ -353,7 +353,7 @@ class SteeredHand(Device, Protocol):
 
 @runtime_checkable
 class WarmingHand(SteeredHand, Protocol):
-    """A hand whose driver can prepare while other devices open; optional, for a faster start."""
+    """A hand with a driver that can prepare while other devices open; optional, for a faster start."""
 
     def warm_up(self) -> None:
         """Start what takes its time and touches no device; returns at once. ``open`` or ``close`` follows."""

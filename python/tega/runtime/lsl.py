@@ -18,10 +18,10 @@ EXTRA = "lsl"
 
 
 def load_lsl(who: str) -> Any:
-    """Import pylsl; where nobody has configured its library, only its errors are printed.
+    """Import pylsl; unless its library is configured, only its errors are printed.
 
     Args:
-        who: Who needs it, for the message.
+        who: Name of the part that needs it, for the message.
 
     Raises:
         MissingExtraError: pylsl is not installed.

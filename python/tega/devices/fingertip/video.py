@@ -19,7 +19,7 @@ class VideoFileOptions(Options, frozen=True):
 
     Attributes:
         file: The video; it states times, rate and number of its frames.
-        allow_truncated: If true, accept a video whose length differs from that in its header.
+        allow_truncated: If true, accept a video with a length that differs from its header.
     """
 
     file: Path

@@ -153,7 +153,7 @@ class XrSession:
         return self._xr.string_to_path(self._instance, text)
 
     def poll(self) -> None:
-        """Process the runtime's events, and do what they ask for.
+        """Process the runtime's events, and follow its requests.
 
         Raises:
             DeviceUnavailableError: The session is over.

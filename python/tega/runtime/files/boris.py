@@ -53,7 +53,7 @@ def boris_project(
     """Return a project file.
 
     Args:
-        name: Of the project.
+        name: Name of the project.
         description: What its times count from.
         behaviours: What can be coded.
         subjects: Whom events may concern; their keys are the digits from 1.

@@ -19,7 +19,7 @@ def toml_item(value: Any) -> Item:
 
     Args:
         value: Text, a bool, a number, a time with its zone (written in UTC, whole seconds), or lists and mappings of
-            those; a key whose value is ``None`` is left out.
+            those; a key with the value ``None`` is left out.
     """
     if isinstance(value, Mapping):
         table = tomlkit.inline_table()

@@ -31,7 +31,7 @@ class Reading(msgspec.Struct, frozen=True, kw_only=True):
         rate_hz: Samples per second; ``None`` for the file's own.
         decimal: Decimal sign of a text table.
         time: Column of the time, counted from 1; ``none`` to ignore the file's times.
-        rows: What the rows of an array or table are.
+        rows: Meaning of the rows of an array or table.
     """
 
     channels: tuple[Annotated[int, msgspec.Meta(ge=1)], ...] = ()
