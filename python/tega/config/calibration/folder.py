@@ -97,8 +97,8 @@ class Unfinished(msgspec.Struct, kw_only=True):
 
     Attributes:
         started: When.
-        devices: Name of each part's device: what was found on one is nothing for another.
-        steps: What the steps that are finished gave, by name.
+        devices: Name of each part's device: results of one device do not apply to another.
+        steps: Results of the finished steps, by name.
     """
 
     started: Annotated[datetime, msgspec.Meta(tz=True)]
@@ -112,7 +112,7 @@ class PersonFacts(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     Attributes:
         hand: The hand that steers and is felt: arm and vest follow it.
         format: Always ``tega-person``.
-        version: Of the format.
+        version: Version of the format.
     """
 
     hand: OwnHand
@@ -186,7 +186,7 @@ class CalibrationFolder:
         return self.path / "people" / checked_person(person)
 
     def hand(self, person: str) -> OwnHand | None:
-        """Return the hand of a person; ``None`` where nobody has set it.
+        """Return the hand of a person; ``None`` if it is not set.
 
         Raises:
             CalibrationError: The file holds something else.
@@ -205,7 +205,7 @@ class CalibrationFolder:
         """Keep the hand of a person, which is set once.
 
         Raises:
-            CalibrationError: The other hand is kept already: what was calibrated was calibrated with that one.
+            CalibrationError: The other hand is stored already, and existing calibrations were made with it.
         """
         path, kept = self.person(person) / _FACTS, self.hand(person)
         if kept not in {None, hand}:
@@ -283,13 +283,13 @@ class CalibrationFolder:
         return found if timedelta(0) <= now - found.started <= timedelta(hours=RESUME_H) else None
 
     def keep_unfinished(self, person: str, unfinished: Unfinished) -> None:
-        """Keep what is finished so far."""
+        """Store the finished steps."""
         write_whole(
             self._unfinished(person), msgspec.json.format(msgspec.json.encode(unfinished)) + b"\n", sync=True
         )
 
     def forget_unfinished(self, person: str) -> None:
-        """Delete what was kept of an interrupted calibration."""
+        """Delete the stored steps of an interrupted calibration."""
         self._unfinished(person).unlink(missing_ok=True)
 
     def _unfinished(self, person: str) -> Path:

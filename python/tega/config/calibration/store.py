@@ -41,7 +41,7 @@ _Positive = Annotated[float, msgspec.Meta(gt=0, le=sys.float_info.max)]
 
 
 class TouchMaxima(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Maxima of one finger, and what was fitted to its gel.
+    """Maxima of one finger, and the fitted parameters of its gel.
 
     Attributes:
         cci_max: Largest CCI; ``None`` where no press was seen, which keeps the front column still.
@@ -49,7 +49,7 @@ class TouchMaxima(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
         noise_counts: Noise of the sensor's cells, blue, green, red, as :func:`tega.tactile.sensor_noise` measures it;
             ``None`` takes a DIGIT's.
         depth_gain: Depth by depth as the nominal light of a gel has it; ``None`` where no known press was taken.
-        stiffness_n_mm3: Of the gel, newtons per cubic millimetre; ``None`` likewise.
+        stiffness_n_mm3: Stiffness of the gel, newtons per cubic millimetre; ``None`` likewise.
         mm_per_px: Scale of a picture of 320 x 240 pixels; ``None`` likewise.
         depth_law: Version of the law that gain and stiffness were fitted to; earlier calibrations name none.
     """
@@ -81,7 +81,7 @@ def refused_law(finger: str, maxima: TouchMaxima | None, command: str) -> list[s
     Args:
         finger: Which.
         maxima: Its part of a calibration.
-        command: What calibrates it anew.
+        command: Command that repeats the calibration.
     """
     if maxima is None or not maxima.other_law:
         return []
@@ -126,9 +126,9 @@ class Calibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
         preset: The preset they were taken with; the other one's readings have other scales.
         origin: How they came about.
         tactile: By finger.
-        emg: Of the muscle signal, where there is one.
+        emg: Maxima of the muscle signal, if there is one.
         format: Always ``tega-calibration``.
-        version: Of the file format.
+        version: Version of the file format.
     """
 
     preset: Literal["paper", "live"]
