@@ -54,7 +54,7 @@ def schema_name(kind: Part) -> str:
 
 
 def own_schema(kind: type[Record]) -> bool:
-    """Tell whether a record's message is TEGA's own, and not one that viewers have a schema for."""
+    """Return whether a record's message has TEGA's own schema, not a schema of viewers."""
     return not kind.schema.startswith("foxglove.")
 
 
@@ -138,7 +138,7 @@ def _plan(kind: Part) -> _Plan:
 
 
 def values(record: msgspec.Struct) -> dict[str, Any]:
-    """Return the values of a record's message, by name; what is not there is left out."""
+    """Return the values of a record's message, by name; missing values are left out."""
     # Called for every record of a run: all that can be known beforehand is in the plan.
     plan = _plan(type(record))
     said = msgspec.structs.asdict(record)
