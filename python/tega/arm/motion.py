@@ -118,7 +118,7 @@ class Follower:
     """Moves the target towards a goal, within limits.
 
     Args:
-        limits: Of speed and acceleration, and how far it may be from the measured pose.
+        limits: Limits of speed and acceleration, and of the distance to the measured pose.
         workspace: Where it has to stay.
         start: Where it is at first, at rest; has to be inside.
 

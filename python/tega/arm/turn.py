@@ -17,7 +17,7 @@ class Turn(NamedTuple):
         clutch: Whether the clutch is pressed.
         dead_man: Whether the dead-man switch is held.
         may_move: Whether the run lets the arm move.
-        measured: Where the hand is, if that is known anew.
+        measured: New measured pose of the hand, if there is one.
         stopped: Why the arm is to stop now; ``""`` if it is not to.
         cleared: Whether a person has said that it may go on.
     """

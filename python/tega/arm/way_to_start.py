@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 SPEED_M_S: Final = 0.1
 TURN_RAD_S: Final = 0.5
-"""A way that nobody steers is slower than one that an operator does."""
+"""A path without an operator is slower than a steered one."""
 
 _NEAR_M, _NEAR_RAD = 0.005, 0.03
 _THERE_M, _THERE_RAD, _RESTS_M_S = 0.002, 0.01, 0.005
@@ -33,14 +33,14 @@ _LONGEST_S = 0.05
 class WayToStart(Opened):
     """Gives the poses of a forearm that leads the arm to its start, in the base's axes, unscaled and not mirrored.
 
-    It moves only while the arm follows, and goes by the target that the chain has really set. So the chain's
-    gate, clutch, dead-man, workspace, clip, limits and watchdogs bind this way as any other.
+    It moves only while the arm follows, and uses the target that the chain has actually set. So the chain's gate,
+    clutch, dead-man, workspace, clip, limits and watchdogs apply to it as to any other path.
 
     Args:
         start: Where to.
 
     Attributes:
-        state: Of the chain, as last seen; ``""`` before.
+        state: Newest state of the chain; ``""`` before.
         reason: Why it is so.
         left_m: How far the target is from the start; ``None`` before it was known.
         off_m: How far the arm itself is from it, as measured; likewise.
@@ -85,7 +85,7 @@ class WayToStart(Opened):
         """Close nothing."""
 
     def saw(self, turn: ArmTurn) -> None:
-        """Take in what the chain made of the last pose."""
+        """Process the chain's result for the last pose."""
         self.state, self.reason, self.seen_s = turn.state, turn.reason, time.monotonic()
         if turn.measured and len(place := turn.measured[0].position) == 3:
             self.off_m = math.dist(place, self._start.position_m.tolist())
