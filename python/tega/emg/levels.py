@@ -45,7 +45,7 @@ __all__ = [
 ]
 
 InputKind = Literal["raw", "rectified", "envelope"]
-"""What a source delivers: EMG about an offset, EMG rectified by the sensor, or a sensor's envelope."""
+"""Kind of a source's samples: EMG about an offset, EMG rectified by the sensor, or a sensor's envelope."""
 
 Preset = Literal["paper", "live"]
 """The printed law, or the reading made for people."""
@@ -178,9 +178,9 @@ class BlockMean:
 class GraspIntent:
     """EMG samples of several channels to one closure level per block of ``tau`` samples.
 
-    ``kind`` says what the samples are. "raw" swings about an offset: a 20 Hz high-pass, settled on the first
-    sample, removes it and the rest is full-wave rectified. "rectified" and "envelope" go straight into
-    Eq 10's low-pass (50 Hz, 4th order) and block mean.
+    ``kind`` is the kind of the samples. "raw" swings about an offset: a 20 Hz high-pass, settled on the first sample,
+    removes it and the rest is full-wave rectified. "rectified" and "envelope" go straight into Eq 10's low-pass (50
+    Hz, 4th order) and block mean.
 
     ``preset`` "paper" is the printed law: Eq 11 clamped to 1..5, Eq 12 and 13. "live" scales the maxima by
     0.8, steadies the channels' drives where effort is constant, moves a level 0.1 beyond its border and lets
@@ -301,7 +301,7 @@ class GraspIntent:
 def grasp_level(value: float, maximum: float) -> int:
     """Put a block mean on its level: ``⌊4 value / maximum + 1⌋`` clamped to 1..5 (Eq 11).
 
-    A value of at least a border times (1 - 1e-9) counts as on it, so that decimals mean what they say.
+    A value of at least a border times (1 - 1e-9) counts as on it, to absorb the rounding of decimals.
 
     Args:
         value: Block mean; negative values and NaN are level 1, the open hand.

@@ -1,4 +1,4 @@
-"""Tell where an Allegro hand's fingertips are against its palm, from its joint angles.
+"""Compute the positions of an Allegro hand's fingertips relative to its palm from its joint angles.
 
 Forward kinematics by the vendor's published geometry, that of :mod:`tega.hand.mjcf`: each joint turns what comes after
 it about an axis, and the next joint lies at an offset from it.

@@ -153,7 +153,7 @@ class MotorLevels:
     def motors(self) -> NDArray[np.uint8]:
         """Index of each motor in the vendor's numbering, uint8 (n,), read-only.
 
-        Of a 40-motor vest the front is 0 to 19 and the back 20 to 39, each ``4 * row + column``. A 16-motor vest is
+        The front of a 40-motor vest is 0 to 19 and the back 20 to 39, each ``4 * row + column``. A 16-motor vest is
         addressed through the rows 0 and 2.
         """
         return find_layout(self.layout).numbers
@@ -194,8 +194,8 @@ def vest_frame(
     Args:
         front: Thumb, index, middle, ring in percent (CCI in the paper).
         back: The same fingers in percent (EDA in the paper).
-        layout: ``"paper32"``: 4 × 4 on each face; ``"x40"``: the fifth row repeats the fourth; ``"x16"``: two
-            rows; or the name of an installed one, whose columns beyond the fourth rest.
+        layout: ``"paper32"``: 4 × 4 on each face; ``"x40"``: the fifth row repeats the fourth; ``"x16"``: two rows;
+            or the name of an installed layout, in which columns beyond the fourth rest.
         mirror: ``"none"``: thumb at the wearer's left on both faces; ``"back"``: the back reversed;
             ``"all"``: both reversed, as for a left hand.
 
@@ -230,9 +230,9 @@ class FeltMap:
 
     ``threshold + i/100 · n · step``, with ``n`` the least ``(100 − threshold) / step`` of all motors:
 
-    the same number of noticeable steps above what is just felt, wherever it is shown, and as many of them as the
-    person's weakest motor has. 0 stays exactly 0. A step is taken to be as large everywhere between the threshold
-    and 100 as where it was measured; with equal motors that leaves the range from threshold to 100. Results are
+    the same number of noticeable steps above the threshold, at every motor, and as many of them as the person's
+    weakest motor has. 0 stays exactly 0. A step is taken to be as large everywhere between the threshold and 100 as
+    at the place of its measurement; with equal motors that leaves the range from threshold to 100. Results are
     rounded half to even.
 
     Args:
@@ -240,8 +240,8 @@ class FeltMap:
         step: Percent, above 0 to 100; likewise.
 
     Attributes:
-        threshold: Of each motor of 40, float64 (40,), read-only.
-        step: Likewise.
+        threshold: Threshold of each of 40 motors, float64 (40,), read-only.
+        step: Step of each of 40 motors, float64 (40,), read-only.
 
     Raises:
         InvalidValueError: A number is out of its range or not finite.

@@ -1,8 +1,8 @@
 """Read the shear of a fingertip camera's contact: how far its gel is pulled sideways, and how much of it has slid.
 
-What is printed on the gel moves with it: dots where there are any, else the faint grain that every gel has.
-:class:`ShearReader` seeks it again in each frame, from where it was in the untouched gel.
-``docs/evidence/shear.md`` says how, and how well.
+The pattern on the gel moves with it: printed dots if there are any, else the faint grain that every gel has.
+:class:`ShearReader` finds the pattern again in each frame, starting from its place in the untouched gel.
+``docs/evidence/shear.md`` describes the method and its accuracy.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class ShearReading(NamedTuple):
     slide_direction_rad: float
     """In which direction, as the shear's."""
     slide_sure: float
-    """How sure that speed is, 0 to 1; 0 where the object is smooth, whose slide nothing shows."""
+    """Confidence in that speed, 0 to 1; 0 for a smooth object, which shows no slide."""
 
 
 class ShearReader:
@@ -94,6 +94,6 @@ class ShearReader:
     def flow(self) -> NDArray[np.float32]:
         """Return how far each cell is moved, float32 (rows, columns, 2), pixels to the right and down.
 
-        It is 0 beside the contact.
+        The flow is 0 outside of the contact.
         """
         return self._reader.flow()

@@ -222,7 +222,7 @@ class AllegroRequest:
 
     Attributes:
         wants: Kind of report.
-        finger: Whose, for positions and temperatures.
+        finger: Finger concerned, for positions and temperatures.
     """
 
     wants: Literal["info", "serial", "imu", "position", "temperature"]
