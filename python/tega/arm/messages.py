@@ -131,7 +131,7 @@ class Failed(msgspec.Struct, frozen=True, tag=True):
     Attributes:
         kind: Name of the error's class in :mod:`tega.errors`.
         message: Description of the problem.
-        hint: What to do.
+        hint: Fix for the problem.
     """
 
     kind: str

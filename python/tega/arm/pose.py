@@ -12,7 +12,7 @@ ArmState = Literal["idle", "following", "holding", "stopped"]
 
 
 class StampedPose(NamedTuple):
-    """One measured rigid pose: of the operator's forearm, or of the arm's own hand.
+    """One measured rigid pose of the operator's forearm, or of the arm's own hand.
 
     A pose has one position and one orientation. It has no fields for fingers, so finger tracking cannot reach the
     arm.

@@ -20,17 +20,17 @@ class _ChainStage(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 
 
 class GateSettings(_ChainStage, frozen=True):
-    """Limits within which a tracker's pose is believed.
+    """Limits within which a tracker's pose is accepted.
 
     Attributes:
-        unit_error: A quaternion's length may be off one by so much.
-        age_ms: A pose older than this is not used.
-        ahead_ms: Nor is one that lies further in the future: the clocks differ.
-        speed_m_s: No hand moves faster between two poses.
-        turn_rad_s: Nor turns faster.
-        step_m: No farther from one used pose to the next.
-        step_rad: Nor turns more.
-        room_m: No coordinate is larger.
+        unit_error: Maximum deviation of a quaternion's length from one.
+        age_ms: Maximum age of a pose.
+        ahead_ms: Maximum time that a pose may lie in the future, since clocks differ.
+        speed_m_s: Maximum speed between two poses.
+        turn_rad_s: Maximum angular speed between two poses.
+        step_m: Maximum distance from one used pose to the next.
+        step_rad: Maximum rotation from one used pose to the next.
+        room_m: Maximum magnitude of a coordinate.
     """
 
     unit_error: Annotated[float, msgspec.Meta(gt=0, le=0.1)] = 1e-3
@@ -49,13 +49,13 @@ class MappingSettings(_ChainStage, frozen=True):
     Attributes:
         frame: Axes of the tracker, a name of :data:`tega.arm.FRAMES`.
         yaw_rad: Heading of the operator's "forward" in the tracker's axes turned into the base's, from calibration.
-        base_yaw_rad: Which way the base's x points as the operator sees it, about the vertical: 0 away from the
-            operator, π/2 to the left, π towards the operator; from calibration.
+        base_yaw_rad: Direction of the base's x as the operator sees it, about the vertical: 0 away from the operator,
+            π/2 to the left, π towards the operator; from calibration.
         scale: Scale of all displacement.
         gain_xyz: Gain of displacement along each of the base's axes; 0 locks it.
         gain_turn: Gain of rotation about each of the base's axes; 0 locks it.
-        forearm: Which forearm is tracked.
-        robot_hand: Which hand is on the robot.
+        forearm: Side of the tracked forearm.
+        robot_hand: Side of the hand on the robot.
         mirror: Whether motion is mirrored left to right; none means when those two differ.
     """
 
@@ -120,7 +120,7 @@ class LimitSettings(_ChainStage, frozen=True):
     ahead_rad: Annotated[float, msgspec.Meta(gt=0, le=3)] = 0.2
 
     def __post_init__(self) -> None:
-        """Check what concerns several numbers.
+        """Check conditions between several numbers.
 
         Raises:
             InvalidValueError: The box is empty or not finite, or an axis has no direction.
@@ -175,7 +175,7 @@ class ArmSettings(_ChainStage, frozen=True):
         mapping: How motion becomes motion.
         filter: The One-Euro filter.
         limits: Where the target may be and how it may move.
-        watchdog: After what time something happens.
+        watchdog: Times without news, and their consequences.
     """
 
     gate: GateSettings = GateSettings()

@@ -22,7 +22,7 @@ class ForearmSweep:
 
     Args:
         frame: Axes of the tracker, a name of :data:`~tega.arm.FRAMES`.
-        yaw_rad: Which way is forward, as far as it is known.
+        yaw_rad: Direction of forward, as far as it is known.
 
     Attributes:
         done: Whether it has gone 10 cm or more and then rested for half a second.

@@ -1,4 +1,4 @@
-"""Take one turn of what leads an arm, with all that it takes in, so that a recording gives the same command again."""
+"""Run one turn of the arm's steering with all of its inputs, so that a recording gives the same command."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from tega.arm.pose import ArmCommand, StampedPose
 
 
 class Turn(NamedTuple):
-    """Inputs of one turn of what leads an arm.
+    """Inputs of one turn of the loop that steers an arm.
 
     Attributes:
         t_ns: When, on the clock of the stamps.

@@ -41,7 +41,7 @@ class ArmWatch:
     """Keeps the times of the last poses and of the arm's last report.
 
     Args:
-        settings: After what time what happens.
+        settings: Times without news, and their consequences.
     """
 
     def __init__(self, settings: WatchdogSettings) -> None:

@@ -33,17 +33,17 @@ _LONGEST_S = 0.05
 class WayToStart(Opened):
     """Gives the poses of a forearm that leads the arm to its start, in the base's axes, unscaled and not mirrored.
 
-    It moves only while the arm follows, and uses the target that the chain has actually set. So the chain's gate,
-    clutch, dead-man, workspace, clip, limits and watchdogs apply to it as to any other path.
+    The arm moves only in state ``following``, and its path starts from the target that the chain has actually set. So
+    the chain's gate, clutch, dead-man, workspace, clip, limits and watchdogs apply as on any other path.
 
     Args:
-        start: Where to.
+        start: Pose to move to.
 
     Attributes:
         state: Newest state of the chain; ``""`` before.
         reason: Why it is so.
         left_m: How far the target is from the start; ``None`` before it was known.
-        off_m: How far the arm itself is from it, as measured; likewise.
+        off_m: Distance of the arm itself from the start, as measured; ``None`` before it was known.
         there: Whether the target rests at the start.
         seen_s: When the chain was last seen, on the monotonic clock.
     """
@@ -73,7 +73,7 @@ class WayToStart(Opened):
 
     @property
     def info(self) -> DeviceInfo:
-        """Description of what leads the arm."""
+        """Description of the steering device."""
         return DeviceInfo(
             driver="way-to-start", kind="tracker", label=self.summary, live=True, rate_hz=None, unit="m"
         )

@@ -45,7 +45,7 @@ def explain(
     """Explain a validation error to the author of the settings.
 
     Args:
-        error: What msgspec found.
+        error: Error raised by msgspec.
         tree: The settings it looked at.
         wanted: The type it looked for.
         prefix: Dotted key at which the tree stands, or ``""``.

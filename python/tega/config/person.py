@@ -32,7 +32,7 @@ class Personal(NamedTuple):
 
     Attributes:
         calibration: The maxima.
-        name: What to call where they came from.
+        name: Name of the maxima's origin.
         warnings: Records that are old, missing or were stored in spite of a problem; one sentence each.
     """
 
@@ -68,7 +68,7 @@ def person_calibration(
         config: The settings; ``calibration.person`` and ``calibration.folder`` are set.
         sources: The open tactile sources, by finger.
         emg: The open EMG source, if any.
-        conditions: What its calibration depends on.
+        conditions: Conditions that its calibration depends on.
         settings: How the settings file is named in the commands that are suggested.
         now: Current time, to compute ages.
 
@@ -367,7 +367,7 @@ def _of_the_heading(record: ArmRecord | None, folder: CalibrationFolder) -> dict
 
 
 def _of_the_hand(config: SessionConfig, folder: CalibrationFolder, person: str) -> dict[str, tuple[Any, str]]:
-    """Return what follows from a person's hand: the forearm that leads the arm, and the side of the thumb's column."""
+    """Return the settings that follow from a person's hand: the tracked forearm and the thumb's side."""
     hand = folder.hand(person)
     if hand is None:
         return {}

@@ -157,8 +157,8 @@ class EmgConfig(_Section, frozen=True):
     Attributes:
         driver: Name of an EMG driver.
         kind: Kind of the samples: ``raw`` (offset removed and rectified here), ``rectified`` or ``envelope``.
-        muscles: What each channel sits on, for the words of a calibration; none means ECR, FCU, FDS where
-            there are three.
+        muscles: Muscle under each channel, for the texts of a calibration; none means ECR, FCU, FDS if there are
+            three.
         options: The driver's own settings.
     """
 
@@ -188,7 +188,8 @@ class VestConfig(_Section, frozen=True):
             0 sends every frame. It stays well below the 200 ms after which a vest has to fall silent by itself.
         mirror: ``back`` reverses the back's columns, ``all`` both faces' (a left hand, or a mirrored vest).
         threshold: The lowest intensity that this person feels, percent: one number, or 40 in the wearer's order.
-        step: The smallest increase that this person notices, percent; likewise. See ``tega.haptics.FeltMap``.
+        step: The smallest increase that this person notices, percent: one number, or 40 in the wearer's order. See
+            ``tega.haptics.FeltMap``.
         options: The driver's own settings.
     """
 
@@ -222,7 +223,7 @@ class InputConfig(_Section, frozen=True):
 
     Attributes:
         driver: Name of an input driver.
-        button: Which of its buttons is meant, for ``dead_man`` and ``marker``; none means any.
+        button: Button of the device, for ``dead_man`` and ``marker``; none means any.
         options: The driver's own settings.
     """
 
@@ -274,13 +275,13 @@ class ArmConfig(_Section, frozen=True):
 
     Attributes:
         driver: Name of an arm's driver.
-        tracker: What sees the forearm; none means that ``input.motion`` is summed up.
+        tracker: Tracker of the forearm; none means that ``input.motion`` is summed up.
         rate_hz: Commands a second.
         gate: Conditions for accepting a pose; these five are those of :mod:`tega.arm.settings`.
         mapping: How motion of the forearm becomes motion of the target.
         filter: The One-Euro filter.
         limits: Where the target may be and how it may move.
-        watchdog: After what time without news something happens.
+        watchdog: Times without news, and their consequences.
         start_m: Where the hand goes between a study's trials, base's axes; none leaves it where it is.
         start_xyzw: How it is turned there; the default has its z along the base's x.
         options: The driver's own settings.
@@ -343,8 +344,8 @@ class RecordingSection(_Section, frozen=True):
         dir: Folder of the session, to which every run adds a file; none means nothing is recorded.
         lossless: Pictures as they are, so that a replay computes the same bits; otherwise as JPEG.
         jpeg_quality: 1 to 100.
-        queue_mib: What may wait to be encoded, and again as much for the disk; beyond it pictures are dropped and
-            counted.
+        queue_mib: Maximum size of the data waiting to be encoded, and the same again for the disk; beyond it frames
+            are dropped and counted.
         warn_free_mib: A disk with less room than this is warned of.
         stop_free_mib: With less room than this the recording is finished, and the run goes on without.
     """

@@ -1,7 +1,8 @@
-"""Define the protocols of device drivers; :mod:`tega.runtime.device_items` has what passes through them.
+"""Define the protocols of device drivers; :mod:`tega.runtime.device_items` defines their items.
 
 A driver's constructor takes its validated options and stores them; nothing is opened, read or sent before
-:meth:`~Device.open`. ``info`` can be read at any time; what only an open device knows is ``None`` until then.
+:meth:`~Device.open`. ``info`` can be read at any time; its values that require an open device are ``None`` until
+then.
 
 Times: A recorded source (``info.live`` is false) stamps items in nanoseconds from the start of its recording. A live
 source stamps them with the monotonic clock, and the loop subtracts the start of the session. Times that the loop
@@ -122,7 +123,7 @@ class DiscoveringDevice(Protocol):
 
     @classmethod
     def discover(cls, timeout_s: float) -> Sequence[Found]:
-        """Look for what this driver can open; opens nothing, sends nothing that changes a device's state.
+        """List the devices for this driver; opens nothing, sends nothing that changes a device's state.
 
         Args:
             timeout_s: How long looking may take.
@@ -186,7 +187,7 @@ class ComparingSource(TactileSource, Protocol):
     """A live sensor that distinguishes its own frames from those of sensors beside it."""
 
     def compare_with(self, own: NDArray[np.uint8], others: Mapping[str, NDArray[np.uint8]]) -> None:
-        """Give it its own baseline and those of the other sensors, by what to call them in a note."""
+        """Set its own baseline and those of the other sensors, by their names in notes."""
         ...
 
 
@@ -307,7 +308,7 @@ class EmgSource(Device, Protocol):
 
 @runtime_checkable
 class VestSink(Device, Protocol):
-    """A vest, or what stands for one."""
+    """A vest, or a substitute for one."""
 
     def write(self, t_ns: int, frame: MotorLevels) -> MotorLevels:
         """Send a frame and return the frame that was actually sent."""
@@ -316,7 +317,7 @@ class VestSink(Device, Protocol):
 
 @runtime_checkable
 class HandDriver(Device, Protocol):
-    """A robot hand's CAN bus, or what stands for one."""
+    """A robot hand's CAN bus, or a substitute for one."""
 
     def write(self, t_ns: int, frames: Sequence[CanFrame]) -> Sequence[CanFrame]:
         """Send CAN frames in order and return those really sent."""
@@ -356,7 +357,7 @@ class WarmingHand(SteeredHand, Protocol):
     """A hand with a driver that can prepare while other devices open; optional, for a faster start."""
 
     def warm_up(self) -> None:
-        """Start what takes its time and touches no device; returns at once. ``open`` or ``close`` follows."""
+        """Start slow preparations that touch no device; returns at once. ``open`` or ``close`` follows."""
         ...
 
 
@@ -445,7 +446,7 @@ class ArmDriver(Device, Protocol):
         ...
 
     def recover(self) -> None:
-        """Clear a fault, at the word of a person who has seen that it is safe."""
+        """Clear a fault, on the request of a person who has seen that it is safe."""
         ...
 
 

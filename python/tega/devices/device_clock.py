@@ -61,5 +61,5 @@ class DeviceClock:
         return self._told_ns
 
     def _leapt(self, device_ns: int) -> bool:
-        """Distinguish a clock that was set from a delayed packet: the stamps of a burst continue evenly."""
+        """Return whether the clock was set; the stamps of a merely delayed burst continue evenly."""
         return self._last_ns is None or not 0 <= device_ns - self._last_ns <= _LEAP_NS

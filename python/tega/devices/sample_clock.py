@@ -122,7 +122,7 @@ class SampleClock:
 
         Args:
             rate_hz: The rate that is to be proven.
-            tolerance: By what share the true rate may differ.
+            tolerance: Share by which the true rate may differ.
         """
         points, seconds = list(self._points), self.measured_s
         if seconds <= _LATE_S or points[-1][0] == points[0][0]:

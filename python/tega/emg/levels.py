@@ -202,9 +202,9 @@ class GraspIntent:
         order: Its order, 1 to 8.
         intervals: Into how many equal parts Eq 11 cuts the range up to the maximum: 4 as printed, or 5, with level 5
             from four fifths of it on.
-        fusion: What Eq 12 and 13 do: "floor" as printed, "round" with the mean rounded to the nearest level (a half
+        fusion: Rule for Eq 12 and 13: "floor" as printed, "round" with the mean rounded to the nearest level (a half
             upward), "median" of the levels (the lower of two) without a vote.
-        weights: What each channel counts in that, 0 or more, ``(channels,)``; ``None`` where all count alike.
+        weights: Weight of each channel in that rule, 0 or more, ``(channels,)``; ``None`` for equal weights.
 
     Raises:
         InvalidValueError: The rate, ``tau``, ``kind``, ``preset`` or a rule cannot be used.

@@ -45,7 +45,7 @@ class HandFault(NamedTuple):
     Attributes:
         kind: One word, such as ``wrong-version``, ``no-answer``, ``too-hot``, ``silent``, ``frozen``.
         message: Description of the fault.
-        hint: What to do.
+        hint: Fix for the fault.
     """
 
     kind: str
@@ -54,7 +54,7 @@ class HandFault(NamedTuple):
 
 
 class HandCounts(msgspec.Struct, frozen=True, kw_only=True):
-    """Counts of what happened on the bus so far.
+    """Counts of events on the bus so far.
 
     Attributes:
         sets: Sets of 16 joint angles used.
@@ -92,7 +92,7 @@ class HandState(NamedTuple):
         servo_on: Servo state according to the hand; some firmware is said to ignore SERVO ON and OFF.
         joints_c: Joint temperatures, °C; ``None`` where a sensor does not answer.
         heat_share: Share of the torque limits that the temperature leaves.
-        counts: What happened so far.
+        counts: Counts so far.
     """
 
     phase: str
@@ -116,7 +116,7 @@ class HandLink:
     Args:
         controller: Gains, limits and poses; it is copied.
         device_id: The hand's number on its bus, 0 to 3.
-        side: Which hand is mounted.
+        side: Side of the mounted hand.
         torque: Whether to switch the motors on; without it the hand is only read.
         silent_after_ms: Without a set of positions for so long the motors go off.
         lowest_rate_hz: Sets of positions a second that are needed.

@@ -188,7 +188,7 @@ class HandController:
             level: Closure level asked for, 1 to 5 with fractions between two poses.
             added: Levels that a reflex adds, 0 to :data:`MOST_ADDED_LEVELS`: that share of a step to the next level.
             velocities_rad_s: Measured joint velocities, (16,); None: estimated from the angles.
-            out: Where to write the torques, float64 (16,); may be the array of the angles.
+            out: Array for the torques, float64 (16,); may be the array of the angles.
 
         Returns:
             Torques, float64 (16,), in torque units; ``out`` where it is given.
@@ -240,8 +240,7 @@ class HandController:
         """Adopt a measured pose: the target is there and at rest, the torque starts from zero.
 
         Args:
-            angles_rad: Measured joint angles, (16,). What lies outside the joint limits is adopted at the
-                limit.
+            angles_rad: Measured joint angles, (16,). An angle outside the joint limits is adopted at the limit.
 
         Raises:
             InvalidValueError: An angle is not finite, or no encoder can report it.
@@ -296,7 +295,7 @@ class JointModel:
         """Apply torques for one cycle of 3 ms and return the joint angles after it.
 
         Args:
-            torques: (16,), torque units; what exceeds ±1 (full duty) counts as ±1.
+            torques: (16,), torque units; values beyond ±1 (full duty) count as ±1.
 
         Returns:
             Joint angles, float64 (16,), rad.

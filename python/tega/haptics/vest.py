@@ -113,8 +113,8 @@ class MotorLevels:
     Attributes:
         layout: ``"paper32"`` (rows 0 to 3 of each face), ``"x40"``, ``"x16"``, or the name of an installed one.
         intensities: uint8, (n,), percent, in the order of the layout's table: with the three, front row by row from
-            the top, each row from the wearer's left, then the back likewise. Made by :func:`vest_frame` it is
-            read-only.
+            the top, each row from the wearer's left, then the back in the same order. Made by :func:`vest_frame` it
+            is read-only.
 
     Raises:
         DtypeError: ``intensities`` is not a uint8 array.
@@ -126,7 +126,7 @@ class MotorLevels:
     intensities: NDArray[np.uint8]
 
     def __post_init__(self) -> None:
-        """Refuse what no vest could show."""
+        """Refuse frames that no vest could show."""
         if getattr(self.intensities, "dtype", None) != np.uint8:
             raise DtypeError(f"intensities is {_kind(self.intensities)}, not an array of uint8")
         if self.intensities.ndim != 1:
@@ -223,7 +223,7 @@ def vest_frame(
 
 
 class FeltMap:
-    """Evens out what one person feels at each motor.
+    """Equalizes one person's perception of all motors.
 
     Every motor has a threshold, the lowest intensity that is felt there, and a step, the smallest increase that is
     noticed. An intensity of i percent becomes
@@ -237,7 +237,7 @@ class FeltMap:
 
     Args:
         threshold: Percent, 0 to 99: one number for all motors, or one for each of 40 in the wearer's order.
-        step: Percent, above 0 to 100; likewise.
+        step: Percent, above 0 to 100: one number for all motors, or one for each of 40 in the wearer's order.
 
     Attributes:
         threshold: Threshold of each of 40 motors, float64 (40,), read-only.
@@ -284,9 +284,9 @@ def _per_motor(name: str, values: float | Iterable[float], least: float, most: f
 def contact_type(cci_norm: float, eda_norm: float) -> ContactType:
     """Name a contact by the paper's reading rule.
 
-    High is :data:`HIGH_SHARE` of the maximum or more. High CCI with low EDA is ``"focal"``, low CCI with high
-    EDA is ``"broad"``, both high or both low is ``"mixed"``, EDA = 0 is ``"none"``. :data:`CONTACT_RULES`
-    says what each means.
+    High is :data:`HIGH_SHARE` of the maximum or more. High CCI with low EDA is ``"focal"``, low CCI with high EDA is
+    ``"broad"``, both high or both low is ``"mixed"``, EDA = 0 is ``"none"``. :data:`CONTACT_RULES` describes each
+    type.
 
     Args:
         cci_norm: CCI divided by the finger's maximum, 0 or more.

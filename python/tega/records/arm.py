@@ -34,7 +34,7 @@ class PoseNumbers(msgspec.Struct, frozen=True):
 
 
 class ArmTurn(Record, frozen=True, kw_only=True):
-    """Inputs of one turn of what leads an arm, and the command that came of it.
+    """Inputs of one turn of the loop that steers an arm, and the resulting command.
 
     Attributes:
         t_ns: When, since the start of the session.

@@ -58,7 +58,7 @@ class _Subscription:
 
 
 class Bus:
-    """Delivers records to those who have subscribed to their kind."""
+    """Delivers records to the subscribers of their kind."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -82,7 +82,7 @@ class Bus:
             topic: The kind, including its subclasses, so :class:`~tega.records.Record` means all kinds with a topic.
                 A kind without a topic is delivered only to subscribers of exactly that kind.
             function: Called with each record; nothing may be changed in one.
-            name: What to call the subscriber where it fails.
+            name: Name of the subscriber in error messages.
             vital: If true, its exceptions are raised in the publisher, as in a computation that steers no hand.
             backlog: Where its records wait for it; ``None`` to be called at once.
         """
@@ -177,7 +177,7 @@ class Backlog:
 
     Args:
         name: Name of the subscriber.
-        most: How many may wait; what comes beyond that is dropped and counted.
+        most: Maximum number of waiting records; further ones are dropped and counted.
         newest: If true, a full backlog drops the oldest record, for a display of the current state; else the new one.
         idle: Called in the thread, some hundred times a second, while nothing waits.
         rank: Wraps the thread's work, such as :func:`tega.runtime.threads.run_realtime`.

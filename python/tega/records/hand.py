@@ -70,8 +70,8 @@ class HandExchange(Record, frozen=True, kw_only=True):
     Attributes:
         t_ns: Time on the machine's monotonic clock, as it was passed to the link.
         level: Closure level asked for, or the nearest.
-        received: What came from the hand since the last exchange.
-        sent: What went to it.
+        received: Frames received since the last exchange.
+        sent: Frames sent to the hand.
         action: ``exchange``, ``release`` or ``abandon``.
         closure: From 0 (open) to 1 (closed), where it lies between two levels.
         added: Addition of a reflex to the level.

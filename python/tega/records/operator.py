@@ -33,10 +33,10 @@ class Button(Record, frozen=True, kw_only=True):
     """A button that went down or up.
 
     Attributes:
-        seat: What its device is for.
+        seat: Purpose of the device.
         t_ns: When, since the start of the session.
         seq: The event's number from the device.
-        button: Which.
+        button: Name of the button.
         pressed: Whether it went down.
     """
 

@@ -49,7 +49,7 @@ class Marker(Record, frozen=True, kw_only=True):
         source: Origin of the marker.
         received_ns: When it came from another program; 0 for one of this run, like those below.
         stamp_s: The other program's own time.
-        correction_s: What has to be added to that for this machine's time.
+        correction_s: Offset from that time to this machine's time.
     """
 
     topic: ClassVar[str] = "/run/marker"

@@ -28,7 +28,7 @@ class MessageField(NamedTuple):
     Attributes:
         name: Its name in the message.
         attribute: The struct's field it is made of.
-        of_pair: Which of a pair it is: ``centroid_xy`` is written as ``centroid_x`` and ``centroid_y``; else ``None``.
+        of_pair: Index within a pair: ``centroid_xy`` is written as ``centroid_x`` and ``centroid_y``; else ``None``.
         wire: Protobuf's type, or the name of another message.
         unit: Its unit; ``""`` where the type says enough.
         repeated: Whether there are any number of it.

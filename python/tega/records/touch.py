@@ -42,7 +42,7 @@ class Picture(Record, frozen=True, kw_only=True):
         t_ns: When it was taken, since the start of the session.
         received_ns: When the program had it; ``t_ns`` for one out of a file.
         seq: Its number from the camera; a gap is a lost picture.
-        name: What to call it in an error.
+        name: Name in error messages.
         pixels_crc32: CRC-32 of its pixels; known for a file, not for a camera.
         loaded: Whether another finger was in contact when it was measured.
     """
@@ -87,9 +87,9 @@ class NamedValue(msgspec.Struct, frozen=True):
 
 
 class Contact(Record, frozen=True, kw_only=True):
-    """Contact in one picture of a fingertip, and what of it the wearer is to feel.
+    """Contact in one frame of a fingertip, and its output to the wearer.
 
-    A metric gives ``finger``, ``t_ns``, ``in_contact`` and what else it knows; the loop adds ``taken_ns``,
+    A metric fills in ``finger``, ``t_ns``, ``in_contact`` and its other measurements; the loop adds ``taken_ns``,
     ``known_ns``, ``cci_norm``, ``eda_norm``, ``front`` and ``back``. Without contact, places and lengths are NaN, and
     ``eda`` and ``cci`` 0.
 
@@ -220,6 +220,6 @@ class Event(Record, frozen=True, kw_only=True):
 
     @property
     def words(self) -> str:
-        """Words for the event: what happened, and to which finger."""
+        """Description of the event, with its finger."""
         kind = self.kind if self.certain else f"{self.kind}?"
         return f"{kind}: {self.finger}" if self.finger else kind

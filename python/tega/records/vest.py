@@ -8,11 +8,11 @@ from tega.records.base import Ns, Record, quantity
 
 
 class VestRecord(Record, frozen=True, kw_only=True):
-    """Intensity of every motor of a layout at one moment; its subclasses say by whom.
+    """Intensity of every motor of a layout at one moment; its subclasses define the source.
 
     Attributes:
         t_ns: The tick it was made at, since the start of the session.
-        layout: Which motors.
+        layout: Name of the layout.
         intensities: Intensity of each motor, front row by row from the top, then the back.
         handed_ns: When it was handed over.
     """

@@ -1,4 +1,4 @@
-"""Define what passes between a device's driver and its user: settings, a description, pictures, samples, events."""
+"""Define the items that drivers and their users exchange: settings, descriptions, frames, samples, events."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class DeviceInfo(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         driver: Name under which the driver is registered.
-        kind: Which of the protocols it meets.
+        kind: Protocol that the device implements.
         label: Name of the device or recording: a base name, a serial number, a bus; never a full path.
         live: Whether it runs on the monotonic clock; false for a recording.
         rate_hz: Frames or samples per second; ``None`` where only the open device knows, or for a sink.
@@ -51,9 +51,9 @@ class Found(msgspec.Struct, frozen=True, kw_only=True):
         driver: Name under which the driver is registered.
         label: Name that a person would look for: a serial number, a port, a bus.
         options: The driver's options that reach it, as they stand in a settings file.
-        problem: What stands in the way of opening it, one sentence; ``""`` where nothing is known to.
-        hint: What to do about that.
-        note: What else there is to know of it.
+        problem: Problem that prevents opening it, one sentence; ``""`` if none is known.
+        hint: Fix for the problem.
+        note: Additional information.
         may_open: Whether it may be opened for a closer check. False for a port with an unknown device, since opening
             it can restart the device, and for checks that take long.
     """
@@ -78,7 +78,7 @@ class TactileFrame(NamedTuple):
         t_ns: Time of the picture in nanoseconds.
         seq: Its number, from 0; a gap is a lost frame.
         image: uint8 (H, W, 3), blue, green, red.
-        name: What to call it in an error: a file name, or a video's name and the frame's number.
+        name: Name in error messages: a file name, or a video's name and the frame's number.
     """
 
     t_ns: int

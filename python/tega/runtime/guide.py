@@ -27,10 +27,10 @@ class Undecided(Exception):  # noqa: N818  # no error: nobody is there to answer
 
 
 class Shows(Protocol):
-    """Shows what goes on."""
+    """Shows the progress."""
 
     def show(self, prompt: str, bars: Sequence[Bar], left_s: float | None, /) -> None:
-        """Show what goes on just now; called again and again, and returns at once."""
+        """Show the current state; called again and again, and returns at once."""
         ...
 
 
@@ -38,7 +38,7 @@ class Guide(Shows, Protocol):
     """Shows a person instructions and receives their answers."""
 
     def part(self, title: str, why: str) -> None:
-        """Begin a part: what comes, and why."""
+        """Begin a part, with its title and reason."""
         ...
 
     def say(self, text: str, *, tone: str = "plain") -> None:

@@ -55,7 +55,7 @@ def hosts_of(streams: list[Any]) -> str:
 
 
 def to_monotonic_s(lsl: Any) -> float:
-    """Return what to add to the library's clock for ours: 0 on Linux, where they are one; a constant elsewhere."""
+    """Return the offset from the library's clock to ours: 0 on Linux, where they are one; a constant elsewhere."""
     looks: list[tuple[float, float]] = []
     for _ in range(_LOOKS):
         before_s, theirs_s, after_s = time.monotonic(), float(lsl.local_clock()), time.monotonic()

@@ -1,4 +1,4 @@
-"""Find and load what packages register under the entry-point groups of TEGA: drivers and stages."""
+"""Find and load drivers and stages that packages register under the entry-point groups of TEGA."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Open a device again that went away: soon at first, then less and less often, for as long as it is wanted.
 
-Every driver and every reader that looks for a lost device takes its rests from here. What must not be opened again by
-itself does not: a hand that has found a fault, an arm that has stopped. A person stands beside those, and says when.
+Every driver and every reader that looks for a lost device takes its intervals from here. Devices that must not be
+reopened automatically do not: a hand that has found a fault, an arm that has stopped. For those a person decides.
 
 Example:
     >>> from tega.runtime.reopening import Reopening

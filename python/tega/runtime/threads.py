@@ -53,7 +53,7 @@ def realtime(*, allowed: bool) -> Iterator[None]:
 
 
 def realtime_allowed() -> bool:
-    """Whether real-time priority may be asked for, for a process of the same run to do likewise."""
+    """Whether real-time priority may be requested, so that a process of the same run can do the same."""
     return _state["allowed"]
 
 

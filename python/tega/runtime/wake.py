@@ -15,7 +15,7 @@ class Bell:
         self._silent.acquire()
 
     def ring(self) -> None:
-        """Wake who waits, or the next one who would."""
+        """Wake the waiting thread, or the next one that waits."""
         with contextlib.suppress(RuntimeError):  # rung already
             self._silent.release()
 

@@ -49,13 +49,13 @@ class _Run(msgspec.Struct):
 
 
 class KeptDose:
-    """Gives a vest's budget what earlier runs used of it, and keeps what this one uses.
+    """Loads a vest's dose from earlier runs into its budget, and stores the dose of this run.
 
     Args:
         file: File of the person; written when the run begins, every five seconds, and when it ends.
         budget: The vest's, before its first frame.
-        may_be: Files of other people that this person may be identical to. For each motor the highest dose among them
-            is added.
+        may_be: Files of the people that an unnamed wearer may be. For each motor the highest dose among them is
+            added.
         now_s: The time of day, seconds.
 
     Raises:

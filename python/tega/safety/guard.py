@@ -46,8 +46,8 @@ class Watched(NamedTuple):
         name: ``emg`` or the finger.
         kind: Kind of the stream.
         rate_hz: Blocks or pictures a second; ``None`` where that is not known.
-        report: What has become of it.
-        driver_faults: What its driver says is wrong with what comes, in words.
+        report: State of the stream.
+        driver_faults: Faults of the stream according to its driver, in words.
     """
 
     name: str
@@ -67,7 +67,7 @@ class Guard:
         calibration: Returns why the calibration cannot be used, ``""`` if it can.
         go: Whether an armed run may become active.
         alerts: Alerts that do not change the state, by name: each returns its text, ``""`` for none.
-        needs: What else the run cannot go on without, by name: each returns why it is missing, ``""`` if it is there.
+        needs: Further requirements of the run, by name: each returns why it is missing, ``""`` if it is there.
 
     Attributes:
         observers: Called with every change of state, in the loop's thread.

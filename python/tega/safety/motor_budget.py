@@ -2,8 +2,8 @@
 
 For a motor at share d of full drive (0 to 1):
 
-- heat: θ' = (d² - θ)/τ, θ being the case's temperature rise as a share of what full drive gives in the end. At most
-  ``heat_share`` is allowed: d² ≤ H + 5 (H - θ), so full drive from cold, then down to the drive that keeps H for ever;
+- heat: θ' = (d² - θ)/τ, θ being the case's temperature rise as a share of the final rise at full drive. At most
+  ``heat_share`` is allowed: d² ≤ H + 5 (H - θ), so full drive from cold, then down to the drive that keeps H forever;
 - dose: D = ∫ d² dt, in seconds of full drive. Above 80 % of the budget B the motor's ceiling sinks in proportion to
   the remaining budget, and is 0 at B: d ≤ (B - D)/(0.2 B).
 

@@ -77,8 +77,8 @@ class RunStates:
 
         Args:
             t_ns: Time since the start of the session; never less than before.
-            wrong: What keeps the run from becoming active, by name, each with its reason.
-            holding: What an active run cannot go on with; counted to ``wrong`` as well.
+            wrong: Reasons that keep the run from becoming active, by name.
+            holding: Reasons that keep an active run from going on, by name; counted to ``wrong`` as well.
             go: Whether an armed run may become active.
 
         Returns:

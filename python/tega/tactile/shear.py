@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class ShearReading(NamedTuple):
-    """What one frame says of a contact's shear; zeros without contact."""
+    """Shear of a contact in one frame; zeros without contact."""
 
     shear_mm: float
     """How far the deepest part of the contact is pulled sideways, millimetres."""
@@ -30,8 +30,8 @@ class ShearReading(NamedTuple):
     incipient: float
     """Share of the contact that has slid against the rest, 0 to 1."""
     slip_mm_s: float
-    """How fast the contact's rim slides against its middle, millimetres a second; what slides as a whole over a smooth
-    object shows nothing of its speed."""
+    """Slip speed of the contact's rim against its middle, millimetres a second; a smooth object that slides as a
+    whole shows no speed."""
     sure: float
     """How well the grain was found again: its correlation with the untouched gel's, -1 to 1."""
     slide_mm_s: float

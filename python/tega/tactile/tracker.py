@@ -203,7 +203,7 @@ class TouchTracker:
         light: The gel's own light, scale and stiffness; ``None`` takes those fitted to one DIGIT. Depth and force
             are nominal then, and ``area_mm2`` is None.
         order: Order of the colour bytes in all images.
-        outline: What ``eda`` counts: the dent as an eye marks it, or nearer to the touching area.
+        outline: Area that ``eda`` counts: the dent as an eye marks it, or nearer to the touching area.
         rezero: If true, the rest is measured again a second after a release.
 
     Raises:

@@ -1,8 +1,8 @@
 """Encode and decode the JSON messages of the bHaptics Player, versions 2 and 3 of its websocket, and of the Hub.
 
 Key order is fixed and there are no blanks, so that messages can be compared byte for byte. A message of version 3 is
-``{"Type": ..., "Message": ...}``; what stands in ``Message`` is JSON again, as text or as it is. Servers write names
-with a capital and without; both are read.
+``{"Type": ..., "Message": ...}``; the content of ``Message`` is JSON again, either as text or directly. Servers write
+names with a capital and without; both are read.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def player_v2_message(
 
 
 def player_v2_stop(key: str | None = None) -> str:
-    """Return the message that ends what one key is playing, or everything.
+    """Return the message that stops one key, or all of them.
 
     Raises:
         WireError: For an empty key.

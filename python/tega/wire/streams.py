@@ -82,7 +82,7 @@ class CytonDecoder(_NumberedPackets):
     bytes are held back.
 
     Args:
-        gain: What all channels are set to: 1, 2, 4, 6, 8, 12 or 24. The board does not say.
+        gain: Gain of all channels: 1, 2, 4, 6, 8, 12 or 24. The board does not report it.
 
     Raises:
         InvalidValueError: For another gain.

@@ -4,17 +4,17 @@
 
     calibrations/
         gels/D20641/20261121-150405.png     every baseline taken of this sensor,
-        gels/D20641/20261121-150405.toml    and what it was like
+        gels/D20641/20261121-150405.toml    and its properties
         vests/127.0.0.1_15881/20261121-150405-motor07.toml   how long that motor takes to start
         people/p01/person.toml              which hand is the person's own: set once
         people/p01/touch-D20641.toml        one file per person and device, the newest
         people/p01/emg-ttyUSB0.toml
         people/p01/vest-127.0.0.1_15881.toml
-        people/p01/arm-10.0.0.7_3810.toml   which way is forward for that tracker
-        people/p01/before/                  what those replaced, with their dates
+        people/p01/arm-10.0.0.7_3810.toml   forward direction for that tracker
+        people/p01/before/                  the files that those replaced, with their dates
         people/p01/practice/                scores
         people/p01/fitts/                   results of Fitts tests, see tega_practice.kept
-        people/p01/vest-skill/              what was told by the vest, see tega_practice.vest_kept
+        people/p01/vest-skill/              results of vest training, see tega_practice.vest_kept
         people/p01/vest-dose.json           the vest's dose of the last day, see tega.safety.dose_file
         people/p01/unfinished.json          a calibration that was interrupted
 """
@@ -81,7 +81,7 @@ def checked_person(person: str) -> str:
 
 
 def device_name(info: DeviceInfo) -> str:
-    """Return a device's serial number, or what stands for one, fit for a file's name."""
+    """Return a device's serial number or its substitute, fit for a file's name."""
     return re.sub(r"[^A-Za-z0-9._-]+", "_", info.label).strip("._") or info.driver
 
 
@@ -257,7 +257,7 @@ class CalibrationFolder:
         return found
 
     def others(self, person: str, part: Part, device: str) -> str:
-        """Say for whom or what there are records instead of the one that is missing."""
+        """List the persons or devices with records in place of the missing one."""
         mine = sorted(f.stem.removeprefix(f"{part}-") for f in self.person(person).glob(f"{part}-*.toml"))
         if mine:
             return f"{person} was calibrated on {', '.join(mine)}"

@@ -26,7 +26,7 @@ class CalibrationRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True,
 
     Attributes:
         version: Version of the format.
-        device: Serial number of the device, or what stands for one.
+        device: Serial number of the device, or its substitute.
         driver: Its driver.
         made: When it was made.
         notes: Facts that a reader has to know, one sentence each.
@@ -111,7 +111,7 @@ class EmgRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format"
         settings: The driver's options that change the numbers, such as the gain.
         unit: Unit of the numbers below.
         channels: Their names.
-        muscles: What each sits on.
+        muscles: Muscle under each channel.
         offset: Mean of the samples at rest.
         rest: Middle block mean at rest.
         live_max: 95th percentile of the block means of strong squeezes; the preset scales it by 0.8.
@@ -153,7 +153,7 @@ class VestCalibration(CalibrationRecord, frozen=True, kw_only=True, tag_field="f
 
     Attributes:
         person: Wearer of the vest.
-        layout: Which motors the vest has.
+        layout: Layout of the vest's motors.
         ceiling_percent: Nothing stronger was shown.
         sites: Columns (``f1`` to ``b4``) or motors (``m0`` to ``m39``), in the order of the next two.
         threshold_percent: The lowest intensity felt there; -1 where none was.
@@ -209,7 +209,7 @@ class ArmRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format"
 
 
 class PracticeRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format", tag="tega-practice"):
-    """Score of a person who followed a curve of levels.
+    """Score of a person following a curve of levels.
 
     Attributes:
         person: Person who practised.
@@ -222,7 +222,7 @@ class PracticeRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="fo
         kind: Kind of the samples beside the record (``.npy``: the channels, then the closure asked for).
         rate_hz: Samples per second.
         channels: Names of the channels.
-        decoder: Which made levels of the muscles; with the rules, the preset's too. Empty in records before 0.2.
+        decoder: Decoder that computed the levels; with the rules, the preset's too. Empty in records before 0.2.
         options: Its options, as JSON.
     """
 
@@ -249,8 +249,8 @@ class OnsetRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="forma
     """Time that one motor of a vest takes to start, measured with a microphone; not specific to a person.
 
     Attributes:
-        layout: Which motors the vest has.
-        motor: Which it was.
+        layout: Layout of the vest's motors.
+        motor: Number of the motor.
         percent: How hard it was driven.
         onset_ms: From the frame's hand-over to the transport to the first vibration, middle of the bursts.
         middle_half_ms: Between these lies half of the bursts.

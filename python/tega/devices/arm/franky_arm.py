@@ -47,7 +47,7 @@ class FrankyArmOptions(FrankaOptions, frozen=True, kw_only=True):
     """Settings of :class:`FrankyArm`; the others are those of :class:`FrankaOptions`.
 
     Attributes:
-        robot: Which robot it is; their joints have other limits.
+        robot: Model of the robot; the models have different joint limits.
         clip_m: The spring pulls as if the target were no farther, so the hand goes no faster than about
             clip √K / 2.
         clip_rad: The same limit for the rotation.
@@ -81,7 +81,7 @@ class FrankyArm(ProcessArm):
 
         Raises:
             DeviceUnavailableError: The robot does not answer.
-            WrongDeviceError: What answers is no robot.
+            WrongDeviceError: The answering device is not a robot.
         """
         found = preflight(options.host, robot=options.robot, realtime=options.realtime == "enforce")
         return found.findings

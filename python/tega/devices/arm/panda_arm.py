@@ -50,7 +50,7 @@ class PandaArm(ProcessArm):
 
         Raises:
             DeviceUnavailableError: The robot does not answer.
-            WrongDeviceError: What answers is no robot.
+            WrongDeviceError: The answering device is not a robot.
         """
         server = server_version(options.host)
         fix = f"install panda-python's build for robot server {server}, which its README names, or use franky"

@@ -43,7 +43,7 @@ class BrainFlowOptions(LiveEmgOptions, frozen=True, kw_only=True):
         mac_address: Address of a Bluetooth board.
         ip_address: Address of a network board.
         ip_port: Port of a network board.
-        other_info: What else a board wants to know.
+        other_info: Additional information for the board.
         master_board: For ``STREAMING_BOARD``, which receives the stream of another program: the board of that
             program, such as ``CYTON_BOARD``. The program streams with
             ``add_streamer("streaming_board://225.1.1.1:6677")``; use the same ``ip_address`` and ``ip_port``.

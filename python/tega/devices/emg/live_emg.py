@@ -51,7 +51,7 @@ class LiveEmgOptions(Options, frozen=True, kw_only=True):
     """Settings that all live sources have.
 
     Attributes:
-        channels: Which channels to use, counted from 1; none means all.
+        channels: Channels to use, counted from 1; none means all.
         measure_s: The true sample rate is measured for so long at most when the source opens; a rate that seems wrong
             is measured longer.
         silence_s: Without a valid sample for this long the source is given up.
@@ -79,13 +79,14 @@ class Arrived(NamedTuple):
 
 
 class LiveEmg(Opened):
-    """A live EMG source; a driver adds how to start, what has arrived, and how to stop.
+    """A live EMG source; a driver adds the start, the reading of samples, and the stop.
 
     Attributes:
         counter_turn: After how many samples the device's own counter repeats; ``None`` for a device that has none.
         counter_hint: The next step where the device's numbers are no counter.
         free_columns: Whether the settings alone say which columns are muscles.
-        compared: The evidence that the stream carries, and what each is compared with (:mod:`tega.runtime.evidence`).
+        compared: The evidence that the stream carries, and the assumptions that it is compared with
+            (:mod:`tega.runtime.evidence`).
     """
 
     kind: ClassVar[Kind] = "emg"
@@ -119,7 +120,7 @@ class LiveEmg(Opened):
         raise NotImplementedError
 
     def _arrived(self) -> Arrived | None:
-        """Return what has arrived, without waiting."""
+        """Return the samples that have arrived, without waiting."""
         raise NotImplementedError
 
     def _stop(self) -> None:
@@ -151,7 +152,7 @@ class LiveEmg(Opened):
         return False
 
     def _instead(self) -> str:
-        """Say what came instead of samples."""
+        """Describe the data that came instead of samples."""
         return ""
 
     def _own_notes(self) -> tuple[str, ...]:
@@ -281,7 +282,7 @@ class LiveEmg(Opened):
         return self._chunks.popleft() if self._chunks else None
 
     def _begin(self) -> None:
-        """Throw away what has waited since the source was opened."""
+        """Discard the data that arrived since the source was opened."""
         for _ in range(_MOST_WAITING):
             if self._arrived() is None:
                 break
@@ -298,7 +299,7 @@ class LiveEmg(Opened):
         self._values = ValueCheck(rate_hz, names, limits=self._limits(), free_columns=self.free_columns)
 
     def _collect(self) -> None:
-        """Put what has arrived in the queue, cut where samples are missing."""
+        """Queue the arrived samples, split at missing samples."""
         arrived, clock, now_s = self._arrived(), self._clock, time.monotonic()
         if arrived is not None and arrived.missing is not None and self.counter_turn is not None:
             room = 2**31 if clock is None else clock.room(len(arrived.samples), arrived.arrival_ns)

@@ -119,7 +119,7 @@ class Digit(Opened):
 
     @classmethod
     def discover(cls, timeout_s: float) -> list[Found]:  # noqa: ARG003  # the kernel knows at once
-        """List the DIGITs that are plugged in, with what stands in the way of opening one; opens none."""
+        """List the DIGITs that are plugged in, with problems that prevent opening one; opens none."""
         return find_digits()
 
     @property
@@ -184,7 +184,7 @@ class Digit(Opened):
 
         Args:
             own: Its baseline, uint8 (H, W, 3), oriented as its pictures are.
-            others: The other sensors' baselines, likewise, by what to call them in a note.
+            others: The other sensors' baselines, in the same form, by their names in notes.
         """
         turns = -1 if self._options.orientation == "upright" else 0
         self._baselines = sensor_bands(

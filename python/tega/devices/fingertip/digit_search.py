@@ -1,4 +1,4 @@
-"""Find the DIGITs on this machine, and what stands in the way of opening one."""
+"""Find the DIGITs on this machine, and problems that prevent opening one."""
 
 from __future__ import annotations
 

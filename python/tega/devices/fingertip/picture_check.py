@@ -56,7 +56,7 @@ def judge_picture(
 
     Args:
         image: uint8 (H, W, 3), rows in the order the sensor sends them.
-        last: The picture before, likewise; ``None`` for the first.
+        last: The previous frame, in the same form; ``None`` for the first.
         baselines: Bands of this and other sensors, to find another sensor's lines; ``None`` for no such check.
     """
     if last is not None and image.shape != last.shape:

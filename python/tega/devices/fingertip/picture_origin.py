@@ -53,7 +53,7 @@ def sensor_bands(own: NDArray[np.uint8], others: Mapping[str, NDArray[np.uint8]]
 
     Args:
         own: Baseline of the sensor, uint8 (H, W, 3), lines as the sensor sends them.
-        others: Baselines of the others by name, likewise; those of another size are left out.
+        others: Baselines of the others by name, in the same form; those of another size are left out.
     """
     alike = {name: picture_bands(b) for name, b in others.items() if b.shape == own.shape}
     return SensorBands(own.shape, picture_bands(own), alike)

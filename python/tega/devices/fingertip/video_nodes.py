@@ -22,12 +22,12 @@ class VideoNode(NamedTuple):
     """A camera's capture node.
 
     Attributes:
-        device: What to open, such as ``/dev/video2``; on Windows and macOS ``camera:2``.
+        device: Path or name to open, such as ``/dev/video2``; on Windows and macOS ``camera:2``.
         name: Name of the camera in the kernel.
         serial: Its USB serial number; ``""`` where it has none.
         revision: Its firmware revision, 0x0200 for 2.00; 0 where it is not known.
         usb_id: Vendor and product, such as ``2833:0209``; ``""`` for a camera that is not on USB.
-        bus: Number of the USB bus it shares with others; ``""`` likewise.
+        bus: Number of the USB bus it shares with others; ``""`` for a camera that is not on USB.
     """
 
     device: str
@@ -100,7 +100,7 @@ def numbered_cameras(
 
 
 def camera_place(source: str, system: str = sys.platform) -> tuple[str | int, str]:
-    """Return what OpenCV has to open for a source, and the name of the way in that it has to take.
+    """Return the path or number of a source for OpenCV, and the name of the backend.
 
     Args:
         source: ``/dev/video2``, ``camera:2``, or the address of a stream.

@@ -1,4 +1,4 @@
-"""List the CAN buses of this machine, whether they are up, and at what rate."""
+"""List the CAN buses of this machine, with their state and rate."""
 
 from __future__ import annotations
 

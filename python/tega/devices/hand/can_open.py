@@ -76,7 +76,7 @@ def open_can_bus(
         interface: The adapter's name in python-can.
         make: Returns the open bus.
         can: The module python-can.
-        channel: Which of the adapter's buses.
+        channel: Channel of the adapter.
 
     Raises:
         DeviceUnavailableError: The adapter is missing, refuses, or needs a package that is not installed.

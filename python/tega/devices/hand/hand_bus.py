@@ -72,7 +72,7 @@ class HandBus:
 
     Args:
         interface: The adapter's name in python-can.
-        channel: Which of its buses.
+        channel: Channel of the adapter.
         bitrate: Bits per second.
         more: Further arguments of ``can.Bus``.
 
@@ -208,7 +208,7 @@ class HandBus:
         frames in order: an answer with SERVO OFF confirms both.
 
         Args:
-            frames: What leaves it without force.
+            frames: Frames that leave it without force.
             device_id: Its number on the bus.
             patience_s: How long to try, seconds.
 

@@ -43,7 +43,7 @@ def guard_hand(bus: Mapping[str, Any], frames: Sequence[CanFrame], *, device_id:
 
     Args:
         bus: Arguments of ``can.Bus``.
-        frames: What leaves the hand without force.
+        frames: Frames that leave the hand without force.
         device_id: The hand's number on its bus.
 
     Raises:

@@ -21,10 +21,10 @@ class HandSpoken(NamedTuple):
     Attributes:
         t_ns: When, monotonic clock.
         level: Closure level asked for.
-        received: What came since the last one.
+        received: Frames received since the last one.
         out: Frames to be sent.
         action: ``exchange``, ``release`` or ``abandon``.
-        taken: What of it the adapter took.
+        taken: Frames that the adapter took.
         left_ns: When torques that answer a set of positions had left; 0 where none did.
         added: Addition to the level.
     """
@@ -48,7 +48,7 @@ class HandNews(NamedTuple):
         angles_rad: As last reported, float64 (16,); ``None`` before.
         target_rad: Target of the last cycle, float64 (16,); ``None`` before.
         ready: Whether the hand is steered, or never will be.
-        trouble: Why the adapter went away, or what broke the loop off.
+        trouble: Why the adapter went away, or the error that ended the loop.
         guard_problem: Why no guard would release the hand.
         n_garbled: Pieces of the adapter's stream that were no frame.
         n_unsent: Frames that the adapter did not take.

@@ -55,7 +55,7 @@ def slcan_bus() -> Any:
 
             Raises:
                 OSError: The adapter is gone.
-                ValueError: What came is no line.
+                ValueError: The received bytes are not a line.
             """
             buffer: bytearray = self._buffer
             until_s = None if timeout is None else time.monotonic() + timeout

@@ -47,7 +47,7 @@ class Debounce:
             down: Buttons with a closed contact.
 
         Yields:
-            What has become certain, in time.
+            The events that have become certain, in time order.
         """
         yield from self.settle(t_ns)
         for button in sorted(self._since.keys() - down):

@@ -87,7 +87,7 @@ class InputCounts(msgspec.Struct, kw_only=True):
 
 
 class HidInput(Opened):
-    """An input device on USB; a driver adds which one, what its reports mean, and what silence means.
+    """An input device on USB; a driver adds its identity, its reports, and the meaning of silence.
 
     A thread takes every report as it comes, so that none waits and the state is always the newest. A device that
     goes away is at rest, with nothing held, from that moment on, and is looked for again after 0.25 s and then at
@@ -98,7 +98,7 @@ class HidInput(Opened):
         hold_ms: How long a button's contact has to hold to count as pressed.
 
     Attributes:
-        counts: What came.
+        counts: Counts of reports and connections.
     """
 
     kind: ClassVar[Kind] = "input"
@@ -156,14 +156,14 @@ class HidInput(Opened):
         return AT_REST
 
     def _own_notes(self) -> tuple[str, ...]:
-        """Return what else a reader of the results must know."""
+        """Return further notes that a reader of the results must know."""
         return ()
 
     # What is the same in all of them.
 
     @property
     def info(self) -> DeviceInfo:
-        """Description of the device, and what went wrong so far."""
+        """Description of the device, and problems so far."""
         counts, notes = self.counts, []
         if counts.odd:
             notes.append(f"{counts.odd} of {counts.reports} reports could not be read and were not used")

@@ -58,7 +58,7 @@ class SpaceMouseOptions(HidInputOptions, frozen=True, kw_only=True):
 
 
 class SpaceMouse(HidInput):
-    """Gives how far the cap is pushed and turned, in the axes of the robot's base for an operator who looks along x.
+    """Gives the cap's push and turn, in the axes of the robot's base for an operator looking along x.
 
     Both layouts are supported, and detected by the length of the first report. A deflected cap repeats its report
     every 16 ms. After 100 ms, axes without a new report are set to zero; if no axis has one, the state is "no data".

@@ -75,7 +75,7 @@ class HoloLensCounts(msgspec.Struct, kw_only=True):
         repeated: Packets with the pose or the time of the previous one; they are skipped.
         connections: Connections that were made.
         silent: Connections dropped since nothing came.
-        broken: Connections dropped since what came was no packet, or ended within one.
+        broken: Connections closed after data that is no packet, or an incomplete packet.
     """
 
     packets: int = 0
@@ -99,7 +99,7 @@ class HoloLens(ThreadedTracker):
         options: The settings.
 
     Attributes:
-        counts: What came.
+        counts: Counts of packets and connections.
         frame: Axes of the poses, a name of :data:`tega.arm.FRAMES`.
     """
 
@@ -176,7 +176,7 @@ class HoloLens(ThreadedTracker):
 
         Raises:
             DeviceUnavailableError: The headset does not answer, or sends nothing.
-            WrongDeviceError: What comes is no spatial input.
+            WrongDeviceError: The received data is no spatial input.
         """
         if self._thread is not None:
             return

@@ -69,7 +69,7 @@ class OpenXr(ThreadedTracker):
         options: The settings.
 
     Attributes:
-        counts: What came.
+        counts: Counts of answers and sessions.
         frame: Axes of the poses, a name of :data:`tega.arm.FRAMES`.
     """
 
@@ -178,7 +178,7 @@ class OpenXr(ThreadedTracker):
         raise refused
 
     def _run(self, xr: Any, leaving: threading.Event, outcome: _Outcome) -> None:
-        """Ask until asked to stop; begin a new session if the session is lost."""
+        """Poll until asked to stop; begin a new session if the session is lost."""
         again = Reopening(*_BACK_OFF_S)
         while not leaving.is_set():
             n_begun = self.counts.connections

@@ -300,7 +300,7 @@ class PlayerLink:
         return pong
 
     def _hear(self, timeout_s: float) -> None:
-        """Read what has come; waits for the first message only."""
+        """Read the messages that have come; waits for the first one only."""
         for message in self._call(_come(self._ws, timeout_s)):
             self._garbage += not heard(self._version, message)
 

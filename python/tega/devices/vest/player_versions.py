@@ -59,7 +59,7 @@ class PlayerVersion(Protocol):
 
     @property
     def tls(self) -> ssl.SSLContext | None:
-        """What its transport is encrypted with."""
+        """Encryption of its transport."""
         ...
 
     def hello(self) -> list[str]:
@@ -138,8 +138,8 @@ class PlayerVersion2:
 class PlayerVersion3:
     """Version 3: needs the vendor's app id and key; the Player reports the vest's name, link and battery.
 
-    The certificate of the Player is of its own making, so it proves nothing and is not asked; nothing but the key and
-    frames goes that way. A ping of this version makes devices vibrate, outside of anybody's budget: it is never sent.
+    The Player's certificate is self-signed, so it proves nothing and is not checked; only the key and frames are sent
+    that way. A ping of this version makes devices vibrate outside of every budget: it is never sent.
 
     Args:
         port: Where the Player serves it.

@@ -47,7 +47,7 @@ def guard_vest(address: str, path: str) -> GuardProcess:
 
 
 class VestWatch:
-    """Keep what outlives a link to a vest: the process that silences it, and whether it is silent.
+    """Keep the state that outlives a link to a vest: the process that silences it, and whether it is silent.
 
     Attributes:
         guard: The process; ``None`` before the first link.

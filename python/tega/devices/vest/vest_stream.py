@@ -63,7 +63,7 @@ class VestOptions(Options, frozen=True):
     Attributes:
         limit: The highest intensity that is ever sent, percent.
         most_hz: The greatest rate of frames; one that comes sooner waits for its turn, and a newer one takes its place.
-        heat_share: How warm a motor may get, as a share of what full drive for ever would make it.
+        heat_share: Maximum warming of a motor, as a share of its warming under permanent full drive.
         dose_s: Seconds of full drive that a motor may give in all; see docs/safety.md.
         open_timeout_s: How long opening may take.
     """
@@ -195,7 +195,7 @@ class StreamedVest(Opened):
 
     @property
     def info(self) -> DeviceInfo:
-        """Description of the vest, and what went wrong with it since it was opened."""
+        """Description of the vest, and its problems since it was opened."""
         link, counters = self._link, self.counters
         notes = () if link is None else link.notes
         if (battery := self.battery_percent) is not None and battery <= LOW_BATTERY_PERCENT:

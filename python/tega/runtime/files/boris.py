@@ -54,9 +54,9 @@ def boris_project(
 
     Args:
         name: Name of the project.
-        description: What its times count from.
-        behaviours: What can be coded.
-        subjects: Whom events may concern; their keys are the digits from 1.
+        description: Origin of its times.
+        behaviours: Behaviours that can be coded.
+        subjects: Subjects that events may concern; their keys are the digits from 1.
         variables: Names of the observations' own facts.
         observations: By name (:func:`boris_observation`).
     """

@@ -41,7 +41,7 @@ def check_file(path: Path, *, most_mib: int, error: type[TegaError] = RecordingE
     Args:
         path: The file; a folder or a missing file is left to the caller to detect.
         most_mib: The largest size, MiB.
-        error: What to raise.
+        error: Class of the error to raise.
 
     Raises:
         TegaError: The file is refused; raised as the class given by ``error``.
@@ -106,7 +106,7 @@ def load_npy(data: bytes, name: str) -> NDArray[Any]:
 
     Args:
         data: The content.
-        name: What to call it in an error.
+        name: Name in error messages.
 
     Raises:
         RecordingError: It is no such array, or cut short, or made of Python objects.

@@ -1,7 +1,7 @@
 """Read the frames of a video file with PyAV: every codec of FFmpeg, with the file's own frame times and orientation.
 
-The file is demuxed once without decoding, which gives number and times of its frames. What decodes is then compared
-with the length that the header states.
+The file is demuxed once without decoding, which gives number and times of its frames. The decodable frames are then
+compared with the length that the header states.
 """
 
 from __future__ import annotations

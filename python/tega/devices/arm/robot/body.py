@@ -56,7 +56,7 @@ class RobotBody(Protocol):
         ...
 
     def fault(self) -> str:
-        """Return what has ended the arm's motion or keeps it from moving, ``""`` for nothing."""
+        """Return the fault that stopped the arm or keeps it from moving, ``""`` for none."""
         ...
 
     def recover(self) -> str:

@@ -45,7 +45,7 @@ class ArmOptions(Options, frozen=True, kw_only=True):
     Attributes:
         rate_hz: Rate of the arm's loop.
         speed_m_s: Whatever is asked, the target goes no faster at the arm's end.
-        turn_rad_s: Nor turns faster.
+        turn_rad_s: Maximum angular speed of the target at the arm's end.
     """
 
     rate_hz: Annotated[float, msgspec.Meta(ge=50, le=500)] = 200.0
@@ -54,7 +54,7 @@ class ArmOptions(Options, frozen=True, kw_only=True):
 
 
 class ProcessArm(Opened):
-    """An arm in a process of its own. A subclass names what stands behind it."""
+    """An arm in a separate process. A subclass names the body."""
 
     kind: ClassVar[Kind] = "arm"
     extra: ClassVar[str] = ""
@@ -246,7 +246,7 @@ class ProcessArm(Opened):
         return None if led is None else StampedPose(led.t_ns, led.place, led.turn)
 
     def recover(self) -> None:
-        """Have a fault cleared; only a person who has seen that it is safe may ask for that."""
+        """Clear a fault; only a person who has seen that it is safe may request this."""
         self._say(Recover())
 
     def _say(self, message: Message) -> None:

@@ -100,7 +100,7 @@ def server_version(host: str, *, timeout_s: float = 2.0) -> int:
 
     Raises:
         DeviceUnavailableError: The robot does not answer; the hint lists what to check.
-        WrongDeviceError: What answers is no robot.
+        WrongDeviceError: The answering device is not a robot.
     """
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as states:
         states.bind(("", 0))
@@ -134,7 +134,7 @@ def server_version(host: str, *, timeout_s: float = 2.0) -> int:
 
 
 def _size(data: bytes) -> int:
-    """Return the length of an answer in bytes from its start; for anything else, at most ``len(data)``."""
+    """Return the expected length of an answer in bytes; for anything else, the available length."""
     if len(data) < _HEADER.size:
         return _HEADER.size
     size: int = _HEADER.unpack_from(data)[2]
@@ -201,7 +201,7 @@ def preflight(host: str, *, robot: str = "", realtime: bool = True) -> Preflight
 
     Raises:
         DeviceUnavailableError: The robot does not answer.
-        WrongDeviceError: What answers is no robot.
+        WrongDeviceError: The answering device is not a robot.
     """
     server, library = server_version(host), installed_library()
     fix, kind = the_fix(server, library), "Panda" if server in _PANDA_SERVERS else "FR3"

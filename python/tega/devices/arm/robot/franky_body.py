@@ -37,7 +37,7 @@ MODE_WORDS: Final = {
     "Other": "the robot is locked; open its brakes in Desk",
     "Reflex": "the robot's reflex has stopped it; look what it touched, then recover",
 }
-"""What to do about a robot's mode, by its name."""
+"""Fixes for a robot's modes, by name."""
 
 
 class FrankyBody:
@@ -192,7 +192,7 @@ class FrankyBody:
         return self._tracker is not None and bool(self._robot.is_in_control)
 
     def fault(self) -> str:
-        """Return what has ended the arm's motion or keeps it from moving, ``""`` for nothing."""
+        """Return the fault that stopped the arm or keeps it from moving, ``""`` for none."""
         if self._fault or self._robot.is_in_control:
             return self._fault
         if self._tracker is None:

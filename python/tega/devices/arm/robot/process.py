@@ -54,7 +54,7 @@ class ProcessSettings(msgspec.Struct, frozen=True):
         options: The driver's options.
         rate_hz: Rate of the loop.
         speed_m_s: The target goes no faster.
-        turn_rad_s: Nor turns faster.
+        turn_rad_s: Maximum angular speed of the target.
     """
 
     link: int

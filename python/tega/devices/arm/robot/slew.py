@@ -14,8 +14,8 @@ class Slew:
     """Moves a target towards the requested pose, along the straight line and the shortest rotation.
 
     Args:
-        speed_m_s: No faster.
-        turn_rad_s: Nor turns faster.
+        speed_m_s: Maximum speed.
+        turn_rad_s: Maximum angular speed.
         place: Where it begins.
         turn: Initial rotation.
     """

@@ -69,7 +69,7 @@ class RecordedPoses:
     """Plays poses at the times of their stamps, the first of them at the first call.
 
     Args:
-        poses: What to play, in the order of their stamps.
+        poses: Poses to play, in the order of their stamps.
         delay_ns: Delay between measurement and arrival.
 
     Raises:
@@ -90,7 +90,7 @@ class RecordedPoses:
         return self._next == len(self._poses)
 
     def read(self, now_ns: int) -> Sequence[StampedPose]:
-        """Return what has arrived since the last call."""
+        """Return the poses that have arrived since the last call."""
         if self._start_ns is None:
             self._start_ns = now_ns
         first = self._next

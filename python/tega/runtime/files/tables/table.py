@@ -1,4 +1,4 @@
-"""Define what every reader gives of a file before its samples are read: columns, rate, clock, events."""
+"""Define a file's properties that are known before its samples are read: columns, rate, clock, events."""
 
 from __future__ import annotations
 
