@@ -44,7 +44,7 @@ class ArmOptions(Options, frozen=True, kw_only=True):
 
     Attributes:
         rate_hz: Rate of the arm's loop.
-        speed_m_s: Whatever is asked, the target goes no faster at the arm's end.
+        speed_m_s: Maximum speed of the target at the arm's end.
         turn_rad_s: Maximum angular speed of the target at the arm's end.
     """
 
