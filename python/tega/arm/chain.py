@@ -24,9 +24,9 @@ _AGAIN = "; let the clutch go and press it again"
 class ArmChain:
     """Gate, axes, filter, clutch, workspace, clip, limits, watchdogs; no clock, no thread, no device.
 
-    The operator takes hold by pressing the clutch with the dead-man switch held; the target then goes where the
-    forearm goes. :attr:`ArmCommand.state` and ``reason`` say what it does and why. The target never leaves box and
-    cone and never exceeds the limits of speed and acceleration, whatever comes in.
+    The operator engages by pressing the clutch with the dead-man switch held; the target then follows the forearm.
+    :attr:`ArmCommand.state` and ``reason`` give the state and its cause. The target never leaves box and cone and
+    never exceeds the limits of speed and acceleration, for any input.
 
     Args:
         settings: All settings.
@@ -65,14 +65,14 @@ class ArmChain:
         dead_man: bool,
         measured: StampedPose | None = None,
     ) -> ArmCommand:
-        """Take in what is new, and say where the hand shall be.
+        """Process new inputs, and return the command to the arm.
 
         Args:
             now_ns: The time, on the clock of the stamps, nanoseconds. Time that goes back lets the arm go.
             poses: Forearm poses since the last call, in the tracker's axes, oldest first.
             clutch: Whether the operator presses the clutch.
             dead_man: Whether the dead-man switch is held.
-            measured: Where the hand is, base's axes, if that is known anew.
+            measured: New measured pose of the hand, base's axes, if there is one.
         """
         dt_s = 0.0 if self._now_ns is None else (now_ns - self._now_ns) / 1e9
         if dt_s < 0:
@@ -124,7 +124,7 @@ class ArmChain:
             )
 
     def _see_poses(self, now_ns: int, poses: Sequence[StampedPose]) -> Trouble:
-        """Take in poses; return what was wrong with them until now."""
+        """Process poses; return the trouble with them so far."""
         before = self._watch.with_poses(now_ns)
         if before.level >= Level.LOSE:  # then the next pose may be anywhere, and has to be taken hold of anew
             self._gate.forget()

@@ -13,7 +13,7 @@ def clipped(goal: Pose, measured: Pose, limits: LimitSettings) -> Pose:
     """Return the goal, or the pose on the way to it that is as far from the measured one as is allowed.
 
     Args:
-        goal: Where to.
+        goal: Pose to move to.
         measured: Where the hand is.
         limits: ``ahead_m`` and ``ahead_rad``.
     """

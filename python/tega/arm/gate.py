@@ -36,7 +36,7 @@ class PoseGate:
     """Looks at poses one after the other.
 
     Args:
-        settings: What is believed.
+        settings: Conditions for accepting a pose.
 
     Attributes:
         last_ns: Stamp of the last pose that was believed; ``None`` before the first.
@@ -49,7 +49,7 @@ class PoseGate:
         self._turn: Floats = np.zeros(4)
 
     def forget(self) -> None:
-        """Begin anew: the next pose may be anywhere, but not older than the last one believed."""
+        """Reset: the next pose may be anywhere, but not older than the last accepted one."""
         self._place = []
 
     def refusal(self, pose: StampedPose, now_ns: int) -> str:

@@ -23,7 +23,7 @@ class ForwardCheck(NamedTuple):
     Attributes:
         ok: Whether it is forward.
         off_rad: By how much it points to the left (positive) or right of forward.
-        words: What to tell the operator.
+        words: Message to the operator.
     """
 
     ok: bool

@@ -18,14 +18,14 @@ class ArmTargetWords(msgspec.Struct, frozen=True, tag="Asked"):
     """Target of the robot's hand, from the run to the arm's process.
 
     Attributes:
-        session: Whose command it is; the arm listens to one session only.
+        session: Session of the command; the arm obeys one session only.
         sequence: Its number, rising.
         t_ns: When it was made, monotonic clock.
-        state: Of the chain.
+        state: State of the chain.
         engagements: How often the operator has taken hold.
         place: Metres; ``None`` asks nothing of the arm.
         turn: x, y, z, w.
-        velocity_m_s: Of the target.
+        velocity_m_s: Linear velocity of the target.
         velocity_rad_s: Its turning.
     """
 
@@ -98,10 +98,10 @@ class ArmStatusWords(msgspec.Struct, frozen=True, tag="Told"):
         t_ns: When the hand was there, monotonic clock.
         place: Metres.
         turn: x, y, z, w.
-        phase: What the arm does.
+        phase: Phase of the arm.
         reason: Why, in words.
         refusal: Why the last command that was not obeyed was not.
-        health: Of its loop.
+        health: Health of its loop.
         led: Its newest target; ``None`` while it is not led.
     """
 
@@ -119,7 +119,7 @@ class Ready(msgspec.Struct, frozen=True, tag=True):
     """The arm is there.
 
     Attributes:
-        facts: What is known of it, a line each, such as its versions.
+        facts: Facts about the arm, one line each, such as its versions.
     """
 
     facts: tuple[str, ...]
@@ -130,8 +130,8 @@ class Failed(msgspec.Struct, frozen=True, tag=True):
 
     Attributes:
         kind: Name of the error's class in :mod:`tega.errors`.
-        message: What is wrong.
-        hint: What to do.
+        message: Description of the problem.
+        hint: Fix for the problem.
     """
 
     kind: str

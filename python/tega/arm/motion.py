@@ -50,8 +50,8 @@ def closing_speed(speed: float, distance: float, acceleration: float, dt_s: floa
         dt_s: Length of the tick.
 
     Returns:
-        The speed, 0 or more; infinite where there is not even time to turn round. What can be reached of it within
-        the tick is for the caller to see.
+        The speed, 0 or more; infinite if there is not even time to turn round. The caller has to limit it to a speed
+        that is reachable within the tick.
 
     Example:
         >>> closing_speed(1.0, 0.5, 1.0, 0.1)
@@ -118,7 +118,7 @@ class Follower:
     """Moves the target towards a goal, within limits.
 
     Args:
-        limits: Of speed and acceleration, and how far it may be from the measured pose.
+        limits: Limits of speed and acceleration, and of the distance to the measured pose.
         workspace: Where it has to stay.
         start: Where it is at first, at rest; has to be inside.
 
@@ -156,7 +156,7 @@ class Follower:
         """Go on towards a goal inside the workspace.
 
         Args:
-            goal: Where to.
+            goal: Pose to move to.
             dt_s: For how long, more than 0.
             measured: Where the hand is. If the way to stop lies within the clip around it, it stays there; where
                 it does not, since the hand was moved, box and cone alone bind the way back.

@@ -28,7 +28,7 @@ def _share(cutoff_hz: float, dt_s: float) -> float:
 
 
 class _Cutoff:
-    """Smoothing factor of both filters: a low-pass share whose cutoff rises with the speed."""
+    """Smoothing factor of both filters, for a low-pass with a cutoff that rises with the speed."""
 
     def __init__(self, cutoff_hz: float, beta: float, speed_cutoff_hz: float) -> None:
         self._cutoff_hz, self._beta, self._speed_cutoff_hz = cutoff_hz, beta, speed_cutoff_hz
@@ -102,7 +102,7 @@ class PoseFilter:
         self.forget()
 
     def forget(self) -> None:
-        """Begin anew: the next pose is taken as it is."""
+        """Reset: the next pose is passed on unfiltered."""
         s = self._s
         self._place = OneEuro(s.cutoff_hz, s.beta_per_m, s.speed_cutoff_hz)
         self._turn = TurnOneEuro(s.turn_cutoff_hz, s.turn_beta_per_rad, s.speed_cutoff_hz)

@@ -12,15 +12,16 @@ ArmState = Literal["idle", "following", "holding", "stopped"]
 
 
 class StampedPose(NamedTuple):
-    """One rigid pose as it was measured: of the operator's forearm, or of the arm's own hand.
+    """One measured rigid pose of the operator's forearm, or of the arm's own hand.
 
-    It is one place and one turn. Where fingers are cannot be said in it, so finger tracking cannot reach the arm.
+    A pose has one position and one orientation. It has no fields for fingers, so finger tracking cannot reach the
+    arm.
 
     Attributes:
         t_ns: When it was so, on the machine's monotonic clock, nanoseconds.
-        position_m: x, y, z in the frame of whoever measured it, metres.
+        position_m: x, y, z in the frame of the measuring device, metres.
         quaternion_xyzw: Its turn, x, y, z, w.
-        valid: What the source says of it: false where it was lost, guessed or extrapolated.
+        valid: Validity according to the source: false if the pose was lost, guessed or extrapolated.
     """
 
     t_ns: int
@@ -46,7 +47,7 @@ class ArmCommand(NamedTuple):
 
     Attributes:
         t_ns: When, as the caller said.
-        state: ``idle`` (nobody steers), ``following``, ``holding`` (it would follow, but something is missing) or
+        state: ``idle`` (not steered), ``following``, ``holding`` (it would follow, but something is missing) or
             ``stopped`` (the driver ends with damping and without force; a person has to allow it to go on).
         reason: Why it is so, for the operator.
         target: Where the hand shall be; ``None`` asks nothing of the arm.

@@ -20,17 +20,17 @@ class _ChainStage(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 
 
 class GateSettings(_ChainStage, frozen=True):
-    """Limits within which a tracker's pose is believed.
+    """Limits within which a tracker's pose is accepted.
 
     Attributes:
-        unit_error: A quaternion's length may be off one by so much.
-        age_ms: A pose older than this is not used.
-        ahead_ms: Nor is one that lies further in the future: the clocks differ.
-        speed_m_s: No hand moves faster between two poses.
-        turn_rad_s: Nor turns faster.
-        step_m: No farther from one used pose to the next.
-        step_rad: Nor turns more.
-        room_m: No coordinate is larger.
+        unit_error: Maximum deviation of a quaternion's length from one.
+        age_ms: Maximum age of a pose.
+        ahead_ms: Maximum time that a pose may lie in the future, since clocks differ.
+        speed_m_s: Maximum speed between two poses.
+        turn_rad_s: Maximum angular speed between two poses.
+        step_m: Maximum distance from one used pose to the next.
+        step_rad: Maximum rotation from one used pose to the next.
+        room_m: Maximum magnitude of a coordinate.
     """
 
     unit_error: Annotated[float, msgspec.Meta(gt=0, le=0.1)] = 1e-3
@@ -49,13 +49,13 @@ class MappingSettings(_ChainStage, frozen=True):
     Attributes:
         frame: Axes of the tracker, a name of :data:`tega.arm.FRAMES`.
         yaw_rad: Heading of the operator's "forward" in the tracker's axes turned into the base's, from calibration.
-        base_yaw_rad: Which way the base's x points as the operator sees it, about the vertical: 0 away from the
-            operator, π/2 to the left, π towards the operator; from calibration.
-        scale: Of all displacement.
-        gain_xyz: Of displacement along each of the base's axes; 0 locks it.
-        gain_turn: Of turning about each of the base's axes; 0 locks it.
-        forearm: Which forearm is tracked.
-        robot_hand: Which hand is on the robot.
+        base_yaw_rad: Direction of the base's x as the operator sees it, about the vertical: 0 away from the operator,
+            π/2 to the left, π towards the operator; from calibration.
+        scale: Scale of all displacement.
+        gain_xyz: Gain of displacement along each of the base's axes; 0 locks it.
+        gain_turn: Gain of rotation about each of the base's axes; 0 locks it.
+        forearm: Side of the tracked forearm.
+        robot_hand: Side of the hand on the robot.
         mirror: Whether motion is mirrored left to right; none means when those two differ.
     """
 
@@ -99,12 +99,12 @@ class LimitSettings(_ChainStage, frozen=True):
         tool_axis: The axis of the hand that tilts, in the hand's own axes; the flange's z points to the fingertips.
         upright: Where that axis points when there is no tilt, base's axes.
         tilt_rad: It may lean so far from there.
-        speed_m_s: Of the target.
-        acceleration_m_s2: Of the target.
-        turn_rad_s: Of the target.
-        turn_acceleration_rad_s2: Of the target.
+        speed_m_s: Maximum speed of the target.
+        acceleration_m_s2: Maximum acceleration of the target.
+        turn_rad_s: Maximum angular speed of the target.
+        turn_acceleration_rad_s2: Maximum angular acceleration of the target.
         ahead_m: The target stays so close to the measured pose.
-        ahead_rad: Likewise its turn.
+        ahead_rad: Largest angle between the target and the measured pose.
     """
 
     low_m: _Triple = (0.30, -0.40, 0.03)
@@ -120,7 +120,7 @@ class LimitSettings(_ChainStage, frozen=True):
     ahead_rad: Annotated[float, msgspec.Meta(gt=0, le=3)] = 0.2
 
     def __post_init__(self) -> None:
-        """Check what concerns several numbers.
+        """Check conditions between several numbers.
 
         Raises:
             InvalidValueError: The box is empty or not finite, or an axis has no direction.
@@ -142,7 +142,7 @@ class WatchdogSettings(_ChainStage, frozen=True):
     Attributes:
         hold_ms: Without a new pose, without a believable one, or without word from the arm: the target rests.
         lost_ms: Poses come but none is believed: the operator has to take hold again.
-        silent_ms: No pose comes: likewise.
+        silent_ms: Without any pose for this long, the operator has to take hold again.
         stop_ms: Still nothing: the arm is let go with damping.
         late_ms: The caller was away for longer than this: the target comes to rest meanwhile.
     """
@@ -171,11 +171,11 @@ class ArmSettings(_ChainStage, frozen=True):
     """Settings of the arm's whole chain.
 
     Attributes:
-        gate: What a pose has to be like.
+        gate: Conditions for accepting a pose.
         mapping: How motion becomes motion.
         filter: The One-Euro filter.
         limits: Where the target may be and how it may move.
-        watchdog: After what time something happens.
+        watchdog: Times without news, and their consequences.
     """
 
     gate: GateSettings = GateSettings()
@@ -186,7 +186,7 @@ class ArmSettings(_ChainStage, frozen=True):
 
 
 def checked(settings: ArmSettings) -> ArmSettings:
-    """Return settings whose every number is known to be in its range.
+    """Return the settings after a check that every number is in its range.
 
     Raises:
         InvalidValueError: One is not; the message names it.

@@ -18,11 +18,11 @@ _GAP_NS = 300_000_000
 
 
 class ForearmSweep:
-    """Takes in poses until the forearm has moved and come to rest; a forearm that was lost begins anew.
+    """Collects poses until the forearm has moved and come to rest; restarts if the forearm is lost.
 
     Args:
         frame: Axes of the tracker, a name of :data:`~tega.arm.FRAMES`.
-        yaw_rad: Which way is forward, as far as it is known.
+        yaw_rad: Direction of forward, as far as it is known.
 
     Attributes:
         done: Whether it has gone 10 cm or more and then rested for half a second.
@@ -46,7 +46,7 @@ class ForearmSweep:
         self.done = False
 
     def take(self, pose: StampedPose) -> None:
-        """Take in the next pose; what is lost or not finite counts as no pose."""
+        """Add the next pose; a lost or non-finite pose counts as no pose."""
         place = np.asarray(pose.position_m, np.float64)
         if self.done or not pose.valid or place.shape != (3,) or not np.isfinite(place).all():
             return

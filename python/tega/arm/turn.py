@@ -1,4 +1,4 @@
-"""Take one turn of what leads an arm, with all that it takes in, so that a recording gives the same command again."""
+"""Run one turn of the arm's steering with all of its inputs, so that a recording gives the same command."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from tega.arm.pose import ArmCommand, StampedPose
 
 
 class Turn(NamedTuple):
-    """Inputs of one turn of what leads an arm.
+    """Inputs of one turn of the loop that steers an arm.
 
     Attributes:
         t_ns: When, on the clock of the stamps.
@@ -17,7 +17,7 @@ class Turn(NamedTuple):
         clutch: Whether the clutch is pressed.
         dead_man: Whether the dead-man switch is held.
         may_move: Whether the run lets the arm move.
-        measured: Where the hand is, if that is known anew.
+        measured: New measured pose of the hand, if there is one.
         stopped: Why the arm is to stop now; ``""`` if it is not to.
         cleared: Whether a person has said that it may go on.
     """

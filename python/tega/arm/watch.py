@@ -1,4 +1,4 @@
-"""Watch how long ago poses and the arm were last heard, and tell what that leads to."""
+"""Watch the time since the last poses and arm reports, and decide the consequence."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ class Level(IntEnum):
 
 
 class Trouble(NamedTuple):
-    """Trouble with the poses or the arm, and what it leads to.
+    """Trouble with the poses or the arm, and its consequence.
 
     Attributes:
-        level: What it leads to.
+        level: Consequence of the trouble.
         reason: In words for the operator.
         silent: Whether it is that no poses come.
     """
@@ -38,10 +38,10 @@ class Trouble(NamedTuple):
 
 
 class ArmWatch:
-    """Keeps the times at which poses and the arm were last heard.
+    """Keeps the times of the last poses and of the arm's last report.
 
     Args:
-        settings: After what time what happens.
+        settings: Times without news, and their consequences.
     """
 
     def __init__(self, settings: WatchdogSettings) -> None:
@@ -54,12 +54,12 @@ class ArmWatch:
         self._untrusted = False
 
     def forget(self) -> None:
-        """Begin anew: nothing has been heard yet."""
+        """Reset: nothing has been received yet."""
         self._believed_ns = self._refused_ns = self._arm_ns = None
         self.forget_jumps()
 
     def forget_jumps(self) -> None:
-        """Forget where the forearm has jumped: it has to be taken hold of anew."""
+        """Forget the forearm's jumps; the operator has to engage again."""
         self._jumps_ns.clear()
         self._untrusted = False
 
@@ -80,7 +80,7 @@ class ArmWatch:
         self._arm_ns = t_ns
 
     def arm_is_fresh(self, now_ns: int) -> bool:
-        """Return whether the arm has told lately where it is."""
+        """Return whether the arm has reported its pose recently."""
         return self._arm_ns is not None and (now_ns - self._arm_ns) / 1e6 <= self._s.hold_ms
 
     def trouble(self, now_ns: int, away_ms: float) -> Trouble:
@@ -113,7 +113,7 @@ class ArmWatch:
         return self._by_age(age_ms, "no pose came", silent=True)
 
     def _with_jumps(self, now_ns: int) -> Trouble:
-        """Tell of a tracker that jumps away and back: what it says between jumps is not believed either."""
+        """Report a tracker that jumps away and back: poses between jumps are not accepted either."""
         if self._untrusted and (now_ns - self._jumps_ns[-1]) / 1e6 > _STEADY_MS:
             self.forget_jumps()
         if not self._untrusted:

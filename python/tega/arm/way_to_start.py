@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 SPEED_M_S: Final = 0.1
 TURN_RAD_S: Final = 0.5
-"""A way that nobody steers is slower than one that an operator does."""
+"""A path without an operator is slower than a steered one."""
 
 _NEAR_M, _NEAR_RAD = 0.005, 0.03
 _THERE_M, _THERE_RAD, _RESTS_M_S = 0.002, 0.01, 0.005
@@ -33,17 +33,17 @@ _LONGEST_S = 0.05
 class WayToStart(Opened):
     """Gives the poses of a forearm that leads the arm to its start, in the base's axes, unscaled and not mirrored.
 
-    It moves only while the arm follows, and goes by the target that the chain has really set. So the chain's
-    gate, clutch, dead-man, workspace, clip, limits and watchdogs bind this way as any other.
+    The arm moves only in state ``following``, and its path starts from the target that the chain has actually set. So
+    the chain's gate, clutch, dead-man, workspace, clip, limits and watchdogs apply as on any other path.
 
     Args:
-        start: Where to.
+        start: Pose to move to.
 
     Attributes:
-        state: Of the chain, as last seen; ``""`` before.
+        state: Newest state of the chain; ``""`` before.
         reason: Why it is so.
         left_m: How far the target is from the start; ``None`` before it was known.
-        off_m: How far the arm itself is from it, as measured; likewise.
+        off_m: Distance of the arm itself from the start, as measured; ``None`` before it was known.
         there: Whether the target rests at the start.
         seen_s: When the chain was last seen, on the monotonic clock.
     """
@@ -73,7 +73,7 @@ class WayToStart(Opened):
 
     @property
     def info(self) -> DeviceInfo:
-        """Description of what leads the arm."""
+        """Description of the steering device."""
         return DeviceInfo(
             driver="way-to-start", kind="tracker", label=self.summary, live=True, rate_hz=None, unit="m"
         )
@@ -85,7 +85,7 @@ class WayToStart(Opened):
         """Close nothing."""
 
     def saw(self, turn: ArmTurn) -> None:
-        """Take in what the chain made of the last pose."""
+        """Process the chain's result for the last pose."""
         self.state, self.reason, self.seen_s = turn.state, turn.reason, time.monotonic()
         if turn.measured and len(place := turn.measured[0].position) == 3:
             self.off_m = math.dist(place, self._start.position_m.tolist())

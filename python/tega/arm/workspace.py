@@ -66,7 +66,7 @@ class Workspace:
     def inside(self, pose: Pose) -> Pose:
         """Return the nearest pose inside: cut component by component, and leant back the short way.
 
-        What is inside already is returned as the same object.
+        A pose that is already inside is returned as the same object.
         """
         place, q = pose
         if not self.holds_place(place):

@@ -1,6 +1,6 @@
 """Keep the files that stages name in their options with a recording, and find them there again.
 
-A recording has to give the same again on another machine, years later: a model's file is a part of what was computed.
+A recording has to give the same results on another machine, years later: a model's file is part of the computation.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ def attached_files(stages: StagesSection) -> dict[str, bytes]:
 
 @contextmanager
 def with_attached(stages: StagesSection, files: Mapping[str, bytes]) -> Iterator[StagesSection]:
-    """Give stages whose options name what a recording kept, for as long as they are made.
+    """Yield stages with options that point to the files of a recording, for the time of construction.
 
-    An option whose file the recording did not keep stays as it is.
+    An option stays unchanged if the recording does not contain its file.
     """
     with TemporaryDirectory(prefix="tega-stages-") as folder:
         for name, place, _ in _named(stages):

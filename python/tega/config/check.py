@@ -134,7 +134,7 @@ def _values_of(config: SessionConfig, origins: Mapping[str, str], mounted: str) 
 
 
 def _with_mounted_hand(config: SessionConfig, origins: Mapping[str, str]) -> tuple[SessionConfig, str]:
-    """Have the arm's motion be mirrored for the hand that is mounted, whose driver refuses the other one.
+    """Set the arm's robot hand to the mounted side, unless the settings set it.
 
     Returns:
         The settings, and the side that was taken; ``""`` where the settings say it or no driver knows it.

@@ -40,7 +40,7 @@ class Chosen:
     Args:
         group: metric, decoder, mapping or reflex.
         section: Its table in the settings.
-        preset: The session's preset, whose stage it is where the table names none.
+        preset: The session's preset, which provides the stage if the table names none.
 
     Attributes:
         name: Its name.
@@ -61,7 +61,7 @@ class Chosen:
         """Make the stage.
 
         Raises:
-            TegaError: It refuses what it is given; the message says which stage it was.
+            TegaError: The stage refuses its arguments; the message names the stage.
         """
         try:
             return self.kind(setup, self.options)
@@ -153,7 +153,7 @@ def decoder_told(config: SessionConfig) -> tuple[str, str]:
 
 
 def is_outside(beside: BesideConfig) -> bool:
-    """Tell whether a stage beside the connected ones gets what it says from another process."""
+    """Return whether a stage beside the connected ones receives its output from another process."""
     return beside.group == "decoder" and chosen_stage("decoder", beside.stages, "live").kind.outside is True
 
 

@@ -42,10 +42,10 @@ class Overridden(str):
 def explain(
     error: msgspec.ValidationError, tree: Any, wanted: Any, *, prefix: str, origins: Mapping[str, str]
 ) -> ConfigError:
-    """Say what a validation error means to the person who wrote the settings.
+    """Explain a validation error to the author of the settings.
 
     Args:
-        error: What msgspec found.
+        error: Error raised by msgspec.
         tree: The settings it looked at.
         wanted: The type it looked for.
         prefix: Dotted key at which the tree stands, or ``""``.
@@ -109,7 +109,7 @@ def _choices(kind: Any) -> str:
 
 
 def _members(kind: Any) -> list[Any]:
-    """Return what a type stands for: the members of a union, what an annotation is about."""
+    """Return the types that a type stands for: a union's members, an annotation's subject."""
     origin = typing.get_origin(kind)
     if origin in {typing.Union, types.UnionType}:
         return [m for member in typing.get_args(kind) for m in _members(member)]

@@ -26,7 +26,7 @@ def override_tree(tree: dict[str, Any], sets: Sequence[str]) -> dict[str, str]:
         Where each of the keys came from: ``--set``.
 
     Raises:
-        ConfigError: One is not of the form ``key=value``, or goes into what is no table.
+        ConfigError: A value is not of the form ``key=value``, or its key leads into something that is not a table.
     """
     origins: dict[str, str] = {}
     for item in sets:
@@ -37,8 +37,8 @@ def override_tree(tree: dict[str, Any], sets: Sequence[str]) -> dict[str, str]:
 def override_recorded(tree: dict[str, Any], sets: Sequence[str]) -> dict[str, str]:
     """Put values given as text into the settings of a recording, which are written out in full.
 
-    As :func:`override_tree`; a stage that is named anew begins with its own defaults, since it does not know the
-    options of the one that ran.
+    As :func:`override_tree`; a stage that is replaced by name starts with its own defaults, since the options of the
+    recorded stage do not apply to it.
     """
     named = {item.partition("=")[0].strip() for item in sets}
     for group in (*STAGE_GROUPS, "reflex"):

@@ -35,7 +35,7 @@ def check_magnitudes(tree: Mapping[str, Any], origins: Mapping[str, str]) -> Non
 
 
 def _numbers(value: Any, key: str) -> Iterator[tuple[str, float]]:
-    """Return every finite number with its key; what is no number, or not finite, the schema judges."""
+    """Return every finite number with its key; the schema checks other values."""
     if isinstance(value, Mapping):
         for name, one in value.items():
             yield from _numbers(one, f"{key}.{name}" if key else str(name))

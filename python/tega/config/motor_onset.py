@@ -23,7 +23,7 @@ class MotorOnset(NamedTuple):
     Attributes:
         ms: Middle of the motors that were measured.
         device: The vest.
-        motors: Which were measured.
+        motors: Measured motors.
         made: Day of the oldest of these measurements, such as ``2026-11-21``.
         uncertainty_ms: How far it may be off, by the clock of the recordings.
     """

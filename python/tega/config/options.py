@@ -40,7 +40,7 @@ def stage_options(
     """Check a stage's options outside a session, as its ``options`` table would be.
 
     Args:
-        group: Which kind of stage.
+        group: Kind of stage.
         name: Its name.
         sets: Options as ``key=value``; paths are relative to the working directory.
 

@@ -28,7 +28,7 @@ class LoadedConfig(NamedTuple):
 
 
 def where(origins: Mapping[str, str], key: str) -> str:
-    """Return the origin of a value, for an error: the settings, where nobody gave it."""
+    """Return the origin of a value, for an error; by default the settings."""
     found = origin_of(key, origins)
     return "settings" if found == "default" else found
 

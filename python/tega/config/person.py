@@ -1,4 +1,4 @@
-"""Apply a person's calibration to a run: what is used, what is refused, and what is warned of."""
+"""Apply a person's calibration to a run: the used records, the refused ones, and the warnings."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class Personal(NamedTuple):
 
     Attributes:
         calibration: The maxima.
-        name: What to call where they came from.
-        warnings: What is old, missing or was kept in spite of a problem; one sentence each.
+        name: Name of the maxima's origin.
+        warnings: Records that are old, missing or were stored in spite of a problem; one sentence each.
     """
 
     calibration: Calibration
@@ -68,9 +68,9 @@ def person_calibration(
         config: The settings; ``calibration.person`` and ``calibration.folder`` are set.
         sources: The open tactile sources, by finger.
         emg: The open EMG source, if any.
-        conditions: What its calibration depends on.
+        conditions: Conditions that its calibration depends on.
         settings: How the settings file is named in the commands that are suggested.
-        now: To tell the age.
+        now: Current time, to compute ages.
 
     Raises:
         CalibrationError: A record is missing, or was made for another person, device or way of measuring; the
@@ -111,7 +111,7 @@ def whose(config: CalibrationConfig) -> tuple[str, CalibrationFolder]:
     """Return person and folder of some settings.
 
     Raises:
-        CalibrationError: They name none.
+        CalibrationError: The settings name no person or folder.
     """
     if config.person is None or config.folder is None:
         raise CalibrationError("no person is named", "set calibration.person, or run with --person")
@@ -201,7 +201,7 @@ def touch_warnings(
     settings: str,
     now: datetime,
 ) -> list[str]:
-    """Say what is old about a fingertip's maxima and baseline, and what was noted with them."""
+    """Warn if a fingertip's maxima or baseline are old, and repeat their notes."""
     person, limits = record.person, config.calibration
     command = calibrate_command(settings, person, "touch")
     warnings = _old(f"{finger}: maxima", record.made, limits.touch_old_h, now, command)
@@ -217,7 +217,7 @@ def touch_warnings(
 
 
 def emg_warnings(record: EmgRecord, config: SessionConfig, *, settings: str, now: datetime) -> list[str]:
-    """Say that rest and maxima of the muscles are old, and what was noted with them."""
+    """Warn if rest and maxima of the muscles are old, and repeat their notes."""
     made = max(record.made, record.refreshed or record.made)
     refresh = calibrate_command(settings, record.person, refresh=True)
     warnings = _old("EMG", made, config.calibration.emg_old_h, now, refresh)
@@ -252,7 +252,7 @@ def vest_warnings(
 def _arm_warnings(
     config: SessionConfig, folder: CalibrationFolder, person: str, *, settings: str, now: datetime
 ) -> list[str]:
-    """Say that a heading is old: a headset that was started anew may call another way forward."""
+    """Warn if a heading is old: a headset that was restarted may define forward differently."""
     info = _tracker_info(config)
     record = None if info is None else folder.record(person, ArmRecord, device_name(info))
     if record is None:
@@ -275,11 +275,12 @@ def _old(what: str, made: datetime, limit_h: float, now: datetime, command: str)
 def with_person(loaded: LoadedConfig, *, given: set[str]) -> LoadedConfig:
     """Put a person's baselines and thresholds where the settings leave them open, and say where each value comes from.
 
-    A value that is given wins. Nothing is opened: devices are told apart by what they are called while closed.
+    A value that is set explicitly takes precedence. Nothing is opened: devices are identified by their names while
+    closed.
 
     Args:
         loaded: Checked settings with ``calibration.person`` and ``calibration.folder``.
-        given: Dotted keys that somebody has set.
+        given: Dotted keys that are set explicitly.
 
     Raises:
         InvalidValueError: The person's code cannot be one.
@@ -292,7 +293,7 @@ def with_person(loaded: LoadedConfig, *, given: set[str]) -> LoadedConfig:
     found: dict[str, tuple[Any, str]] = {}
 
     def readable(wanted: type[Any], info: DeviceInfo) -> Any:
-        """Read a record; what cannot be used is told by the run, which reads it again, and stops no calibration."""
+        """Read a record; ignore unusable ones, since the run reads them again and reports them."""
         try:
             return folder.record(person, wanted, device_name(info))
         except CalibrationError as error:
@@ -366,7 +367,7 @@ def _of_the_heading(record: ArmRecord | None, folder: CalibrationFolder) -> dict
 
 
 def _of_the_hand(config: SessionConfig, folder: CalibrationFolder, person: str) -> dict[str, tuple[Any, str]]:
-    """Return what follows from a person's hand: the forearm that leads the arm, and the side of the thumb's column."""
+    """Return the settings that follow from a person's hand: the tracked forearm and the thumb's side."""
     hand = folder.hand(person)
     if hand is None:
         return {}
@@ -411,7 +412,7 @@ def felt_by(record: VestCalibration) -> tuple[tuple[float, ...], tuple[float, ..
     take the range of all. With nothing felt anywhere they are those of no calibration, 0 and 1.
 
     Args:
-        record: What a person feels.
+        record: Thresholds and steps of a person.
     """
     thresholds = _each_motor(record, record.threshold_percent)
     steps = _each_motor(record, record.step_percent)

@@ -106,12 +106,12 @@ class CalibrationConfig(_Section, frozen=True):
     Attributes:
         file: A file of maxima; none means those of ``person``, or, for recordings only, of the recording itself, which
             is not causal.
-        person: Whose calibration to use, as ``tega-teleop calibrate`` has kept it.
+        person: Person with the calibration to use, as stored by ``tega-teleop calibrate``.
         folder: Where it keeps them; none means ``calibrations`` beside the settings file.
         baseline_old_h: A baseline older than this is warned of, hours.
-        touch_old_h: Likewise maxima of a fingertip.
-        emg_old_h: Likewise rest and maxima of the muscles; a refresh makes them new.
-        vest_old_h: Likewise thresholds of the vest.
+        touch_old_h: Warn if maxima of a fingertip are older than this, hours.
+        emg_old_h: Warn if rest and maxima of the muscles are older than this, hours; a refresh renews them.
+        vest_old_h: Warn if thresholds of the vest are older than this, hours.
     """
 
     file: Path | None = None
@@ -156,9 +156,9 @@ class EmgConfig(_Section, frozen=True):
 
     Attributes:
         driver: Name of an EMG driver.
-        kind: What the samples are: ``raw`` (offset removed and rectified here), ``rectified`` or ``envelope``.
-        muscles: What each channel sits on, for the words of a calibration; none means ECR, FCU, FDS where
-            there are three.
+        kind: Kind of the samples: ``raw`` (offset removed and rectified here), ``rectified`` or ``envelope``.
+        muscles: Muscle under each channel, for the texts of a calibration; none means ECR, FCU, FDS if there are
+            three.
         options: The driver's own settings.
     """
 
@@ -182,13 +182,14 @@ class VestConfig(_Section, frozen=True):
         layout: Where the motors are: ``paper32``, ``x40``, ``x16`` or another of the stages' group ``tega.layouts``;
             none means the preset's own.
         rate_hz: Refreshes per second.
-        pace: ``steady`` makes frames at the refreshes only, ``by-frame`` also whenever a picture of a live fingertip
-            changes what is felt; none means the preset's own.
+        pace: ``steady`` makes frames at the refreshes only, ``by-frame`` also whenever a frame of a live fingertip
+            changes the vest's output; none means the preset's own.
         keep_alive_s: A frame equal to the last one sent is sent to a real vest again after this long at the latest;
             0 sends every frame. It stays well below the 200 ms after which a vest has to fall silent by itself.
         mirror: ``back`` reverses the back's columns, ``all`` both faces' (a left hand, or a mirrored vest).
         threshold: The lowest intensity that this person feels, percent: one number, or 40 in the wearer's order.
-        step: The smallest increase that this person notices, percent; likewise. See ``tega.haptics.FeltMap``.
+        step: The smallest increase that this person notices, percent: one number, or 40 in the wearer's order. See
+            ``tega.haptics.FeltMap``.
         options: The driver's own settings.
     """
 
@@ -222,7 +223,7 @@ class InputConfig(_Section, frozen=True):
 
     Attributes:
         driver: Name of an input driver.
-        button: Which of its buttons is meant, for ``dead_man`` and ``marker``; none means any.
+        button: Button of the device, for ``dead_man`` and ``marker``; none means any.
         options: The driver's own settings.
     """
 
@@ -232,7 +233,7 @@ class InputConfig(_Section, frozen=True):
 
 
 class InputSection(_Section, frozen=True):
-    """The operator's input devices, by what they are for.
+    """The operator's input devices, by purpose.
 
     Attributes:
         motion: Six axes that are to move the arm.
@@ -240,7 +241,7 @@ class InputSection(_Section, frozen=True):
         clutch: A switch that is held as long as the arm follows; without one the dead-man is it.
         recover: A button that says, with the dead-man let go, that the arm may go on after a fault or a stop.
         marker: A switch that marks a moment.
-        undo: A button that undoes the online adaptation of EMG; pressed again, that begins anew.
+        undo: A button that undoes the online adaptation of EMG; pressing it again restarts the adaptation.
         reflex: A button that takes the reflex's authority away; pressed again, gives it back.
     """
 
@@ -274,13 +275,13 @@ class ArmConfig(_Section, frozen=True):
 
     Attributes:
         driver: Name of an arm's driver.
-        tracker: What sees the forearm; none means that ``input.motion`` is summed up.
+        tracker: Tracker of the forearm; none means that ``input.motion`` is summed up.
         rate_hz: Commands a second.
-        gate: What a pose has to be like to be believed; these five are those of :mod:`tega.arm.settings`.
+        gate: Conditions for accepting a pose; these five are those of :mod:`tega.arm.settings`.
         mapping: How motion of the forearm becomes motion of the target.
         filter: The One-Euro filter.
         limits: Where the target may be and how it may move.
-        watchdog: After what time without news something happens.
+        watchdog: Times without news, and their consequences.
         start_m: Where the hand goes between a study's trials, base's axes; none leaves it where it is.
         start_xyzw: How it is turned there; the default has its z along the base's x.
         options: The driver's own settings.
@@ -343,8 +344,8 @@ class RecordingSection(_Section, frozen=True):
         dir: Folder of the session, to which every run adds a file; none means nothing is recorded.
         lossless: Pictures as they are, so that a replay computes the same bits; otherwise as JPEG.
         jpeg_quality: 1 to 100.
-        queue_mib: What may wait to be encoded, and again as much for the disk; beyond it pictures are dropped and
-            counted.
+        queue_mib: Maximum size of the data waiting to be encoded, and the same again for the disk; beyond it frames
+            are dropped and counted.
         warn_free_mib: A disk with less room than this is warned of.
         stop_free_mib: With less room than this the recording is finished, and the run goes on without.
     """
@@ -395,7 +396,8 @@ class AdaptationSection(_Section, frozen=True):
     Attributes:
         on: Whether the connected decoder gets adapted samples; off, they are as they came.
         gain_percent_per_min: By so much a channel's gain changes within any minute at most; by 50 % in all.
-        offset_percent_per_min: Likewise its offset, of the calibrated maximum; by 10 % in all.
+        offset_percent_per_min: Largest change of a channel's offset within any minute, of the calibrated maximum; by
+            10 % in all.
     """
 
     on: bool = False
@@ -404,7 +406,7 @@ class AdaptationSection(_Section, frozen=True):
 
 
 class ReflexSection(StageConfig, frozen=True):
-    """The reflex that firms the grip at a slip and eases it again, beyond what the person asks for.
+    """The reflex that firms the grip at a slip and eases it again, beyond the person's request.
 
     Attributes:
         name: Its name, as ``tega-teleop stages`` lists it; none means no reflex.
@@ -431,10 +433,10 @@ class StagesSection(_Section, frozen=True):
         mapping: Turns contacts into motor levels.
         beside: Further metrics and decoders that look on and are recorded; they move nothing.
         adaptation: Whether the decoder's samples follow slow changes of skin and electrodes.
-        reflex: Adds to the closure between decoder and limits, by what the fingertips feel.
-        slips: What tells mapping and reflex of slips: ``hand`` (fingertips, hand's joints and arm's height, where hand
-            and arm tell them, else the fingertips alone) or ``touch`` (these alone). Where it is not set a run goes by
-            ``hand``, a simulated trial by ``touch``.
+        reflex: Adds to the closure between decoder and limits, based on the fingertips' touch.
+        slips: Slip detection for mapping and reflex: ``hand`` (fingertips, hand's joints and arm's height, if hand
+            and arm report them, else the fingertips alone) or ``touch`` (fingertips alone). If it is not set, a run
+            uses ``hand``, a simulated trial ``touch``.
     """
 
     metric: StageConfig = StageConfig()

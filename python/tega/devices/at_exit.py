@@ -1,10 +1,10 @@
 """Close devices when the program ends: on exit, and on a request to terminate.
 
-A ``with`` block closes its devices when it is left, by an exception too. Two ways out pass it by: a program that
-forgets it, and SIGTERM, which ends Python at once unless somebody handles it. While a device is registered here,
-``close`` is called when the interpreter exits, and SIGTERM or SIGHUP (the terminal is closed) raises ``SystemExit`` in
-the main thread, unless the program has a handler of its own. The second of them, which a log-out sends right after the
-first, does not cut the closing short. Nothing runs on SIGKILL or a power cut.
+A ``with`` block closes its devices when it is left, also by an exception. Two cases bypass it: a program without the
+``with`` block, and SIGTERM, which ends Python at once unless it is handled. While a device is registered here,
+``close`` is called when the interpreter exits, and SIGTERM or SIGHUP (the terminal is closed) raises ``SystemExit``
+in the main thread, unless the program has its own handler. A second signal, which a log-out sends right after the
+first, does not interrupt the closing. Nothing runs on SIGKILL or a power cut.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _words: list[str] = []
 
 
 def last_words(said: str) -> None:
-    """Tell something that a person has to do now, and tell it once more as the last thing that the program says.
+    """Print something that a person has to do now, and repeat it as the program's last output.
 
     Args:
         said: One sentence.

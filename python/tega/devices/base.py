@@ -1,11 +1,12 @@
-"""Define the protocols of device drivers; :mod:`tega.runtime.device_items` has what passes through them.
+"""Define the protocols of device drivers; :mod:`tega.runtime.device_items` defines their items.
 
 A driver's constructor takes its validated options and stores them; nothing is opened, read or sent before
-:meth:`~Device.open`. ``info`` can be read at any time; what only an open device knows is ``None`` until then.
+:meth:`~Device.open`. ``info`` can be read at any time; its values that require an open device are ``None`` until
+then.
 
-Times. A recorded source (``info.live`` is false) stamps items in nanoseconds from the start of its recording; a
-live one stamps them with the monotonic clock, and the loop subtracts the start of the session. What the loop
-gives to a sink is always counted from the start of the session.
+Times: A recorded source (``info.live`` is false) stamps items in nanoseconds from the start of its recording. A live
+source stamps them with the monotonic clock, and the loop subtracts the start of the session. Times that the loop
+gives to a sink are always counted from the start of the session.
 """
 
 from __future__ import annotations
@@ -118,11 +119,11 @@ class Device(Protocol):
 
 @runtime_checkable
 class DiscoveringDevice(Protocol):
-    """A driver that can say what is there for it; optional, for ``devices``, ``doctor`` and ``init``."""
+    """A driver that can list its connected devices; optional, for ``devices``, ``doctor`` and ``init``."""
 
     @classmethod
     def discover(cls, timeout_s: float) -> Sequence[Found]:
-        """Look for what this driver can open; opens nothing, sends nothing that changes a device's state.
+        """List the devices for this driver; opens nothing, sends nothing that changes a device's state.
 
         Args:
             timeout_s: How long looking may take.
@@ -176,23 +177,23 @@ class FeedingSource(TactileSource, Protocol):
     def feed(self, take: Callable[[TactileFrame], None] | None) -> None:
         """Call a function with every good picture from now on, in the sensor's thread; with none for ``None``.
 
-        It must return before the next picture is due; :meth:`read` gives pictures all the same.
+        The function must return before the next frame is due. :meth:`read` still returns every frame.
         """
         ...
 
 
 @runtime_checkable
 class ComparingSource(TactileSource, Protocol):
-    """A live sensor that tells its own pictures from those of the others beside it."""
+    """A live sensor that distinguishes its own frames from those of sensors beside it."""
 
     def compare_with(self, own: NDArray[np.uint8], others: Mapping[str, NDArray[np.uint8]]) -> None:
-        """Give it its own baseline and those of the other sensors, by what to call them in a note."""
+        """Set its own baseline and those of the other sensors, by their names in notes."""
         ...
 
 
 @runtime_checkable
 class CountingSource(Protocol):
-    """A camera that counts what it sent and what could not be used; optional, for ``doctor``."""
+    """A camera that counts its sent and its unusable frames; optional, for ``doctor``."""
 
     @property
     def counts(self) -> CameraCounts:
@@ -204,8 +205,8 @@ class CountingSource(Protocol):
 class BudgetedVest(Protocol):
     """A vest that holds its motors to a limit, to their heat and to a day's vibration; without it nothing does.
 
-    What the wearer had of that day before is put into the budget before the vest is opened, and what this run adds is
-    kept.
+    The wearer's vibration earlier that day is added to the budget before the vest is opened. The vibration of this
+    run is stored.
     """
 
     @property
@@ -216,28 +217,28 @@ class BudgetedVest(Protocol):
 
 @runtime_checkable
 class RepeatingVest(Protocol):
-    """A vest that sends what it shows again, so that it goes on; how often, is set before it is opened."""
+    """A vest that repeats the current frame to keep it playing; set the interval before opening it."""
 
     keep_alive_s: float
 
 
 @runtime_checkable
 class StampingVest(Protocol):
-    """A vest that tells when a frame leaves; without it no latency is counted to it."""
+    """A vest that reports when each frame leaves; without it no latency is measured for the vest."""
 
     def handed_over(self) -> Sequence[tuple[int, int, int]]:
         """Return the frames that left since the last call.
 
         Returns:
-            Of each frame that brought something new the ``t_ns`` it was written with, and the monotonic times, ns,
-            until which it was held back (0 where it was not) and at which it left.
+            For each frame with new content: the ``t_ns`` it was written with, the monotonic time, ns, until which it
+            was held back (0 if it was not), and the monotonic time at which it left.
         """
         ...
 
 
 @runtime_checkable
 class TellingHand(Protocol):
-    """A hand that tells of every exchange with it, so that a recording holds it and a replay computes it again."""
+    """A hand that reports every exchange with it, so that a run can be recorded and replayed."""
 
     on_exchange: (
         Callable[[int, tuple[float, float], Sequence[Received], Sequence[CanFrame], str], None] | None
@@ -263,21 +264,20 @@ OPTIONAL: Final[Mapping[str, Any]] = MappingProxyType(
         "silent": False,
     }
 )
-"""What a driver may have beyond its protocol, by name, and what is taken of one that has it not.
+"""Optional attributes of drivers, by name, with the defaults for drivers that lack them.
 
-An amplifier: ``limits``, the smallest and largest value its converter can give, in the samples' unit, without which
-saturation cannot be told; ``measured_hz``, the samples per second that really come; ``faults``, what is wrong with
-the signal now, one sentence each, which a run shows as an alert; ``marked``, events that a recording holds, each a
-:class:`~tega.records.HeardMarker`, by time; ``contradictions``, those faults that are differences between the stream's
-own evidence and the settings (:mod:`tega.runtime.evidence`). Any live source: ``compared``, the evidence that its
-stream carries. A camera: ``faults``, why the newest picture was not
-given, which a run tells where the finger has none. A hand that is steered: ``problem``, what is wrong with it now,
-``""`` for nothing, which a run shows likewise; ``guard_problem``, why no other process would switch its motors off if
-this program were killed, which holds a run; ``silent``, whether its joint angles are older than its watchdog allows,
-so that no slip is told by them. A vest: ``reached``, whether frames arrive; ``spared``, how
-many it did not send because it showed them already; ``in_steps``, whether it shows 16 steps and nothing between;
-``condition``, what it says of itself now, one line for a run to show; ``battery_percent``, its battery;
-``confirmed_rest``, whether it is closed and has answered that its motors rest.
+An amplifier: ``limits``, the smallest and largest value of its converter, in the samples' unit, required to detect
+saturation; ``measured_hz``, the measured sample rate; ``faults``, current faults of the signal, one sentence each,
+which a run shows as an alert; ``marked``, events in a recording, each a :class:`~tega.records.HeardMarker`, by time;
+``contradictions``, faults that are differences between the stream's own evidence and the settings
+(:mod:`tega.runtime.evidence`). Any live source: ``compared``, the evidence that its stream carries. A camera:
+``faults``, the reason why the newest frame was rejected, which a run shows if the finger has no frame. A steered
+hand: ``problem``, its current problem, ``""`` if there is none, which a run also shows; ``guard_problem``, the reason
+why no other process would switch its motors off if this program were killed, which holds a run; ``silent``, whether
+its joint angles are older than its watchdog allows, which disables slip detection. A vest: ``reached``, whether
+frames arrive; ``spared``, number of frames skipped because the vest showed them already; ``in_steps``, whether it
+shows only 16 steps; ``condition``, its own status, one line that a run shows; ``battery_percent``, its battery;
+``confirmed_rest``, whether it is closed and has confirmed that its motors rest.
 """
 
 
@@ -293,7 +293,7 @@ def optional(device: object, name: str) -> Any:
 class EmgSource(Device, Protocol):
     """An EMG amplifier, or a recording of one.
 
-    It may have ``limits``, ``measured_hz`` and ``faults`` (:data:`OPTIONAL`).
+    Optional attributes: ``limits``, ``measured_hz`` and ``faults`` (:data:`OPTIONAL`).
     """
 
     @property
@@ -308,16 +308,16 @@ class EmgSource(Device, Protocol):
 
 @runtime_checkable
 class VestSink(Device, Protocol):
-    """A vest, or what stands for one."""
+    """A vest, or a substitute for one."""
 
     def write(self, t_ns: int, frame: MotorLevels) -> MotorLevels:
-        """Send a frame and return what was really sent."""
+        """Send a frame and return the frame that was actually sent."""
         ...
 
 
 @runtime_checkable
 class HandDriver(Device, Protocol):
-    """A robot hand's CAN bus, or what stands for one."""
+    """A robot hand's CAN bus, or a substitute for one."""
 
     def write(self, t_ns: int, frames: Sequence[CanFrame]) -> Sequence[CanFrame]:
         """Send CAN frames in order and return those really sent."""
@@ -326,9 +326,9 @@ class HandDriver(Device, Protocol):
 
 @runtime_checkable
 class SteeredHand(Device, Protocol):
-    """A robot hand that closes its own loop: it is told a level and what is added, and steers on the angles it reads.
+    """A robot hand with its own control loop: it takes a level and an offset, and steers by its angles.
 
-    It may have ``problem`` and ``silent`` (:data:`OPTIONAL`).
+    Optional attributes: ``problem`` and ``silent`` (:data:`OPTIONAL`).
     """
 
     label: ClassVar[str]
@@ -343,7 +343,7 @@ class SteeredHand(Device, Protocol):
 
         Args:
             level: 1 to 5 and fractions between.
-            added: What a reflex adds to it, levels, 0 to 1: as fast as the hand may move, and taken back with 0.
+            added: Levels that a reflex adds, 0 to 1, as fast as the hand can move; 0 removes the addition.
         """
         ...
 
@@ -354,16 +354,16 @@ class SteeredHand(Device, Protocol):
 
 @runtime_checkable
 class WarmingHand(SteeredHand, Protocol):
-    """A hand whose driver can make ready beside other devices; optional, for a run that begins sooner."""
+    """A hand with a driver that can prepare while other devices open; optional, for a faster start."""
 
     def warm_up(self) -> None:
-        """Start what takes its time and touches no device; returns at once. ``open`` or ``close`` follows."""
+        """Start slow preparations that touch no device; returns at once. ``open`` or ``close`` follows."""
         ...
 
 
 @runtime_checkable
 class AnsweringHand(SteeredHand, Protocol):
-    """A hand that tells when torques first left; without it no latency is counted to it."""
+    """A hand that reports when torques first left; without it no latency is measured for the hand."""
 
     def answered_ns(self, since_ns: int) -> tuple[int, int] | None:
         """Return when a hand's report was in and when the torques that answer it left, at or after a monotonic time.
@@ -375,7 +375,7 @@ class AnsweringHand(SteeredHand, Protocol):
 
 @runtime_checkable
 class ReportingHand(SteeredHand, Protocol):
-    """A hand that tells what it last reported; optional, for ``doctor``."""
+    """A hand that returns its newest report; optional, for ``doctor``."""
 
     def state(self) -> HandState:
         """Return the hand's last report."""
@@ -420,7 +420,7 @@ class Tracker(Device, Protocol):
 
 @runtime_checkable
 class ArmDriver(Device, Protocol):
-    """A robot's arm that is told where its hand shall be. No call but ``open`` and ``close`` waits."""
+    """A robot arm that follows a target pose of its hand. No call except ``open`` and ``close`` blocks."""
 
     @property
     def phase(self) -> str:
@@ -446,13 +446,13 @@ class ArmDriver(Device, Protocol):
         ...
 
     def recover(self) -> None:
-        """Clear a fault, at the word of a person who has seen that it is safe."""
+        """Clear a fault, on the request of a person who has seen that it is safe."""
         ...
 
 
 @runtime_checkable
 class TellingArm(ArmDriver, Protocol):
-    """An arm that limits its target itself, and tells which one it was really given; optional, for recordings."""
+    """An arm that limits its target itself, and reports the limited target; optional, for recordings."""
 
     def led(self) -> StampedPose | None:
         """Return the newest such target, base's axes; ``None`` while it is not led."""
@@ -465,7 +465,7 @@ class PreflightedArm(Protocol):
 
     @classmethod
     def preflight(cls, options: Any) -> Sequence[tuple[bool, str, str]]:
-        """Return the findings: whether each is well, what it is, and what to do where it is not.
+        """Return the findings: for each check whether it passed, a description, and the fix if it failed.
 
         Raises:
             TegaError: The arm does not answer, or is none.

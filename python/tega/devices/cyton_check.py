@@ -1,4 +1,4 @@
-"""Compare a Cyton's packets of even number with those of odd number: they have to show the same electrodes.
+"""Check that a Cyton's even-numbered and odd-numbered packets carry the same electrodes.
 
 With a Daisy on the board, packets of even number carry channels 9 to 16 in the places of 1 to 8, and nothing in a
 packet says so. Neighbouring samples of one electrode have the same middle and spread; those of two electrodes do not.

@@ -13,13 +13,13 @@ _LEAP_NS = 1_000_000_000
 class DeviceClock:
     """Turns a device's times into those of the monotonic clock.
 
-    ``offset = min(arrival - device time)`` over the last 10 s: the packet with the shortest way tells the clocks'
-    difference, and whatever came later than that was held up. The shortest way itself cannot be known from one end, so
-    it is not in the age: 2 to 10 ms on a good wireless network.
+    ``offset = min(arrival - device time)`` over the last 10 s: the packet with the shortest delay gives the clocks'
+    difference, and packets that arrive later than that were delayed. The shortest delay itself cannot be measured
+    from one end, so the age does not include it: 2 to 10 ms on a good wireless network.
 
     Attributes:
         delay_ns: How much longer the newest packet was on its way than the quickest one.
-        n_leaps: How often the device's clock was set anew.
+        n_leaps: Number of times that the device's clock was set.
 
     Example:
         >>> clock = DeviceClock()
@@ -35,7 +35,7 @@ class DeviceClock:
         self.n_leaps = 0
 
     def forget(self) -> None:
-        """Begin anew, as after a connection was lost."""
+        """Reset, as after a lost connection."""
         self._lowest.clear()
         self._last_ns = None
 
@@ -61,5 +61,5 @@ class DeviceClock:
         return self._told_ns
 
     def _leapt(self, device_ns: int) -> bool:
-        """Tell a clock that was set from a packet that was held up: a burst's stamps go on from where they were."""
+        """Return whether the clock was set; the stamps of a merely delayed burst continue evenly."""
         return self._last_ns is None or not 0 <= device_ns - self._last_ns <= _LEAP_NS

@@ -13,7 +13,7 @@ def hid_module(driver: str) -> Any:
     """Import hidapi.
 
     Args:
-        driver: Who needs it, for the message.
+        driver: Name of the driver that needs it, for the message.
 
     Returns:
         The module with ``enumerate`` and ``device``.

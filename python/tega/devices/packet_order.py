@@ -25,11 +25,11 @@ _NEXT, _LOSS, _REPEATED, _STANDS, _JUMPS = range(5)
 
 
 class PacketOrder:
-    """Passes on the packets whose number follows that of the packet before.
+    """Passes on packets with consecutive numbers.
 
-    A packet that came twice is used once. A packet whose number shows a loss waits for the next packet, whose number
-    has to lie behind it. Otherwise, or where there was no time for such a loss, it is damaged: its bytes are not
-    believed, and it is left out as if it were lost.
+    A repeated packet is used once. A packet with a number that shows a loss is held until the next packet, which must
+    have a later number. Otherwise, or if there was no time for such a loss, the packet is damaged: it is discarded
+    and counts as lost.
 
     Args:
         turn: After how many packets the counter repeats.

@@ -41,10 +41,10 @@ class DriverRecord(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         name: Name to use in a settings file.
         kind: tactile, emg, vest, hand, input, tracker or arm; ``""`` when the driver's module does not load.
-        summary: What it is, in one line.
+        summary: Description in one line.
         package: The distribution that brings it.
         ready: Whether the packages it needs are installed (nothing is opened to find out).
-        problem: What is missing, when it is not ready.
+        problem: Reason why it is not ready.
     """
 
     name: str
@@ -117,7 +117,8 @@ def list_drivers() -> list[DriverRecord]:
     """Describe every installed driver; opens none of them.
 
     Returns:
-        One record per driver, sorted by kind and name; a driver whose module does not load is listed as not ready.
+        One record per driver, sorted by kind and name; a driver with a module that does not load is listed as not
+        ready.
     """
     records = []
     for name, entry in plugins(GROUP).items():

@@ -39,9 +39,8 @@ class SampleClock:
 
     Args:
         rate_hz: The rate they are said to come at.
-        counter_turn: After how many samples the device's own counter repeats, so that a loss of whole turns is
-            seen in the elapsed time alone; ``None`` for a device that does not count, where time tells nothing
-            about losses.
+        counter_turn: Number of samples after which the device's counter wraps, needed to detect a loss of whole turns
+            from the elapsed time; ``None`` for a device that does not count, where time reveals no losses.
 
     Example:
         >>> clock = SampleClock(250.0)
@@ -123,7 +122,7 @@ class SampleClock:
 
         Args:
             rate_hz: The rate that is to be proven.
-            tolerance: By what share the true rate may differ.
+            tolerance: Share by which the true rate may differ.
         """
         points, seconds = list(self._points), self.measured_s
         if seconds <= _LATE_S or points[-1][0] == points[0][0]:
@@ -146,7 +145,7 @@ class SampleClock:
         self.forget_rate()
 
     def forget_rate(self) -> None:
-        """Measure afresh: what was between the arrivals so far is not known."""
+        """Restart the measurement: the number of samples between the arrivals so far is unknown."""
         self._points.clear()
 
     def _on_line(self) -> float:

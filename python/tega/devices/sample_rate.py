@@ -1,4 +1,4 @@
-"""Refuse sample rates that cannot carry the filter, or are not what they are said to be."""
+"""Refuse sample rates that are too low for the filter, or differ from the stated rate."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LOST_TOLERANCE = 0.2
 
 
 def too_slow(who: str, rate_hz: float | None, how: str) -> SampleRateError:
-    """Return the error of a source below the least rate; ``how`` tells whether it was said or measured."""
+    """Return the error for a source below the minimum rate; ``how`` says whether stated or measured."""
     said = "no rate at all" if rate_hz is None else f"{rate_hz:.4g} samples/s"
     return SampleRateError(
         f"{who} {how} {said}; the 50 Hz filter needs {LEAST_RATE_HZ:g}",

@@ -34,7 +34,7 @@ class _Port(NamedTuple):
 
 
 def is_dongle(port: _Port) -> bool:
-    """Tell whether a port can be a Cyton's dongle: an FT231X adapter."""
+    """Return whether a port may be a Cyton's dongle: an FT231X adapter."""
     return (port.vendor, port.product) == _DONGLE
 
 

@@ -1,7 +1,7 @@
-"""Read and write a serial port without waiting, and say in plain words what is wrong with it.
+"""Read and write a serial port without waiting, and explain its errors in plain words.
 
-On Linux a native thread drains the port and stamps what arrives, so that neither waits for the interpreter lock;
-elsewhere that is done by whoever reads.
+On Linux a native thread drains the port and stamps arriving bytes, so that neither waits for the interpreter lock;
+elsewhere the reading thread does that.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class SerialPort:
     Args:
         port: Its name, such as ``/dev/ttyUSB0``, ``/dev/serial/by-id/…`` or ``COM3``.
         baud: Bits per second.
-        driver: Who uses it, for the messages.
+        driver: Name of the driver, for messages.
 
     Raises:
         DeviceUnavailableError: It is not there, in use, not allowed, or cannot be set up.
@@ -69,10 +69,10 @@ class SerialPort:
                 ) from error
 
     def arrived(self) -> tuple[bytes, int]:
-        """Return what has arrived since the last call, without waiting, and when the last of it did.
+        """Return the bytes since the last call, without waiting, and the arrival time of the last.
 
         Returns:
-            The bytes, and nanoseconds of the monotonic clock; what they are without a byte means nothing.
+            The bytes, and a time in nanoseconds of the monotonic clock; ignore the time if there are no bytes.
 
         Raises:
             DeviceUnavailableError: The port is gone.
@@ -86,7 +86,7 @@ class SerialPort:
             raise self._gone(error) from error
 
     def read(self) -> bytes:
-        """Return what has arrived, without waiting; raises what :meth:`arrived` does."""
+        """Return the bytes that have arrived, without waiting; raises the same as :meth:`arrived`."""
         return self.arrived()[0]
 
     def write(self, data: bytes) -> None:
@@ -101,7 +101,7 @@ class SerialPort:
             raise self._gone(error) from error
 
     def read_until(self, end: bytes, timeout_s: float) -> bytes:
-        """Return what arrives up to and with ``end``, or what came until the time was over."""
+        """Return the bytes up to and including ``end``, or all bytes until the timeout."""
         data, deadline = b"", time.monotonic() + timeout_s
         while end not in data and time.monotonic() < deadline:
             got = self.read()
@@ -138,7 +138,7 @@ class SerialPort:
 
 
 def _hint(error: BaseException) -> str:
-    """Say what to do about a port that did not open."""
+    """Return the fix for a port that did not open."""
     number, text = getattr(error, "errno", None), str(error)
     if number == errno.EACCES or "Permission" in text:
         return "your user may not open it: join the group that owns it (often dialout) and log in again"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def attribute(file: Path) -> str:
-    """Return what a file of sysfs says, without spaces around it; ``""`` where it is not there."""
+    """Return the content of a sysfs file, stripped; ``""`` if it does not exist."""
     try:
         return file.read_text(encoding="utf-8").strip()
     except (OSError, UnicodeDecodeError):

@@ -1,4 +1,4 @@
-"""Write to the system's log which device may still be moving, since nobody reads the output of a process left alone."""
+"""Log to the system which device may still be moving, for processes without a visible output."""
 
 from __future__ import annotations
 

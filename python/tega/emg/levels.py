@@ -46,7 +46,7 @@ __all__ = [
 ]
 
 InputKind = Literal["raw", "rectified", "envelope"]
-"""What a source delivers: EMG about an offset, EMG rectified by the sensor, or a sensor's envelope."""
+"""Kind of a source's samples: EMG about an offset, EMG rectified by the sensor, or a sensor's envelope."""
 
 Preset = Literal["paper", "live"]
 """The printed law, or the reading made for people."""
@@ -179,9 +179,9 @@ class BlockMean:
 class GraspIntent:
     """EMG samples of several channels to one closure level per block of ``tau`` samples.
 
-    ``kind`` says what the samples are. "raw" swings about an offset: a 20 Hz high-pass, settled on the first
-    sample, removes it and the rest is full-wave rectified. "rectified" and "envelope" go straight into
-    Eq 10's low-pass (50 Hz, 4th order) and block mean.
+    ``kind`` is the kind of the samples. "raw" swings about an offset: a 20 Hz high-pass, settled on the first sample,
+    removes it and the rest is full-wave rectified. "rectified" and "envelope" go straight into Eq 10's low-pass (50
+    Hz, 4th order) and block mean.
 
     ``preset`` "paper" is the printed law: Eq 11 clamped to 1..5, Eq 12 and 13. "live" scales the maxima by
     0.8, steadies the channels' drives where effort is constant, moves a level 0.1 beyond its border and lets
@@ -203,9 +203,9 @@ class GraspIntent:
         order: Its order, 1 to 8.
         intervals: Into how many equal parts Eq 11 cuts the range up to the maximum: 4 as printed, or 5, with level 5
             from four fifths of it on.
-        fusion: What Eq 12 and 13 do: "floor" as printed, "round" with the mean rounded to the nearest level (a half
+        fusion: Rule for Eq 12 and 13: "floor" as printed, "round" with the mean rounded to the nearest level (a half
             upward), "median" of the levels (the lower of two) without a vote.
-        weights: What each channel counts in that, 0 or more, ``(channels,)``; ``None`` where all count alike.
+        weights: Weight of each channel in that rule, 0 or more, ``(channels,)``; ``None`` for equal weights.
 
     Raises:
         InvalidValueError: The rate, ``tau``, ``kind``, ``preset`` or a rule cannot be used.
@@ -311,7 +311,7 @@ def grasp_level(value: ArrayLike, maximum: ArrayLike) -> NDArray[np.int64]: ...
 def grasp_level(value: ArrayLike, maximum: ArrayLike) -> int | NDArray[np.int64]:
     """Put a block mean on its level: ``⌊4 value / maximum + 1⌋`` clamped to 1..5 (Eq 11).
 
-    A value of at least a border times (1 - 1e-9) counts as on it, so that decimals mean what they say.
+    A value of at least a border times (1 - 1e-9) counts as on it, to absorb the rounding of decimals.
 
     Args:
         value: Block mean; negative values and NaN are level 1, the open hand. Or an array of them.

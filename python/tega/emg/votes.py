@@ -1,9 +1,9 @@
 """Take the vote from EMG channels that measure no muscle: stuck at one value, or nearly all mains.
 
 The check is causal and a function of the samples alone, however they are cut into chunks, so that a replay takes the
-same votes. It looks at the end of every hop, a part of a block no longer than 25 ms (or the whole block where none
-divides it), and passes on what it was given, with the samples of a channel at fault infinite: a decoder takes an
-infinite sample for a channel without a vote (:meth:`tega.stages.Decoder.decode`).
+same votes. It checks the end of every hop, a part of a block no longer than 25 ms (or the whole block if no such part
+divides it). It passes its input on, with the samples of a faulty channel set to infinity: a decoder takes an infinite
+sample for a channel without a vote (:meth:`tega.stages.Decoder.decode`).
 
 =========  ============================================================  =========================================
 fault      rule                                                          why there
@@ -13,8 +13,8 @@ stuck      rectified, envelope: 0.5 s at a value above level 1           at rest
 mains      raw: 92 % of the power of 0.2 s at 50 or 60 Hz and multiples  recordings of people: 86 % at most
 =========  ============================================================  =========================================
 
-Mains that are weaker than a tenth of the channel's maximum move nothing and are left alone; between a half and 92 % the
-health check tells of them (:mod:`tega.devices.emg.emg_health`). A vote comes back after half a second without a fault.
+Mains interference below a tenth of the channel's maximum moves nothing and is ignored; between a half and 92 % the
+health check reports it (:mod:`tega.devices.emg.emg_health`). A vote comes back after half a second without a fault.
 """
 
 from __future__ import annotations
@@ -55,12 +55,12 @@ class ChannelVotes:
     Args:
         rate_hz: Samples per second of one channel.
         block: Samples in a block of the decoder.
-        kind: What the samples are.
+        kind: Kind of the samples.
         channels: Name of each channel.
         maxima: Block mean of each channel at maximum effort, in the unit of the samples.
 
     Attributes:
-        faults: What is wrong now, by channel, in words; another dictionary whenever that changes.
+        faults: Current faults, by channel, in words; replaced by a new dictionary at each change.
 
     Example:
         >>> votes = ChannelVotes(200, 20, "raw", ["ch1", "ch2"], [40.0, 40.0])
@@ -131,7 +131,7 @@ class ChannelVotes:
 
 
 def _words(what: str, value: float) -> str:
-    """Return what is wrong with a channel that is stuck at a value, or nearly all mains of a frequency in Hz."""
+    """Describe the fault of a channel that is stuck at a value, or nearly all mains of a frequency in Hz."""
     if what == "stuck":
         return f"stays at {value:g}: electrode off, cable out, or amplifier saturated"
     return f"mostly {value:g} Hz mains: electrode or reference loose, or lifted off"

@@ -1,6 +1,6 @@
 """Hold the whole conversation with an Allegro Hand, without a bus: frames and the time in, frames to send out.
 
-:class:`HandLink` decodes what was received, checks the hand's version, watches silence, lost frames and heat, moves
+:class:`HandLink` decodes received frames, checks the hand's version, watches silence, lost frames and heat, moves
 between closure levels and encodes the torques, in one native call. A driver adds the bus and the clock.
 """
 
@@ -44,8 +44,8 @@ class HandFault(NamedTuple):
 
     Attributes:
         kind: One word, such as ``wrong-version``, ``no-answer``, ``too-hot``, ``silent``, ``frozen``.
-        message: What was seen.
-        hint: What to do.
+        message: Description of the fault.
+        hint: Fix for the fault.
     """
 
     kind: str
@@ -54,7 +54,7 @@ class HandFault(NamedTuple):
 
 
 class HandCounts(msgspec.Struct, frozen=True, kw_only=True):
-    """Counts of what happened on the bus so far.
+    """Counts of events on the bus so far.
 
     Attributes:
         sets: Sets of 16 joint angles used.
@@ -89,10 +89,10 @@ class HandState(NamedTuple):
         firmware: Version, such as ``4.6``.
         serial: Serial number without its ``SAH040``.
         palm_c: Temperature of the palm board, °C.
-        servo_on: What the hand says; some firmware is said to ignore SERVO ON and OFF.
+        servo_on: Servo state according to the hand; some firmware is said to ignore SERVO ON and OFF.
         joints_c: Joint temperatures, °C; ``None`` where a sensor does not answer.
         heat_share: Share of the torque limits that the temperature leaves.
-        counts: What happened so far.
+        counts: Counts so far.
     """
 
     phase: str
@@ -116,7 +116,7 @@ class HandLink:
     Args:
         controller: Gains, limits and poses; it is copied.
         device_id: The hand's number on its bus, 0 to 3.
-        side: Which hand is mounted.
+        side: Side of the mounted hand.
         torque: Whether to switch the motors on; without it the hand is only read.
         silent_after_ms: Without a set of positions for so long the motors go off.
         lowest_rate_hz: Sets of positions a second that are needed.
@@ -152,14 +152,14 @@ class HandLink:
     def exchange(
         self, frames: Sequence[Received], t_ns: int, level: float, added: float = 0.0
     ) -> list[CanFrame]:
-        """Take what was received and return what is to be sent, in order.
+        """Process the received frames and return the frames to send, in order.
 
         Args:
             frames: Since the last call; may be none.
             t_ns: Time of a clock that never goes back, ns.
             level: Closure level asked for, 1 to 5 with fractions between two poses.
-            added: What a reflex adds to it, 0 to :data:`tega.hand.motion.MOST_ADDED_LEVELS`;
-                nothing while the hand is let go.
+            added: Levels that a reflex adds, 0 to :data:`tega.hand.motion.MOST_ADDED_LEVELS`; ignored while the hand
+                is let go.
 
         Raises:
             InvalidValueError: Level or addition is out of range; nothing has changed then.

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 FULL_DUTY_NM: Final = 1.0
-"""Torque of a joint at full motor duty, N·m. Nominal: what the vendor's drivers call it. The older hand's data sheet
+"""Torque of a joint at full motor duty, N·m. Nominal: the value in the vendor's drivers. The older hand's data sheet
 gives 0.7 at 7.5 V; version 4 runs at 12 V. No source measures it."""
 
 TORQUE_LIMITS_NM: Final = TORQUE_LIMITS * FULL_DUTY_NM
@@ -28,7 +28,7 @@ MOUNT_M: Final = 0.095 + 0.015
 """Flange to ``palm`` along the hand's axis: the hand's base, and an adapter of assumed thickness."""
 
 PAD_RADIUS_M: Final = 0.012
-"""Of the fingertip's rounding across the finger; along it the pad is straight."""
+"""Radius of the fingertip's rounding across the finger; along it the pad is straight."""
 
 PAD_HALF_LENGTH_M: Final = 0.010
 """Half of that straight part."""

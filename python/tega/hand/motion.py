@@ -119,12 +119,11 @@ def joined_level(level: int, closure: float | None) -> float:
 class HandController:
     """Steer a hand to the closure level asked for, within its torque, slew and speed limits.
 
-    A change of level is a minimum-jerk move of 0.6 s from one level to its neighbour; the next step of a
-    longer way starts after a third of it, so 1 to 5 takes 1.2 s. A new level may come at any time: position,
-    velocity and acceleration of the target have no jump, its speed stays under 3 rad/s and it never leaves
-    the joint limits. The first cycle (or :meth:`reset`) adopts the measured pose and leaves it slowly, in 1.5
-    to 4 s. What a reflex adds to the level comes beside these moves, at what they leave of the 3 rad/s: half a
-    level within a tenth of a second.
+    A change of level is a minimum-jerk move of 0.6 s from one level to its neighbour; the next step of a longer way
+    starts after a third of it, so 1 to 5 takes 1.2 s. A new level may come at any time: position, velocity and
+    acceleration of the target have no jump, its speed stays under 3 rad/s and it never leaves the joint limits. The
+    first cycle (or :meth:`reset`) adopts the measured pose and leaves it slowly, in 1.5 to 4 s. A reflex's addition
+    is superimposed on these moves, within the remaining part of the 3 rad/s: half a level within a tenth of a second.
 
     The torque is ``kp · (target - angle) - kd · velocity``, limited per joint, per level and in its change.
     Gravity is not compensated.
@@ -187,9 +186,9 @@ class HandController:
         Args:
             angles_rad: Measured joint angles, (16,).
             level: Closure level asked for, 1 to 5 with fractions between two poses.
-            added: What a reflex adds to it, 0 to :data:`MOST_ADDED_LEVELS`: that share of a step to the next level.
+            added: Levels that a reflex adds, 0 to :data:`MOST_ADDED_LEVELS`: that share of a step to the next level.
             velocities_rad_s: Measured joint velocities, (16,); None: estimated from the angles.
-            out: Where to write the torques, float64 (16,); may be the array of the angles.
+            out: Array for the torques, float64 (16,); may be the array of the angles.
 
         Returns:
             Torques, float64 (16,), in torque units; ``out`` where it is given.
@@ -241,8 +240,7 @@ class HandController:
         """Adopt a measured pose: the target is there and at rest, the torque starts from zero.
 
         Args:
-            angles_rad: Measured joint angles, (16,). What lies outside the joint limits is adopted at the
-                limit.
+            angles_rad: Measured joint angles, (16,). An angle outside the joint limits is adopted at the limit.
 
         Raises:
             InvalidValueError: An angle is not finite, or no encoder can report it.
@@ -258,16 +256,15 @@ class HandController:
 
     @property
     def level(self) -> float | None:
-        """The level asked for last, without what was added; None before the first cycle and after :meth:`reset`."""
+        """The last requested level without the addition; None before the first cycle and after :meth:`reset`."""
         return self._native.level
 
 
 class JointModel:
     """Sixteen ideal joints: each an inertia with viscous damping driven by motor duty, between two stops.
 
-    ``time_constant_s · dv/dt = full_duty_speed_rad_s · torque - v``. No gravity, no friction at rest, no
-    contact, no noise, no delay: what it shows is labelled modelled, and says nothing about forces on an
-    object.
+    ``time_constant_s · dv/dt = full_duty_speed_rad_s · torque - v``. No gravity, no friction at rest, no contact, no
+    noise, no delay: its results are labelled modelled, and do not predict forces on an object.
 
     Args:
         angles_rad: Where the hand is at first, (16,); None: the open pose. A joint beyond a stop is put on
@@ -298,7 +295,7 @@ class JointModel:
         """Apply torques for one cycle of 3 ms and return the joint angles after it.
 
         Args:
-            torques: (16,), torque units; what exceeds ±1 (full duty) counts as ±1.
+            torques: (16,), torque units; values beyond ±1 (full duty) count as ±1.
 
         Returns:
             Joint angles, float64 (16,), rad.

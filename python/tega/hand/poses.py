@@ -113,7 +113,7 @@ def taught(
 
     Args:
         poses_rad: The poses so far, (5, 16); ``None`` for the built-in ones.
-        level: Which to replace, 1 to 5.
+        level: Level to replace, 1 to 5.
         angles_rad: Measured angles, float64 (16,).
 
     Returns:

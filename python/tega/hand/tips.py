@@ -1,7 +1,7 @@
-"""Tell where an Allegro hand's fingertips are against its palm, from its joint angles.
+"""Compute the positions of an Allegro hand's fingertips relative to its palm from its joint angles.
 
-Forward kinematics by the vendor's published geometry, that of :mod:`tega.hand.mjcf`: each joint turns what comes after
-it about an axis, and the next joint lies at an offset from it.
+Forward kinematics by the vendor's published geometry, that of :mod:`tega.hand.mjcf`: each joint rotates the rest of
+the chain about an axis, and the next joint lies at an offset from it.
 """
 
 from __future__ import annotations

@@ -53,7 +53,7 @@ class MotorLayout:
 
     Args:
         name: Its name, as settings give it.
-        summary: What it is, in one line.
+        summary: Description in one line.
         motors: One entry a motor, 1 to 40.
 
     Attributes:
@@ -151,7 +151,7 @@ def find_layout(name: str) -> MotorLayout:
     Raises:
         InvalidValueError: No installed package brings one of that name.
         MissingExtraError: Its module needs a package that is not installed.
-        DeviceUnavailableError: What is registered under the name is no layout, or one of another name.
+        DeviceUnavailableError: The object registered under the name is not a layout, or has another name.
     """
     if name in SHIPPED:
         return SHIPPED[name]

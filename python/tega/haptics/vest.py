@@ -128,8 +128,8 @@ class MotorLevels:
     Attributes:
         layout: ``"paper32"`` (rows 0 to 3 of each face), ``"x40"``, ``"x16"``, or the name of an installed one.
         intensities: uint8, (n,), percent, in the order of the layout's table: with the three, front row by row from
-            the top, each row from the wearer's left, then the back likewise. Made by :func:`vest_frame` it is
-            read-only.
+            the top, each row from the wearer's left, then the back in the same order. Made by :func:`vest_frame` it
+            is read-only.
 
     Raises:
         DtypeError: ``intensities`` is not a uint8 array.
@@ -141,7 +141,7 @@ class MotorLevels:
     intensities: NDArray[np.uint8]
 
     def __post_init__(self) -> None:
-        """Refuse what no vest could show."""
+        """Refuse frames that no vest could show."""
         if getattr(self.intensities, "dtype", None) != np.uint8:
             raise DtypeError(f"intensities is {_kind(self.intensities)}, not an array of uint8")
         if self.intensities.ndim != 1:
@@ -177,7 +177,7 @@ class MotorLevels:
     def motors(self) -> NDArray[np.uint8]:
         """Index of each motor in the vendor's numbering, uint8 (n,), read-only.
 
-        Of a 40-motor vest the front is 0 to 19 and the back 20 to 39, each ``4 * row + column``. A 16-motor vest is
+        The front of a 40-motor vest is 0 to 19 and the back 20 to 39, each ``4 * row + column``. A 16-motor vest is
         addressed through the rows 0 and 2.
         """
         return find_layout(self.layout).numbers
@@ -218,8 +218,8 @@ def vest_frame(
     Args:
         front: Thumb, index, middle, ring in percent (CCI in the paper).
         back: The same fingers in percent (EDA in the paper).
-        layout: ``"paper32"``: 4 × 4 on each face; ``"x40"``: the fifth row repeats the fourth; ``"x16"``: two
-            rows; or the name of an installed one, whose columns beyond the fourth rest.
+        layout: ``"paper32"``: 4 × 4 on each face; ``"x40"``: the fifth row repeats the fourth; ``"x16"``: two rows;
+            or the name of an installed layout, in which columns beyond the fourth rest.
         mirror: ``"none"``: thumb at the wearer's left on both faces; ``"back"``: the back reversed;
             ``"all"``: both reversed, as for a left hand.
 
@@ -289,25 +289,25 @@ def vest_intensities(
 
 
 class FeltMap:
-    """Evens out what one person feels at each motor.
+    """Equalizes one person's perception of all motors.
 
     Every motor has a threshold, the lowest intensity that is felt there, and a step, the smallest increase that is
     noticed. An intensity of i percent becomes
 
     ``threshold + i/100 · n · step``, with ``n`` the least ``(100 − threshold) / step`` of all motors:
 
-    the same number of noticeable steps above what is just felt, wherever it is shown, and as many of them as the
-    person's weakest motor has. 0 stays exactly 0. A step is taken to be as large everywhere between the threshold
-    and 100 as where it was measured; with equal motors that leaves the range from threshold to 100. Results are
+    the same number of noticeable steps above the threshold, at every motor, and as many of them as the person's
+    weakest motor has. 0 stays exactly 0. A step is taken to be as large everywhere between the threshold and 100 as
+    at the place of its measurement; with equal motors that leaves the range from threshold to 100. Results are
     rounded half to even.
 
     Args:
         threshold: Percent, 0 to 99: one number for all motors, or one for each of 40 in the wearer's order.
-        step: Percent, above 0 to 100; likewise.
+        step: Percent, above 0 to 100: one number for all motors, or one for each of 40 in the wearer's order.
 
     Attributes:
-        threshold: Of each motor of 40, float64 (40,), read-only.
-        step: Likewise.
+        threshold: Threshold of each of 40 motors, float64 (40,), read-only.
+        step: Step of each of 40 motors, float64 (40,), read-only.
 
     Raises:
         InvalidValueError: A number is out of its range or not finite.
@@ -350,9 +350,9 @@ def _per_motor(name: str, values: float | Iterable[float], least: float, most: f
 def contact_type(cci_norm: float, eda_norm: float) -> ContactType:
     """Name a contact by the paper's reading rule.
 
-    High is :data:`HIGH_SHARE` of the maximum or more. High CCI with low EDA is ``"focal"``, low CCI with high
-    EDA is ``"broad"``, both high or both low is ``"mixed"``, EDA = 0 is ``"none"``. :data:`CONTACT_RULES`
-    says what each means.
+    High is :data:`HIGH_SHARE` of the maximum or more. High CCI with low EDA is ``"focal"``, low CCI with high EDA is
+    ``"broad"``, both high or both low is ``"mixed"``, EDA = 0 is ``"none"``. :data:`CONTACT_RULES` describes each
+    type.
 
     Args:
         cci_norm: CCI divided by the finger's maximum, 0 or more.

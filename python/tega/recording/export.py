@@ -101,7 +101,7 @@ def _rows(message: Message, log_s: float) -> Iterator[Row]:
     yield {"log_s": log_s} | message_columns(value)
 
 
-def _columns(value: Any) -> Row:
+def message_columns(value: Any) -> Row:
     """Return the cells of a message by their columns."""
     row: Row = {}
     for name, optional, cells in _fields(value.DESCRIPTOR):

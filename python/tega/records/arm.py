@@ -34,7 +34,7 @@ class PoseNumbers(msgspec.Struct, frozen=True):
 
 
 class ArmTurn(Record, frozen=True, kw_only=True):
-    """Inputs of one turn of what leads an arm, and the command that came of it.
+    """Inputs of one turn of the loop that steers an arm, and the resulting command.
 
     Attributes:
         t_ns: When, since the start of the session.
@@ -42,15 +42,15 @@ class ArmTurn(Record, frozen=True, kw_only=True):
         clutch: Whether the clutch was pressed.
         dead_man: Whether the dead-man switch was held.
         may_move: Whether the run let the arm move.
-        measured: Where the hand was, if that was known anew: one or none.
+        measured: New measured pose of the hand: one or none.
         stopped: Why the arm was to stop; ``""`` if it was not.
         cleared: Whether a person had said that it may go on.
-        state: Of the chain.
+        state: State of the chain.
         reason: Why.
         holds: How often the arm was engaged.
         target: Position and quaternion; empty for none.
         velocity: Linear, m/s, then angular, rad/s.
-        phase: Of the arm's own driver.
+        phase: Phase of the arm's own driver.
     """
 
     topic: ClassVar[str] = "/arm/turn"
@@ -99,7 +99,7 @@ class ArmHealth(Record, frozen=True, kw_only=True):
 
 
 class PoseRecord(Record, frozen=True, kw_only=True):
-    """A pose for viewers; its subclasses say whose.
+    """A pose for viewers; its subclasses define the tracked object.
 
     Attributes:
         t_ns: Its stamp, since the start of the session.
@@ -153,7 +153,7 @@ class TrackerAxes(Record, frozen=True, kw_only=True):
     Attributes:
         t_ns: Since the start of the session.
         parent: Name of the base's axes.
-        child: Of the tracker's.
+        child: Name of the tracker's axes.
         quaternion: The turn, x, y, z, w.
     """
 

@@ -1,10 +1,10 @@
 """Define the base of every record: a typed struct that knows its topic, its units and its version.
 
-A record is a fact that passes through a run: what a fingertip camera measured, what the muscles ask, what the vest was
-told. Files, links and tables are made from its fields; see :mod:`tega.records.schema` and :mod:`tega.records.table`.
+A record is a fact that passes through a run: a fingertip camera's measurement, the muscles' intent, a frame for the
+vest. Files, links and tables are made from its fields; see :mod:`tega.records.schema` and :mod:`tega.records.table`.
 
-A new field goes to the end of its struct, has a default, and raises the struct's ``version``: old files then still
-open, and what they do not say is the default.
+Append a new field to its struct, with a default, and raise the struct's ``version``. Old files then still open, and
+missing fields have their defaults.
 """
 
 from __future__ import annotations
@@ -50,10 +50,10 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     Attributes:
         topic: Where it is published; ``{finger}`` stands for the field of that name.
         schema: Name of its message in files; ``""`` for the class's own.
-        version: Of its fields; 1 for those of the first recordings.
+        version: Version of its fields; 1 for those of the first recordings.
         unwritten: Fields that a message does not hold: the topic says them, or a viewer's own schema.
         table: Fields that its CSV table holds, ``t_s`` being ``t_ns`` in seconds; empty where it has none.
-        columns: Of fields that are a fixed number of numbers or none, the names of their columns.
+        columns: Column names of the fields that hold a fixed number of numbers or none.
     """
 
     topic: ClassVar[str] = ""

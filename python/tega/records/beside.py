@@ -1,4 +1,4 @@
-"""Define the records of stages beside the connected ones: what they would have said, connected to nothing."""
+"""Define the records of stages beside the connected ones: their unconnected outputs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class BesideContact(Record, frozen=True, kw_only=True):
 
     Attributes:
         stage: Its name in the recording.
-        finger: Whose picture it was.
+        finger: Finger of the frame.
         t_ns: When that was taken, since the start of the session.
         in_contact: Whether anything touches.
         eda: Effective deformation area.

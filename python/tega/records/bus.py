@@ -1,10 +1,10 @@
-"""Deliver the records of a run: whoever knows a fact publishes its record, whoever wants it subscribes.
+"""Deliver the records of a run from publishers to subscribers.
 
 A record is delivered at once, in the order of the subscriptions, in the thread that publishes it: the loop's for all
 that the loop does, a source's own for pictures and samples. A subscriber that may be slow takes its records from a
 :class:`Backlog`, in a thread of its own.
 
-A subscriber that fails is told of and left out from then on; the run goes on.
+A failing subscriber is reported and removed; the run goes on.
 
 Example:
     >>> from tega.records.bus import Bus
@@ -58,7 +58,7 @@ class _Subscription:
 
 
 class Bus:
-    """Delivers records to those who have subscribed to their kind."""
+    """Delivers records to the subscribers of their kind."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -79,11 +79,11 @@ class Bus:
         """Have a function called with every record of a kind from now on.
 
         Args:
-            topic: The kind; subclasses belong to it, so :class:`~tega.records.Record` is all of them that have a
-                topic. One without is told only to who asks for its very kind.
+            topic: The kind, including its subclasses, so :class:`~tega.records.Record` means all kinds with a topic.
+                A kind without a topic is delivered only to subscribers of exactly that kind.
             function: Called with each record; nothing may be changed in one.
-            name: What to call the subscriber where it fails.
-            vital: Whether its failure is the publisher's, as in a computation where nobody steers a hand.
+            name: Name of the subscriber in error messages.
+            vital: If true, its exceptions are raised in the publisher, as in a computation that steers no hand.
             backlog: Where its records wait for it; ``None`` to be called at once.
         """
         made = _Subscription(topic, function, name or "subscriber", vital=vital, backlog=backlog)
@@ -95,12 +95,12 @@ class Bus:
                 backlog.start()
 
     def wants(self, topic: type[msgspec.Struct]) -> bool:
-        """Tell whether anybody would be told of a record of exactly this kind."""
+        """Return whether a record of exactly this kind has a subscriber."""
         found = self._of.get(topic)  # asked for every tick and picture
         return bool(self._found(topic) if found is None else found)
 
     def publish(self, record: msgspec.Struct) -> None:
-        """Tell everybody who has subscribed.
+        """Deliver a record to all subscribers.
 
         Raises:
             Exception: Whatever a vital subscriber raised.
@@ -176,15 +176,15 @@ class Backlog:
     The tables, the displays, the markers and the stages beside the connected ones each have one.
 
     Args:
-        name: Whose it is.
-        most: How many may wait; what comes beyond that is dropped and counted.
-        newest: Whether to drop the oldest then, for a display that shows what is so now; else what comes.
+        name: Name of the subscriber.
+        most: Maximum number of waiting records; further ones are dropped and counted.
+        newest: If true, a full backlog drops the oldest record, for a display of the current state; else the new one.
         idle: Called in the thread, some hundred times a second, while nothing waits.
-        rank: Wraps what the thread does, such as :func:`tega.runtime.threads.run_realtime`.
+        rank: Wraps the thread's work, such as :func:`tega.runtime.threads.run_realtime`.
 
     Attributes:
         n_put: Records that came.
-        n_dropped: Of these, those that were dropped.
+        n_dropped: Number of dropped records.
         waited_s: How long the one that was handed over last had waited.
     """
 
@@ -239,7 +239,7 @@ class Backlog:
         return f"{self._name}: {dropped}, it does not keep up" if dropped else ""
 
     def close(self) -> None:
-        """Wait for what is left, ten seconds at most, and end the thread."""
+        """Wait for the remaining records, ten seconds at most, and end the thread."""
         self._closing.set()
         thread, self._thread = self._thread, None
         if thread is not None:

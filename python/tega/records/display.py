@@ -1,4 +1,4 @@
-"""Define what features show on the page: pictures and rows that are not recorded."""
+"""Define items that features show on the page: frames and rows that are not recorded."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class DisplayRow(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Notice(msgspec.Struct, frozen=True, kw_only=True):
-    """A sentence for the person who runs the session, published once.
+    """A sentence for the operator of the session, published once.
 
     Attributes:
         text: The sentence.

@@ -54,7 +54,7 @@ class Intent(Record, frozen=True, kw_only=True):
         level: Closure level of all of them together, 1 to 5.
         closure: From 0 (open) to 1 (closed); ``None`` where the decoder knows levels only.
         confidence: How sure the decoder is, 0 to 1; ``None`` where it does not say.
-        activity: Of each muscle, as a share of its maximum; empty where the decoder does not say.
+        activity: Activity of each muscle, as a share of its maximum; empty if the decoder gives none.
     """
 
     topic: ClassVar[str] = "/emg/levels"
@@ -83,7 +83,7 @@ class AdaptationSwitch(Record, frozen=True, kw_only=True):
         t_ns: When the block was complete, since the start of the session.
         n_samples: Samples of each channel up to there, those that never came included.
         allowed: Whether gains and offsets may change: the run is armed or active, and no finger touches anything.
-        target: Closure that the person is told to hold, 0 to 1; ``None`` where nobody said.
+        target: Closure that the person is asked to hold, 0 to 1; ``None`` if there is none.
         n_undone: How often the key that undoes has been pressed.
     """
 
@@ -103,8 +103,8 @@ class Adaptation(Record, frozen=True, kw_only=True):
         t_ns: When the block was complete, since the start of the session.
         n_samples: Samples of each channel up to there; the next one is adapted by these numbers.
         why: ``rest``, ``target``, ``undone`` or ``again``.
-        gains: Of each channel, 1 where nothing was changed.
-        offsets: Of each channel, 0 where nothing was changed.
+        gains: Gain of each channel, 1 if unchanged.
+        offsets: Offset of each channel, 0 if unchanged.
     """
 
     topic: ClassVar[str] = "/emg/adaptation"
@@ -126,7 +126,7 @@ class MuscleCondition(Record, frozen=True, kw_only=True):
         slope_percent_per_min: Slope of that over the last minutes of effort, of its first value; NaN where not known.
         pattern_change: Distance of the channels' share in the effort from that of the run's first eight seconds of
             such an effort, weak or strong, 0 (the same) to 1 (another channel altogether); NaN where not known.
-        said: What is told; ``""`` for nothing.
+        said: Message to the user; ``""`` for none.
     """
 
     topic: ClassVar[str] = "/emg/condition"

@@ -48,7 +48,7 @@ class HandCommand(Record, frozen=True, kw_only=True):
 
     Attributes:
         t_ns: The tick, since the start of the session.
-        level: Closure level with what a reflex adds, 1 to 5; 0 when it is let go.
+        level: Closure level including a reflex's addition, 1 to 5; 0 when it is let go.
         frames: CAN frames of this tick; none where a hand closes its own loop.
         closure: From 0 (open) to 1 (closed), where it lies between two levels.
     """
@@ -68,13 +68,13 @@ class HandExchange(Record, frozen=True, kw_only=True):
     """One exchange with a hand that closes its own loop.
 
     Attributes:
-        t_ns: When, on the machine's monotonic clock, as the link was told it.
+        t_ns: Time on the machine's monotonic clock, as it was passed to the link.
         level: Closure level asked for, or the nearest.
-        received: What came from the hand since the last exchange.
-        sent: What went to it.
+        received: Frames received since the last exchange.
+        sent: Frames sent to the hand.
         action: ``exchange``, ``release`` or ``abandon``.
         closure: From 0 (open) to 1 (closed), where it lies between two levels.
-        added: What a reflex added to the level.
+        added: Addition of a reflex to the level.
     """
 
     topic: ClassVar[str] = "/hand/bus"
@@ -112,11 +112,11 @@ class ReflexGrip(Record, frozen=True, kw_only=True):
     Attributes:
         t_ns: The tick, since the start of the session.
         own: Closure that the person asks for, 1 to 5 with fractions.
-        added: What the hand is told beyond that.
+        added: Levels that the hand is commanded beyond that.
         authority: Share of the largest addition that the reflex may use.
         allowed: Whether the run was active.
         measured: Closure of the hand by its joints; ``None`` where no hand is measured.
-        wish: What the reflex asked for, -1 (take back) to 1.
+        wish: Request of the reflex, -1 (take back) to 1.
         cause: Why, in a few words.
     """
 
@@ -143,15 +143,15 @@ class ReflexGrip(Record, frozen=True, kw_only=True):
 
 
 class HandLook(Record, frozen=True, kw_only=True):
-    """Look at hand and arm by which slips are told, where mapping or reflex want events.
+    """State of hand and arm for slip detection, recorded if mapping or reflex want events.
 
     Attributes:
         t_ns: The tick, since the start of the session.
         seen_ns: When it was looked.
-        level: Closure asked for, with what a reflex adds, 1 to 5; ``None``, as all that follows, where hand or arm told
-            nothing that is fresh: slips were then told by touch alone.
+        level: Closure asked for, including a reflex's addition, 1 to 5; ``None``, like all following fields, if hand
+            or arm reported nothing fresh: slips were then detected by touch alone.
         closure: Closure by the hand's joints, levels.
-        height_m: Of the arm's end.
+        height_m: Height of the arm's end.
         tips_mm: Height of each fingertip over the palm, thumb first; empty where not known.
     """
 
@@ -170,7 +170,7 @@ class Joints(Record, frozen=True, kw_only=True):
 
     Attributes:
         t_ns: The tick, since the start of the session.
-        angles_rad: Of the 16 joints, in the order of :data:`tega.hand.JOINT_NAMES`.
+        angles_rad: Angles of the 16 joints, in the order of :data:`tega.hand.JOINT_NAMES`.
     """
 
     topic: ClassVar[str] = "/hand/joints"

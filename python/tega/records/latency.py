@@ -1,4 +1,4 @@
-"""Define the record of a delay: of one camera frame to the vest, of one block of EMG to the hand or to its joints."""
+"""Define the record of a delay: from a camera frame to the vest, or from an EMG block to hand or joints."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class Latency(Record, frozen=True, kw_only=True):
     Attributes:
         path: ``touch``, ``intent`` or ``motion``.
         source: The finger, or ``emg``.
-        stamps_ns: Times since the start of the session: captured, received, measured, then of touch taken up, made, let
-            go and handed over; of intent when the hand was told, when its report was in that the torques answer, and
-            handed over; of motion when the hand was told and when a joint was seen to move.
+        stamps_ns: Times since the start of the session: captured, received, measured. Then, for touch: taken up,
+            made, let go and handed over. For intent: command to the hand, arrival of the report that the torques
+            answer, and hand-over. For motion: command to the hand, and first observed motion of a joint.
     """
 
     topic: ClassVar[str] = "/latency/{path}"

@@ -11,7 +11,7 @@ class InputState(Record, frozen=True, kw_only=True):
     """State of an input device from now on.
 
     Attributes:
-        seat: What the device is for, such as ``dead_man``.
+        seat: Purpose of the device, such as ``dead_man``.
         t_ns: When it was seen, since the start of the session.
         live: False is "no data".
         motion: Speed asked for along x, y, z and about them, each a share of full deflection.
@@ -33,10 +33,10 @@ class Button(Record, frozen=True, kw_only=True):
     """A button that went down or up.
 
     Attributes:
-        seat: What its device is for.
+        seat: Purpose of the device.
         t_ns: When, since the start of the session.
         seq: The event's number from the device.
-        button: Which.
+        button: Name of the button.
         pressed: Whether it went down.
     """
 

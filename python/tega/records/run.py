@@ -29,8 +29,8 @@ class Alert(Record, frozen=True, kw_only=True):
 
     Attributes:
         t_ns: Since the start of the session.
-        name: What it is about.
-        said: What is wrong; ``""`` where it is no more.
+        name: Subject of the alert.
+        said: Description of the problem; ``""`` once it has ended.
     """
 
     topic: ClassVar[str] = "/run/alert"
@@ -45,11 +45,11 @@ class Marker(Record, frozen=True, kw_only=True):
 
     Attributes:
         t_ns: Since the start of the session.
-        text: What is marked.
-        source: Who marked it.
+        text: Text of the marker.
+        source: Origin of the marker.
         received_ns: When it came from another program; 0 for one of this run, like those below.
         stamp_s: The other program's own time.
-        correction_s: What has to be added to that for this machine's time.
+        correction_s: Offset from that time to this machine's time.
     """
 
     topic: ClassVar[str] = "/run/marker"
@@ -70,7 +70,7 @@ class HeardMarker(Marker, frozen=True, kw_only=True):
 
     @property
     def log_ns(self) -> int:
-        """Time at which the marker was heard."""
+        """Time at which the marker was received."""
         return self.received_ns
 
 
@@ -103,7 +103,7 @@ class Value(Record, frozen=True, kw_only=True):
 
     Attributes:
         t_ns: Since the start of the session.
-        name: Of the stage.
+        name: Name of the stage.
         value: How long.
     """
 
@@ -141,7 +141,7 @@ class LogLine(Record, frozen=True, kw_only=True):
     Attributes:
         t_ns: Since the start of the session.
         level: As the standard library counts: 20 for information, 30 for a warning.
-        name: Of the logger.
+        name: Name of the logger.
         text: The line.
     """
 
@@ -165,7 +165,7 @@ class RecorderStatus(Record, frozen=True, kw_only=True):
     Attributes:
         t_ns: The newest record's time.
         queued: Records that wait.
-        queued_bytes: What they take.
+        queued_bytes: Size of these records.
         written_bytes: Size of the file so far.
         free_bytes: Left on the disk.
         dropped_topics: Topics of which records were dropped.

@@ -28,7 +28,7 @@ class MessageField(NamedTuple):
     Attributes:
         name: Its name in the message.
         attribute: The struct's field it is made of.
-        of_pair: Which of a pair it is: ``centroid_xy`` is written as ``centroid_x`` and ``centroid_y``; else ``None``.
+        of_pair: Index within a pair: ``centroid_xy`` is written as ``centroid_x`` and ``centroid_y``; else ``None``.
         wire: Protobuf's type, or the name of another message.
         unit: Its unit; ``""`` where the type says enough.
         repeated: Whether there are any number of it.
@@ -54,7 +54,7 @@ def schema_name(kind: Part) -> str:
 
 
 def own_schema(kind: type[Record]) -> bool:
-    """Tell whether a record's message is TEGA's own, and not one that viewers have a schema for."""
+    """Return whether a record's message has TEGA's own schema, not a schema of viewers."""
     return not kind.schema.startswith("foxglove.")
 
 
@@ -138,7 +138,7 @@ def _plan(kind: Part) -> _Plan:
 
 
 def values(record: msgspec.Struct) -> dict[str, Any]:
-    """Return the values of a record's message, by name; what is not there is left out."""
+    """Return the values of a record's message, by name; missing values are left out."""
     # Called for every record of a run: all that can be known beforehand is in the plan.
     plan = _plan(type(record))
     said = msgspec.structs.asdict(record)

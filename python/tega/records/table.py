@@ -19,7 +19,7 @@ def columns(kind: type[Record], **names: Iterable[str]) -> tuple[str, ...]:
 
     Args:
         kind: The record.
-        names: Columns of a field whose numbers are as many as a device has, by the field.
+        names: Column names by field, for fields with one number for each part of a device.
     """
     names = {**kind.columns, **names}
     written = {field.attribute: field.name for field in fields(kind) if field.of_pair is None}

@@ -38,13 +38,13 @@ class Picture(Record, frozen=True, kw_only=True):
     """One picture of a fingertip camera, as it was read.
 
     Attributes:
-        finger: Whose it is.
-        image: uint8 (H, W, 3), blue, green, red; borrowed, nobody writes into it.
+        finger: Name of the finger.
+        image: uint8 (H, W, 3), blue, green, red; borrowed and read-only.
         t_ns: When it was taken, since the start of the session.
         received_ns: When the program had it; ``t_ns`` for one out of a file.
         seq: Its number from the camera; a gap is a lost picture.
-        name: What to call it in an error.
-        pixels_crc32: Of its pixels; a file tells it, a camera does not.
+        name: Name in error messages.
+        pixels_crc32: CRC-32 of its pixels; known for a file, not for a camera.
         loaded: Whether another finger was in contact when it was measured.
     """
 
@@ -77,9 +77,9 @@ class NamedValue(msgspec.Struct, frozen=True):
     """A number that a metric of one's own gives.
 
     Attributes:
-        name: What it is, such as ``embedding_1``.
+        name: Name of the value, such as ``embedding_1``.
         value: How much.
-        unit: Of what; ``1`` for a plain number.
+        unit: Unit of the value; ``1`` for a plain number.
     """
 
     name: str
@@ -88,14 +88,14 @@ class NamedValue(msgspec.Struct, frozen=True):
 
 
 class Contact(Record, frozen=True, kw_only=True):
-    """Contact in one picture of a fingertip, and what of it the wearer is to feel.
+    """Contact in one frame of a fingertip, and its output to the wearer.
 
-    A metric gives ``finger``, ``t_ns``, ``in_contact`` and what else it knows; the loop adds ``taken_ns``,
+    A metric fills in ``finger``, ``t_ns``, ``in_contact`` and its other measurements; the loop adds ``taken_ns``,
     ``known_ns``, ``cci_norm``, ``eda_norm``, ``front`` and ``back``. Without contact, places and lengths are NaN, and
     ``eda`` and ``cci`` 0.
 
     Attributes:
-        finger: Whose it is.
+        finger: Name of the finger.
         t_ns: When the picture was taken, since the start of the session.
         taken_ns: The loop's tick at which it was taken in.
         mass: Sum of the grey map.
@@ -110,7 +110,7 @@ class Contact(Record, frozen=True, kw_only=True):
         cci_norm: CCI as a share of the finger's maximum, 0 to 1.
         eda_norm: EDA likewise.
         front: Intensity of the finger's front column (Eq 7, 8).
-        back: Of its back column (Eq 9).
+        back: Intensity of its back column (Eq 9).
         known_ns: When the loop had done so.
         area_mm2: Area of the contact; ``None``, as below, where the metric does not say.
         depth_mm: Depth of the dent.
@@ -195,10 +195,10 @@ class Event(Record, frozen=True, kw_only=True):
 
     Attributes:
         t_ns: Time of the picture, or the tick of the look at the hand, that showed it, since the start of the session.
-        finger: Whose it is; ``""`` for the whole hand.
+        finger: Name of the finger; ``""`` for the whole hand.
         kind: ``contact``, ``release`` or ``slip``.
         confidence: 0 to 1; half where it is just an event. A slip on a rig that cannot observe slips has less.
-        began_ns: When it began, as far as can be told.
+        began_ns: Estimated time of its beginning.
         taken_ns: The loop's tick at which it was found.
     """
 
@@ -224,6 +224,6 @@ class Event(Record, frozen=True, kw_only=True):
 
     @property
     def words(self) -> str:
-        """Words for the event: what happened, and to which finger."""
+        """Description of the event, with its finger."""
         kind = self.kind if self.certain else f"{self.kind}?"
         return f"{kind}: {self.finger}" if self.finger else kind

@@ -8,12 +8,12 @@ from tega.records.base import Ns, Record, quantity
 
 
 class VestRecord(Record, frozen=True, kw_only=True):
-    """Intensity of every motor of a layout at one moment; its subclasses say by whom.
+    """Intensity of every motor of a layout at one moment; its subclasses define the source.
 
     Attributes:
         t_ns: The tick it was made at, since the start of the session.
-        layout: Which motors.
-        intensities: Of each motor, front row by row from the top, then the back.
+        layout: Name of the layout.
+        intensities: Intensity of each motor, front row by row from the top, then the back.
         handed_ns: When it was handed over.
     """
 
@@ -33,7 +33,7 @@ class VestFrame(VestRecord, frozen=True, kw_only=True):
 
 
 class TriedMotor(Record, frozen=True, kw_only=True):
-    """A motor that somebody tries while the run is armed.
+    """A motor that is tested while the run is armed.
 
     Attributes:
         t_ns: The tick from which on, since the start of the session.

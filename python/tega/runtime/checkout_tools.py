@@ -21,7 +21,7 @@ def needs_tools(what: str) -> Iterator[None]:
     """Say which pip line brings a package of ``tools/`` that an import in this block does not find.
 
     Args:
-        what: The command that needs the package, for the message.
+        what: Command that needs the package, for the message.
 
     Raises:
         MissingToolError: The package is not installed; the hint is the pip line, to be typed in a checkout.

@@ -66,7 +66,7 @@ def python_environment(environment: Mapping[str, str] | None = None) -> dict[str
     """Return the environment for such a program: without entries of ``PYTHONPATH`` that mean the working folder.
 
     Args:
-        environment: What to start from; this program's when ``None``.
+        environment: Environment to start from; this program's when ``None``.
     """
     clean = dict(os.environ if environment is None else environment)
     entries = clean.pop("PYTHONPATH", "").split(os.pathsep)

@@ -1,4 +1,4 @@
-"""Tell the loop the time, so that a test or a replay can answer instead of the machine.
+"""Provide the loop's time, which a test or a replay can replace.
 
 All times are integer nanoseconds on a monotonic scale. Nothing in TEGA's outputs is a time of day.
 
@@ -91,7 +91,7 @@ class SystemClock:
 
 
 class ManualClock:
-    """A clock that stands still until it is told to move; waiting on it moves it and never sleeps.
+    """A clock that moves only when it is set; waiting on it moves it and never sleeps.
 
     Args:
         t_ns: Where it starts, in nanoseconds.
@@ -117,7 +117,7 @@ class PausableClock:
         clock: The other clock; the machine's when ``None``.
 
     Attributes:
-        held_ns: What the other clock went on in the pauses so far, nanoseconds.
+        held_ns: Total duration of the pauses so far, nanoseconds.
     """
 
     def __init__(self, paused: Callable[[], bool], clock: Clock | None = None) -> None:

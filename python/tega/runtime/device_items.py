@@ -1,4 +1,4 @@
-"""Define what passes between a device's driver and its user: settings, a description, pictures, samples, events."""
+"""Define the items that drivers and their users exchange: settings, descriptions, frames, samples, events."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ class DeviceInfo(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         driver: Name under which the driver is registered.
-        kind: Which of the protocols it meets.
-        label: What the device or recording is called: a base name, a serial number, a bus; never a full path.
+        kind: Protocol that the device implements.
+        label: Name of the device or recording: a base name, a serial number, a bus; never a full path.
         live: Whether it runs on the monotonic clock; false for a recording.
         rate_hz: Frames or samples per second; ``None`` where only the open device knows, or for a sink.
         channels: Names of an EMG source's channels, such as ``ch3``.
@@ -49,13 +49,13 @@ class Found(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         driver: Name under which the driver is registered.
-        label: What a person would look for: a serial number, a port, a bus.
+        label: Name that a person would look for: a serial number, a port, a bus.
         options: The driver's options that reach it, as they stand in a settings file.
-        problem: What stands in the way of opening it, one sentence; ``""`` where nothing is known to.
-        hint: What to do about that.
-        note: What else there is to know of it.
-        may_open: Whether it may be opened to look closer. False for a port that may be anything, since opening
-            one can restart what is there, and for what takes long.
+        problem: Problem that prevents opening it, one sentence; ``""`` if none is known.
+        hint: Fix for the problem.
+        note: Additional information.
+        may_open: Whether it may be opened for a closer check. False for a port with an unknown device, since opening
+            it can restart the device, and for checks that take long.
     """
 
     driver: str
@@ -70,15 +70,15 @@ class Found(msgspec.Struct, frozen=True, kw_only=True):
 class TactileFrame(NamedTuple):
     """One picture of a fingertip.
 
-    The picture belongs to whoever reads it: a source never writes into an array that it has given away, since others
-    (measuring, recording, a page) read it in threads of their own and would see half of one picture and half of the
-    next. A driver that has one buffer gives a copy of it.
+    The frame belongs to its reader: a source never writes into an array that it has given away, since other threads
+    (measuring, recording, a page) read it and would see half of one frame and half of the next. A driver with one
+    buffer gives a copy of it.
 
     Attributes:
         t_ns: Time of the picture in nanoseconds.
         seq: Its number, from 0; a gap is a lost frame.
         image: uint8 (H, W, 3), blue, green, red.
-        name: What to call it in an error: a file name, or a video's name and the frame's number.
+        name: Name in error messages: a file name, or a video's name and the frame's number.
     """
 
     t_ns: int
@@ -105,7 +105,7 @@ class InputReading(NamedTuple):
     """State of an operator's input device.
 
     Attributes:
-        t_ns: When it was last heard, on the monotonic clock; a device at rest may say nothing for hours.
+        t_ns: Time of its last report, on the monotonic clock; a device at rest may be silent for hours.
         live: False is "no data": it is away, or stands still in the middle of a motion. Then ``motion`` is zero and
             nothing is held.
         motion: Speed asked for, each a share of full deflection from -1 to 1: along x (forward), y (left), z
@@ -124,7 +124,7 @@ class InputEvent(NamedTuple):
 
     Attributes:
         t_ns: When it was seen, on the monotonic clock.
-        seq: Its number, from 0; a gap is an event that nobody fetched in time.
+        seq: Its number, from 0; a gap is an event that was not fetched in time.
         button: The button's name.
         pressed: Whether it went down.
     """
@@ -142,7 +142,7 @@ class CameraCounts(msgspec.Struct, kw_only=True):
         received: Pictures in all.
         used: Pictures passed on.
         dropped: Pictures that never came, by the gaps between the others; an estimate.
-        torn: Pictures whose end is missing, or is that of the picture before.
+        torn: Frames with a missing end, or with the end of the previous frame.
         duplicate: Pictures equal to the one before to the last bit.
         stuck: Times the source sent the same picture three times or more.
         black: Pictures without light.

@@ -63,7 +63,7 @@ class _Turns:
 
 
 def _failed(call: _Call) -> bool:
-    """Make a call; one that raises is told of as a thread that dies, and is the last of its function."""
+    """Make a call; an exception is reported like that of a dying thread, and ends the calls."""
     try:
         call.action()
     # A panic of native code, too: whoever ends a block would wait for this call for ever.

@@ -34,7 +34,7 @@ class Contradiction(NamedTuple):
 
     Attributes:
         evidence: The evidence that was compared.
-        found: What the stream shows, with its numbers.
+        found: Finding in the stream, with its numbers.
         hint: The next step to take.
     """
 
@@ -48,7 +48,7 @@ class Contradiction(NamedTuple):
 
 
 def refuse(driver: str, label: str, contradiction: Contradiction) -> NoReturn:
-    """Refuse a stream whose samples cannot be used.
+    """Refuse a stream with unusable samples.
 
     Args:
         driver: Name of the driver.

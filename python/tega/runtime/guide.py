@@ -10,7 +10,7 @@ class Bar(NamedTuple):
     """Bar that rises and falls while a step goes on.
 
     Attributes:
-        name: What it is.
+        name: Name of the bar.
         share: How far it is filled, 0 to 1.
         text: Its value in words.
         low: Where the filling begins, 0 to 1: above 0 for a target with two ends.
@@ -23,26 +23,26 @@ class Bar(NamedTuple):
 
 
 class Undecided(Exception):  # noqa: N818  # no error: nobody is there to answer
-    """Raised where a question was asked and there is nobody to answer."""
+    """Raised if a question was asked and cannot be answered, since there is no operator."""
 
 
 class Shows(Protocol):
-    """Shows what goes on."""
+    """Shows the progress."""
 
     def show(self, prompt: str, bars: Sequence[Bar], left_s: float | None, /) -> None:
-        """Show what goes on just now; called again and again, and returns at once."""
+        """Show the current state; called again and again, and returns at once."""
         ...
 
 
 class Guide(Shows, Protocol):
-    """Shows a person what to do and hears what they say."""
+    """Shows a person instructions and receives their answers."""
 
     def part(self, title: str, why: str) -> None:
-        """Begin a part: what comes, and why."""
+        """Begin a part, with its title and reason."""
         ...
 
     def say(self, text: str, *, tone: str = "plain") -> None:
-        """Tell something; ``tone`` is ``plain``, ``good``, ``warn`` or ``bad``."""
+        """Show a message; ``tone`` is ``plain``, ``good``, ``warn`` or ``bad``."""
         ...
 
     def ready(self, prompt: str) -> None:
@@ -53,6 +53,6 @@ class Guide(Shows, Protocol):
         """Ask a question; return one of the answers' keys.
 
         Raises:
-            Undecided: Nobody is there to answer.
+            Undecided: There is no operator to answer.
         """
         ...

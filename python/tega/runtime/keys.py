@@ -79,7 +79,7 @@ class Keys:
 
 
 def split_keys(data: bytes) -> tuple[list[str], bytes]:
-    r"""Return the keys in what a terminal sent, and the start of a sequence that is not complete yet.
+    r"""Return the keys in a terminal's input, and the beginning of an incomplete sequence.
 
     Sequences of other keys than the arrows give nothing, so that no part of them is taken for a letter.
 

@@ -37,7 +37,7 @@ def require(module: str, *, driver: str, extra: str) -> Any | ModuleType:
 
     Args:
         module: Name of the module to import.
-        driver: Who needs it, for the message.
+        driver: Name of the driver that needs it, for the message.
         extra: The optional dependency that brings it.
 
     Returns:

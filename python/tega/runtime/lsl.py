@@ -18,10 +18,10 @@ EXTRA = "lsl"
 
 
 def load_lsl(who: str) -> Any:
-    """Import pylsl; where nobody has configured its library, only its errors are printed.
+    """Import pylsl; unless its library is configured, only its errors are printed.
 
     Args:
-        who: Who needs it, for the message.
+        who: Name of the part that needs it, for the message.
 
     Raises:
         MissingExtraError: pylsl is not installed.
@@ -55,7 +55,7 @@ def hosts_of(streams: list[Any]) -> str:
 
 
 def to_monotonic_s(lsl: Any) -> float:
-    """Return what to add to the library's clock for ours: 0 on Linux, where they are one; a constant elsewhere."""
+    """Return the offset from the library's clock to ours: 0 on Linux, where they are one; a constant elsewhere."""
     looks: list[tuple[float, float]] = []
     for _ in range(_LOOKS):
         before_s, theirs_s, after_s = time.monotonic(), float(lsl.local_clock()), time.monotonic()

@@ -40,9 +40,9 @@ class AnswerPipe:
 
 
 def program_pipes() -> tuple[BufferedReader, AnswerPipe]:
-    """Return what the run asks through and is answered through, in a program that it has started.
+    """Return, in a program that the run has started, the pipes for its requests and the answers.
 
-    What a library prints goes to the terminal, since it is no answer.
+    Standard output is redirected to the terminal, so that output of libraries does not mix with answers.
     """
     said = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
@@ -62,7 +62,7 @@ def send_object(pipe: BufferedWriter, content: Any) -> None:
     """Write an object; arrays are not copied.
 
     Raises:
-        OSError: Nobody reads any more.
+        OSError: The reader is gone.
     """
     arrays: list[pickle.PickleBuffer] = []
     said = pickle.dumps(content, _PROTOCOL, buffer_callback=arrays.append)

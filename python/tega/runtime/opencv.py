@@ -49,7 +49,7 @@ def read_image(path: Path, *, driver: str) -> NDArray[np.uint8]:
 
     Args:
         path: A PNG, JPEG, BMP, TIFF or WebP file, or an ``.npy`` array.
-        driver: Who asks, for the messages.
+        driver: Name of the driver, for the messages.
 
     Returns:
         uint8 (H, W, 3), blue, green, red, not turned by any orientation tag.
@@ -109,7 +109,7 @@ def _npy_image(path: Path, data: bytes) -> NDArray[np.uint8]:
 
 
 def _fault(data: bytes) -> str | None:
-    """Say what is wrong with an encoded picture as far as its container tells, or ``None``."""
+    """Return the fault of an encoded image as far as its container shows it, or ``None``."""
     if data.startswith(b"\xff\xd8"):
         # Neither marker can occur inside entropy-coded data, so the picture's own end comes after its last scan.
         if data.rfind(b"\xff\xd9") <= data.rfind(b"\xff\xda"):

@@ -1,4 +1,4 @@
-"""Find and load what packages register under the entry-point groups of TEGA: drivers and stages."""
+"""Find and load drivers and stages that packages register under the entry-point groups of TEGA."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def find_plugin(group: str, what: str, name: str) -> EntryPoint:
 
     Args:
         group: The group, such as ``"tega.devices"``.
-        what: What a member of the group is called in messages: driver, metric, decoder, mapping or layout.
+        what: Term for a member of the group in messages: driver, metric, decoder, mapping or layout.
         name: The name looked for.
 
     Raises:
@@ -52,7 +52,7 @@ def load_plugin(entry: EntryPoint, what: str) -> Any:
 
     Raises:
         MissingExtraError: Its module needs a package that is not installed.
-        DeviceUnavailableError: Its module does not hold what the entry point says.
+        DeviceUnavailableError: Its module lacks the object that the entry point names.
     """
     try:
         return entry.load()

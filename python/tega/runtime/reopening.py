@@ -1,7 +1,7 @@
 """Open a device again that went away: soon at first, then less and less often, for as long as it is wanted.
 
-Every driver and every reader that looks for a lost device takes its rests from here. What must not be opened again by
-itself does not: a hand that has found a fault, an arm that has stopped. A person stands beside those, and says when.
+Every driver and every reader that looks for a lost device takes its intervals from here. Devices that must not be
+reopened automatically do not: a hand that has found a fault, an arm that has stopped. For those a person decides.
 
 Example:
     >>> from tega.runtime.reopening import Reopening
@@ -61,7 +61,7 @@ class Reopening:
         return not over(rest_s * random.uniform(1 - self._spread, 1 + self._spread))
 
     def due(self) -> bool:
-        """Tell whether to try now, for a thread that must not rest; the next time is counted from here if so."""
+        """Return whether to try now, for a thread that must not sleep; if so, restart the interval."""
         now_s = time.monotonic()
         if now_s < self._due_s:
             return False
@@ -83,10 +83,10 @@ class Reopening:
             open_device: Opens it.
             over: As for :meth:`wait`.
             absent: Errors that say that it is not there yet; any other one is raised.
-            refused: Told each of them.
+            refused: Called with each of these errors.
 
         Returns:
-            What was opened; ``None`` when the device is no longer wanted.
+            The open device; ``None`` when the device is no longer wanted.
         """
         while self.wait(over):
             try:
@@ -115,7 +115,7 @@ class Reopening:
             close: Lets go of it.
             over: As for :meth:`wait`.
             absent: As for :meth:`open`.
-            refused: Likewise.
+            refused: As for :meth:`open`.
         """
         while not over(0.0):
             if link is None:
@@ -133,7 +133,7 @@ class Reopening:
 
 
 def polled(stopped: Callable[[], bool], *, every_s: float) -> Over:
-    """Return an :data:`Over` of a function that only tells whether the device is no longer wanted.
+    """Return an :data:`Over` from a function that returns whether the device is no longer wanted.
 
     Args:
         stopped: Asked again and again while waiting.

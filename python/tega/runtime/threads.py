@@ -1,9 +1,9 @@
 """Give the threads of a run real-time priority, in the right order, where the system allows it.
 
-On a busy machine a thread that has been woken may wait some milliseconds for a core, which is more than all it then
-does. Linux gives real-time threads theirs at once: to root, and to whoever ``ulimit -r`` allows a priority. Elsewhere,
-or without leave, or with ``session.realtime = false``, all goes on as before. The kernel keeps a twentieth of the time
-for others, whatever such a thread does, and processes that it starts are ordinary ones.
+On a busy machine a thread that has been woken may wait some milliseconds for a core, longer than all of its work.
+Linux gives real-time threads a core at once: for root, and for users to whom ``ulimit -r`` allows a priority.
+Elsewhere, without permission, or with ``session.realtime = false``, nothing changes. The kernel reserves a twentieth
+of the time for other threads, and processes that a real-time thread starts are ordinary ones.
 
 =========== ======== =====================================================================================
 rank        priority whose
@@ -15,9 +15,9 @@ rank        priority whose
 ``picture`` 2        coding a picture, which takes 1 to 2 ms without the interpreter lock
 =========== ======== =====================================================================================
 
-Whoever may hold the interpreter lock goes before whoever does not: a thread that loses its core while it holds the lock
-keeps all others waiting. So a camera's thread gives way only while it decodes (:func:`give_way`), and the recorder's
-while it encodes.
+Threads that may hold the interpreter lock go before threads that do not: a thread that loses its core while it holds
+the lock blocks all others. So a camera's thread lowers its priority only while it decodes (:func:`give_way`), and the
+recorder's while it encodes.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def realtime(*, allowed: bool) -> Iterator[None]:
 
 
 def realtime_allowed() -> bool:
-    """Whether real-time priority may be asked for, for a process of the same run to do likewise."""
+    """Whether real-time priority may be requested, so that a process of the same run can do the same."""
     return _state["allowed"]
 
 

@@ -1,4 +1,4 @@
-"""Wake the loop when a picture has come, so that nobody has to wait for the next tick."""
+"""Wake the loop when a frame has come, so that the loop need not wait for the next tick."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import threading
 
 
 class Bell:
-    """Rung by the sources' threads, waited for by the loop; ringing twice before it is heard counts once."""
+    """Rung by the sources' threads to wake the loop; several rings before the loop wakes count once."""
 
     def __init__(self) -> None:
         # A lock that is held while nothing has happened: the one thing Python waits for without code of its own.
@@ -15,7 +15,7 @@ class Bell:
         self._silent.acquire()
 
     def ring(self) -> None:
-        """Wake who waits, or the next one who would."""
+        """Wake the waiting thread, or the next one that waits."""
         with contextlib.suppress(RuntimeError):  # rung already
             self._silent.release()
 

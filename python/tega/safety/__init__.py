@@ -1,1 +1,1 @@
-"""Keep a run safe: its states, what each hazard leads to, one way to stop, and limits on every command."""
+"""Keep a run safe: its states, the consequences of hazards, one way to stop, and limits on commands."""

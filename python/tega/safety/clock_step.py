@@ -1,4 +1,4 @@
-"""Notice that somebody set the computer's clock."""
+"""Detect that the computer's clock was set."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ _TOLD_NS = 5_000_000_000
 
 
 class ClockStep:
-    """Compares the time of day with the clock that the run goes by, which nobody sets."""
+    """Compares the time of day with the run's clock, which is never set."""
 
     def __init__(self) -> None:
         self._offset_ns = time.time_ns() - time.monotonic_ns()

@@ -32,7 +32,7 @@ DAY_S: Final = 86_400.0
 """So long a run counts, from its end on."""
 
 SAVE_S: Final = 5.0
-"""What a kill may lose."""
+"""Time between saves, the largest loss if the process is killed."""
 
 
 # JSON has no number that is not finite, and a negative one would give a day more than there is.
@@ -49,13 +49,13 @@ class _Run(msgspec.Struct):
 
 
 class KeptDose:
-    """Gives a vest's budget what earlier runs used of it, and keeps what this one uses.
+    """Loads a vest's dose from earlier runs into its budget, and stores the dose of this run.
 
     Args:
-        file: Of the person; written when the run begins, every five seconds, and when it ends.
+        file: File of the person; written when the run begins, every five seconds, and when it ends.
         budget: The vest's, before its first frame.
-        may_be: Files of the people of whom this may be one: what the one of them had who had most, at each motor, is
-            counted as well.
+        may_be: Files of the people that an unnamed wearer may be. For each motor the highest dose among them is
+            added.
         now_s: The time of day, seconds.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Watch a run from inside its loop: what is lost, stale, slow or late, and what state that means."""
+"""Watch a run from inside its loop: find lost, stale, slow or late streams, and decide the run's state."""
 
 from __future__ import annotations
 
@@ -44,10 +44,10 @@ class Watched(NamedTuple):
 
     Attributes:
         name: ``emg`` or the finger.
-        kind: What it is.
+        kind: Kind of the stream.
         rate_hz: Blocks or pictures a second; ``None`` where that is not known.
-        report: What has become of it.
-        driver_faults: What its driver says is wrong with what comes, in words.
+        report: State of the stream.
+        driver_faults: Faults of the stream according to its driver, in words.
     """
 
     name: str
@@ -58,23 +58,23 @@ class Watched(NamedTuple):
 
 
 class Guard:
-    """Decides what the loop may do.
+    """Decides the run's state, and with it the permissions of the loop.
 
     Args:
         settings: The policies.
         streams: The live streams that are needed; recordings need no guard.
-        vests: Tells of each live vest, by name, whether it can be reached.
-        calibration: Returns why what is there cannot be used, ``""`` when it can.
+        vests: Functions by the name of each live vest; each returns whether the vest can be reached.
+        calibration: Returns why the calibration cannot be used, ``""`` if it can.
         go: Whether an armed run may become active.
-        program: Returns the level that a program sets in the place of the muscles' own; ``None`` for none.
-        alerts: What else to tell without changing the state, by name: each returns it, ``""`` for nothing.
-        needs: What else the run cannot go on without, by name: each returns why it is missing, ``""`` if it is there.
+        program: Returns the level that a program sets in place of the muscles' own; ``None`` for none.
+        alerts: Alerts that do not change the state, by name: each returns its text, ``""`` for none.
+        needs: Further requirements of the run, by name: each returns why it is missing, ``""`` if it is there.
 
     Attributes:
-        observers: Told of every change of state, in the loop's thread.
-        alert_observers: Told of every alert that begins, and with ``""`` of every one that ends.
+        observers: Called with every change of state, in the loop's thread.
+        alert_observers: Called with every alert that begins, and with ``""`` for every one that ends.
         changes: The changes so far, the newest 1000.
-        alerts: What is wrong now and does not change the state, by name.
+        alerts: Current problems that do not change the state, by name.
     """
 
     def __init__(
@@ -129,13 +129,13 @@ class Guard:
         return self._states.state in {"active", "hold"}
 
     def level(self, wanted: float) -> float:
-        """Return the closure level that the hand is to be told.
+        """Return the closure level to command to the hand.
 
         Args:
             wanted: The muscles' level, 1 to 5, with fractions where they ask for a closure.
 
         Returns:
-            It or a program's while active, the last one in hold, else the open hand's; never outside 1 to 5.
+            The wanted level, or a program's, while active; the last one in hold, else the open hand's; never outside 1 to 5.
         """
         state = self._states.state
         if state == "active" and (program := self._program()) is not None:
@@ -149,7 +149,7 @@ class Guard:
         return self._level
 
     def alert(self, name: str, said: str) -> None:
-        """Tell what is wrong without changing the state; ``""`` takes it back."""
+        """Report a problem without changing the state; ``""`` clears it."""
         if said == self.alerts.get(name, ""):
             return
         # Numbers in it, such as how long a signal is missing, go on changing; that is no news.
@@ -167,7 +167,7 @@ class Guard:
         self._alerts[name] = problem
 
     def due(self, t_ns: int, late_ns: int) -> bool:
-        """Tell whether it is time to look again: soon after the last time, at once if the loop is late."""
+        """Return whether the next look is due: soon after the last one, at once if the loop is late."""
         return t_ns >= self._next_ns or self._too_late(late_ns)
 
     def look(

@@ -2,10 +2,10 @@
 
 For a motor at share d of full drive (0 to 1):
 
-- heat: θ' = (d² - θ)/τ, θ being the case's temperature rise as a share of what full drive gives in the end. At most
-  ``heat_share`` is allowed: d² ≤ H + 5 (H - θ), so full drive from cold, then down to the drive that keeps H for ever;
+- heat: θ' = (d² - θ)/τ, θ being the case's temperature rise as a share of the final rise at full drive. At most
+  ``heat_share`` is allowed: d² ≤ H + 5 (H - θ), so full drive from cold, then down to the drive that keeps H forever;
 - dose: D = ∫ d² dt, in seconds of full drive. Above 80 % of the budget B the motor's ceiling sinks in proportion to
-  what is left, and is 0 at B: d ≤ (B - D)/(0.2 B).
+  the remaining budget, and is 0 at B: d ≤ (B - D)/(0.2 B).
 
 Neither can be passed, whatever is asked for. The numbers' origin is in docs/safety.md; none was measured on a vest.
 """
@@ -45,7 +45,7 @@ class MotorBudget:
     Attributes:
         heat: θ of each motor, float64 (40,).
         dose_s: D of each motor, float64 (40,), seconds of full drive.
-        carried_s: Of that, what runs before this one used, float64 (40,).
+        carried_s: Part of ``dose_s`` that earlier runs used, float64 (40,).
         n_lowered: Frames in which heat or dose took something off a motor.
     """
 
@@ -61,7 +61,7 @@ class MotorBudget:
         self.n_lowered = 0
 
     def carry(self, *, dose_s: NDArray[np.float64], heat: NDArray[np.float64]) -> None:
-        """Begin with what was used before.
+        """Set the dose and heat of earlier runs.
 
         Args:
             dose_s: Float64 (40,), seconds of full drive.
@@ -96,7 +96,7 @@ class MotorBudget:
         return allowed
 
     def words(self) -> tuple[str, ...]:
-        """Say what a reader of the results must know of it."""
+        """Return the notes on the budget that a reader of the results must know."""
         earlier_s = float(self.carried_s.max())
         said: tuple[str, ...] = ()
         if earlier_s >= 1:
@@ -113,7 +113,7 @@ class MotorBudget:
         )
 
     def _pass(self, t_ns: int) -> None:
-        """Let what was shown work until now, in steps short enough for the taper to hold."""
+        """Apply the effect of the shown frame until now, in steps short enough for the taper to hold."""
         left_s = 0.0 if self._t_ns is None else max(0.0, (t_ns - self._t_ns) * 1e-9)
         self._t_ns = t_ns if self._t_ns is None else max(t_ns, self._t_ns)
         power = self._shown**2

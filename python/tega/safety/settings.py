@@ -17,11 +17,11 @@ class SafetySection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
         hold_ms: So long it holds; then see ``then``.
         then: ``open`` opens the hand when the hold is over, ``keep`` holds until all is there again.
         tactile_lost: ``silent`` goes on with the finger's column silent, ``hold`` holds the level as well.
-        vest_lost: ``go-on`` goes on and tells it, ``hold`` holds the level.
+        vest_lost: ``go-on`` goes on and warns, ``hold`` holds the level.
         late_ms: A loop later than this holds the level.
         settle_ms: So long nothing may be wrong before the run arms or goes on.
         lowest_rate_share: A stream has to come at this share of its rate before the run arms.
-        latency_budget_ms: What our own part of the way from camera to vest may take, 99 frames of 100.
+        latency_budget_ms: Limit of our own part of the latency from camera to vest, 99 frames of 100.
         joint_budget_ms: Time from a muscle's sample to the first motion of a joint; beyond it an alert names the stage.
     """
 

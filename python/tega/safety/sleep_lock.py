@@ -32,7 +32,7 @@ class SleepLock:
     """Locks against sleep, held between :meth:`take` and :meth:`release`.
 
     Args:
-        why: Reason, as the system shows it to a user who wants the computer to sleep.
+        why: Reason that the system shows to a user who wants the computer to sleep.
         on_sleep: Called, in a thread of the lock's, when the computer is about to sleep. The sleep begins with
             :meth:`release`, or 5 s later.
 
@@ -50,7 +50,7 @@ class SleepLock:
         """Set once the system has answered, whatever it said."""
 
     def load(self) -> None:
-        """Load what speaks to the system, which takes its time; nothing happens where it is not installed."""
+        """Load the system interface, which takes time; does nothing if it is not installed."""
         with contextlib.suppress(ImportError):
             import dbus_fast.aio  # noqa: F401
 

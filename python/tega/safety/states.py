@@ -37,12 +37,12 @@ class Transition(NamedTuple):
 
 
 class RunStates:
-    """The machine: it is shown what is wrong, and says what state that means.
+    """The state machine: takes the current problems, and returns the run's state.
 
     Args:
         settle_ns: So long nothing may be wrong before the run arms, or goes on after a hold.
         give_up_ns: After so long in hold the run falls back to idle; ``None`` to hold for ever.
-        on_change: Told of every transition, in the caller's thread.
+        on_change: Called with every transition, in the caller's thread.
 
     Attributes:
         state: The state now.
@@ -73,12 +73,12 @@ class RunStates:
     def look(
         self, t_ns: int, *, wrong: Mapping[str, str], holding: Mapping[str, str] = {}, go: bool = True
     ) -> State:
-        """Take in what is wrong now.
+        """Update the state with the current problems.
 
         Args:
             t_ns: Time since the start of the session; never less than before.
-            wrong: What keeps the run from becoming active, by name, each with its reason.
-            holding: What an active run cannot go on with; counted to ``wrong`` as well.
+            wrong: Reasons that keep the run from becoming active, by name.
+            holding: Reasons that keep an active run from going on, by name; counted to ``wrong`` as well.
             go: Whether an armed run may become active.
 
         Returns:

@@ -6,11 +6,11 @@ from collections.abc import Callable
 
 
 class Stop:
-    """Asked all the time by a run whether to end; whoever wants that says so here, with a reason.
+    """Stop request of a run, which polls it; ``ask`` makes the request, with a reason.
 
     Attributes:
-        asked: Whether somebody has asked.
-        reason: Who asked first, such as ``Ctrl-C``.
+        asked: Whether a stop was requested.
+        reason: Source of the first request, such as ``Ctrl-C``.
 
     Example:
         >>> stop = Stop()
@@ -24,7 +24,7 @@ class Stop:
         self._sources: list[Callable[[], str]] = []
 
     def __call__(self) -> bool:
-        """Tell whether the run should end."""
+        """Return whether the run should end."""
         if not self.asked:
             for source in self._sources:
                 if said := source():

@@ -169,7 +169,7 @@ def contact_metrics_many(
         weights: As for :func:`contact_metrics`, and so are the other options.
         order: Order of the colour bytes.
         difference: How the difference is taken.
-        spread: What σ is.
+        spread: Definition of σ.
         factor: The 1.28 of Eq 4.
         centroid_value: How the map is read at the centroid.
         gate: Report no contact below this.
@@ -247,8 +247,8 @@ def read_contact(
         baseline: The no-contact image, same shape.
         reading: The preset.
         order: Order of the colour bytes in both images.
-        outline: What ``live`` outlines: the dent, as an eye marks it, or the touching area of a curved object, which
-            is smaller and fragile on faint contacts. ``paper`` takes no notice of it.
+        outline: Area that ``live`` outlines: the dent, as an eye marks it, or the touching area of a curved object,
+            which is smaller and fragile on faint contacts. ``paper`` ignores it.
         noise: The sensor's, from :func:`sensor_noise`; ``None`` takes that of a DIGIT. ``paper`` takes no notice of it.
 
     Returns:
@@ -297,8 +297,8 @@ def read_contacts(
 class ContactReader:
     """Reads one sensor's frames against one baseline, as :func:`read_contact` does, to the last bit.
 
-    What ``live`` finds out of the baseline alone it finds out once, and the baseline is not read again with every
-    frame: a frame with a contact takes a third less time.
+    ``live`` derives its values from the baseline only once, and does not read the baseline again with every frame: a
+    frame with a contact takes a third less time.
 
     Args:
         baseline: The no-contact image, uint8 (H, W, 3); it is copied.

@@ -1,8 +1,8 @@
 """Read the shear of a fingertip camera's contact: how far its gel is pulled sideways, and how much of it has slid.
 
-What is printed on the gel moves with it: dots where there are any, else the faint grain that every gel has.
-:class:`ShearReader` seeks it again in each frame, from where it was in the untouched gel.
-``docs/evidence/sim-touch.md`` says how, and how well.
+The pattern on the gel moves with it: printed dots if there are any, else the faint grain that every gel has.
+:class:`ShearReader` finds the pattern again in each frame, starting from its place in the untouched gel.
+``docs/evidence/sim-touch.md`` describes the method and its accuracy.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class ShearReading(NamedTuple):
-    """What one frame says of a contact's shear; zeros without contact."""
+    """Shear of a contact in one frame; zeros without contact."""
 
     shear_mm: float
     """How far the deepest part of the contact is pulled sideways, millimetres."""
@@ -30,8 +30,8 @@ class ShearReading(NamedTuple):
     incipient: float
     """Share of the contact that has slid against the rest, 0 to 1."""
     slip_mm_s: float
-    """How fast the contact's rim slides against its middle, millimetres a second; what slides as a whole over a smooth
-    object shows nothing of its speed."""
+    """Slip speed of the contact's rim against its middle, millimetres a second; a smooth object that slides as a
+    whole shows no speed."""
     sure: float
     """How well the grain was found again: its correlation with the untouched gel's, -1 to 1."""
     slide_mm_s: float
@@ -39,7 +39,7 @@ class ShearReading(NamedTuple):
     slide_direction_rad: float
     """In which direction, as the shear's."""
     slide_sure: float
-    """How sure that speed is, 0 to 1; 0 where the object is smooth, whose slide nothing shows."""
+    """Confidence in that speed, 0 to 1; 0 for a smooth object, which shows no slide."""
 
 
 class ShearReader:
@@ -94,6 +94,6 @@ class ShearReader:
     def flow(self) -> NDArray[np.float32]:
         """Return how far each cell is moved, float32 (rows, columns, 2), pixels to the right and down.
 
-        It is 0 beside the contact.
+        The flow is 0 outside of the contact.
         """
         return self._reader.flow()

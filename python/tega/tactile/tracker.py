@@ -1,8 +1,8 @@
 """Follow the touch of a fingertip camera from frame to frame: a reading with a memory.
 
-:class:`TouchTracker` learns how its sensor looks and varies at rest, follows slow drift, feels light, broad and
-soft contacts by all of the picture that they change, and stays silent on what a released contact leaves behind in the
-gel. ``docs/touch-live.md`` explains how, and how well.
+:class:`TouchTracker` learns its sensor's appearance and variation at rest, follows slow drift, detects light, broad
+and soft contacts by the whole area that they change, and ignores the imprint that a released contact leaves in the
+gel. ``docs/touch-live.md`` describes the method and its accuracy.
 """
 
 from __future__ import annotations
@@ -56,8 +56,8 @@ def nominal_light() -> GelLight:
 
 
 DEPTH_LAW: Final = 2
-"""Version of the law of depth and force in crates/tega-tactile/src/live/law.rs; what is fitted to one
-version does not fit another."""
+"""Version of the law of depth and force in crates/tega-tactile/src/live/law.rs; parameters fitted to one version do
+not fit another."""
 # How depth follows a gain of all the light: the sum of the exponents in crates/tega-tactile/src/live/law.rs.
 _DEPTH_POWER = 17 / 16
 # Of the shading alone, which is all that the light's two directions change of it.
@@ -67,18 +67,19 @@ _BALANCE = 2.0
 
 
 class KnownPress(NamedTuple):
-    """Contact that a tracker read of a press whose force (and depth, where known) was measured by other means."""
+    """Contact that a tracker read of a press with independently measured force (and depth, where known)."""
 
     contact: TrackedContact
     force_n: float
-    """Normal force, newtons: of a scale, say."""
+    """Normal force, newtons, for example from a scale."""
     depth_mm: float | None = None
-    """How far the gel was pressed in, millimetres: of a screw or a stage; ``None`` where it was not measured."""
+    """Depth of the press into the gel, millimetres, for example from a screw or a stage; ``None`` if it was not
+    measured."""
     depth_map: NDArray[np.floating] | None = None
-    """:meth:`TouchTracker.depth_map` after the same frame; ``None`` where nobody asked for it."""
+    """:meth:`TouchTracker.depth_map` after the same frame; ``None`` if it was not requested."""
     ball: bool = False
-    """Whether a ball no larger than a fingertip pressed: its dent is as steep across as along, and its map tells
-    how strongly the light answers either way."""
+    """Whether a ball no larger than a fingertip pressed: its dent is as steep across as along, and its map shows the
+    light's response in both directions."""
 
 
 def calibrate_light(presses: Sequence[KnownPress], light: GelLight | None = None) -> GelLight:
@@ -93,8 +94,8 @@ def calibrate_light(presses: Sequence[KnownPress], light: GelLight | None = None
     times pressed volume.
 
     Args:
-        presses: What was read with ``light`` and what was true. Where no depth is known, the gain stays; where no
-            ball has its map, the balance.
+        presses: Contacts read with ``light``, and their true values. If no depth is known, the gain is unchanged; if
+            no ball has its map, the balance is unchanged.
         light: The light that the presses were read with; ``None`` is :func:`nominal_light`.
 
     Returns:
@@ -164,8 +165,8 @@ def sensor_noise(
 ) -> tuple[float, float, float]:
     """Measure a camera's noise from frames of its untouched gel; about a second of them is enough.
 
-    How much a cell varies about its own mean, the median over the cells: a stuck pixel and a lamp that flickers over
-    all of the picture do not count, and what a compressed video changes slowly does.
+    The noise is the variation of a cell about its own mean, the median over the cells. A stuck pixel and a lamp that
+    flickers over the whole frame do not count; slow changes by video compression do.
 
     Args:
         frames: uint8 (N, H, W, 3), or two or more images uint8 (H, W, 3) of one size, in the order they were taken.
@@ -188,11 +189,11 @@ def sensor_noise(
 class TouchTracker:
     """Follows the touch of one fingertip; one object a finger.
 
-    At rest it learns how its sensor looks and varies, and follows slow drift; in contact that memory is frozen. A
-    contact ends when the picture is near rest again, falls quickly to what a gel keeps of a released contact, or is no
-    more than a trace of what it was: the leftover sinks slowly and is not shown, and after a second it is taken for the
-    new rest. What fell quickly and does not sink is a light hold and is felt again. A light contact is graded by
-    ``strength``. Lags are of first order and take the time between two frames into account.
+    At rest it learns its sensor's appearance and variation, and follows slow drift; in contact that memory is frozen.
+    A contact ends when the frame is near rest again, when it falls quickly to the residual imprint of a released
+    contact, or when only a trace remains. The residual imprint decays slowly and is not shown; after a second it
+    becomes the new rest. A signal that fell quickly and does not decay is a light hold and is reported again. A light
+    contact is graded by ``strength``. Lags are of first order and take the time between two frames into account.
 
     Args:
         baseline: A picture of the untouched gel, uint8 (H, W, 3); it is copied.
@@ -202,8 +203,8 @@ class TouchTracker:
         light: The gel's own light, scale and stiffness; ``None`` takes those fitted to one DIGIT. Depth and force
             are nominal then, and ``area_mm2`` is None.
         order: Order of the colour bytes in all images.
-        outline: What ``eda`` counts: the dent as an eye marks it, or nearer to the touching area.
-        rezero: Whether the rest is taken anew a second after a release.
+        outline: Area that ``eda`` counts: the dent as an eye marks it, or nearer to the touching area.
+        rezero: If true, the rest is measured again a second after a release.
 
     Raises:
         DtypeError: The baseline is not a uint8 array.
@@ -239,7 +240,7 @@ class TouchTracker:
 
     @property
     def bears_load(self) -> bool:
-        """Whether the last frame showed a contact that has not just fallen: what the other fingers are told."""
+        """Whether the last frame showed a contact that has not just fallen; passed on to the other fingers."""
         return self._tracker.bears_load
 
     def update(
@@ -251,8 +252,8 @@ class TouchTracker:
             frame: The image, uint8 of the baseline's shape, borrowed.
             dt_s: Time since the frame before, seconds, where it is not 1 / ``rate_hz``: frames were dropped, or
                 the camera is uneven.
-            loaded: Whether another finger bears a load: then a quick fall is a release only where little is left of
-                the contact, and no rest is taken anew.
+            loaded: If true, another finger bears a load: then a quick fall is a release only if little is left of the
+                contact, and the rest is not updated.
 
         Returns:
             The contact.
@@ -270,10 +271,10 @@ class TouchTracker:
         """Read the next frame by its sums over cells of 8 x 8 pixels; the contact is that of :meth:`update`.
 
         Args:
-            sums: int16 (3, cells), for each byte of a pixel the cells row by row: of a frame of 320 x 240 there are
-                1,200.
+            sums: int16 (3, cells), for each byte of a pixel the cells row by row; a frame of 320 x 240 has 1,200
+                cells.
             dt_s: As for :meth:`update`, like the following.
-            loaded: Likewise.
+            loaded: As for :meth:`update`.
 
         Returns:
             The contact.
@@ -291,7 +292,7 @@ class TouchTracker:
     def depth_map(self) -> NDArray[np.float32]:
         """Return the depth that the last frame shows, millimetres, float32 (rows, columns), one value a cell.
 
-        It is 0 all over without contact.
+        The map is 0 everywhere without contact.
         """
         return self._tracker.depth_map()
 
@@ -301,8 +302,8 @@ def update_fingers(
 ) -> list[TrackedContact]:
     """Read the next frame of several fingers of one hand in one call that leaves the interpreter to others meanwhile.
 
-    A finger is told that another is ``loaded`` where that one was in contact before and its picture has not just
-    fallen: most of what moves at one finger while others hold the object is no release.
+    A finger is ``loaded`` if another one was in contact before and its frame has not just fallen: most motion at one
+    finger while others hold the object is no release.
 
     Args:
         trackers: One a finger, each once.

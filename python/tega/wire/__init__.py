@@ -1,9 +1,9 @@
 """Encode and decode the packets of robot hand, vest and muscle sensors.
 
-Nothing here opens a port, reads a clock or starts a thread. Encoders take values and give bytes, frames or
-text; decoders of streams are objects fed with bytes as they arrive. They take any bytes, and give the same
-packets for every way of cutting the stream into chunks. ``docs/wire.md`` has the byte tables, and says what
-is certain.
+Nothing here opens a port, reads a clock or starts a thread. Encoders take values and return bytes, frames or text;
+decoders of streams are objects fed with bytes as they arrive. They accept any bytes, and return the same packets for
+every way of cutting the stream into chunks. ``docs/wire.md`` has the byte tables, and states which entries are
+certain.
 
 ============================  =======================================================================
 Allegro Hand, CAN             :func:`allegro_torque_frames`, :func:`allegro_decode`, ...

@@ -235,7 +235,7 @@ def allegro_report_frame(
     *,
     device_id: int = 0,
 ) -> CanFrame:
-    """Encode a report of the hand: what a simulated hand sends. :func:`allegro_decode` gives it back.
+    """Encode a report of the hand, for a simulated hand. :func:`allegro_decode` is the inverse.
 
     Raises:
         WireError: If a value does not fit its field, or for a device number above 3.
@@ -278,7 +278,7 @@ def allegro_v3_torque_frame(finger: Finger, counts: Sequence[int]) -> CanFrame:
 
 
 def allegro_v3_angles_rad(raw: Sequence[int], offsets: Sequence[int]) -> NDArray[np.float64]:
-    """Return joint angles in rad of a version 3 hand whose encoders all count upwards.
+    """Return joint angles in rad of a version 3 hand in which all encoders count upwards.
 
     Args:
         raw: Position words, 0 to 65535.

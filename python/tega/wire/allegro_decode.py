@@ -36,8 +36,8 @@ def allegro_decode(
 ) -> AllegroMessage:
     """Decode a frame from the bus.
 
-    Nothing a bus carries raises: what is not a message of this hand comes back as :class:`AllegroRejected`
-    with the reason to count it under.
+    No frame from a bus raises: a frame that is not a message of this hand is returned as :class:`AllegroRejected`
+    with the reason for the rejection.
 
     Args:
         frame: Identifier, payload, and whether it is a remote frame.
@@ -62,7 +62,7 @@ def allegro_decode(
 
 
 def allegro_requested(frame: CanFrame, *, device_id: int = 0) -> AllegroRequest | None:
-    """Decode a remote frame to what it asks hand `device_id` for, or None: what a simulated hand answers.
+    """Decode a remote frame to its request to hand `device_id`, or None: for a simulated hand.
 
     Raises:
         WireError: For a device number above 3.

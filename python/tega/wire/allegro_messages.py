@@ -143,7 +143,7 @@ class AllegroServo:
     """Motors on or off, from a host.
 
     Attributes:
-        on: Which of the two.
+        on: Whether it is SERVO ON.
     """
 
     on: bool
@@ -222,7 +222,7 @@ class AllegroRequest:
 
     Attributes:
         wants: Kind of report.
-        finger: Whose, for positions and temperatures.
+        finger: Finger concerned, for positions and temperatures.
     """
 
     wants: Literal["info", "serial", "imu", "position", "temperature"]
@@ -243,4 +243,4 @@ AllegroMessage: TypeAlias = (
     | AllegroConfig
     | AllegroRejected
 )
-"""What :func:`tega.wire.allegro_decode` gives."""
+"""Result of :func:`tega.wire.allegro_decode`."""

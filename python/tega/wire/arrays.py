@@ -14,7 +14,7 @@ def float_array(name: str, values: ArrayLike, shape: tuple[int, ...] | None = No
     """Return real numbers as contiguous float64; what already is that is not copied.
 
     Args:
-        name: What to call them in an error.
+        name: Name of the values in an error.
         values: The numbers.
         shape: The shape they must have; None for any.
 
@@ -39,7 +39,7 @@ def integer_array(
     """Return integers as a contiguous array of `dtype`; what already is that is not copied.
 
     Args:
-        name: What to call them in an error.
+        name: Name of the values in an error.
         values: The integers. Floats are refused: how to round is the caller's choice.
         dtype: The element type to return.
         limits: Smallest and largest value allowed.

@@ -1,8 +1,8 @@
 """Encode and decode the JSON messages of the bHaptics Player, versions 2 and 3 of its websocket, and of the Hub.
 
 Key order is fixed and there are no blanks, so that messages can be compared byte for byte. A message of version 3 is
-``{"Type": ..., "Message": ...}``; what stands in ``Message`` is JSON again, as text or as it is. Servers write names
-with a capital and without; both are read.
+``{"Type": ..., "Message": ...}``; the content of ``Message`` is JSON again, either as text or directly. Servers write
+names with a capital and without; both are read.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def player_v2_message(
         intensities: (40,) integers, 0 to 100, in the wearer's order.
         duration_ms: 20 to 100000.
         front_key: Name of the front panel's frame; None leaves the panel out.
-        back_key: Likewise of the back panel.
+        back_key: Name of the back panel's frame; None leaves the panel out.
 
     Raises:
         ShapeError: Unless there are 40.
@@ -67,7 +67,7 @@ def player_v2_message(
 
 
 def player_v2_stop(key: str | None = None) -> str:
-    """Return the message that ends what one key is playing, or everything.
+    """Return the message that stops one key, or all of them.
 
     Raises:
         WireError: For an empty key.
@@ -94,7 +94,7 @@ class PlayerStatus:
         connected_positions: Their positions; a vest is "Vest".
         active_keys: Keys that are playing.
         front: Levels of the front panel, usually 20; empty if the message has none.
-        back: Likewise of the back panel.
+        back: Levels of the back panel, usually 20; empty if the message has none.
     """
 
     connected_devices: int
@@ -132,7 +132,7 @@ class Sdk3Device:
 
     Attributes:
         position: Where it is worn; 0 is a vest.
-        name: What the vendor calls it, such as ``TactSuitX40``; at most 40 printable characters.
+        name: The vendor's name, such as ``TactSuitX40``; at most 40 printable characters.
         connected: Whether the Player has a link to it.
         battery_percent: Its battery, 0 to 100; ``None`` where the Player does not say.
     """
@@ -198,7 +198,7 @@ def sdk3_dot_message(
         intensities: (40,) integers, 0 to 100, in the wearer's order.
         request_id: A number of the caller's.
         duration_ms: 20 to 100000.
-        motors: How many values to send. Both are in use, and how the Player tells them apart is not known; 32
+        motors: Number of values to send. Both are in use, and it is unknown how the Player distinguishes them; 32
             sends rows 0 to 3 of each panel.
 
     Raises:

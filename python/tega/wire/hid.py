@@ -65,7 +65,7 @@ class HidMotor:
 
 
 def hid_motor(report: bytes) -> HidMotor:
-    """Decode an output report, as a device does. What the format does not have is refused.
+    """Decode an output report, as a device does. Reports outside of the format are refused.
 
     Raises:
         WireError: For the wrong length, number, version, checksum or field.
@@ -109,7 +109,7 @@ def hid_status(report: bytes) -> HidStatus:
 
 
 def hid_status_report(status: HidStatus) -> bytes:
-    """Encode an input report: what a simulated device sends.
+    """Encode an input report, for a simulated device.
 
     Raises:
         WireError: If a number does not fit its field.

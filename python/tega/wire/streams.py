@@ -1,8 +1,8 @@
 """Decode the muscle sensors' serial streams.
 
-Each decoder is fed with bytes as they arrive, in chunks of any size, and gives what they complete. None of them keeps
-more than a few packets' worth of bytes, and none raises on what a port delivers. A decoder belongs to one
-thread at a time.
+Feed each decoder with bytes as they arrive, in chunks of any size; it returns the packets that they complete. None of
+them keeps more than a few packets' worth of bytes, and none raises for any input from a port. A decoder belongs to
+one thread at a time.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class CytonBatch:
 
 
 class _NumberedPackets:
-    """Counters of a stream whose packets carry a number."""
+    """Counters of a stream of numbered packets."""
 
     _stream: _native.CytonStream | _native.ChordsStream
 
@@ -76,13 +76,13 @@ class _NumberedPackets:
 class CytonDecoder(_NumberedPackets):
     r"""Finds packets in the stream of an OpenBCI Cyton, whatever else it holds.
 
-    A packet that follows another with the next counter is given at once; so is one that holds no second
-    header. Otherwise up to three more packets are waited for, and their counters decide, so that a payload
-    full of headers cannot capture the decoder. Packets that nothing tells apart from false ones are dropped. At most
-    130 bytes are held back.
+    A packet that follows another with the next counter is returned at once; so is one that holds no second header.
+    Otherwise the decoder waits for up to three more packets, and their counters decide, so that a payload full of
+    headers cannot capture the decoder. Packets that cannot be distinguished from false ones are dropped. At most 130
+    bytes are held back.
 
     Args:
-        gain: What all channels are set to: 1, 2, 4, 6, 8, 12 or 24. The board does not say.
+        gain: Gain of all channels: 1, 2, 4, 6, 8, 12 or 24. The board does not report it.
 
     Raises:
         InvalidValueError: For another gain.
@@ -153,8 +153,8 @@ class ChordsDecoder(_NumberedPackets):
 def chords_channels(data: bytes | bytearray | memoryview) -> int | None:
     """Return the number of channels of the packets in a stretch of a Chords stream, or None.
 
-    It is the number that makes most packets in unbroken order, at least three; the first 4096 bytes are
-    looked at. A board's name does not always tell: the same one is sent with three channels and with six.
+    The result is the number that gives most packets in unbroken order, at least three; only the first 4096 bytes are
+    examined. A board's name does not always determine it: boards of one name exist with three channels and with six.
 
     Raises:
         DtypeError: If `data` is no buffer of bytes.

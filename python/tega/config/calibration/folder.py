@@ -4,17 +4,17 @@
 
     calibrations/
         gels/D20641/20261121-150405.png     every baseline taken of this sensor,
-        gels/D20641/20261121-150405.toml    and what it was like
+        gels/D20641/20261121-150405.toml    and its properties
         vests/127.0.0.1_15881/20261121-150405-motor07.toml   how long that motor takes to start
         people/p01/person.toml              which hand is the person's own: set once
         people/p01/touch-D20641.toml        one file per person and device, the newest
         people/p01/emg-ttyUSB0.toml
         people/p01/vest-127.0.0.1_15881.toml
-        people/p01/arm-10.0.0.7_3810.toml   which way is forward for that tracker
-        people/p01/before/                  what those replaced, with their dates
+        people/p01/arm-10.0.0.7_3810.toml   forward direction for that tracker
+        people/p01/before/                  the files that those replaced, with their dates
         people/p01/practice/                scores
         people/p01/fitts/                   results of Fitts tests, see tega_practice.kept
-        people/p01/vest-skill/              what was told by the vest, see tega_practice.vest_kept
+        people/p01/vest-skill/              scores of vest tests, see tega_practice.vest_kept
         people/p01/vest-dose.json           the vest's dose of the last day, see tega.safety.dose_file
         people/p01/unfinished.json          a calibration that was interrupted
 """
@@ -81,7 +81,7 @@ def checked_person(person: str) -> str:
 
 
 def device_name(info: DeviceInfo) -> str:
-    """Return a device's serial number, or what stands for one, fit for a file's name."""
+    """Return a device's serial number or its substitute, fit for a file's name."""
     return re.sub(r"[^A-Za-z0-9._-]+", "_", info.label).strip("._") or info.driver
 
 
@@ -97,8 +97,8 @@ class Unfinished(msgspec.Struct, kw_only=True):
 
     Attributes:
         started: When.
-        devices: Name of each part's device: what was found on one is nothing for another.
-        steps: What the steps that are finished gave, by name.
+        devices: Name of each part's device: results of one device do not apply to another.
+        steps: Results of the finished steps, by name.
     """
 
     started: Annotated[datetime, msgspec.Meta(tz=True)]
@@ -112,7 +112,7 @@ class PersonFacts(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     Attributes:
         hand: The hand that steers and is felt: arm and vest follow it.
         format: Always ``tega-person``.
-        version: Of the format.
+        version: Version of the format.
     """
 
     hand: OwnHand
@@ -186,7 +186,7 @@ class CalibrationFolder:
         return self.path / "people" / checked_person(person)
 
     def hand(self, person: str) -> OwnHand | None:
-        """Return the hand of a person; ``None`` where nobody has set it.
+        """Return the hand of a person; ``None`` if it is not set.
 
         Raises:
             CalibrationError: The file holds something else.
@@ -205,7 +205,7 @@ class CalibrationFolder:
         """Keep the hand of a person, which is set once.
 
         Raises:
-            CalibrationError: The other hand is kept already: what was calibrated was calibrated with that one.
+            CalibrationError: The other hand is stored already, and existing calibrations were made with it.
         """
         path, kept = self.person(person) / _FACTS, self.hand(person)
         if kept not in {None, hand}:
@@ -257,7 +257,7 @@ class CalibrationFolder:
         return found
 
     def others(self, person: str, part: Part, device: str) -> str:
-        """Say for whom or what there are records instead of the one that is missing."""
+        """List the persons or devices with records in place of the missing one."""
         mine = sorted(f.stem.removeprefix(f"{part}-") for f in self.person(person).glob(f"{part}-*.toml"))
         if mine:
             return f"{person} was calibrated on {', '.join(mine)}"
@@ -283,13 +283,13 @@ class CalibrationFolder:
         return found if timedelta(0) <= now - found.started <= timedelta(hours=RESUME_H) else None
 
     def keep_unfinished(self, person: str, unfinished: Unfinished) -> None:
-        """Keep what is finished so far."""
+        """Store the finished steps."""
         write_whole(
             self._unfinished(person), msgspec.json.format(msgspec.json.encode(unfinished)) + b"\n", sync=True
         )
 
     def forget_unfinished(self, person: str) -> None:
-        """Delete what was kept of an interrupted calibration."""
+        """Delete the stored steps of an interrupted calibration."""
         self._unfinished(person).unlink(missing_ok=True)
 
     def _unfinished(self, person: str) -> Path:

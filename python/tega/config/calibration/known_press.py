@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
 
 GEL_RADII_MM = (21.0, 100.0)
-"""Of a DIGIT's gel across and along the finger, millimetres: the published drawing, near the top."""
+"""Radii of a DIGIT's gel across and along the finger, millimetres: the published drawing, near the top."""
 
 
 class Ball(NamedTuple):
-    """A ball that is pressed with a force that somebody knows, such as by a kitchen scale under the hand.
+    """A ball that is pressed with a known force, for example measured by a kitchen scale under the hand.
 
     Attributes:
         diameter_mm: The ball's, millimetres.
@@ -37,7 +37,7 @@ class GelFit(NamedTuple):
 
     Attributes:
         depth_gain: Depth by depth as a gel's nominal light has it.
-        stiffness_n_mm3: Of the gel, newtons per cubic millimetre.
+        stiffness_n_mm3: Stiffness of the gel, newtons per cubic millimetre.
         mm_per_px: Scale of a picture of 320 x 240 pixels.
         depth_law: Version of the law that gain and stiffness belong to.
     """
@@ -94,8 +94,8 @@ def fit_gel(presses: Sequence[Sequence[Contact]], ball: Ball) -> GelFit:
     published stiffness; gain and stiffness are those with which depth and force come out right at that scale.
 
     Args:
-        presses: What the nominal light gave of each press, frame by frame.
-        ball: What was pressed, and how hard.
+        presses: Contacts of each press with the nominal light, frame by frame.
+        ball: The pressed ball and its force.
 
     Raises:
         CalibrationError: None of the presses was felt.

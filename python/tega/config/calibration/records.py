@@ -25,11 +25,11 @@ class CalibrationRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True,
     """Fields that every record begins with.
 
     Attributes:
-        version: Of the format.
-        device: Serial number of the device, or what stands for one.
+        version: Version of the format.
+        device: Serial number of the device, or its substitute.
         driver: Its driver.
         made: When it was made.
-        notes: What a reader has to know, one sentence each.
+        notes: Facts that a reader has to know, one sentence each.
     """
 
     comments: ClassVar[dict[str, str]] = {}
@@ -72,12 +72,12 @@ class TouchRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="forma
     """Maxima of one fingertip, as one person presses it.
 
     Attributes:
-        person: Who pressed.
+        person: Person who pressed.
         finger: Where the sensor was.
         baseline: The baseline's picture, from the calibrations' folder.
         baseline_made: When that was taken.
-        width_px: Of the picture.
-        height_px: Likewise.
+        width_px: Width of the frame.
+        height_px: Height of the frame.
         n_presses: Firm presses, round and flat.
         live: Maxima under the preset ``live``.
         paper: And under ``paper``.
@@ -103,22 +103,22 @@ class EmgRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format"
     """Rest and full effort of each channel, and the conditions under which they hold.
 
     Attributes:
-        person: Whose muscles.
+        person: Person with these muscles.
         kind: ``raw``, ``rectified`` or ``envelope``.
         rate_hz: Samples per second.
         tau_samples: Samples per block.
-        lowpass_hz: Of the filter before the block mean.
+        lowpass_hz: Cutoff of the filter before the block mean.
         settings: The driver's options that change the numbers, such as the gain.
-        unit: Of the numbers below.
+        unit: Unit of the numbers below.
         channels: Their names.
-        muscles: What each sits on.
+        muscles: Muscle under each channel.
         offset: Mean of the samples at rest.
         rest: Middle block mean at rest.
         live_max: 95th percentile of the block means of strong squeezes; the preset scales it by 0.8.
         paper_max: Their largest block mean.
         answers: How much each channel rose while the muscle of each row worked alone, share of its range.
         refreshed: When rest and scale were last looked at; ``None`` for never.
-        scale: What the refreshes have multiplied the maxima with.
+        scale: Factors by which the refreshes have multiplied the maxima.
     """
 
     comments: ClassVar[dict[str, str]] = {
@@ -152,15 +152,15 @@ class VestCalibration(CalibrationRecord, frozen=True, kw_only=True, tag_field="f
     """Thresholds and steps that one person feels on a vest.
 
     Attributes:
-        person: Who wore it.
-        layout: Which motors the vest has.
+        person: Wearer of the vest.
+        layout: Layout of the vest's motors.
         ceiling_percent: Nothing stronger was shown.
         sites: Columns (``f1`` to ``b4``) or motors (``m0`` to ``m39``), in the order of the next two.
         threshold_percent: The lowest intensity felt there; -1 where none was.
         step_percent: The smallest increase noticed there; -1 where none was.
-        step_sites: Where that was looked for; the others of a face have what was found there.
-        named_right: Columns whose place was named right, of ``named``.
-        named: Columns whose place was asked.
+        step_sites: Sites where the step was measured; the others of a face have the value measured there.
+        named_right: Columns that were named correctly, out of ``named``.
+        named: Columns that the person was asked to name.
         false_alarms: How often nothing was felt to be something.
     """
 
@@ -188,7 +188,7 @@ class ArmRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format"
     """Heading of one person's forward in the axes of a tracker, and of the robot's base as that person sees it.
 
     Attributes:
-        person: Whose forearm.
+        person: Person with this forearm.
         frame: Axes of the tracker, a name of :data:`tega.arm.FRAMES`.
         yaw_rad: As in ``arm.mapping.yaw_rad``.
         off_rad: How far from forward the second movement came out, to the left.
@@ -209,20 +209,20 @@ class ArmRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format"
 
 
 class PracticeRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format", tag="tega-practice"):
-    """Score of a person who followed a curve of levels.
+    """Score of a person following a curve of levels.
 
     Attributes:
-        person: Who.
+        person: Person who practised.
         preset: Rules of the levels.
-        seed: Of the curve.
+        seed: Seed of the curve.
         duration_s: How long.
         in_target_percent: Time on the level asked for.
         rms_error_levels: Root of the mean square of the difference, levels.
         delay_s: Shift at which the levels fit the curve best; left out where the level never changed.
-        kind: What the samples are that lie beside the record (``.npy``: the channels, then the closure asked for).
+        kind: Kind of the samples beside the record (``.npy``: the channels, then the closure asked for).
         rate_hz: Samples per second.
         channels: Names of the channels.
-        decoder: Which made levels of the muscles; with the rules, the preset's too. Empty in records before 0.2.
+        decoder: Decoder that computed the levels; with the rules, the preset's too. Empty in records before 0.2.
         options: Its options, as JSON.
     """
 
@@ -246,21 +246,21 @@ class PracticeRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="fo
 
 
 class OnsetRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format", tag="tega-motor-onset"):
-    """Time that one motor of a vest takes to start, measured with a microphone, whoever wears it.
+    """Time that one motor of a vest takes to start, measured with a microphone; not specific to a person.
 
     Attributes:
-        layout: Which motors the vest has.
-        motor: Which it was.
+        layout: Layout of the vest's motors.
+        motor: Number of the motor.
         percent: How hard it was driven.
         onset_ms: From the frame's hand-over to the transport to the first vibration, middle of the bursts.
         middle_half_ms: Between these lies half of the bursts.
         worst_ms: The longest.
-        half_strength_ms: Likewise to half of the vibration's strength, middle of the bursts.
+        half_strength_ms: Time from the hand-over to half of the vibration's strength, middle of the bursts.
         bursts: How many there were.
         used: How many count.
         left_out: The others, each number with its reason.
         spin_hz: Turns of the motor a second.
-        clock: How the recording's time was told: ``clicks``, ``stamps`` or ``arrival``.
+        clock: Source of the recording's time: ``clicks``, ``stamps`` or ``arrival``.
         clock_uncertainty_ms: How far all delays together may be off by that.
     """
 
@@ -334,7 +334,7 @@ def read_record(path: Path, wanted: type[_Any]) -> _Any:
 
 
 def write_record(record: CalibrationRecord, path: Path) -> None:
-    """Write a record; whoever reads the file sees the old one or the new one, whole."""
+    """Write a record atomically; a reader sees either the old or the new file."""
     fields = {"format": record.__struct_config__.tag, "version": record.version}
     fields |= {name: getattr(record, name) for name in _FIRST if hasattr(record, name)}
     fields |= msgspec.structs.asdict(record)

@@ -41,16 +41,16 @@ _Positive = Annotated[float, msgspec.Meta(gt=0, le=sys.float_info.max)]
 
 
 class TouchMaxima(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Maxima of one finger, and what was fitted to its gel.
+    """Maxima of one finger, and the fitted parameters of its gel.
 
     Attributes:
         cci_max: Largest CCI; ``None`` where no press was seen, which keeps the front column still.
-        eda_max: Largest EDA in pixels; ``None`` likewise, for the back column.
+        eda_max: Largest EDA in pixels; ``None`` if no press was seen, which keeps the back column still.
         noise_counts: Noise of the sensor's cells, blue, green, red, as :func:`tega.tactile.sensor_noise` measures it;
             ``None`` takes a DIGIT's.
         depth_gain: Depth by depth as the nominal light of a gel has it; ``None`` where no known press was taken.
-        stiffness_n_mm3: Of the gel, newtons per cubic millimetre; ``None`` likewise.
-        mm_per_px: Scale of a picture of 320 x 240 pixels; ``None`` likewise.
+        stiffness_n_mm3: Stiffness of the gel, newtons per cubic millimetre; ``None`` if no known press was taken.
+        mm_per_px: Scale of a frame of 320 x 240 pixels; ``None`` if no known press was taken.
         depth_law: Version of the law that gain and stiffness were fitted to; earlier calibrations name none.
     """
 
@@ -79,9 +79,9 @@ def refused_law(finger: str, maxima: TouchMaxima | None, command: str) -> list[s
     """Say that a finger's gain and stiffness are not used, being of another law; nothing where they are of this one.
 
     Args:
-        finger: Which.
+        finger: Name of the finger.
         maxima: Its part of a calibration.
-        command: What calibrates it anew.
+        command: Command that repeats the calibration.
     """
     if maxima is None or not maxima.other_law:
         return []
@@ -126,9 +126,9 @@ class Calibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
         preset: The preset they were taken with; the other one's readings have other scales.
         origin: How they came about.
         tactile: By finger.
-        emg: Of the muscle signal, where there is one.
+        emg: Maxima of the muscle signal, if there is one.
         format: Always ``tega-calibration``.
-        version: Of the file format.
+        version: Version of the file format.
     """
 
     preset: Literal["paper", "live"]
@@ -150,7 +150,7 @@ class Calibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
             preset: The run's preset.
             fingers: The run's fingers.
             emg: The run's EMG conditions (its ``maxima`` do not matter); ``None`` without EMG.
-            name: What to call this calibration in an error.
+            name: Name of this calibration in an error.
 
         Raises:
             CalibrationError: Something differs; the message names it and both values.
@@ -208,7 +208,7 @@ def parse_calibration(text: str, name: str) -> Calibration:
 
     Args:
         text: TOML.
-        name: What to call it in an error.
+        name: Name of the calibration in an error.
 
     Raises:
         CalibrationError: It is not TOML, or a value in it is unknown, of a wrong type or out of range.
@@ -229,7 +229,7 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
     """Write a calibration file; equal calibrations give equal bytes.
 
     Args:
-        calibration: What to write.
+        calibration: Calibration to write.
         path: The file; it is replaced.
     """
     write_whole(path, calibration_text(calibration))

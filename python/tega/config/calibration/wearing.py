@@ -65,12 +65,12 @@ def middle_sites(levels: Mapping[str, int]) -> tuple[str, ...]:
 
 
 class Wearing(NamedTuple):
-    """Share of the places that were named right, and what is wrong.
+    """Share of correctly named places, and the problems.
 
     Attributes:
         n_right: Places named right.
         n_asked: Places shown.
-        problems: What is wrong, one sentence each.
+        problems: Problems, one sentence each.
     """
 
     n_right: int
@@ -79,9 +79,9 @@ class Wearing(NamedTuple):
 
 
 def judge_wearing(answers: Mapping[str, str]) -> Wearing:
-    """Judge what a person said.
+    """Judge a person's answers.
 
-    Neighbouring columns are easily taken for each other; a mirrored face or faces exchanged are not, and are told.
+    Neighbouring columns are easily confused; a mirrored face or swapped faces are not, and are reported.
 
     Args:
         answers: By the column shown, the column named, or ``"n"`` for nothing felt.

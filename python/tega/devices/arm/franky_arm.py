@@ -21,11 +21,11 @@ class FrankaOptions(ArmOptions, frozen=True, kw_only=True):
     Attributes:
         host: The robot's address.
         realtime: ``enforce`` needs a real-time kernel; ``ignore`` is for a simulator.
-        stiffness_n_m: Of the spring that pulls the hand to the target.
-        stiffness_nm_rad: Likewise for turns.
+        stiffness_n_m: Translational stiffness of the spring that pulls the hand to the target.
+        stiffness_nm_rad: Rotational stiffness of that spring.
         torque_threshold_nm: A joint that feels more stops the robot.
         force_threshold_n: A hand that feels more stops the robot.
-        load_kg: What the flange carries beyond what Desk knows; none leaves it as Desk has it.
+        load_kg: Mass on the flange in addition to the one set in Desk; ``None`` keeps Desk's setting.
         load_centre_m: Its centre of mass from the flange.
         load_inertia_kg_m2: Its inertia about that centre, along the flange's axes.
         start_rad: Joint angles to go to slowly when opened; none stays where it is.
@@ -47,10 +47,10 @@ class FrankyArmOptions(FrankaOptions, frozen=True, kw_only=True):
     """Settings of :class:`FrankyArm`; the others are those of :class:`FrankaOptions`.
 
     Attributes:
-        robot: Which robot it is; their joints have other limits.
+        robot: Model of the robot; the models have different joint limits.
         clip_m: The spring pulls as if the target were no farther, so the hand goes no faster than about
             clip √K / 2.
-        clip_rad: Likewise for turns.
+        clip_rad: The same limit for the rotation.
         torque_step_nm: A joint's torque changes by no more in a millisecond.
     """
 
@@ -81,7 +81,7 @@ class FrankyArm(ProcessArm):
 
         Raises:
             DeviceUnavailableError: The robot does not answer.
-            WrongDeviceError: What answers is no robot.
+            WrongDeviceError: The answering device is not a robot.
         """
         found = preflight(options.host, robot=options.robot, realtime=options.realtime == "enforce")
         return found.findings

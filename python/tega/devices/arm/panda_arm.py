@@ -20,7 +20,7 @@ class PandaArmOptions(FrankaOptions, frozen=True, kw_only=True):
     Attributes:
         clip_m: The target given to the robot is no farther from its hand, so the hand goes no faster than about
             clip √K / 2.
-        clip_rad: Likewise for turns.
+        clip_rad: The same limit for the rotation.
     """
 
     clip_m: Annotated[float, msgspec.Meta(gt=0, le=0.05)] = 0.02
@@ -50,7 +50,7 @@ class PandaArm(ProcessArm):
 
         Raises:
             DeviceUnavailableError: The robot does not answer.
-            WrongDeviceError: What answers is no robot.
+            WrongDeviceError: The answering device is not a robot.
         """
         server = server_version(options.host)
         fix = f"install panda-python's build for robot server {server}, which its README names, or use franky"

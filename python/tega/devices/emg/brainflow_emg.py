@@ -38,15 +38,15 @@ class BrainFlowOptions(LiveEmgOptions, frozen=True, kw_only=True):
 
     Attributes:
         board: BrainFlow's name of the board, such as ``GANGLION_BOARD``; ``SYNTHETIC_BOARD`` needs no hardware.
-        serial_port: Of a board on a serial port.
-        serial_number: Of a board that is known by its number.
-        mac_address: Of a board on Bluetooth.
-        ip_address: Of a board on the network.
-        ip_port: Of a board on the network.
-        other_info: What else a board wants to know.
-        master_board: Of ``STREAMING_BOARD``, which takes what another program streams: the board that program has,
-            such as ``CYTON_BOARD``. The program streams with ``add_streamer("streaming_board://225.1.1.1:6677")``, and
-            ``ip_address`` and ``ip_port`` are those.
+        serial_port: Serial port, for a board that uses one.
+        serial_number: Serial number, for a board that is selected by it.
+        mac_address: Address of a Bluetooth board.
+        ip_address: Address of a network board.
+        ip_port: Port of a network board.
+        other_info: Additional information for the board.
+        master_board: For ``STREAMING_BOARD``, which receives the stream of another program: the board of that
+            program, such as ``CYTON_BOARD``. The program streams with
+            ``add_streamer("streaming_board://225.1.1.1:6677")``; use the same ``ip_address`` and ``ip_port``.
     """
 
     board: str
@@ -62,9 +62,9 @@ class BrainFlowOptions(LiveEmgOptions, frozen=True, kw_only=True):
 class BrainFlowEmg(LiveEmg):
     """Takes samples out of BrainFlow's buffer as they come.
 
-    Missing samples are counted where the board's counter is understood (Cyton, synthetic board); of others only the
-    rate tells of a loss. BrainFlow says nothing when a board goes away: it is silent then, and given up after
-    ``silence_s``.
+    Missing samples are counted if the board's counter is supported (Cyton, synthetic board); for other boards only
+    the rate reveals a loss. BrainFlow does not report a board that goes away: the board is then silent, and given up
+    after ``silence_s``.
     """
 
     name: ClassVar[str] = "brainflow"
@@ -170,7 +170,7 @@ class BrainFlowEmg(LiveEmg):
         return self._alternation is not None and not self._alternation.is_decided
 
     def _late(self, stamp_s: float) -> Contradiction | None:
-        """Compare the time at which BrainFlow had the newest sample with now; the arrival is what is used."""
+        """Compare BrainFlow's time of the newest sample with now; the arrival time is used for stamps."""
         now_s = time.time()  # BrainFlow's own clock
         self._stamps.believes(stamp_s, now_s)
         delay_s = self._stamps.delay_s

@@ -66,8 +66,8 @@ class ChordsOptions(LiveSerialOptions, frozen=True, kw_only=True):
 
     Attributes:
         baud: Bits per second; left out: 230400 is tried, then 115200.
-        rate_hz: Samples per second, for a board whose name is not known here.
-        bits: Of its converter, likewise.
+        rate_hz: Samples per second, for a board that the driver does not know by name.
+        bits: Resolution of the converter, for such a board.
     """
 
     baud: BaudRate | None = None
@@ -101,7 +101,7 @@ class Chords(LiveSerialEmg):
         self._waiting = b""
 
     def _start(self) -> None:
-        """Ask the board who it is, start it, and read off the stream how many channels it sends.
+        """Ask the board for its name, start it, and count the channels in its stream.
 
         Raises:
             DeviceUnavailableError: It does not answer, is not known, or sends no packet.
@@ -158,7 +158,7 @@ class Chords(LiveSerialEmg):
 
     @staticmethod
     def _ask(port: SerialPort) -> tuple[str, bytes]:
-        """Ask for the name, and once more when the board has stopped and has had its silence; also what else came."""
+        """Ask for the name, and again after stopping the board; return it with all received bytes."""
         said = b""
         for again in (False, True):
             if again:

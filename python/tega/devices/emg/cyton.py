@@ -35,7 +35,7 @@ class CytonOptions(LiveSerialOptions, frozen=True, kw_only=True):
     """Settings of :class:`Cyton`.
 
     Attributes:
-        gain: Of the channels in use; lower it where they saturate.
+        gain: Gain of the channels in use; lower it if they saturate.
         bipolar: Two electrodes per channel, on its own two pins; otherwise one, against the common SRB2.
     """
 
@@ -81,7 +81,7 @@ class Cyton(LiveSerialEmg):
         """Silence the board, reset it, set its channels, and start the stream.
 
         Raises:
-            DeviceUnavailableError: Nobody, or somebody else, answers, or a setting is not confirmed.
+            DeviceUnavailableError: No board or another device answers, or a setting is not confirmed.
         """
         from tega.wire import CytonDecoder
 

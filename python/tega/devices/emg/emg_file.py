@@ -29,7 +29,7 @@ class EmgFileOptions(Options, frozen=True):
         variable: Array or stream of a file that has several.
         decimal: Decimal sign of a text table.
         time: Column of the time, counted from 1; ``none`` to ignore the file's times.
-        rows: What each row of a table or an array is.
+        rows: Meaning of each row of a table or an array.
     """
 
     file: Path
@@ -61,7 +61,7 @@ class EmgFile(Opened):
 
     @property
     def info(self) -> DeviceInfo:
-        """Name, rate and channels; once open the number of samples, and in the notes what was decided and lost."""
+        """Name, rate and channels; once open, also the number of samples, and notes on choices and losses."""
         signals = self._signals
         return DeviceInfo(
             driver="emg-file",

@@ -1,4 +1,4 @@
-"""Find faults of an EMG signal and tell them in words: gaps, saturation, mains, lift-off, repeats, bridges, swaps.
+"""Find and describe EMG signal faults: gaps, saturation, mains, lift-off, repeats, bridges, swaps.
 
 Everything is judged from the samples alone, half a second at a time (two seconds for mains and bridges). A finding
 is kept with how long it lasted, since a summary is read afterwards.
@@ -48,8 +48,8 @@ class EmgHealth:
     Args:
         rate_hz: Samples per second.
         channels: Their names.
-        limits: Smallest and largest value the converter can give, in the unit of the samples; ``None`` where
-            that is unknown, and saturation cannot be told.
+        limits: Smallest and largest value of the converter, in the unit of the samples; ``None`` if unknown, and
+            saturation is not detected.
 
     Example:
         >>> health = EmgHealth(200.0, ["ch1"], limits=(0.0, 1023.0))
@@ -187,7 +187,7 @@ def swapped_channels(drives: ArrayLike, names: Sequence[str]) -> str:
     Args:
         drives: (muscles, channels), how much each channel rose over rest, as a share of its own maximum, while
             the muscle that belongs to the channel of the same row worked alone.
-        names: What the channels are called, in that order.
+        names: Names of the channels, in that order.
 
     Returns:
         A sentence, or an empty string where the channels fit best as they are.

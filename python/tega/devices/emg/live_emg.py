@@ -1,4 +1,4 @@
-"""Open and read live EMG sources: prove their rate, stamp their samples, keep their health, tell their silence."""
+"""Open and read live EMG sources: check their rate, stamp samples, track health, report silence."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class LiveEmgOptions(Options, frozen=True, kw_only=True):
     """Settings that all live sources have.
 
     Attributes:
-        channels: Which channels to use, counted from 1; none means all.
+        channels: Channels to use, counted from 1; none means all.
         measure_s: The true sample rate is measured for so long at most when the source opens; a rate that seems wrong
             is measured longer.
         silence_s: Without a valid sample for this long the source is given up.
@@ -79,13 +79,14 @@ class Arrived(NamedTuple):
 
 
 class LiveEmg(Opened):
-    """A live EMG source; a driver adds how to start, what has arrived, and how to stop.
+    """A live EMG source; a driver adds the start, the reading of samples, and the stop.
 
     Attributes:
         counter_turn: After how many samples the device's own counter repeats; ``None`` for a device that has none.
         counter_hint: The next step where the device's numbers are no counter.
         free_columns: Whether the settings alone say which columns are muscles.
-        compared: The evidence that the stream carries, and what each is compared with (:mod:`tega.runtime.evidence`).
+        compared: The evidence that the stream carries, and the assumptions that it is compared with
+            (:mod:`tega.runtime.evidence`).
     """
 
     kind: ClassVar[Kind] = "emg"
@@ -119,7 +120,7 @@ class LiveEmg(Opened):
         raise NotImplementedError
 
     def _arrived(self) -> Arrived | None:
-        """Return what has arrived, without waiting."""
+        """Return the samples that have arrived, without waiting."""
         raise NotImplementedError
 
     def _stop(self) -> None:
@@ -143,7 +144,7 @@ class LiveEmg(Opened):
         return None
 
     def _label(self) -> str:
-        """Return what it is called."""
+        """Return the label."""
         raise NotImplementedError
 
     def _undecided(self) -> bool:
@@ -151,18 +152,18 @@ class LiveEmg(Opened):
         return False
 
     def _instead(self) -> str:
-        """Say what came instead of samples."""
+        """Describe the data that came instead of samples."""
         return ""
 
     def _own_notes(self) -> tuple[str, ...]:
-        """Return what a reader of the results must know."""
+        """Return the notes that a reader of the results must know."""
         return ()
 
     # What is the same in all of them.
 
     @property
     def info(self) -> DeviceInfo:
-        """Name, rate, channels, and in the notes what is wrong with the signal so far."""
+        """Name, rate and channels, with notes on the signal faults so far."""
         # Each looked at once: the thread that reads may put another in its place meanwhile.
         clock, order, health = self._clock, self._order, self._health
         notes = self._own_notes()
@@ -253,8 +254,8 @@ class LiveEmg(Opened):
     def read(self, timeout_s: float) -> EmgChunk | None:
         """Return the next samples without a gap between them, or ``None`` when none came within ``timeout_s``.
 
-        What came before the first call is thrown away: a port keeps half a second at most, and what it lost is no
-        loss to anybody.
+        Samples from before the first call are discarded: a port keeps at most half a second, and such losses are not
+        counted.
 
         Raises:
             DeviceUnavailableError: The source is not open, was unplugged, or has been silent for too long.
@@ -281,7 +282,7 @@ class LiveEmg(Opened):
         return self._chunks.popleft() if self._chunks else None
 
     def _begin(self) -> None:
-        """Throw away what has waited since the source was opened."""
+        """Discard the data that arrived since the source was opened."""
         for _ in range(_MOST_WAITING):
             if self._arrived() is None:
                 break
@@ -298,7 +299,7 @@ class LiveEmg(Opened):
         self._values = ValueCheck(rate_hz, names, limits=self._limits(), free_columns=self.free_columns)
 
     def _collect(self) -> None:
-        """Put what has arrived in the queue, cut where samples are missing."""
+        """Queue the arrived samples, split at missing samples."""
         arrived, clock, now_s = self._arrived(), self._clock, time.monotonic()
         if arrived is not None and arrived.missing is not None and self.counter_turn is not None:
             room = 2**31 if clock is None else clock.room(len(arrived.samples), arrived.arrival_ns)
@@ -347,8 +348,8 @@ class LiveEmg(Opened):
     def _measure(self, clock: SampleClock, rate_hz: float) -> None:
         """Wait for the first sample, then measure until the rate is proven, or certainly another.
 
-        It is proven once no lateness of a USB adapter can hide another. A source whose samples come later than that is
-        judged by its measured rate after ``measure_s``.
+        The rate is proven once no delay of a USB adapter can hide another rate. A source with larger delays is judged
+        by its measured rate after ``measure_s``.
         """
         wait_s, patience_s = self._settings.start_s, _PATIENCE * self._settings.measure_s
         waited_s = measured_s = 0.0

@@ -25,7 +25,7 @@ class LiveSerialOptions(LiveEmgOptions, frozen=True, kw_only=True):
 
 
 class LiveSerialEmg(LiveEmg):
-    """A live EMG source on a serial port; a driver adds what to say and how to read it."""
+    """A live EMG source on a serial port; a driver adds its commands and decoding."""
 
     extra: ClassVar[str] = "lab"
     requires: ClassVar[tuple[str, ...]] = ("serial",)

@@ -35,10 +35,10 @@ class LslEmgOptions(LiveEmgOptions, frozen=True, kw_only=True):
     """Settings of :class:`LslEmg`.
 
     Attributes:
-        by: What the stream is known by: ``name``, ``type`` or ``source_id``.
+        by: Property that selects the stream: ``name``, ``type`` or ``source_id``.
         value: Its name, type or source identifier.
         rate_hz: Samples per second, for a stream that states none; otherwise the stream's own counts.
-        limits: Smallest and largest value of the amplifier, so that saturation can be told.
+        limits: Smallest and largest value of the amplifier, for saturation detection.
     """
 
     value: str

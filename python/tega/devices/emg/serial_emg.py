@@ -23,7 +23,7 @@ class SerialEmgOptions(LiveSerialOptions, frozen=True, kw_only=True):
         baud: Bits per second.
         columns: Samples on a line, one per channel.
         leading: Fields before them, such as a time stamp, that are dropped.
-        bits: Of the board's converter, so that saturation can be told; none means it is not looked for.
+        bits: Resolution of the board's converter, for saturation detection; ``None`` disables it.
     """
 
     rate_hz: Annotated[float, msgspec.Meta(gt=0, le=100_000)]

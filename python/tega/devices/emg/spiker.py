@@ -36,7 +36,7 @@ class SpikerOptions(LiveSerialOptions, frozen=True, kw_only=True):
 
     Attributes:
         baud: Bits per second.
-        columns: Channels that the board is told to send, 1 to 6; they share its converter.
+        columns: Number of channels that the board is set to send, 1 to 6; they share its converter.
     """
 
     baud: BaudRate = 230_400
@@ -44,7 +44,7 @@ class SpikerOptions(LiveSerialOptions, frozen=True, kw_only=True):
 
 
 class Spiker(LiveSerialEmg):
-    """A board that sends from the moment it has power, and is told how many channels.
+    """A board that sends as soon as it has power; the driver sets its number of channels.
 
     Frames carry no number and no checksum: a lost one is not seen, only that fewer come. A frame of another length
     than agreed is refused and counted.
@@ -66,9 +66,9 @@ class Spiker(LiveSerialEmg):
         self._waiting = b""
 
     def _start(self) -> None:
-        """Tell the board how many channels to send, until it does.
+        """Set the number of channels, and repeat until the board sends that many.
 
-        It hears nothing while it starts, which opening the port may make it do.
+        The board ignores commands while it starts, and opening the port may restart it.
 
         Raises:
             DeviceUnavailableError: It sends nothing, or another number of channels.
@@ -120,7 +120,7 @@ class Spiker(LiveSerialEmg):
 
 
 def _hear(port: SerialPort) -> bytes:
-    """Return the second half of what comes for a while: the first may be from before the board was told."""
+    """Read for a while and return the second half: the first may date from before the command."""
     data, until = b"", time.monotonic() + _LOOK_S
     while time.monotonic() < until:
         data += port.read()

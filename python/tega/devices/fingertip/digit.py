@@ -52,8 +52,8 @@ class DigitOptions(Options, frozen=True):
         serial: The number printed on the sensor, such as ``D20641``; found whatever it is plugged into.
         source: Anything else that OpenCV opens: ``/dev/video2``, the address of a stream, or ``camera:2``, as cameras
             are named on Windows and macOS (untried there).
-        width: Of the picture as the sensor sends it, pixels.
-        height: Likewise.
+        width: Width of the frame as the sensor sends it, pixels.
+        height: Height of the frame as the sensor sends it, pixels.
         rate_hz: Pictures a second to ask for; 30 where four sensors share one USB 2 bus.
         led: Level of the three lights, 0 to 15 each; red, green, blue. Only for ``serial``.
         orientation: ``upright`` turns by 90° against the clock, as the maker's driver does; ``as-sent`` does not.
@@ -73,15 +73,15 @@ class DigitOptions(Options, frozen=True):
 class Digit(Opened):
     """Gives the newest picture, never an old one: a thread drains the camera and keeps one picture.
 
-    Pictures that are torn, black, repeated, of another size or another sensor's are counted and not given, so
-    a finger without good pictures falls silent. A camera that goes away is looked for again, by its serial
-    number, after 0.25 s and then at most 4 s, and set up anew.
+    Frames that are torn, black, repeated, of another size or from another sensor are counted and discarded, so a
+    finger without good frames falls silent. If a camera goes away, the driver searches for it by its serial number,
+    first after 0.25 s and then at most every 4 s, and sets it up again.
 
     Args:
         options: The settings.
 
     Attributes:
-        counts: What the camera sent.
+        counts: Counts of the camera's frames.
     """
 
     kind: ClassVar[Kind] = "tactile"
@@ -119,12 +119,12 @@ class Digit(Opened):
 
     @classmethod
     def discover(cls, timeout_s: float) -> list[Found]:  # noqa: ARG003  # the kernel knows at once
-        """List the DIGITs that are plugged in, with what stands in the way of opening one; opens none."""
+        """List the DIGITs that are plugged in, with problems that prevent opening one; opens none."""
         return find_digits()
 
     @property
     def info(self) -> DeviceInfo:
-        """Serial number or source, the rate it agreed to, and what is to be known of it."""
+        """Serial number or source, the negotiated rate, and notes."""
         o = self._options
         return DeviceInfo(
             driver="digit",
@@ -137,7 +137,7 @@ class Digit(Opened):
         )
 
     def open(self) -> None:
-        """Open the camera, set it up, read back what it agreed to, and wait for its first good picture.
+        """Open and set up the camera, read back its settings, and wait for its first good frame.
 
         Raises:
             ConfigError: Neither or both of ``serial`` and ``source``, or a light level outside 0 to 15.
@@ -180,11 +180,11 @@ class Digit(Opened):
         )
 
     def compare_with(self, own: NDArray[np.uint8], others: Mapping[str, NDArray[np.uint8]]) -> None:
-        """Give it the baselines by which it tells its own pictures from those of other sensors, until it is closed.
+        """Set the baselines that distinguish its own frames from those of other sensors, until it is closed.
 
         Args:
             own: Its baseline, uint8 (H, W, 3), oriented as its pictures are.
-            others: The other sensors' baselines, likewise, by what to call them in a note.
+            others: The other sensors' baselines, in the same form, by their names in notes.
         """
         turns = -1 if self._options.orientation == "upright" else 0
         self._baselines = sensor_bands(
@@ -292,7 +292,7 @@ class Digit(Opened):
 
     @run_realtime("measure")
     def _run(self, capture: Any) -> None:
-        """Read until told to leave; a camera that goes away is opened again."""
+        """Read until asked to stop; reopen a camera that goes away."""
 
         def refused(error: Exception) -> None:
             self._trouble = f": {getattr(error, 'message', error)}"

@@ -1,4 +1,4 @@
-"""Find the DIGITs on this machine, and what stands in the way of opening one."""
+"""Find the DIGITs on this machine, and problems that prevent opening one."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _RULES = (
 
 
 def is_digit(node: VideoNode) -> bool:
-    """Tell whether a camera is a DIGIT, by its USB numbers or, where those are hidden, its name."""
+    """Return whether a camera is a DIGIT, by its USB IDs or, if those are hidden, by its name."""
     return node.usb_id == _DIGIT or (not node.usb_id and node.name.startswith("DIGIT"))
 
 

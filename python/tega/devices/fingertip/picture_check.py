@@ -1,4 +1,4 @@
-"""Tell which pictures of a fingertip camera can be used: new, whole, lit ones."""
+"""Decide which frames of a fingertip camera are usable: new, complete and lit ones."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ WORDS: Final[Mapping[Verdict, str]] = MappingProxyType(
         "foreign": "another sensor's",
     }
 )
-"""What is wrong with pictures that cannot be used."""
+"""Descriptions of unusable frames."""
 
 
 class JudgedPicture(NamedTuple):
@@ -56,7 +56,7 @@ def judge_picture(
 
     Args:
         image: uint8 (H, W, 3), rows in the order the sensor sends them.
-        last: The picture before, likewise; ``None`` for the first.
+        last: The previous frame, in the same form; ``None`` for the first.
         baselines: Bands of this and other sensors, to find another sensor's lines; ``None`` for no such check.
     """
     if last is not None and image.shape != last.shape:
@@ -81,7 +81,7 @@ class PictureTally:
         counts: Counts that go up.
 
     Attributes:
-        foreign_shares: Of each sensor whose lines were seen, the largest share of a picture.
+        foreign_shares: Largest share of a frame that came from each other sensor, by sensor.
         newest: Verdict on the newest picture.
     """
 

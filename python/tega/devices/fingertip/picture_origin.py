@@ -1,4 +1,4 @@
-"""Tell whether a picture is the sensor's own: several sensors on one hub were seen to swap lines, or whole pictures."""
+"""Check whether a frame is the sensor's own: sensors on one hub were seen to swap lines or frames."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ _ALL_SHARE: Final = 0.9
 
 
 class Origin(NamedTuple):
-    """Verdict on whose a picture is.
+    """Verdict on the sensor that a frame comes from.
 
     Attributes:
         other: The sensor that some of its bands look like; ``""`` if none do.
         share: Share of its bands that do.
-        unlike: Whether nearly all of its bands are far from the own baseline and near to nobody's.
+        unlike: Whether nearly all of its bands are far from its own baseline and near to no other.
     """
 
     other: str
@@ -53,7 +53,7 @@ def sensor_bands(own: NDArray[np.uint8], others: Mapping[str, NDArray[np.uint8]]
 
     Args:
         own: Baseline of the sensor, uint8 (H, W, 3), lines as the sensor sends them.
-        others: Baselines of the others by name, likewise; those of another size are left out.
+        others: Baselines of the others by name, in the same form; those of another size are left out.
     """
     alike = {name: picture_bands(b) for name, b in others.items() if b.shape == own.shape}
     return SensorBands(own.shape, picture_bands(own), alike)
@@ -62,8 +62,9 @@ def sensor_bands(own: NDArray[np.uint8], others: Mapping[str, NDArray[np.uint8]]
 def picture_origin(image: NDArray[np.uint8], baselines: SensorBands) -> Origin:
     """Return which sensor a picture comes from, compared band by band.
 
-    A band is another's if it is far from the own baseline, close to the other's, and much closer to it: a press
-    changes a band, but into no other sensor's light. Sensors whose baselines are alike cannot be told apart.
+    A band belongs to another sensor if it is far from its own baseline, close to the other's, and much closer to the
+    latter. A press changes a band, but never into another sensor's light. Sensors with similar baselines cannot be
+    distinguished.
 
     Args:
         image: uint8 (H, W, 3), lines as the sensor sends them.

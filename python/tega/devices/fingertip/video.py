@@ -19,7 +19,7 @@ class VideoFileOptions(Options, frozen=True):
 
     Attributes:
         file: The video; it states times, rate and number of its frames.
-        allow_truncated: Use a video whose length differs from its header's, instead of refusing it.
+        allow_truncated: If true, accept a video with a length that differs from its header.
     """
 
     file: Path

@@ -22,12 +22,12 @@ class VideoNode(NamedTuple):
     """A camera's capture node.
 
     Attributes:
-        device: What to open, such as ``/dev/video2``; on Windows and macOS ``camera:2``.
-        name: What the kernel calls the camera.
+        device: Path or name to open, such as ``/dev/video2``; on Windows and macOS ``camera:2``.
+        name: Name of the camera in the kernel.
         serial: Its USB serial number; ``""`` where it has none.
         revision: Its firmware revision, 0x0200 for 2.00; 0 where it is not known.
         usb_id: Vendor and product, such as ``2833:0209``; ``""`` for a camera that is not on USB.
-        bus: Number of the USB bus it shares with others; ``""`` likewise.
+        bus: Number of the USB bus it shares with others; ``""`` for a camera that is not on USB.
     """
 
     device: str
@@ -71,8 +71,8 @@ def numbered_cameras(
 ) -> list[VideoNode]:
     """List the cameras of Windows or macOS, in the order of the numbers that OpenCV opens them by.
 
-    Neither system tells a camera's serial number, so a camera is named by its number, which may change when cameras are
-    plugged in or out. Untried on either system.
+    Neither system reports a camera's serial number, so a camera is selected by its index, which may change when
+    cameras are plugged in or out. Untested on either system.
 
     Args:
         system: As ``sys.platform`` names it.
@@ -100,7 +100,7 @@ def numbered_cameras(
 
 
 def camera_place(source: str, system: str = sys.platform) -> tuple[str | int, str]:
-    """Return what OpenCV has to open for a source, and the name of the way in that it has to take.
+    """Return the path or number of a source for OpenCV, and the name of the backend.
 
     Args:
         source: ``/dev/video2``, ``camera:2``, or the address of a stream.

@@ -43,11 +43,11 @@ _REFUSED = frozenset({"wrong-version", "wrong-side"})
 class Allegro(Opened):
     """Closes the loop on the hand's own angles, in a process of its own that the hand's own frames wake.
 
-    Opening it checks version and side before any torque, switches the motors on and holds the pose the hand is in
-    until :meth:`step` asks for a level. On every way out the torque fades within 0.2 s, then zero torque and SERVO
-    OFF are sent until the hand says that its motors are off. The process does so as well if this program is killed; a
-    further one if the process itself is, if this program stands still, or if the hand does not say so. A hand whose bus
-    is gone keeps its last torque as far as is known, so mount a switch.
+    Opening checks version and side before any torque, switches the motors on, and holds the current pose until
+    :meth:`step` asks for a level. On every way out the torque fades within 0.2 s, then zero torque and SERVO OFF are
+    sent until the hand confirms that its motors are off. The process also does so if this program is killed; a
+    further process does so if that process is killed, if this program hangs, or if the hand does not confirm. A hand
+    without its bus is believed to keep its last torque, so mount a switch.
 
     python-can's ``virtual`` bus is inside this program, and so are its hand's loop and clock: in a thread.
     """
@@ -80,9 +80,9 @@ class Allegro(Opened):
         self.on_exchange: (
             Callable[[int, tuple[float, float], Sequence[Received], Sequence[CanFrame], str], None] | None
         ) = None
-        """Told, in a thread of the driver's, of every exchange: time, level and addition, frames received and to be
-        sent, and ``exchange``, ``release`` or ``abandon``. From these the same conversation can be held again. Set it
-        before the hand is opened."""
+        """Called, in a thread of the driver, with every exchange: time, level and addition, frames received and to be
+        sent, and ``exchange``, ``release`` or ``abandon``. They suffice to repeat the conversation. Set it before the
+        hand is opened."""
 
     @classmethod
     def discover(cls, timeout_s: float) -> list[Found]:  # noqa: ARG003  # the kernel knows at once
@@ -186,7 +186,7 @@ class Allegro(Opened):
             self._tell_of_the_end()
 
     def _tell_of_the_end(self) -> None:
-        """Tell, as the last words of the program, of a hand that has not confirmed that its motors are off."""
+        """Print, as the program's last output, that a hand has not confirmed that its motors are off."""
         from tega.devices.hand.hand_guard import LONGEST_S, guard_runs
 
         seen, self._seen = self._seen, None
@@ -212,7 +212,7 @@ class Allegro(Opened):
 
     @property
     def guard_problem(self) -> str:
-        """Why nobody would let go of the hand if this program were killed now; ``""`` if somebody would."""
+        """Why no guard would release the hand if this program were killed now; ``""`` if one would."""
         seen = self._seen
         return "" if seen is None or not seen.guard_problem else f"hand: {seen.guard_problem}"
 
@@ -221,7 +221,7 @@ class Allegro(Opened):
 
         Args:
             level: Closure level, 1 to 5 with fractions between two poses.
-            added: What a reflex adds to it, 0 to 1 level.
+            added: Levels that a reflex adds, 0 to 1.
 
         Returns:
             The frames sent to the hand since the last call.
@@ -256,7 +256,7 @@ class Allegro(Opened):
 
     @property
     def silent(self) -> bool:
-        """Whether the joint angles are older than the watchdog allows, or the hand's process tells nothing any more."""
+        """Whether the joint angles are older than the watchdog allows, or the hand's process is silent."""
         seen = self._seen
         late = time.monotonic() - self._heard_s > _UNHEARD_S
         return seen is None or seen.state.phase != "running" or late
@@ -288,7 +288,7 @@ class Allegro(Opened):
 
     @property
     def cycles(self) -> list[tuple[int, int]]:
-        """Of the last 16,384 cycles, when its torques were sent and how long after their frames, both in ns."""
+        """For the last 16,384 cycles: send time of the torques and delay after their frames, both in ns."""
         return list(self._cycles)
 
     def answered_ns(self, since_ns: int) -> tuple[int, int] | None:
@@ -332,7 +332,7 @@ class Allegro(Opened):
         return end
 
     def _take(self, spoken: list[HandSpoken], seen: HandNews) -> None:
-        """Take what the loop tells."""
+        """Process the reports of the loop."""
         self._seen, self._heard_s = seen, time.monotonic()
         for said in spoken:
             self._sent.extend(said.taken)

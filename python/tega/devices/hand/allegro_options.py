@@ -19,11 +19,11 @@ class AllegroOptions(Options, frozen=True):
 
     Attributes:
         interface: The adapter's name in python-can, such as ``socketcan``, ``pcan``, ``slcan``, ``virtual``.
-        channel: Which of its buses.
+        channel: Channel of the adapter.
         bitrate: Bits per second; ``socketcan`` is set with ``ip link`` instead.
         bus: Further options, passed to ``can.Bus`` as they are.
         device_id: The hand's number on its bus, 0 from the factory.
-        side: Which hand is mounted; the other one is refused.
+        side: Side of the mounted hand; the other side is refused.
         poses: Pose file of the closure levels; ``None`` for the built-in ones.
         torque_share: Ceiling of every torque, as a share of the vendor's limits.
         kp: Torque units per rad; ``None`` for the built-in gains, 1.5 and 2 for the thumb.

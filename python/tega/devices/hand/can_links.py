@@ -1,4 +1,4 @@
-"""List the CAN buses of this machine, whether they are up, and at what rate."""
+"""List the CAN buses of this machine, with their state and rate."""
 
 from __future__ import annotations
 
@@ -61,11 +61,11 @@ def can_links(*, sysfs: Path = SYSFS, describe: Callable[[str], str] | None = No
 
 
 def link_trouble(link: CanLink, *, bitrate: int) -> tuple[str, str]:
-    """Say what is wrong with a bus and what to do; two empty texts where nothing is.
+    """Return a bus problem and its fix; two empty strings if there is none.
 
     Args:
         link: The bus.
-        bitrate: What the device on it needs, bits per second.
+        bitrate: Bit rate that the device on the bus needs, bits per second.
     """
     up = f"sudo ip link set {link.name} up type can bitrate {bitrate} restart-ms 100"
     again = f"sudo ip link set {link.name} down && {up}"

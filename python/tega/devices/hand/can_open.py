@@ -76,10 +76,10 @@ def open_can_bus(
         interface: The adapter's name in python-can.
         make: Returns the open bus.
         can: The module python-can.
-        channel: Which of the adapter's buses.
+        channel: Channel of the adapter.
 
     Raises:
-        DeviceUnavailableError: The adapter is not there, refuses, or needs what is not installed.
+        DeviceUnavailableError: The adapter is missing, refuses, or needs a package that is not installed.
     """
     with _quiet():
         try:
@@ -95,7 +95,7 @@ def open_can_bus(
 
 
 def _explained(error: Exception, interface: str, can: Any) -> tuple[str, str]:
-    """Return what is wrong in one sentence, and the next step."""
+    """Return the problem in one sentence, and the next step."""
     known = sorted(can.VALID_INTERFACES)
     if interface not in known:
         near = difflib.get_close_matches(interface, known, 1)

@@ -1,4 +1,4 @@
-"""Write the CAN frames that a hand is told into a file, in place of a hand's bus."""
+"""Write CAN frames for a hand into a file instead of the hand's bus."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 BEAT_S: Final = 0.1
 STUCK_S: Final = 1.0
-"""A program that was heard and then says nothing for so long stands still."""
+"""A program that has sent messages and is then silent for this long is hanging."""
 
 DEAF_S: Final = 2.0
 """A process that has not answered for so long is taken for lost."""
@@ -48,7 +48,7 @@ class GuardProcess:
     """Starts and feeds the guard of a device from the program that it watches; one that is lost is replaced.
 
     Args:
-        what: What it does, such as ``lets go of the hand``, for messages.
+        what: Task of the guard, such as ``lets go of the hand``, for messages.
         module: The module that it runs.
         arguments: Words for it.
 
@@ -81,7 +81,7 @@ class GuardProcess:
         return self._process.pid
 
     def beat(self) -> None:
-        """Tell the guard that the program is alive; returns at once, and does nothing most of the time."""
+        """Report to the guard that the program is alive; returns at once, and mostly does nothing."""
         now_s = time.monotonic()
         if now_s < self._next_s or self.problem:
             return
@@ -93,7 +93,7 @@ class GuardProcess:
         self._write(b".\n", self._process)
 
     def dismiss(self) -> None:
-        """Tell the guard that the device has been left safe, and wait for its end."""
+        """Report to the guard that the device is safe, and wait for the guard's end."""
         self._leave(safe=True)
         self._thread.join(_LEAVE_S)
 
@@ -165,7 +165,7 @@ class GuardProcess:
                 os.write(process.stdin.fileno(), line)
 
     def _watch(self) -> None:
-        """Hear the answers, and start another process when this one is gone."""
+        """Read the answers, and restart the process if it is gone."""
         while True:
             process = self._process
             if process.stdout is not None:
@@ -250,7 +250,7 @@ def _never() -> bool:
 
 
 def hear() -> SimpleQueue[bytes]:
-    """Return, in the process, a queue of what the program says, in pieces as they come; an empty one is the last.
+    """Return, in the process, a queue of the program's messages in pieces; an empty one is the last.
 
     A thread reads, since Windows cannot wait for a pipe and a time at once.
     """

@@ -1,4 +1,4 @@
-"""Tell what a hand that is steered suffers from while it can still be steered, or may come back."""
+"""Report problems of a steered hand while it can still be steered, or may come back."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class HandAlert:
         self._said = ""
 
     def __call__(self) -> str:
-        """Return what is wrong, for at least a second; ``""`` for nothing."""
+        """Return the current problem, for at least a second; ``""`` if there is none."""
         now_s = time.monotonic()
         if now_s < self._next_s:
             return self._said

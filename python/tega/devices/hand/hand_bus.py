@@ -1,4 +1,4 @@
-"""Read and write a hand's CAN bus through python-can, frame by frame, and open it anew if it went away."""
+"""Read and write a hand's CAN bus through python-can, frame by frame, and reopen it if it goes away."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class HandBus:
 
     Args:
         interface: The adapter's name in python-can.
-        channel: Which of its buses.
+        channel: Channel of the adapter.
         bitrate: Bits per second.
         more: Further arguments of ``can.Bus``.
 
@@ -181,7 +181,7 @@ class HandBus:
 
         Args:
             frames: The frames, in order.
-            outdated: Asked right before each is handed over; what is left is not sent once it returns true.
+            outdated: Called right before each frame is sent; once it returns true, the remaining frames are skipped.
         """
         sent: list[CanFrame] = []
         together = hasattr(self._bus, "send_together")
@@ -202,13 +202,13 @@ class HandBus:
         return sent
 
     def switch_off(self, frames: Sequence[CanFrame], *, device_id: int, patience_s: float) -> bool:
-        """Tell a hand to let go, again and again, until it says that its motors are off.
+        """Command a hand to release, repeatedly, until it confirms that its motors are off.
 
-        A hand does not tell its torques. It is asked behind the frames that take them away, and on a bus what was
-        sent first is heard first: an answer with SERVO OFF in it confirms both.
+        A hand does not report its torques. The query is sent behind the frames that remove them, and a bus delivers
+        frames in order: an answer with SERVO OFF confirms both.
 
         Args:
-            frames: What leaves it without force.
+            frames: Frames that leave it without force.
             device_id: Its number on the bus.
             patience_s: How long to try, seconds.
 
@@ -245,8 +245,9 @@ class HandBus:
     def _reopened(self) -> bool:
         """Open the adapter again, at most once a second; return whether it is open.
 
-        That alone moves nothing. The hand's link asks who is there before it sends torque, and after a fault it sends
-        none until a person has had the hand opened anew: nobody may be gripped by a bus that comes back by itself.
+        Reopening alone moves nothing. The hand's link identifies the hand before it sends torque, and after a fault
+        it sends no torque until a person has the hand reopened: a bus that comes back by itself must not make the
+        hand grip a person.
         """
         if not self._again.due():
             return False

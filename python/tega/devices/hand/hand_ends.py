@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 MAKES_READY: Final = "makes ready"
-"""What the process says after each stage of its start."""
+"""Message of the process after each stage of its start."""
 
 _START_S: Final = 20.0
 _SILENT_S: Final = 1.0
@@ -40,8 +40,8 @@ class HandThread:
 
     Args:
         options: The driver's settings.
-        tell: Told what the loop tells.
-        whole: Whether it tells every exchange.
+        tell: Called with the reports of the loop.
+        whole: Whether the loop reports every exchange.
     """
 
     def __init__(self, options: AllegroOptions, tell: Tell, *, whole: bool) -> None:
@@ -56,7 +56,7 @@ class HandThread:
         self._thread.start()
 
     def say(self, level: float, added: float = 0.0) -> None:
-        """Ask for a level and what is added to it, or with ``LET_GO`` to let go; returns at once."""
+        """Set the level and its addition, or with ``LET_GO`` release the hand; returns at once."""
         self._orders.take(level, added)
 
     def join(self, timeout_s: float) -> None:
@@ -90,7 +90,7 @@ class HandProcess:
 
     Args:
         options: The driver's settings.
-        tell: Told what the loop tells, in a thread of its own.
+        tell: Called with the reports of the loop, in a separate thread.
     """
 
     def __init__(self, options: AllegroOptions, tell: Tell) -> None:
@@ -119,7 +119,7 @@ class HandProcess:
         """Return when the bus is open and the guard ready; raises what :meth:`HandLoop.open` does.
 
         Args:
-            whole: Whether it tells every exchange.
+            whole: Whether the loop reports every exchange.
         """
         if self._process is None:
             self.warm_up()
@@ -159,7 +159,7 @@ class HandProcess:
         self._thread.start()
 
     def say(self, level: float, added: float = 0.0) -> None:
-        """Ask for a level and what is added to it, or with ``LET_GO`` to let go; returns at once."""
+        """Set the level and its addition, or with ``LET_GO`` release the hand; returns at once."""
         if (level, added) != self._word or time.monotonic() - self._said_s >= WORD_S:
             self._word = level, added
             self._write()
@@ -207,7 +207,7 @@ class HandProcess:
 
     @run_realtime("act")
     def _hear(self, said: BufferedReader) -> None:
-        """Hear the process until it ends, and have it hear that this program goes on."""
+        """Read the process's output until it ends, and keep reporting to it that this program is alive."""
         self._write()
         try:
             while True:
@@ -243,11 +243,11 @@ HandEnd = HandThread | HandProcess
 
 
 def read_words(fd: int, orders: HandOrders) -> None:
-    """Read, in the process, what the program asks, until it is gone.
+    """Read, in the process, the program's requests until the program is gone.
 
     Args:
         fd: Its input.
-        orders: What is told.
+        orders: The orders to update.
     """
     rest = b""
     while piece := os.read(fd, 4096):

@@ -1,14 +1,14 @@
-"""Let go of a hand whose program was killed or stands still.
+"""Release a hand if its program was killed or hangs.
 
-A hand is thought to keep its last torque for ever. So a process waits beside the one that steers it
-(:mod:`tega.devices.hand.guard_process`), and hears from that ten times a second, while that hears from its program.
-When its input ends without a word, or it hears nothing for a second, it opens the bus itself and sends zero torque,
-SERVO OFF and no more reports, until the hand
-says that its motors are off: for ten minutes after the program is gone, or until a program that stood still goes on.
-Until it first hears something no motor is on, and it does nothing. A run that has lost both processes starts a guard at
-once (:func:`take_over`). Nothing helps where the run is killed with them, the adapter is
-pulled out, or the machine loses power: mount a switch. On Windows a serial adapter belongs to one program at a time, so
-there it can be opened only when the program is gone, and a program that stands still keeps it (untried).
+A hand is believed to keep its last torque forever. So a process waits beside the one that steers it
+(:mod:`tega.devices.hand.guard_process`), and receives a message from it ten times a second, as that one does from its
+program. When its input ends without notice, or no message comes for a second, it opens the bus itself and sends zero
+torque, SERVO OFF and no more reports, until the hand confirms that its motors are off: for ten minutes after the
+program is gone, or until a program that hung continues. Before its first message no motor is on, and it does nothing.
+A run that has lost both processes starts a guard at once (:func:`take_over`). Nothing helps if the run is killed with
+them, the adapter is pulled out, or the machine loses power: mount a switch. On Windows a serial adapter belongs to
+one program at a time. There the guard can open it only when the program is gone, and a program that hangs keeps it
+(untested).
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def guard_hand(bus: Mapping[str, Any], frames: Sequence[CanFrame], *, device_id:
 
     Args:
         bus: Arguments of ``can.Bus``.
-        frames: What leaves the hand without force.
+        frames: Frames that leave the hand without force.
         device_id: The hand's number on its bus.
 
     Raises:
@@ -59,7 +59,7 @@ def guard_runs(pid: int) -> bool:
 
 
 def take_over(options: AllegroOptions, guard_pid: int) -> tuple[bool, int]:
-    """Have a hand let go whose own process is gone: by its guard if that runs, else by a new one.
+    """Release a hand after its own process is gone: by its guard if that runs, else by a new one.
 
     A guard ends when the hand has confirmed, or when it is killed. So the hand is asked once more after its end.
 

@@ -41,9 +41,9 @@ class HandLoop:
 
     Args:
         options: The driver's settings.
-        orders: What is asked.
-        tell: Told after each answer to the hand and each change, and twenty times a second; from the loop's thread.
-        whole: Whether every exchange is told with all that was received; else those in which something was sent.
+        orders: Requests to the loop.
+        tell: Called after each answer to the hand, each change, and twenty times a second, in the loop's thread.
+        whole: If true, every exchange is reported with all received frames; else only those that sent something.
 
     Attributes:
         whole: The same, until the loop runs.
@@ -117,7 +117,7 @@ class HandLoop:
 
     @run_realtime("hand")
     def run(self) -> None:
-        """Exchange frames until told to leave; then let go, and leave whatever happens."""
+        """Exchange frames until asked to stop; then release the hand, and leave whatever happens."""
         link, orders = self._link, self._orders
         standstill = Standstill(self._options.silent_after_ms * 1e-3)
         try:
@@ -155,7 +155,7 @@ class HandLoop:
             self._flush(time.monotonic_ns(), ended=True)
 
     def _exchange(self, frames: list[Received], standstill: Standstill) -> None:
-        """Answer what was received, unless the answer is outdated before it is sent."""
+        """Answer the received frames, unless the answer is outdated before it is sent."""
         link, orders, t_ns = self._link, self._orders, time.monotonic_ns()
         self._cpu_s = time.thread_time()
         if orders.leaving.is_set() and not self._leave_ns:
@@ -210,7 +210,7 @@ class HandLoop:
         self._spoken.append(said if self.whole else said._replace(received=[]))
 
     def _flush(self, t_ns: int, *, ended: bool = False) -> None:
-        """Tell what was said since the last time, and how it is now."""
+        """Report the exchanges since the last call, and the current state."""
         link, spoken = self._link, self._spoken
         self._spoken, self._told_s = [], t_ns * 1e-9
         state = self._state

@@ -1,4 +1,4 @@
-"""Steer a hand as a program of its own: levels come in by its input, what is said with the hand goes to its output.
+"""Steer a hand in a separate program: levels come in on its input, exchanges go to its output.
 
 :class:`~tega.devices.hand.hand_ends.HandProcess` starts it. Where its input ends without a word, the run was killed,
 and the hand is let go at once; where a run that goes on says nothing for a second, it stands still, and so does this:
@@ -31,7 +31,7 @@ _Told = tuple[list[HandSpoken], HandNews]
 
 @run_realtime("hand")
 def _pass_on(told: SimpleQueue[_Told | None], said: BufferedWriter) -> None:
-    """Tell the run, which may be slow, without keeping the hand waiting; and that this goes on, if that waits."""
+    """Report to the run, which may be slow, without delaying the hand; report being alive when idle."""
     while True:
         what: _Told | tuple[()] | None = ()
         with suppress(Empty):

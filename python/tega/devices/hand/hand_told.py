@@ -1,4 +1,4 @@
-"""Define what a hand's loop is asked and what it tells: the driver in its own program, or the run through pipes."""
+"""Define requests to a hand's loop and its reports, used in the driver's program and through pipes."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ class HandSpoken(NamedTuple):
     Attributes:
         t_ns: When, monotonic clock.
         level: Closure level asked for.
-        received: What came since the last one.
-        out: What was to be sent.
+        received: Frames received since the last one.
+        out: Frames to be sent.
         action: ``exchange``, ``release`` or ``abandon``.
-        taken: What of it the adapter took.
+        taken: Frames that the adapter took.
         left_ns: When torques that answer a set of positions had left; 0 where none did.
-        added: What was added to the level.
+        added: Addition to the level.
     """
 
     t_ns: int
@@ -43,13 +43,13 @@ class HandNews(NamedTuple):
     """How it is with a hand and its loop.
 
     Attributes:
-        state: Of the conversation.
+        state: State of the conversation.
         fault: For which the hand was let go for good.
         angles_rad: As last reported, float64 (16,); ``None`` before.
-        target_rad: Of the last cycle, likewise.
+        target_rad: Target of the last cycle, float64 (16,); ``None`` before.
         ready: Whether the hand is steered, or never will be.
-        trouble: Why the adapter went away, or what broke the loop off.
-        guard_problem: Why nobody would let go of the hand.
+        trouble: Why the adapter went away, or the error that ended the loop.
+        guard_problem: Why no guard would release the hand.
         n_garbled: Pieces of the adapter's stream that were no frame.
         n_unsent: Frames that the adapter did not take.
         cpu_s: Processor time of the loop's thread.
@@ -74,25 +74,25 @@ class HandNews(NamedTuple):
 
 
 Tell = Callable[[list[HandSpoken], HandNews], None]
-"""Told of the exchanges since the last call, and how it is after them."""
+"""Called with the exchanges since the last call and the state after them."""
 
 LET_GO = 0.0
 """The word, in place of a level, that has the hand let go."""
 
 WORD_S = 0.1
-"""A run says something so often, if only what it said before."""
+"""Interval at which a run sends a message, if necessary by repeating the last one."""
 
 _STILL_S = 0.9
 
 
 class HandOrders:
-    """What a run asks of a hand's loop, in the loop's own program.
+    """Requests of a run to a hand's loop, in the loop's own program.
 
     Args:
-        heard: Whether the run has to be heard again and again, since it may stand still by itself.
+        heard: If true, the run has to send messages regularly, since it may hang independently of the loop.
 
     Attributes:
-        asked: Closure level asked for, and what is added to it.
+        asked: Requested closure level and its addition.
         leaving: Set once the hand is to be let go.
         reason: Why it is let go although the run goes on.
         gone: Whether the run has ended without a word.
@@ -108,7 +108,7 @@ class HandOrders:
         self._word = threading.Event()
 
     def take(self, word: float, added: float) -> None:
-        """Take a level, or :data:`LET_GO`, and what is added; the loop sees both or neither."""
+        """Take a level, or :data:`LET_GO`, and its addition; the loop sees both or neither."""
         if word == LET_GO:
             self.leaving.set()
         else:

@@ -26,7 +26,7 @@ class PythonCanOptions(Options, frozen=True):
 
     Attributes:
         interface: The adapter's name in python-can, such as ``virtual``, ``socketcan``, ``pcan``, ``slcan``.
-        channel: Which of its buses.
+        channel: Channel of the adapter.
         bitrate: Bits per second; the Allegro Hand uses 1,000,000. ``socketcan`` is set with ``ip link`` instead.
         bus: Further options, passed to ``can.Bus`` as they are.
         open_loop: Allow a bus with real hardware behind it. The torques come from an ideal joint model that
@@ -43,7 +43,7 @@ class PythonCanOptions(Options, frozen=True):
 
 
 def may_have_hardware(interface: str, channel: str | int) -> bool:
-    """Tell whether there may be a real hand on one of python-can's buses."""
+    """Return whether a real hand may be connected to one of python-can's buses."""
     return interface not in _NO_HARDWARE and not str(channel).startswith("vcan")
 
 

@@ -1,9 +1,9 @@
 """Read a serial CAN adapter (SLCAN) in whole pieces, and write to it without waiting.
 
-python-can reads such an adapter byte by byte, with three system calls for each, and waits a millisecond longer when it
-is asked whether there is more: a hand that reports every 3 ms kept a third of a core busy, and with it the interpreter.
-It also waits until the adapter has each frame, for as long as one that hangs likes. Here only that differs; what the
-lines mean, in both directions, is python-can's.
+python-can reads such an adapter byte by byte, with three system calls for each, and waits another millisecond when it
+is asked whether there is more: a hand that reports every 3 ms kept a third of a core busy, and with it the
+interpreter. It also blocks until the adapter has taken each frame, without a limit if the adapter hangs. Only that
+differs here; the lines have python-can's meaning in both directions.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def slcan_bus() -> Any:
 
             Raises:
                 OSError: The adapter is gone.
-                ValueError: What came is no line.
+                ValueError: The received bytes are not a line.
             """
             buffer: bytearray = self._buffer
             until_s = None if timeout is None else time.monotonic() + timeout
@@ -79,7 +79,7 @@ def slcan_bus() -> Any:
                 buffer += piece
 
         def _write(self, string: str) -> None:
-            """Hand a line to the system; what it does not take at once is waited for.
+            """Hand a line to the system; wait for the part that it does not take at once.
 
             Raises:
                 CanOperationError: The adapter is gone, or takes nothing for as long as :meth:`send` may wait.

@@ -10,7 +10,7 @@ class Edge(NamedTuple):
     """A button that went down or up.
 
     Attributes:
-        t_ns: When: of a press, its first contact.
+        t_ns: Time of the event; for a press, its first contact.
         button: Its name.
         pressed: Whether it went down.
     """
@@ -23,9 +23,9 @@ class Edge(NamedTuple):
 class Debounce:
     """Follows the contacts of some buttons; time is an argument.
 
-    A dead-man switch must let go at the first sign of it, so a release counts at once and a contact that chatters
-    counts as released. A press counts once the contact has held for ``hold_ns``, and then from its first moment.
-    Both together give one press for one step on a pedal whose contact bounces for less than that.
+    A dead-man switch must release at the first sign of a release, so a release counts at once and a bouncing contact
+    counts as released. A press counts once the contact has held for ``hold_ns``, with the time of its first contact.
+    Together they give one press for one step on a pedal with shorter bounces.
 
     Args:
         hold_ns: How long a contact has to hold; 0 takes every press.
@@ -40,14 +40,14 @@ class Debounce:
         self.held: frozenset[str] = frozenset()
 
     def take(self, t_ns: int, down: Set[str]) -> Iterator[Edge]:
-        """Take what a report says.
+        """Process a report.
 
         Args:
             t_ns: When it came.
-            down: The buttons whose contact is closed.
+            down: Buttons with a closed contact.
 
         Yields:
-            What has become certain, in time.
+            The events that have become certain, in time order.
         """
         yield from self.settle(t_ns)
         for button in sorted(self._since.keys() - down):

@@ -18,7 +18,7 @@ from tega.runtime.lifecycle import Opened
 from tega.runtime.reopening import Reopening
 
 AT_REST = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-"""The motion of a device that nobody touches."""
+"""The motion of a device that is not touched."""
 
 # A device is looked at this often when it says nothing: a tenth of the watchdogs that hang on it.
 _LOOK_MS = 10
@@ -32,7 +32,7 @@ def found_devices(driver: str, known: Mapping[tuple[int, int], str]) -> list[Fou
     """List the devices that are there and known, each once whatever number of interfaces it has.
 
     Args:
-        driver: Whose they are.
+        driver: Driver of the devices.
         known: Their names, by vendor and product number.
 
     Raises:
@@ -58,9 +58,10 @@ class HidInputOptions(Options, frozen=True, kw_only=True):
         vendor_id: USB vendor number; none means those that are known.
         product_id: USB product number; none means those that are known.
         serial: Serial number; empty for the first one found.
-        silent_after_ms: While a button is held, without a report for so long it counts as released and the state is "no
-            data", until it is let go. A dead-man has to have it. Around 100 for a device that repeats its report while
-            held; with one that only tells of changes it is how often the button has to be pressed anew. None: never.
+        silent_after_ms: While a button is held, after this long without a report it counts as released and the state
+            is "no data", until it is let go. Required for a dead-man. Use about 100 for a device that repeats its
+            report while held. With a device that reports only changes, the button has to be pressed again at least
+            this often. None: never.
     """
 
     vendor_id: Annotated[int, msgspec.Meta(ge=0, le=0xFFFF)] | None = None
@@ -86,7 +87,7 @@ class InputCounts(msgspec.Struct, kw_only=True):
 
 
 class HidInput(Opened):
-    """An input device on USB; a driver adds which one, what its reports mean, and what silence means.
+    """An input device on USB; a driver adds its identity, its reports, and the meaning of silence.
 
     A thread takes every report as it comes, so that none waits and the state is always the newest. A device that
     goes away is at rest, with nothing held, from that moment on, and is looked for again after 0.25 s and then at
@@ -97,7 +98,7 @@ class HidInput(Opened):
         hold_ms: How long a button's contact has to hold to count as pressed.
 
     Attributes:
-        counts: What came.
+        counts: Counts of reports and connections.
     """
 
     kind: ClassVar[Kind] = "input"
@@ -124,7 +125,7 @@ class HidInput(Opened):
     # What a driver adds. All but the first two are called with the lock held, time in monotonic nanoseconds.
 
     def _choose(self, found: Sequence[Mapping[str, Any]]) -> tuple[Mapping[str, Any], str] | None:
-        """Pick one of the devices that are there, and say what it is called."""
+        """Choose one of the connected devices, and return it with its name."""
         raise NotImplementedError
 
     def _absence(self, found: Sequence[Mapping[str, Any]]) -> DeviceUnavailableError:
@@ -140,7 +141,7 @@ class HidInput(Opened):
         raise NotImplementedError
 
     def _mind_silence(self, t_ns: int) -> None:
-        """Let go of a button that is held in silence: no report tells a foot that stays from a frozen pedal."""
+        """Release a button that is held in silence: a held pedal and a frozen pedal send the same."""
         limit_ms = self._settings.silent_after_ms
         if limit_ms is None or self._is_stalled or not self._buttons.held:
             return
@@ -155,14 +156,14 @@ class HidInput(Opened):
         return AT_REST
 
     def _own_notes(self) -> tuple[str, ...]:
-        """Return what else a reader of the results must know."""
+        """Return further notes that a reader of the results must know."""
         return ()
 
     # What is the same in all of them.
 
     @property
     def info(self) -> DeviceInfo:
-        """Description of the device, and what went wrong so far."""
+        """Description of the device, and problems so far."""
         counts, notes = self.counts, []
         if counts.odd:
             notes.append(f"{counts.odd} of {counts.reports} reports could not be read and were not used")
@@ -272,7 +273,7 @@ class HidInput(Opened):
         return device
 
     def _run(self, device: Any) -> None:
-        """Read until told to leave; a device that goes away is opened again."""
+        """Read until asked to stop; reopen a device that goes away."""
 
         def refused(error: Exception) -> None:
             self._trouble = f": {getattr(error, 'message', error)}"
@@ -296,7 +297,7 @@ class HidInput(Opened):
             self._release(time.monotonic_ns())
 
     def _drain(self, device: Any) -> None:
-        """Take reports until the device fails or we are told to leave."""
+        """Read reports until the device fails or the driver is asked to stop."""
         while not self._leaving.is_set():
             try:
                 report = bytes(device.read(_REPORT_BYTES, _LOOK_MS))

@@ -33,9 +33,10 @@ class PedalOptions(HidInputOptions, frozen=True, kw_only=True):
     """Settings of :class:`Pedal`.
 
     Attributes:
-        report: What it passes itself off as: a ``keyboard`` that types a key, or a ``joystick`` with buttons.
-        button_byte: Of a joystick, which byte of its report holds the buttons, one bit each, counted from 0; a
-            report number in front counts too.
+        report: Type of device that the pedal presents: a ``keyboard`` that types a key, or a ``joystick`` with
+            buttons.
+        button_byte: For a joystick, the index of the report's byte with the buttons, one bit each, counted from 0 and
+            including a leading report number.
         debounce_ms: How long a contact has to hold to count as pressed; a release counts at once.
     """
 
@@ -47,10 +48,10 @@ class PedalOptions(HidInputOptions, frozen=True, kw_only=True):
 class Pedal(HidInput):
     """Gives which buttons are down, without bounces, and every press with its time.
 
-    A keyboard's buttons are called by what they type (``b``, ``left ctrl``, ``key 0x3a``), a joystick's by number
-    (``1``). A pedal that is unplugged, or sends what cannot be read, is released at that moment. One that only
-    tells of changes and freezes while it is held differs in nothing on the wire from one that is held on: only
-    ``silent_after_ms`` ends that, and a dead-man has to have it. Keep an emergency stop in reach all the same.
+    A keyboard's buttons are named by the keys they type (``b``, ``left ctrl``, ``key 0x3a``), a joystick's by number
+    (``1``). A pedal that is unplugged, or sends unreadable data, is released at that moment. A pedal that reports
+    only changes and freezes while held cannot be distinguished from one that is held: only ``silent_after_ms`` ends
+    that, and a dead-man requires it. Always keep an emergency stop in reach.
     """
 
     name: ClassVar[str] = "pedal"

@@ -51,18 +51,18 @@ class SpaceMouseOptions(HidInputOptions, frozen=True, kw_only=True):
     """Settings of :class:`SpaceMouse`.
 
     Attributes:
-        dead_zone: Share of full deflection of each axis that counts as none; what is beyond begins at zero.
+        dead_zone: Share of each axis's full deflection that counts as zero; motion beyond it starts from zero.
     """
 
     dead_zone: Annotated[float, msgspec.Meta(ge=0, le=0.5)] = 0.06
 
 
 class SpaceMouse(HidInput):
-    """Gives how far the cap is pushed and turned, in the axes of the robot's base for an operator who looks along x.
+    """Gives the cap's push and turn, in the axes of the robot's base for an operator looking along x.
 
-    Both layouts are read, told apart by the length of the first report. A cap that is deflected repeats itself
-    every 16 ms: after 100 ms without, what was not renewed is zero, and if it was all, the state is "no data". At
-    rest it says nothing, so a device that freezes at rest cannot be told from one that nobody touches.
+    Both layouts are supported, and detected by the length of the first report. A deflected cap repeats its report
+    every 16 ms. After 100 ms, axes without a new report are set to zero; if no axis has one, the state is "no data".
+    At rest the device is silent, so a device that freezes at rest cannot be distinguished from an untouched one.
     ``arm.mapping.base_yaw_rad`` turns the axes for an operator who looks another way.
     """
 

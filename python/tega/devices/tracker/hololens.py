@@ -49,12 +49,12 @@ class HoloLensOptions(Options, frozen=True, kw_only=True):
 
     Attributes:
         host: Address of the headset, as its settings or the hl2ss app show it.
-        port: Of the app's spatial input.
-        hand: Whose wrist.
+        port: Port of the app's spatial input.
+        hand: Hand of the tracked wrist.
         guessed: Whether a wrist counts that the headset only guesses ("approximate") since it does not see it.
         connect_s: How long to wait for the first packet.
-        silent_s: A connection that says nothing for so long is dropped and made anew: on a wireless network the other
-            end can be gone without a word.
+        silent_s: A connection that is silent for this long is closed and reopened: on a wireless network the other
+            end can vanish without notice.
     """
 
     host: str
@@ -72,10 +72,10 @@ class HoloLensCounts(msgspec.Struct, kw_only=True):
         packets: Packets in all.
         lost: Packets in which the hand was not tracked.
         guessed: Packets in which its wrist was only guessed.
-        repeated: Packets with the pose or the time of the one before; they tell nothing new and are not passed on.
+        repeated: Packets with the pose or the time of the previous one; they are skipped.
         connections: Connections that were made.
         silent: Connections dropped since nothing came.
-        broken: Connections dropped since what came was no packet, or ended within one.
+        broken: Connections closed after data that is no packet, or an incomplete packet.
     """
 
     packets: int = 0
@@ -90,16 +90,16 @@ class HoloLensCounts(msgspec.Struct, kw_only=True):
 class HoloLens(ThreadedTracker):
     """Reads the spatial input of the hl2ss app, port 3812, 60 packets a second, in a thread of its own.
 
-    Poses are in the headset's axes (``openxr``: y up, -z forward), stamped by its clock brought to ours; see
-    :class:`~tega.devices.device_clock.DeviceClock`. What was held up by the network is therefore as old as it is. A
-    wrist that is lost, or only guessed, gives a pose that is not valid. One that does not change to the last bit was
-    not measured anew, and gives none.
+    Poses are in the headset's axes (``openxr``: y up, -z forward), stamped by its clock converted to the host's; see
+    :class:`~tega.devices.device_clock.DeviceClock`. Poses that the network delayed therefore have their true age. A
+    wrist that is lost, or only guessed, gives an invalid pose. A pose that is identical to the last bit was not
+    measured again, and is skipped.
 
     Args:
         options: The settings.
 
     Attributes:
-        counts: What came.
+        counts: Counts of packets and connections.
         frame: Axes of the poses, a name of :data:`tega.arm.FRAMES`.
     """
 
@@ -175,8 +175,8 @@ class HoloLens(ThreadedTracker):
         """Connect and wait for the first packet.
 
         Raises:
-            DeviceUnavailableError: Nobody answers, or says nothing.
-            WrongDeviceError: What comes is no spatial input.
+            DeviceUnavailableError: The headset does not answer, or sends nothing.
+            WrongDeviceError: The received data is no spatial input.
         """
         if self._thread is not None:
             return
@@ -235,7 +235,7 @@ class HoloLens(ThreadedTracker):
         return "" if size == _PAYLOAD_BYTES else f"a packet of {size} bytes is none of spatial input's 1936"
 
     def _run(self, link: socket.socket | None) -> None:
-        """Take packets until told to leave; a connection that is lost is made anew."""
+        """Read packets until asked to stop; reconnect if the connection is lost."""
 
         def anew() -> socket.socket:
             made = self._connect()
@@ -261,7 +261,7 @@ class HoloLens(ThreadedTracker):
         )
 
     def _drain(self, link: socket.socket) -> str:
-        """Take packets until the connection is lost or we are told to leave; return what became of it."""
+        """Read packets until disconnected or asked to stop; return the reason."""
         link.settimeout(_LOOK_S)
         data, heard_s = bytearray(), time.monotonic()
         while not self._leaving.is_set():

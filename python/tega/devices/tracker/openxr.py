@@ -45,7 +45,7 @@ class OpenXrCounts(msgspec.Struct, kw_only=True):
         poses: Answers in all.
         lost: Answers that knew no place or no turn.
         guessed: Answers that were valid and not tracked.
-        repeated: Answers with the pose of the one before; they tell nothing new and are not passed on.
+        repeated: Answers with the pose of the previous one; they are skipped.
         connections: Sessions that were begun.
         recentred: Changes of the origin that the runtime announced.
     """
@@ -61,15 +61,15 @@ class OpenXrCounts(msgspec.Struct, kw_only=True):
 class OpenXr(ThreadedTracker):
     """Asks the active OpenXR runtime where something is, in a session without a picture and a thread of its own.
 
-    Poses are in OpenXR's axes (``openxr``: y up, -z forward) and for the time at which they were asked for, which is
-    their stamp. One is valid only where the runtime calls place and turn both valid *and* tracked. One that does not
-    change to the last bit was not measured anew, and gives none; nor does a session that is not in focus.
+    Poses are in OpenXR's axes (``openxr``: y up, -z forward) and for the time of the request, which is their stamp. A
+    pose is valid only if the runtime reports position and orientation both valid *and* tracked. A pose that is
+    identical to the last bit was not measured again, and is skipped; a session without focus gives no poses.
 
     Args:
         options: The settings.
 
     Attributes:
-        counts: What came.
+        counts: Counts of answers and sessions.
         frame: Axes of the poses, a name of :data:`tega.arm.FRAMES`.
     """
 
@@ -145,7 +145,7 @@ class OpenXr(ThreadedTracker):
         """Connect to the runtime, and wait until it begins the session.
 
         Raises:
-            DeviceUnavailableError: There is no runtime, it cannot do what is needed, or it does not begin.
+            DeviceUnavailableError: There is no runtime, it lacks a required feature, or the session does not begin.
             MissingExtraError: pyopenxr is not installed.
         """
         if self._thread is not None:
@@ -178,7 +178,7 @@ class OpenXr(ThreadedTracker):
         raise refused
 
     def _run(self, xr: Any, leaving: threading.Event, outcome: _Outcome) -> None:
-        """Ask until told to leave; a session that is lost is made anew."""
+        """Poll until asked to stop; begin a new session if the session is lost."""
         again = Reopening(*_BACK_OFF_S)
         while not leaving.is_set():
             n_begun = self.counts.connections
@@ -201,7 +201,7 @@ class OpenXr(ThreadedTracker):
             again.wait(leaving.wait)
 
     def _follow(self, session: XrSession, leaving: threading.Event, outcome: _Outcome) -> None:
-        """Ask at the rate that is set, until told to leave or the session is over."""
+        """Poll at the set rate until asked to stop or the session ends."""
         state, next_s, is_counted = "", time.monotonic(), False
         self._runtime, self._converts_times = session.runtime, session.converts_times
         while not leaving.wait(max(next_s - time.monotonic(), 0.0)):

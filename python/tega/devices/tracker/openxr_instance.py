@@ -1,4 +1,4 @@
-"""Connect to the OpenXR runtime, and tell in plain words what it cannot do or what is missing."""
+"""Connect to the OpenXR runtime, and explain missing features in plain words."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ class Made(NamedTuple):
     """An instance of the runtime.
 
     Attributes:
-        handle: What OpenXR's calls take.
+        handle: Handle for OpenXR's calls.
         name: Name and version of the runtime.
-        extensions: What of it is in use.
+        extensions: Extensions in use.
     """
 
     handle: Any
@@ -29,7 +29,7 @@ class Made(NamedTuple):
     extensions: frozenset[str]
 
     def check(self, source: str) -> None:
-        """Check that it can do what a source needs.
+        """Check that the runtime supports a source.
 
         Raises:
             DeviceUnavailableError: It cannot.
@@ -75,12 +75,12 @@ def make_instance(xr: Any) -> Made:
 
 
 def said(error: Exception) -> str:
-    """Return what OpenXR says, with the name under which it can be looked up."""
+    """Return OpenXR's message for an error, with the name under which it can be looked up."""
     return f"{str(error).rstrip('.')} ({type(error).__name__})"
 
 
 def _where() -> str:
-    """Say where the loader has looked, and what to do."""
+    """Describe the places that the loader has searched, and the fix."""
     if file := os.environ.get("XR_RUNTIME_JSON"):
         there = "does not load" if Path(file).is_file() else "does not exist"
         return f"XR_RUNTIME_JSON names {file}, which {there}; is that runtime installed, and does its service run?"

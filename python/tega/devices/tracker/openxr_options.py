@@ -13,10 +13,10 @@ class OpenXrOptions(Options, frozen=True, kw_only=True):
     """Settings of :class:`OpenXr`.
 
     Attributes:
-        source: What is on the forearm: the ``grip`` or the ``aim`` of a controller, the ``wrist`` of a hand that the
-            headset sees, or a Vive ``tracker``.
-        hand: Whose controller or wrist.
-        role: Of the Vive tracker, as it is set in the runtime.
+        source: Tracked device on the forearm: the ``grip`` or the ``aim`` of a controller, the ``wrist`` of a hand
+            that the headset sees, or a Vive ``tracker``.
+        hand: Hand of the controller or wrist.
+        role: Role of the Vive tracker, as set in the runtime.
         base: Where the origin is: where the head was (``local``), or on the floor in the middle of the room
             (``stage``).
         rate_hz: How often the runtime is asked.

@@ -50,18 +50,18 @@ class XrSession:
 
     Args:
         xr: The module of pyopenxr.
-        options: Of the tracker.
+        options: Options of the tracker.
 
     Attributes:
         runtime: Name and version of the runtime.
         is_begun: Whether the session runs.
-        state: Of the session, as OpenXR names it, in small letters.
-        device: What is held or strapped on, as the runtime names it; ``""`` for nothing.
-        converts_times: Whether the runtime tells its times in the machine's.
+        state: State of the session, in OpenXR's terms and lower case.
+        device: Held or worn device, as the runtime names it; ``""`` if there is none.
+        converts_times: Whether the runtime can convert its times to the machine's clock.
         anew_from_ns: From when on the origin is another one, on the monotonic clock; 0 for never.
 
     Raises:
-        DeviceUnavailableError: There is no runtime, or it cannot do what is needed.
+        DeviceUnavailableError: There is no runtime, or it lacks a required feature.
     """
 
     def __init__(self, xr: Any, options: OpenXrOptions) -> None:
@@ -153,7 +153,7 @@ class XrSession:
         return self._xr.string_to_path(self._instance, text)
 
     def poll(self) -> None:
-        """Take what the runtime tells, and do what it asks for.
+        """Process the runtime's events, and follow its requests.
 
         Raises:
             DeviceUnavailableError: The session is over.
@@ -202,7 +202,7 @@ class XrSession:
             raise DeviceUnavailableError(f"openxr: {self.runtime} {why}")
 
     def _look(self) -> None:
-        """Ask what is held."""
+        """Query the held device."""
         if self._options.source == "wrist":
             return
         path = self._xr.get_current_interaction_profile(self._session, self._path(self._user))
@@ -247,7 +247,7 @@ class XrSession:
         )
 
     def _wrist(self, time_xr: int) -> Any:
-        """Of all joints only this one is looked at: where fingers are is not read."""
+        """Locate the wrist only: positions of the fingers are not read."""
         xr = self._xr
         where = xr.HandJointsLocateInfoEXT(base_space=self._base, time=time_xr)
         result = self._locate_joints(self._space, where, ctypes.byref(self._joints))
@@ -280,5 +280,5 @@ class XrSession:
 
 
 def _as(event: Any, kind: Any) -> Any:
-    """Read an event as what it is."""
+    """Read an event as its actual type."""
     return ctypes.cast(ctypes.byref(event), ctypes.POINTER(kind)).contents

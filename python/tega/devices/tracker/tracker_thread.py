@@ -18,7 +18,7 @@ _MOST_POSES: Final = 256
 class ThreadedTracker(Opened):
     """A tracker that a driver's ``open`` starts a thread for, which puts poses into ``_poses`` under ``_lock``.
 
-    The thread leaves once ``_leaving`` is set; what it has to tell the operator it says by ``_say``.
+    The thread stops once ``_leaving`` is set; it reports to the operator with ``_say``.
 
     Attributes:
         driver: Its name among drivers.

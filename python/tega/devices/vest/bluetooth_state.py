@@ -1,4 +1,4 @@
-"""Tell why Bluetooth is of no use on this machine, as the kernel says."""
+"""Find out why Bluetooth is unusable on this machine, from the kernel's files."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ SYSFS = Path("/sys/class")
 
 
 def bluetooth_trouble(sysfs: Path = SYSFS) -> tuple[str, str]:
-    """Say what is wrong with this machine's Bluetooth and what to do; two empty texts where nothing is seen.
+    """Return this machine's Bluetooth problem and its fix; two empty strings if none is found.
 
     Args:
         sysfs: Where the kernel lists its classes of devices; where there is none, nothing is said.

@@ -1,4 +1,4 @@
-"""Connect to the bHaptics Player's websocket, say frames to it and hear what it says of the vest."""
+"""Connect to the bHaptics Player's websocket, send frames and receive the vest's status."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class PlayerLink:
 
     @property
     def condition(self) -> str:
-        """What the Player says of the vest, and which version it speaks."""
+        """The vest's status as the Player reports it, and the Player's version."""
         spoken = self._spoken
         if spoken is None:
             return ""
@@ -90,7 +90,7 @@ class PlayerLink:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What is not as it should be."""
+        """Problems, one note each."""
         notes = []
         has_vest = None if self._spoken is None else self._spoken.has_vest
         if self._passed_over:
@@ -218,7 +218,7 @@ class PlayerLink:
         self._n_unasked += self._acknowledges
 
     def poll(self) -> None:
-        """Ask whether the last frame was read, and hear what the Player says."""
+        """Ask whether the last frame was read, and process the Player's messages."""
         if self._n_unasked:
             self._n_unasked = 0
             self._pongs.append((self._ping(), time.monotonic()))
@@ -286,8 +286,8 @@ class PlayerLink:
     def _written(self, part: bytes) -> int:
         """Give bytes to the system without giving the interpreter lock away; return how many it took.
 
-        The socket does not wait. Whoever gives the lock away for the call, as Python's sockets do, may get it back half
-        a millisecond later.
+        The socket does not block. A call that releases the lock, as Python's sockets do, may get it back half a
+        millisecond later.
         """
         if _SEND is None or not part or self._version.tls is not None:
             return 0
@@ -300,7 +300,7 @@ class PlayerLink:
         return pong
 
     def _hear(self, timeout_s: float) -> None:
-        """Read what has come; waits for the first message only."""
+        """Read the messages that have come; waits for the first one only."""
         for message in self._call(_come(self._ws, timeout_s)):
             self._garbage += not heard(self._version, message)
 

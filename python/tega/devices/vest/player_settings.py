@@ -16,7 +16,7 @@ from tega.runtime.files.foreign_file import read_foreign
 __all__ = ["KEY_HINT", "PlayerOptions", "versions_to_ask"]
 
 KEY_HINT: Final = "make an app at the vendor's developer portal, and set vest.options app_id and api_key_file"
-"""What to do where version 3 wants an id and a key."""
+"""Fix if version 3 needs an id and a key."""
 
 _LONGEST_KEY: Final = 512
 
@@ -26,11 +26,11 @@ class PlayerOptions(VestOptions, frozen=True):
 
     Attributes:
         host: Where the Player runs.
-        allow_remote: Whether that may be another machine. Whoever answers there gets the frames, and with version 3 the
-            key: its certificate is not checked.
+        allow_remote: If true, the host may be another machine. Any program that answers there receives the frames,
+            and with version 3 the key: the certificate is not checked.
         port: Its port for version 2.
         port_v3: Its port for version 3.
-        version: Which to speak; ``auto`` asks for version 3 where an ``app_id`` is set, then for version 2.
+        version: Version to use; ``auto`` asks for version 3 if an ``app_id`` is set, then for version 2.
         app_name: Under which name version 2 lists this program.
         app_id: The program's id at the vendor's portal, for version 3.
         api_key_file: File that holds the key of that id, and nothing else.
@@ -76,7 +76,7 @@ def _key(file: Path | None) -> str:
 
 
 def _is_here(host: str) -> bool:
-    """Tell whether a host is this machine, without asking anybody for a name."""
+    """Return whether a host is this machine, without a name lookup."""
     if host.lower() == "localhost":
         return True
     try:

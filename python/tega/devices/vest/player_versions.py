@@ -1,4 +1,4 @@
-"""Encode what is said to a bHaptics Player of version 2 or 3, and keep what its answers mean.
+"""Encode messages to a bHaptics Player of version 2 or 3, and keep the content of its answers.
 
 Nothing here opens a socket: :class:`~tega.devices.vest.vest_player.PlayerVest` carries the messages.
 """
@@ -39,10 +39,10 @@ class PlayerVersion(Protocol):
 
     Attributes:
         number: 2 or 3.
-        path: What it is asked for.
+        path: Path of the websocket.
         admitted: Whether the Player has let the program in.
         has_vest: Whether it says that a vest is connected; ``None`` before it has said anything.
-        vest_name: What it calls the vest; ``""`` where it does not.
+        vest_name: The Player's name for the vest; ``""`` if it gives none.
         battery_percent: The vest's battery; ``None`` where it does not say.
     """
 
@@ -54,20 +54,20 @@ class PlayerVersion(Protocol):
     battery_percent: int | None
 
     def url(self, host: str) -> str:
-        """Return the address, with what the Player wants to know of the program."""
+        """Return the URL, with the program's identification for the Player."""
         ...
 
     @property
     def tls(self) -> ssl.SSLContext | None:
-        """What its transport is encrypted with."""
+        """Encryption of its transport."""
         ...
 
     def hello(self) -> list[str]:
-        """Return what is said first; it ends whatever the vest does."""
+        """Return the first messages; they stop anything that the vest plays."""
         ...
 
     def frame(self, intensities: NDArray[np.uint8]) -> list[str]:
-        """Return the messages that play (40,) intensities, percent, for 200 ms, in place of what is played."""
+        """Return the messages that play (40,) intensities, percent, for 200 ms, replacing the current ones."""
         ...
 
     def stop(self) -> str:
@@ -88,7 +88,7 @@ class PlayerVersion(Protocol):
 
 
 class PlayerVersion2:
-    """Version 2: no account, no encryption, two constant keys; a status tells whether there is a vest.
+    """Version 2: no account, no encryption, two constant keys; a status shows whether there is a vest.
 
     Args:
         port: Where the Player serves it.
@@ -136,10 +136,10 @@ class PlayerVersion2:
 
 
 class PlayerVersion3:
-    """Version 3: a program with an id and a key of the vendor's; the Player tells name, link and battery of the vest.
+    """Version 3: needs the vendor's app id and key; the Player reports the vest's name, link and battery.
 
-    The certificate of the Player is of its own making, so it proves nothing and is not asked; nothing but the key and
-    frames goes that way. A ping of this version makes devices vibrate, outside of anybody's budget: it is never sent.
+    The Player's certificate is self-signed, so it proves nothing and is not checked; only the key and frames are sent
+    that way. A ping of this version makes devices vibrate outside of every budget: it is never sent.
 
     Args:
         port: Where the Player serves it.
@@ -166,7 +166,7 @@ class PlayerVersion3:
 
     @property
     def tls(self) -> ssl.SSLContext | None:
-        """TLS 1.2 or later, whoever the other end is."""
+        """TLS 1.2 or later, without a check of the other end's identity."""
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
         context.minimum_version = ssl.TLSVersion.TLSv1_2
         context.check_hostname = False
@@ -195,11 +195,11 @@ class PlayerVersion3:
         return sdk3_stop_message()
 
     def probe(self) -> str:
-        """Do nothing: the Player tells of its devices by itself."""
+        """Do nothing: the Player reports its devices unasked."""
         return ""
 
     def hear(self, message: str) -> None:
-        """Take in a message: only a Player that has let the program in tells of its devices."""
+        """Process a message: a Player reports its devices only after it has admitted the program."""
         said = sdk3_server_message(message)
         self.admitted = self.admitted or said.kind in {"ServerReady", "ServerDevices"}
         if said.kind != "ServerDevices":

@@ -34,7 +34,7 @@ class BleOptions(VestOptions, frozen=True):
     """Settings of :class:`BleVest`.
 
     Attributes:
-        address: The vest's Bluetooth address (on macOS its identifier); empty for the first vest that is heard.
+        address: The vest's Bluetooth address (on macOS its identifier); empty for the first vest found.
         scan_s: How long to listen for it.
         most_hz: As above; 20 to 50 writes a second are known to work, and more of them pile up in the radio.
         front_mirror: Swap left and right on the front panel: its sense rests on one published table, see
@@ -261,7 +261,7 @@ class _BleLink:
             ) from error
 
     async def _alive(self, work: Coroutine[Any, Any, Any], timeout_s: float) -> Any:
-        """Wait for the radio, and tell the guard meanwhile that it is waited for."""
+        """Wait for the radio, and keep reporting to the guard meanwhile."""
         beats = asyncio.ensure_future(self._beats())
         try:
             async with asyncio.timeout(timeout_s):

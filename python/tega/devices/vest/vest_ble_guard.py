@@ -1,11 +1,11 @@
-"""Silence a Bluetooth vest whose program was killed or stands still.
+"""Silence a Bluetooth vest if its program was killed or hangs.
 
-A vest is thought to hold its last frame for ever, and BlueZ keeps the connection of a program that died. So a second
-process waits beside the one that drives the vest (:mod:`tega.devices.hand.guard_process`), and hears from the vest's
-thread ten times a second. If its input ends without a word, the program is gone, or could not silence the vest; if it
-hears nothing for a second, the program stands still. It then takes the connection over, writes zeros and disconnects,
-and tries that for ten minutes, or until a program that stood still goes on, which connects anew. Nothing helps where
-both are killed, the adapter is pulled out, or the vest is out of reach.
+A vest is believed to hold its last frame forever, and BlueZ keeps the connection of a program that died. So a second
+process waits beside the one that drives the vest (:mod:`tega.devices.hand.guard_process`), and receives a message
+from the vest's thread ten times a second. If its input ends without notice, the program is gone, or could not silence
+the vest; if no message comes for a second, the program hangs. The guard then takes the connection over, writes zeros
+and disconnects. It tries that for ten minutes, or until a program that hung continues and reconnects. Nothing helps
+if both are killed, the adapter is pulled out, or the vest is out of reach.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def guard_vest(address: str, path: str) -> GuardProcess:
 
 
 class VestWatch:
-    """Keep what outlives a link to a vest: the process that silences it, and whether it is silent.
+    """Keep the state that outlives a link to a vest: the process that silences it, and whether it is silent.
 
     Attributes:
         guard: The process; ``None`` before the first link.
@@ -70,7 +70,7 @@ class VestWatch:
             self.beat()  # until it has heard something it takes the vest for silent
 
     def beat(self) -> None:
-        """Tell the process that the program is alive."""
+        """Report to the process that the program is alive."""
         if self.guard is not None:
             self.guard.beat()
 

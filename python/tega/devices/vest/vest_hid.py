@@ -1,7 +1,7 @@
 """Drive a vest through a microcontroller on USB.
 
-No bHaptics vest is a HID device, and this driver cannot open one. It talks to a board whose firmware takes TEGA's own
-64-byte reports (docs/wire.md) and either passes them on to a vest by radio or drives motors itself.
+bHaptics vests are not HID devices, and this driver cannot open one. It talks to a board with firmware for TEGA's own
+64-byte reports (docs/wire.md), which either passes them on to a vest by radio or drives motors itself.
 """
 
 from __future__ import annotations
@@ -201,7 +201,7 @@ class _HidLink:
             raise DeviceUnavailableError(f"the USB board took no report: {self._device.error()}")
 
     def _read(self, timeout_ms: int = 0) -> None:
-        """Take every report that has come, waiting for the first; what is no status is counted."""
+        """Read every report that has come, waiting for the first; count reports that are no status."""
         while True:
             try:
                 report = bytes(self._device.read(_REPORT_BYTES, timeout_ms))

@@ -1,4 +1,4 @@
-"""Write the frames that a vest is told into a file, in place of a vest."""
+"""Write the frames for a vest into a file instead of a vest."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class VestRecorder(Opened):
         )
 
     def open(self) -> None:
-        """Get ready; the file is made with the first frame, which tells the motors."""
+        """Prepare; the file is created with the first frame, which sets the number of motors."""
         self._is_open = True
 
     def close(self) -> None:

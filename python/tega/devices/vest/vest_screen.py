@@ -44,7 +44,7 @@ class ScreenVest(StreamedVest):
 
     @classmethod
     def harmless(cls, options: ScreenVestOptions) -> None:
-        """Do nothing: drawing would disturb what the terminal shows."""
+        """Do nothing: drawing would overwrite the terminal's content."""
 
     @property
     def _label(self) -> str:

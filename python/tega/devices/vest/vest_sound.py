@@ -1,7 +1,7 @@
-"""Play the vest as sound: one tone for each column, so that a vest can be heard where there is none.
+"""Play the vest as sound, one tone for each column, for use without a vest.
 
-A column sounds in the ear on whose side it is, from the wearer's left to the right. The front's four tones are two
-octaves above the back's: a sharp contact (CCI, front) is high, a broad one (EDA, back) low. A tone's amplitude is
+A column sounds in the ear on its side, from the wearer's left to the right. The front's four tones are two octaves
+above the back's: a sharp contact (CCI, front) is high, a broad one (EDA, back) low. A tone's amplitude is
 proportional to the intensity of its column's strongest motor.
 
 =======  =======  =======  =======  =======
@@ -76,7 +76,7 @@ class ColumnTones:
         self._n_made = 0
 
     def tell(self, intensities: NDArray[np.uint8]) -> None:
-        """Take what the motors are to do.
+        """Play the motors' intensities.
 
         Args:
             intensities: uint8 (40,), percent, rows from the top and columns from the wearer's left, front then back.

@@ -63,7 +63,7 @@ class VestOptions(Options, frozen=True):
     Attributes:
         limit: The highest intensity that is ever sent, percent.
         most_hz: The greatest rate of frames; one that comes sooner waits for its turn, and a newer one takes its place.
-        heat_share: How warm a motor may get, as a share of what full drive for ever would make it.
+        heat_share: Maximum warming of a motor, as a share of its warming under permanent full drive.
         dose_s: Seconds of full drive that a motor may give in all; see docs/safety.md.
         open_timeout_s: How long opening may take.
     """
@@ -89,7 +89,7 @@ class VestLink(Protocol):
 
     @property
     def condition(self) -> str:
-        """What the other end says of itself, such as its name and whether a vest is connected; ``""`` for nothing."""
+        """Status of the other end, such as its name and whether a vest is connected; ``""`` if none."""
         ...
 
     @property
@@ -107,7 +107,7 @@ class VestLink(Protocol):
         ...
 
     def ready(self, timeout_s: float) -> bool:
-        """Wait until the link takes a frame without queueing it; tell whether it does."""
+        """Wait until the link takes a frame without queueing it; return whether it does."""
         ...
 
     def send(self, intensities: NDArray[np.uint8]) -> None:
@@ -115,7 +115,7 @@ class VestLink(Protocol):
         ...
 
     def poll(self) -> None:
-        """Take in what the other end said; does not wait."""
+        """Process the other end's messages; does not wait."""
         ...
 
     def close(self) -> None:
@@ -128,13 +128,13 @@ class VestLink(Protocol):
 
 
 class VestCounters(msgspec.Struct, kw_only=True):
-    """Counts of what a live vest's writer did.
+    """Counts of a live vest's writer.
 
     Attributes:
         written: Frames handed over.
         sent: Frames sent, keep-alives and zeros included.
         held: Frames that had to wait for the greatest rate.
-        alike: Of those, frames that show what the one before shows, so that they had nothing to bring.
+        alike: Held frames that show the same as the previous one, so that nothing was lost.
         superseded: Frames replaced by a newer one before they could be sent.
         silenced: Times the watchdog sent zeros.
         lost: Times the link broke.
@@ -163,7 +163,7 @@ class StreamedVest(Opened):
 
     def __init__(self, options: VestOptions) -> None:
         self.budget = MotorBudget(limit=options.limit, heat_share=options.heat_share, dose_s=options.dose_s)
-        """What the motors may still do; kept over reconnections and openings."""
+        """Remaining budget of the motors; kept over reconnections and reopenings."""
         self.keep_alive_s = KEEP_ALIVE_S
         """How old a frame may get before it is sent again; 0 sends every frame that is handed over."""
         self._open_timeout_s = options.open_timeout_s
@@ -190,12 +190,12 @@ class StreamedVest(Opened):
 
     @property
     def _label(self) -> str:
-        """What the vest is called."""
+        """Name of the vest."""
         raise NotImplementedError
 
     @property
     def info(self) -> DeviceInfo:
-        """Description of the vest, and what went wrong with it since it was opened."""
+        """Description of the vest, and its problems since it was opened."""
         link, counters = self._link, self.counters
         notes = () if link is None else link.notes
         if (battery := self.battery_percent) is not None and battery <= LOW_BATTERY_PERCENT:
@@ -221,7 +221,7 @@ class StreamedVest(Opened):
 
     @property
     def condition(self) -> str:
-        """What the vest says of itself now, and what it does not tell, one line; ``""`` while there is no link."""
+        """The vest's current status and its unknown properties, one line; ``""`` while there is no link."""
         link = self._link
         if not self._up.is_set() or link is None:
             return ""
@@ -334,7 +334,7 @@ class StreamedVest(Opened):
         return True
 
     def shows_alike(self, one: NDArray[np.uint8], other: NDArray[np.uint8]) -> bool:
-        """Tell whether the vest looks the same with two frames, uint8 (40,), percent, by what it can show."""
+        """Return whether the vest shows two frames, uint8 (40,), percent, identically."""
         if one.tobytes() == other.tobytes() or not self.in_steps:
             return one.tobytes() == other.tobytes()
         # Nobody knows how others round: a motor that is to rest is told at once.
@@ -347,8 +347,8 @@ class StreamedVest(Opened):
         """Return the frames that left since the last call.
 
         Returns:
-            Of each frame that brought something new the ``t_ns`` it was written with, and the monotonic times, ns,
-            until which the greatest rate held it back (0 where it did not) and at which it left.
+            For each frame with new content: the ``t_ns`` it was written with, the monotonic time, ns, until which the
+            maximum rate held it back (0 if it did not), and the monotonic time at which it left.
         """
         return [self._handed.popleft() for _ in range(len(self._handed))]
 
@@ -426,7 +426,7 @@ class StreamedVest(Opened):
             self._handed.append((t_ns, free_ns, time.monotonic_ns()))
 
     def _renew_s(self, frame: NDArray[np.uint8]) -> float:
-        """Return after how long a frame is sent again, unless the link is told a newer one."""
+        """Return the interval after which a frame is sent again, unless the link gets a newer one."""
         return (self.keep_alive_s or KEEP_ALIVE_S) if frame.any() else REST_S
 
 

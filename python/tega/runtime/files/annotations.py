@@ -12,7 +12,7 @@ from tega.errors import RecordingError
 _log = logging.getLogger(__name__)
 
 SLACK_S: Final = 0.05
-"""Time by which an event may be outside of what was coded: times are rounded to a frame, a picture and a half."""
+"""Tolerance for events outside of the coded time: times are rounded to a video frame and a half."""
 
 
 class CodedEvent(NamedTuple):
@@ -41,7 +41,7 @@ class CodedEvent(NamedTuple):
 
 
 Edge = Literal["POINT", "START", "STOP", ""]
-"""Part of an event that a line of a file is; ``""`` for a state whose lines take turns."""
+"""Part of an event that a line of a file holds; ``""`` for a state with alternating lines."""
 
 
 def paired(edges: Iterable[tuple[Edge, CodedEvent]], *, name: str) -> list[CodedEvent]:
@@ -86,12 +86,12 @@ def edges_of(event: CodedEvent) -> list[float]:
 
 
 def check_times(events: Sequence[CodedEvent], *, length_s: float, name: str, hint: str) -> list[CodedEvent]:
-    """Refuse events outside of what was coded; an end without one is the end of that.
+    """Refuse events outside of the coded time; an event without an end ends with the coded time.
 
     Args:
         events: The events.
-        length_s: Length of what was coded, seconds.
-        name: What was coded, for the errors.
+        length_s: Length of the coded recording, seconds.
+        name: Name of the coded recording, for the errors.
         hint: The next step.
 
     Raises:

@@ -53,10 +53,10 @@ def boris_project(
     """Return a project file.
 
     Args:
-        name: Of the project.
-        description: What its times count from.
-        behaviours: What can be coded.
-        subjects: Whom events may concern; their keys are the digits from 1.
+        name: Name of the project.
+        description: Origin of its times.
+        behaviours: Behaviours that can be coded.
+        subjects: Subjects that events may concern; their keys are the digits from 1.
         variables: Names of the observations' own facts.
         observations: By name (:func:`boris_observation`).
     """

@@ -67,7 +67,7 @@ class CsvWriter:
         self._lines.clear()
 
     def close(self) -> None:
-        """Write what is left and close the file; closing twice does nothing."""
+        """Write the remaining rows and close the file; closing twice does nothing."""
         file = self._file
         if file is None:
             return

@@ -49,8 +49,8 @@ def read_eaf(path: Path, known: Sequence[str] = ()) -> dict[str, list[CodedEvent
 
     Args:
         path: The file.
-        known: Behaviours that there are. A tier is one of them if its name begins with it; a tier whose annotations
-            are all named by them has several. Of other tiers the name is the behaviour.
+        known: Known behaviours. A tier codes one of them if the tier's name begins with it. A tier codes several if
+            each of its annotations names one. Other tiers name their behaviour themselves.
 
     Raises:
         RecordingError: It is no ELAN file, or an annotation in it has no time.

@@ -1,4 +1,4 @@
-"""Read files that somebody else may have made: no pipe is waited for, no size is believed, whatever is wrong is told.
+"""Read files of unknown origin: never wait for a pipe, trust no stated size, report every fault.
 
 Every reader of recordings, settings and tables goes through here; each says how large its files can be at most.
 """
@@ -36,15 +36,15 @@ _KINDS = (
 
 
 def check_file(path: Path, *, most_mib: int, error: type[TegaError] = RecordingError) -> None:
-    """Refuse what is no file, which might never end, and what is larger than such a file can be.
+    """Refuse anything but a regular file, which might never end, and files above the maximum size.
 
     Args:
-        path: The file; a folder or a missing file is left to whoever opens it.
+        path: The file; a folder or a missing file is left to the caller to detect.
         most_mib: The largest size, MiB.
-        error: What to raise.
+        error: Class of the error to raise.
 
     Raises:
-        TegaError: Of the kind asked for.
+        TegaError: The file is refused; raised as the class given by ``error``.
         OSError: It cannot be looked at.
     """
     there = path.stat()
@@ -106,7 +106,7 @@ def load_npy(data: bytes, name: str) -> NDArray[Any]:
 
     Args:
         data: The content.
-        name: What to call it in an error.
+        name: Name in error messages.
 
     Raises:
         RecordingError: It is no such array, or cut short, or made of Python objects.
@@ -137,10 +137,10 @@ def _array(data: bytes) -> NDArray[Any]:
 
 
 def tells_damage(read: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Have a function that reads a recording, its first argument, tell what damage in it leads to as one error.
+    """Make a function that reads a recording (its first argument) report all damage as one error.
 
-    A file that is valid by its format can still hold anything: a topic of another type, a picture of another size, a
-    number in place of a name. What that leads to in whoever works with it is damage of the file.
+    A file with a valid format can still hold anything: a topic of another type, a frame of another size, a number in
+    place of a name. Errors that result from it count as damage of the file.
     """
 
     @functools.wraps(read)

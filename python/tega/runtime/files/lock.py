@@ -26,7 +26,7 @@ def lock_file(file: IO[bytes], path: Path) -> bool:
         path: Where it is.
 
     Returns:
-        Whether nobody else has marked it. Also true on a file system without locks: there nobody can.
+        True if no other process has marked it. Also true on a file system without locks.
     """
     marked = file
     if _KEEPS_READERS_OUT:

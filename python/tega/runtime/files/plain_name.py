@@ -26,7 +26,7 @@ def plain_name(name: str, *, what: str, source: str) -> str:
     Args:
         name: The name: 1 to 128 ASCII letters, digits, dots, dashes, underscores and pluses, not a dot or a dash in
             front, not a dot at the end, and none of Windows' device names.
-        what: What it is the name of, such as ``attachment``.
+        what: Kind of thing that it names, such as ``attachment``.
         source: The file or message that it stands in.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Read a file of samples: open it by its format, decide what is read, compare time and rate."""
+"""Read a file of samples: open it by its format, choose the columns, compare time and rate."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Signals(NamedTuple):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Facts that a reader of the results must know: what was decided, and what is wrong with the times."""
+        """Facts that a reader of the results must know: choices made, and faults of the times."""
         decision = self.decision
         return (*([decision.words] if decision.words else []), *decision.faults, *decision.notes)
 

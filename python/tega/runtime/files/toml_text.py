@@ -1,7 +1,7 @@
 """Write TOML with tomlkit: single values, nested tables, and the settings of a run.
 
-Equal values give equal bytes. A file with comments is made as a tomlkit document where it is written; what stands here
-is what every writer needs: ``None`` left out, paths as text, times in UTC.
+Equal values give equal bytes. A file with comments is made as a tomlkit document by its writer; this module holds the
+parts that every writer needs: ``None`` left out, paths as text, times in UTC.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ def toml_item(value: Any) -> Item:
 
     Args:
         value: Text, a bool, a number, a time with its zone (written in UTC, whole seconds), or lists and mappings of
-            those; a key whose value is ``None`` is left out.
+            those; a key with the value ``None`` is left out.
     """
     if isinstance(value, Mapping):
         table = tomlkit.inline_table()

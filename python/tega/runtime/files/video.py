@@ -1,7 +1,7 @@
 """Read the frames of a video file with PyAV: every codec of FFmpeg, with the file's own frame times and orientation.
 
-The file is demuxed once without decoding, which gives number and times of its frames. What decodes is then compared
-with the length that the header states.
+The file is demuxed once without decoding, which gives number and times of its frames. The decodable frames are then
+compared with the length that the header states.
 """
 
 from __future__ import annotations
@@ -148,7 +148,7 @@ class VideoFrames:
         return t_s, image
 
     def fault(self) -> str:
-        """Return how the frames that decode differ from what the header states; ``""`` if they do not."""
+        """Return the difference between the decodable frames and the header; ``""`` if there is none."""
         facts, said = self.facts, f"{self._path.name}: {self.n_decoded} frames decode"
         if self._damage:
             n = facts.n_stated or facts.n_frames
@@ -263,7 +263,7 @@ class VideoFrames:
 
 
 def check_video(path: Path) -> None:
-    """Refuse what is no file, or larger than a video can be.
+    """Refuse anything but a regular file, and files that are too large for a video.
 
     Raises:
         RecordingError: It is missing, a folder, a pipe or a device, or too large.

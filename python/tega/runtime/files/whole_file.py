@@ -1,8 +1,8 @@
 """Write a file whole or not at all, or add to it, and never change another file than the one named.
 
-A folder that somebody else made can hold a link in the place of every file that a program would make beside its own;
-written through, it would change what the link leads to. What is written whole is a new file, which then takes the place
-of the old file or link; what is added to is opened through no link.
+A folder of unknown origin can hold a link in the place of any file that a program creates beside its own; writing
+through it would change the link's target. A file that is written whole is a new file, which then replaces the old
+file or link; a file that is appended to is opened without following links.
 """
 
 from __future__ import annotations

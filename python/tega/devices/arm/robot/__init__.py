@@ -5,7 +5,6 @@
     run ──target─► leash ──► slew ──► body ──► arm          one process for the run, one for the arm
     run ◄─status── pose, phase, health ◄──────┘
 
-The leash judges commands by session, number and age; the slew keeps what reaches the arm within a speed whatever was
-asked; the body is franky's tracker or a simulated spring.
-:class:`~tega.devices.arm.robot.driver.ProcessArm` is the run's end.
+The leash checks commands by session, number and age; the slew limits the speed of the target for any command; the
+body is franky's tracker or a simulated spring. :class:`~tega.devices.arm.robot.driver.ProcessArm` is the run's end.
 """

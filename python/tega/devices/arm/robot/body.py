@@ -56,11 +56,11 @@ class RobotBody(Protocol):
         ...
 
     def fault(self) -> str:
-        """Return what has ended the arm's motion or keeps it from moving, ``""`` for nothing."""
+        """Return the fault that stopped the arm or keeps it from moving, ``""`` for none."""
         ...
 
     def recover(self) -> str:
-        """Clear a fault that a person has seen; return what is still wrong, ``""`` for nothing."""
+        """Clear a fault that a person has seen; return the remaining fault, ``""`` if there is none."""
         ...
 
     @property

@@ -1,4 +1,4 @@
-"""Start the arm's process, send it targets, and keep what it last told: the run's end of the arm."""
+"""Start the arm's process, send it targets, and keep its latest report (the run's side)."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ class ArmOptions(Options, frozen=True, kw_only=True):
     """Settings that every arm has.
 
     Attributes:
-        rate_hz: Of the arm's loop.
-        speed_m_s: Whatever is asked, the target goes no faster at the arm's end.
-        turn_rad_s: Nor turns faster.
+        rate_hz: Rate of the arm's loop.
+        speed_m_s: Maximum speed of the target at the arm's end.
+        turn_rad_s: Maximum angular speed of the target at the arm's end.
     """
 
     rate_hz: Annotated[float, msgspec.Meta(ge=50, le=500)] = 200.0
@@ -54,7 +54,7 @@ class ArmOptions(Options, frozen=True, kw_only=True):
 
 
 class ProcessArm(Opened):
-    """An arm in a process of its own. A subclass names what stands behind it."""
+    """An arm in a separate process. A subclass names the body."""
 
     kind: ClassVar[Kind] = "arm"
     extra: ClassVar[str] = ""
@@ -128,7 +128,7 @@ class ProcessArm(Opened):
         """Start the arm's process and wait until it has found the arm.
 
         Raises:
-            TegaError: What the arm's process found wrong, or it did not answer.
+            TegaError: The arm's process reported a problem, or did not answer.
         """
         if self._process is not None:
             return
@@ -221,7 +221,7 @@ class ProcessArm(Opened):
         )
 
     def measured(self) -> StampedPose | None:
-        """Return where the hand is, base's axes, as last told; ``None`` before it has told.
+        """Return the newest reported pose of the hand, in the base's axes; ``None`` before the first.
 
         Raises:
             DeviceUnavailableError: It is not open.
@@ -246,7 +246,7 @@ class ProcessArm(Opened):
         return None if led is None else StampedPose(led.t_ns, led.place, led.turn)
 
     def recover(self) -> None:
-        """Have a fault cleared; only a person who has seen that it is safe may ask for that."""
+        """Clear a fault; only a person who has seen that it is safe may request this."""
         self._say(Recover())
 
     def _say(self, message: Message) -> None:

@@ -1,7 +1,7 @@
-"""Ask a Franka robot's control interface for its version, and tell which software fits it.
+"""Query a Franka robot's control interface for its version, and find the matching software.
 
-The robot's own handshake is all that is spoken here: it tells the server's version without moving anything, and without
-libfranka, so that it works where the library is the wrong one or is not installed.
+This module speaks only the robot's handshake. The handshake returns the server's version without moving anything. It
+does not need libfranka, so it also works if the library is missing or has the wrong version.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ class Library(NamedTuple):
     Attributes:
         package: The package.
         version: Its version.
-        libfranka: The library's, such as ``0.21.2``; ``""`` where that cannot be told.
-        server: The robot server that it speaks to; ``None`` where that cannot be told.
+        libfranka: Version of libfranka, such as ``0.21.2``; ``""`` if unknown.
+        server: Version of the robot server that it supports; ``None`` if unknown.
     """
 
     package: str
@@ -59,8 +59,8 @@ class Preflight(NamedTuple):
 
     Attributes:
         server: Version of the robot's server.
-        library: What is installed here; ``None`` for nothing.
-        findings: Whether it is well, what it is, and what to do where it is not.
+        library: The installed library; ``None`` if there is none.
+        findings: For each check: whether it passed, a description, and the fix if it failed.
     """
 
     server: int
@@ -99,8 +99,8 @@ def server_version(host: str, *, timeout_s: float = 2.0) -> int:
     The robot takes one client at a time: do not ask while another steers it.
 
     Raises:
-        DeviceUnavailableError: Nobody answers; the hint says what to look at.
-        WrongDeviceError: What answers is no robot.
+        DeviceUnavailableError: The robot does not answer; the hint lists what to check.
+        WrongDeviceError: The answering device is not a robot.
     """
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as states:
         states.bind(("", 0))
@@ -134,7 +134,7 @@ def server_version(host: str, *, timeout_s: float = 2.0) -> int:
 
 
 def _size(data: bytes) -> int:
-    """Return how many bytes make the answer that begins so; of what is no answer, no more than are there."""
+    """Return the expected length of an answer in bytes; for anything else, the available length."""
     if len(data) < _HEADER.size:
         return _HEADER.size
     size: int = _HEADER.unpack_from(data)[2]
@@ -142,7 +142,7 @@ def _size(data: bytes) -> int:
 
 
 def the_fix(server: int, library: Library | None) -> str:
-    """Return what to install so that a robot of that server can be steered; ``""`` if what is there fits."""
+    """Return the software to install for a robot's server version; ``""`` if the installed one fits."""
     if library is not None and library.server == server:
         return ""
     if server in _PANDA_SERVERS:
@@ -159,7 +159,7 @@ def the_fix(server: int, library: Library | None) -> str:
 
 
 def machine_findings() -> list[tuple[bool, str, str]]:
-    """Look at what libfranka wants of this machine: for each, whether it is so, what it is, and what to do."""
+    """Check this machine for libfranka's requirements: whether each is met, a description, and the fix."""
     if sys.platform != "linux":
         return [(False, f"{sys.platform} instead of Linux", "libfranka steers a robot from Linux only")]
     import resource
@@ -200,8 +200,8 @@ def preflight(host: str, *, robot: str = "", realtime: bool = True) -> Preflight
         realtime: Whether this machine has to be fit for real time too.
 
     Raises:
-        DeviceUnavailableError: Nobody answers.
-        WrongDeviceError: What answers is no robot.
+        DeviceUnavailableError: The robot does not answer.
+        WrongDeviceError: The answering device is not a robot.
     """
     server, library = server_version(host), installed_library()
     fix, kind = the_fix(server, library), "Panda" if server in _PANDA_SERVERS else "FR3"

@@ -37,7 +37,7 @@ MODE_WORDS: Final = {
     "Other": "the robot is locked; open its brakes in Desk",
     "Reflex": "the robot's reflex has stopped it; look what it touched, then recover",
 }
-"""What to do about a robot's mode, by its name."""
+"""Fixes for a robot's modes, by name."""
 
 
 class FrankyBody:
@@ -192,7 +192,7 @@ class FrankyBody:
         return self._tracker is not None and bool(self._robot.is_in_control)
 
     def fault(self) -> str:
-        """Return what has ended the arm's motion or keeps it from moving, ``""`` for nothing."""
+        """Return the fault that stopped the arm or keeps it from moving, ``""`` for none."""
         if self._fault or self._robot.is_in_control:
             return self._fault
         if self._tracker is None:
@@ -207,7 +207,7 @@ class FrankyBody:
         return self._fault
 
     def _named(self, said: str) -> str:
-        """Add what the robot calls it to what franky says."""
+        """Add the robot's own name for an error to franky's message."""
         try:
             state = self._robot.state
         except Exception:  # it does not answer any more; what franky says has to do
@@ -223,7 +223,7 @@ class FrankyBody:
         self._fault = self._fault or " ".join(said.split())
 
     def recover(self) -> str:
-        """Clear a fault; return what is still wrong, ``""`` for nothing."""
+        """Clear a fault; return the remaining fault, ``""`` if there is none."""
         self._tracker, self._fault = None, ""
         try:
             self._robot.recover_from_errors()

@@ -1,4 +1,4 @@
-"""Decide which commands the arm obeys, and what it does when none come; pure, without a clock or an arm."""
+"""Decide which commands the arm obeys, and how it reacts to silence; pure, without clock or arm."""
 
 from __future__ import annotations
 
@@ -28,11 +28,12 @@ class Order(NamedTuple):
 class Leash:
     """Judges commands by session, number, age and hold, the layered times of ``docs/arm.md`` at the robot's end.
 
-    After ``hold_ms`` without a command the arm holds where it is, after ``silent_ms`` the operator has to take hold
-    anew, after ``stop_ms`` it rests. A burst of old commands moves nothing, since each is judged by when it was made.
+    Without a command for ``hold_ms`` the arm holds its position; after ``silent_ms`` the operator has to engage
+    again; after ``stop_ms`` the arm rests. A burst of old commands moves nothing, since each command is judged by the
+    time at which it was made.
 
     Args:
-        session: Whose commands count.
+        session: Session that commands have to belong to.
         settings: The times; the chain's own, so that both ends agree.
     """
 
@@ -72,7 +73,7 @@ class Leash:
         return ""
 
     def lose(self) -> None:
-        """Obey nothing until the operator takes hold anew, as after a fault."""
+        """Ignore all commands until the operator engages again, as after a fault."""
         self._lost_at, self._rests = self._engagements, True
 
     def order(self, now_ns: int) -> Order:

@@ -29,8 +29,8 @@ _STOP_S: Final = 3.0
 class PandaBody:
     """Leads one Franka robot through panda-python.
 
-    panda-python clips no error and watches over nobody, so the target is clipped to the measured pose here, at every
-    tick; and it clears a reflex by itself when a controller starts, so that none is started while there is one.
+    panda-python clips no error and supervises nothing, so this class clips the target to the measured pose at every
+    tick. panda-python also clears a reflex when a controller starts, so no controller is started during a reflex.
 
     Args:
         options: Those of :class:`tega.devices.arm.panda_arm.PandaArmOptions`.
@@ -185,7 +185,7 @@ class PandaBody:
         return self._controller is not None
 
     def fault(self) -> str:
-        """Return what has ended the arm's motion or keeps it from moving, ``""`` for nothing."""
+        """Return the fault that stopped the arm or keeps it from moving, ``""`` for none."""
         if self._stopping is not None and not self._stopping.is_alive():
             self._stopping = None
         try:
@@ -197,7 +197,7 @@ class PandaBody:
         return self._fault
 
     def _hinders(self, state: Any) -> str:
-        """Return what of the robot's state keeps it from moving."""
+        """Return the part of the robot's state that keeps it from moving."""
         name = str(state.robot_mode).rpartition(".")[2].removeprefix("k")
         if name in {"Idle", "Move"} and not state.current_errors:
             return ""
@@ -208,7 +208,7 @@ class PandaBody:
         self._fault = self._fault or " ".join(said.split())
 
     def recover(self) -> str:
-        """Clear a fault; return what is still wrong, ``""`` for nothing."""
+        """Clear a fault; return the remaining fault, ``""`` if there is none."""
         self._fault = ""
         try:
             self.rest()

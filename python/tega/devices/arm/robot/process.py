@@ -2,8 +2,8 @@
 
 :mod:`tega.devices.arm.robot.driver` starts it.
 
-The process reads the newest command, judges it, leads the arm and tells where it is, at a steady rate, with nothing
-else in it that could keep it. The end of its standard input means that the run is gone: the arm then rests at once.
+At a steady rate the process reads the newest command, checks it, moves the arm and reports its pose; it does nothing
+else that could delay it. The end of its standard input means that the run has ended: the arm then rests at once.
 """
 
 from __future__ import annotations
@@ -49,12 +49,12 @@ class ProcessSettings(msgspec.Struct, frozen=True):
 
     Attributes:
         link: The socket, a file descriptor that it inherits.
-        session: Whose commands count.
+        session: Session that commands have to belong to.
         body: Module and class of the arm.
         options: The driver's options.
-        rate_hz: Of the loop.
+        rate_hz: Rate of the loop.
         speed_m_s: The target goes no faster.
-        turn_rad_s: Nor turns faster.
+        turn_rad_s: Maximum angular speed of the target.
     """
 
     link: int
@@ -86,7 +86,7 @@ class Loop:
         self._late = 0
 
     def take(self, message: Message, now_ns: int) -> bool:
-        """Take in what the run says; return whether it leaves."""
+        """Process a message from the run; return whether the run is leaving."""
         if isinstance(message, ArmTargetWords):
             self._leash.take(message, now_ns)
         elif isinstance(message, Recover) and self._fault:
@@ -94,7 +94,7 @@ class Loop:
         return isinstance(message, ArmShutdown)
 
     def tick(self, now_ns: int) -> ArmStatusWords:
-        """Go on, and return what there is to tell."""
+        """Advance one tick, and return the status to report."""
         dt_s = self._count(now_ns / 1e9)
         body = self._body
         seen = body.see()

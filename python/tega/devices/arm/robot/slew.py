@@ -11,13 +11,13 @@ from tega.arm.rotation import between, exp, multiply, unit
 
 
 class Slew:
-    """Moves a target towards what is asked, along the straight line and the shortest turn.
+    """Moves a target towards the requested pose, along the straight line and the shortest rotation.
 
     Args:
-        speed_m_s: No faster.
-        turn_rad_s: Nor turns faster.
+        speed_m_s: Maximum speed.
+        turn_rad_s: Maximum angular speed.
         place: Where it begins.
-        turn: Likewise.
+        turn: Initial rotation.
     """
 
     def __init__(self, speed_m_s: float, turn_rad_s: float, place: Triple, turn: Quaternion) -> None:

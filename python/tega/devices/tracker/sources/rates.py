@@ -20,9 +20,9 @@ _LONGEST_S: Final = 0.1
 class RatePoses:
     """Sums up the motion of an input device to the pose of a forearm that is not there.
 
-    ``position += speed · shape(motion) dt`` along the base's axes, the turn likewise, with ``shape(u) = u |u|²``:
-    fine near rest, full speed at full deflection. While the device says "no data" the pose is not valid, so that
-    the chain holds. Such a device needs a dead-man switch (a button held) but no clutch of its own.
+    ``position += speed · shape(motion) dt`` along the base's axes, and the same for the rotation, with ``shape(u) = u
+    |u|²``: fine near rest, full speed at full deflection. While the device says "no data" the pose is not valid, so
+    that the chain holds. Such a device needs a dead-man switch (a button held) but no clutch of its own.
 
     Args:
         state: Returns the device's newest state, such as :meth:`tega.devices.input.spacemouse.SpaceMouse.state`.

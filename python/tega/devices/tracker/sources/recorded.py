@@ -17,7 +17,7 @@ _COLUMNS = ["t_s", *PoseNumbers.table]
 
 
 def read_poses(path: Path) -> list[StampedPose]:
-    """Return the poses of a file; what is wrong with a pose is for the gate to see, not for the reader.
+    """Return the poses of a file; the gate, not the reader, rejects bad poses.
 
     The columns may stand in any order, separated by commas, semicolons or tabs.
 
@@ -69,8 +69,8 @@ class RecordedPoses:
     """Plays poses at the times of their stamps, the first of them at the first call.
 
     Args:
-        poses: What to play, in the order of their stamps.
-        delay_ns: They arrive so much later than they were measured.
+        poses: Poses to play, in the order of their stamps.
+        delay_ns: Delay between measurement and arrival.
 
     Raises:
         RecordingError: There are none.
@@ -90,7 +90,7 @@ class RecordedPoses:
         return self._next == len(self._poses)
 
     def read(self, now_ns: int) -> Sequence[StampedPose]:
-        """Return what has arrived since the last call."""
+        """Return the poses that have arrived since the last call."""
         if self._start_ns is None:
             self._start_ns = now_ns
         first = self._next

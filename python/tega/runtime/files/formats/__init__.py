@@ -1,4 +1,4 @@
-"""List the formats of EMG recordings: which are read, by what library, and the way out of those that are not."""
+"""List the formats of EMG recordings: supported ones with their library, and alternatives for others."""
 
 from __future__ import annotations
 

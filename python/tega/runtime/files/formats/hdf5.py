@@ -131,7 +131,7 @@ def _by_rows(h5py: Any, path: Path, name: str) -> Load:
 
 
 def _records(path: Path, name: str, dataset: Any) -> Table:
-    """Return a table of a dataset whose records have named fields."""
+    """Return a table from a dataset with named fields."""
     fields = [f for f in dataset.dtype.names if dataset.dtype[f].kind in "iuf" and not dataset.dtype[f].shape]
     if not fields or dataset.ndim != 1 or len(dataset) * len(fields) * 8 > MOST_MIB * 2**20:
         raise RecordingError(

@@ -78,7 +78,7 @@ def _flat(content: dict[str, Any]) -> dict[str, Any]:
 
 
 def _check_size(path: Path) -> None:
-    """Refuse a file whose compressed variables grow beyond what is read, whatever sizes its header states.
+    """Refuse a file with compressed variables that grow beyond the limit, whatever its header states.
 
     Raises:
         ValueError: A variable is too large.

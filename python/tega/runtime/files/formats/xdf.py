@@ -36,7 +36,7 @@ def open_xdf(path: Path, reading: Reading) -> Table:
 
 @contextlib.contextmanager
 def _damage(name: str) -> Iterator[list[str]]:
-    """Keep what pyxdf logs of a damaged file, and its warnings, off the terminal; yield it."""
+    """Keep pyxdf's log and warnings about a damaged file off the terminal; yield them."""
     found: list[str] = []
     log, handler = logging.getLogger("pyxdf"), logging.Handler(logging.ERROR)
     handler.emit = lambda record: found.append(record.getMessage())  # type: ignore[method-assign]

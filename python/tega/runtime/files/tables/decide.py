@@ -32,7 +32,7 @@ class Decision(msgspec.Struct, kw_only=True):
         columns: All columns.
         facts: Encoding, delimiter, decimal sign and the first row's line, of a text table.
         sideways: Whether each row was a channel.
-        rate_hz: Samples per second that are used; ``None`` if nobody states them.
+        rate_hz: Samples per second that are used; ``None`` if unknown.
         rate_from: Origin of the rate.
         n_samples: Samples of a channel.
         events: Events in the file.

@@ -86,7 +86,7 @@ class Dialect(NamedTuple):
 
 
 def uncommented(line: str) -> str:
-    """Return a line without what follows ``#`` in it."""
+    """Return a line without ``#`` and the text after it."""
     return _COMMENT.split(line, maxsplit=1)[0] if "#" in line else line
 
 

@@ -52,7 +52,7 @@ _MOST_LOOKED = 20
 
 
 class Header(NamedTuple):
-    """What stands before the rows of a table, and the shape of a row.
+    """Lines before the rows of a table, and the shape of a row.
 
     Attributes:
         first: Place of the first row among the lines.

@@ -1,4 +1,4 @@
-"""Judge by a column's name what it holds: a muscle, a time, a counter, a label or another sensor."""
+"""Judge a column by its name: a muscle, a time, a counter, a label or another sensor."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Name(NamedTuple):
     Attributes:
         text: The name as it stands in the file.
         unit: Its unit, ``""`` if it has none.
-        role: What it says that the column holds.
+        role: Content of the column according to its name.
     """
 
     text: str

@@ -1,4 +1,4 @@
-"""Read tables of named columns whose cells are words and numbers: poses, forces, marks."""
+"""Read tables with named columns of words and numbers: poses, forces, marks."""
 
 from __future__ import annotations
 

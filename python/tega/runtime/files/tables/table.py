@@ -1,4 +1,4 @@
-"""Define what every reader gives of a file before its samples are read: columns, rate, clock, events."""
+"""Define a file's properties that are known before its samples are read: columns, rate, clock, events."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Reading(msgspec.Struct, frozen=True, kw_only=True):
         rate_hz: Samples per second; ``None`` for the file's own.
         decimal: Decimal sign of a text table.
         time: Column of the time, counted from 1; ``none`` to ignore the file's times.
-        rows: What the rows of an array or table are.
+        rows: Meaning of the rows of an array or table.
     """
 
     channels: tuple[Annotated[int, msgspec.Meta(ge=1)], ...] = ()

@@ -144,7 +144,7 @@ def _is_sideways(rows: list[list[str]], header: Header, reading: Reading, *, end
 def _sideways(  # noqa: PLR0917  # of one file
     path: Path, rows: list[list[str]], header: Header, dialect: Dialect, encoding: Encoding, reading: Reading
 ) -> Table:
-    """Return a table whose rows are channels, perhaps with their names in the first column."""
+    """Return a table in which each row is a channel, perhaps with its name in the first column."""
     named = not header.numeric[0]
     names = [row[0] for row in rows] if named else []
     try:

@@ -1,8 +1,9 @@
 """Compare the times in a file with its rate: losses, repeats, steps back, another rate, and where each sample falls.
 
-A device numbers its samples on its own crystal, and a file's times are stamps of it, of a computer, or both at once. So
-times are compared with an even course: the rate is the median slope over many rows, a lasting step up is a loss, a step
-down is a clock that was set, and what is left moves samples by less than a sample is long, or slowly (drift).
+A device numbers its samples on its own crystal, and a file's times are stamps of the device, of a computer, or of
+both. So times are compared with an even course. The rate is the median slope over many rows, a lasting step up is a
+loss, and a step down is a clock that was set. The remaining differences move samples by less than a sample's length,
+or slowly (drift).
 """
 
 from __future__ import annotations
@@ -69,7 +70,7 @@ def to_seconds(
     Args:
         times: Numbers of a time column, float64 (n,).
         unit_s: Seconds of its unit; ``None`` if the file does not state it.
-        rate_hz: Samples per second as somebody states them, if so.
+        rate_hz: Stated samples per second; ``None`` if not stated.
     """
     if unit_s is not None:
         return times * unit_s
@@ -106,7 +107,7 @@ def slope_of(times: NDArray[np.float64]) -> float | None:
 
 
 def _stamped(times: NDArray[np.float64]) -> NDArray[np.int64] | range:
-    """Return the rows whose times count: all, or the first of each batch of samples that share a stamp."""
+    """Return the rows with valid times: all, or the first of each batch of samples with one stamp."""
     n_changed = sum(
         np.count_nonzero(np.diff(times[at : at + _BLOCK + 1])) for at in range(0, len(times), _BLOCK)
     )
@@ -132,7 +133,7 @@ def compare(
     Args:
         times_s: Time of each row, seconds, float64 (n,).
         samples: The rows' samples, (n, channels).
-        rate_hz: Samples per second that were stated; ``None`` for what the times say.
+        rate_hz: Stated samples per second; ``None`` to use the rate of the times.
         counted: Losses that a counter shows, as :attr:`Timing.lost`.
         what: Name of the clock for messages, such as ``column "time"``.
         file: File name for errors.
@@ -245,7 +246,7 @@ def _odd_steps(times_s: NDArray[np.float64], rows: NDArray[np.int64] | range, st
 def _even_step(
     times_s: NDArray[np.float64], step_s: float, rises: list[tuple[int, float]], back: list[tuple[int, float]]
 ) -> float:
-    """Return the step of the longest stretch without a jump, if it is long enough to tell."""
+    """Return the step of the longest stretch without a jump, if it is long enough."""
     edges = np.array([0, *sorted(row for row, _ in (*rises, *back)), len(times_s)])
     longest = int(np.diff(edges).argmax())
     part = times_s[edges[longest] : edges[longest + 1]]

@@ -1,4 +1,4 @@
-"""Judge by a column's values what it holds: what rises evenly is a time or a counter, and no muscle."""
+"""Judge a column by its values: an evenly rising one is a time or a counter, not a muscle."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 Course = Literal["signal", "time", "counter", "label", "constant", "none"]
-"""Course of a column's values: ``signal`` goes up and down, ``label`` keeps small whole numbers for long, ``none`` has
-too few numbers to tell."""
+"""Course of a column's values: ``signal`` goes up and down, ``label`` keeps small whole numbers for long, ``none``
+has too few numbers."""
 
 FEWEST = 16
 """Rows without which values prove nothing."""
