@@ -24,7 +24,7 @@ class TouchRow(NamedTuple):
         mass: Sum of the pressure map.
         peak: Its largest value.
         x: Centroid, pixels.
-        y: Likewise.
+        y: Vertical position, as ``x``.
     """
 
     t_s: float
