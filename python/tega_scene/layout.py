@@ -8,8 +8,8 @@
     tags = [{id = 0, size_mm = 50, at_mm = [-200, 0, 0], x = [1, 0, 0], y = [0, 1, 0]}]
 
     [object]
-    base_mm = 82                        # diameter of what stands on the table, whose middle is the origin
-    grip_mm = 110                       # height over it at which the hand holds
+    base_mm = 82                        # diameter of the object's base; its middle is the origin
+    grip_mm = 110                       # height over the base at which the hand holds it
     cube = {first = 10, edge_mm = 50, tag_mm = 38, at_mm = [0, 0, 285]}
 
     [hand]

@@ -1,6 +1,6 @@
 """Play a study's sounds for the participant: pink noise that masks a vest's motors, and the beeps of a second task.
 
-A participant who hears the motors could identify the cue by ear.
+Audible motors would let the participant identify the cue by ear.
 """
 
 from __future__ import annotations

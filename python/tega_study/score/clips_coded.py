@@ -50,7 +50,7 @@ def take_clips(folder: Path, path: Path, rater: str) -> TakenClips:
 
     Raises:
         InvalidValueError: The rater has no clips, or was taken in already.
-        RecordingError: The file is no project, lacks a clip, or holds one that is not in the key.
+        RecordingError: The file is no project, lacks a clip, or holds an unknown one.
     """
     key, observed = read_key(folder, rater), read_boris(path)
     gone = withdrawn_ids(folder)
