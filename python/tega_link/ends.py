@@ -135,8 +135,8 @@ class FarHand(Opened):
 
     Args:
         robot: Name of the robot.
-        answered: Returns the time at which a command was first sent at or after a monotonic time, and that command's
-            time.
+        answered: Called with a monotonic time; returns it and when a command was first sent at or after it, ``None``
+            before that.
     """
 
     label: ClassVar[str] = "at the robot's station: angles as it tells them"

@@ -67,7 +67,7 @@ class Leadership:
         return self._lacking(join)
 
     def _lacking(self, join: Join) -> Refused | None:
-        """Return why the operator's station lacks equipment for this robot, ``None`` if it lacks nothing."""
+        """Return a refusal if the operator's station lacks something that this robot needs."""
         robot, frame = self._robot, self._frame
         if self._hand and not join.muscles:
             return Refused(f"robot {robot!r} has a hand, and this station has no EMG", "set [emg]")
