@@ -181,7 +181,7 @@ class BodyFitter:
 
 
 def corner_weights(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return weights of the eight coordinates of a tag's corners, (4, 2) pixels, in a fit, (8,), 1 for a wide tag."""
+    """Return a fit's weights of a tag's corner coordinates, (4, 2) pixels, as (8,); 1 for a wide tag."""
     (x1, y1), (x2, y2) = corners[2] - corners[0], corners[3] - corners[1]
     longest = max(float(np.hypot(*(corners[k] - corners[k - 1]))) for k in range(4))
     narrow_px = float(abs(x1 * y2 - x2 * y1)) / 2 / longest

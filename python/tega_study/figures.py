@@ -153,7 +153,7 @@ def _bracket(ax: Axes, values: Sequence[Sequence[float]], text: str) -> None:
 
 
 def figure_8_trials(analysis: Analysis, courses: Mapping[str, TouchCourse]) -> dict[str, list[str]]:
-    """Choose the trials of Fig 8: the first person with courses of all objects, the first three haptic ones each.
+    """Choose Fig 8's trials: the first person with courses of all objects, the first three haptic ones each.
 
     Returns:
         Trial IDs by object; empty if there are none.

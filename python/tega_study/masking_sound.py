@@ -1,4 +1,4 @@
-"""Play a study's sounds for the participant: pink noise that masks a vest's motors, and the beeps of a second task.
+"""Play a participant's sounds: pink noise that masks a vest's motors, and the beeps of a second task.
 
 Audible motors would let the participant identify the cue by ear.
 """

@@ -42,5 +42,5 @@ def saw_whole(events: Sequence[JournalEvent], trial: int, attempt: int) -> bool:
 
 
 def was_shown_proposals(events: Sequence[JournalEvent]) -> bool:
-    """Return whether a rater saw proposals of rule and detector, which by itself raises the agreement with them."""
+    """Return whether a rater saw proposals of rule and detector, which raises the agreement with them."""
     return any(e.kind == "session_start" and e.item == PROPOSED for e in events)

@@ -29,7 +29,7 @@ CONDITIONS = {
     "non-haptic": "vest worn and connected, shows nothing",
     "event-gated": "vest worn, shows contact, slip and release only",
 }
-"""Descriptions of the vest conditions. It is worn in all, with the same ``masking.level_dbfs`` (reading A36)."""
+"""Vest conditions. The vest is worn in all, with the same ``masking.level_dbfs`` sound (reading A36)."""
 
 CODED = ("slip", "deformation", "drop", "lift_off")
 """Behaviours that raters code in every study."""

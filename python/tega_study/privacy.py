@@ -120,7 +120,7 @@ def withdraw(folder: Path, participant: str) -> Withdrawal:
 
 
 def own_name(participant: str) -> re.Pattern[str]:
-    """Return a pattern that matches the names of a person's files and folders, such as ``p03`` and ``p03-t07-a1``."""
+    """Return a pattern of the names of a person's files and folders, such as ``p03`` and ``p03-t07-a1``."""
     return re.compile(rf"{re.escape(participant)}([-_.].*)?")
 
 

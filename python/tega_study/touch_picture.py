@@ -215,7 +215,7 @@ def _follow(path: Path, finger: str, metric: Metric, t_ns: int) -> NDArray[np.ui
 def pictures_of(
     folder: Path, trials: Sequence[Trial], objects: Sequence[str], condition: str
 ) -> dict[str, FingerPicture]:
-    """Choose Fig 3's frames: of the first person who has any, the first trial of each object with a contact.
+    """Choose Fig 3's frames: the first person with any, the first trial of each object with a contact.
 
     Args:
         folder: The study's folder.

@@ -10,8 +10,8 @@ The rule, for each burst that was commanded at time c and lasted T:
 3. Looking back from there, e was last below 60 % of E at t60, and before that last below 25 % at t25. The vibration
    *begins* where the straight line through both meets zero, and is at *half* where e was last below 50 %.
 4. A burst is left out, with the reason, if E is not four times the background's loudest moment, the sound clips,
-   there is a sound between c and t25, or the vibration is not steady; and if it is further from the middle of the others
-   than 3.5 times their scaled median deviation and 15 ms.
+   there is a sound between c and t25, or the vibration is not steady; and if it is further from the middle of the
+   others than 3.5 times their scaled median deviation and 15 ms.
 5. There is a result only of six bursts and half of all.
 """
 

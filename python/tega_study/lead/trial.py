@@ -37,7 +37,7 @@ Task = Literal["lift", "place"]
 """Ends a trial. Enter begins one and answers questions: one Enter too many must not end the trial that it began."""
 
 QUIET_S = 1.0
-"""Time after a trial's start in which no result can be keyed, seconds: it is too short for a lift or a drop."""
+"""Seconds after a trial's start without result keys: too short for a lift or a drop."""
 
 _OWN = {"slip", "deformation", "drop", "override", "note", "redo"}
 _KEYS: dict[str, Kind] = {"s": "slip", "d": "deformation"}

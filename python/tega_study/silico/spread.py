@@ -99,7 +99,7 @@ def _about() -> str:
 def _watched(
     jobs: Sequence[SessionJob], total: int, progress: Progress, *, on: bool
 ) -> Iterator[Callable[[int], None]]:
-    """Report progress in trials: of finished sessions, and of running ones by the courses they have written."""
+    """Report progress in trials: finished sessions, and the written courses of running ones."""
     n_over, ended = 0, threading.Event()
 
     def tell(done: int) -> None:
